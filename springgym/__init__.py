@@ -1,0 +1,29 @@
+"""Gymnasium environments on a fast mass-spring simulator that states its error."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from springgym.registration import register
+
+__version__ = "0.1.0"
+
+_PUBLIC = {
+    "Body": "springgym.bodies",
+    "Scene": "springgym.scene",
+    "Simulator": "springgym.simulator",
+    "make_scene_env": "springgym.envs.scene",
+}
+"""Public names and the modules they come from, imported when first used: `import springgym` is quick."""
+
+__all__ = ["Body", "Scene", "Simulator", "make_scene_env", "register"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_PUBLIC[name]), name)
+
+
+register()

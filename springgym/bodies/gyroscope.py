@@ -1,0 +1,62 @@
+"""A gyroscope: a ring on an axle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from springgym.bodies.body import Body
+
+
+def gyroscope(
+    ring: int = 12,
+    radius: float = 0.5,
+    axle: float = 1.0,
+    ring_mass: float = 4.0,
+    end_mass: float = 0.5,
+    centre_mass: float = 1.0,
+    stiffness: float = 2e5,
+    damping: float = 50.0,
+) -> Body:
+    """A ring around the middle of an axle; pin its ``centre``, or its ``foot`` to let it precess.
+
+    Springs join ring neighbours, the ring to the centre and to both ends of the axle, and the centre to
+    the ends. Unstretched, about the centre: I₃ = M_ring r², I₁ = M_ring r²/2 + 2 m_end (axle/2)².
+
+    Parameters
+    ----------
+    ring
+        Particles in the ring, at least 3.
+    radius, axle
+        Radius of the ring, length of the axle [m].
+    ring_mass, end_mass, centre_mass
+        Of the whole ring, of each end, of the centre [kg].
+    stiffness, damping
+        k [N/m], c [kg/s] of every spring.
+
+    Raises
+    ------
+    ValueError
+        If the ring has fewer than three particles, or `Body` finds fault.
+    """
+    if ring < 3:
+        raise ValueError(f"ring is {ring}; a ring has at least 3 particles")
+    angle = 2 * np.pi * np.arange(ring) / ring
+    centre, head, foot = ring, ring + 1, ring + 2
+    positions = np.zeros((ring + 3, 3))
+    positions[:ring, 0] = radius * np.cos(angle)
+    positions[:ring, 1] = radius * np.sin(angle)
+    positions[[head, foot], 2] = axle / 2, -axle / 2
+    following = [(n + 1) % ring for n in range(ring)]
+    springs = [pair for n in range(ring) for pair in ((n, following[n]), (n, centre), (n, head), (n, foot))]
+    springs += [(centre, head), (centre, foot)]
+    return Body(
+        name="gyroscope",
+        positions=positions,
+        masses=np.array([ring_mass / ring] * ring + [centre_mass, end_mass, end_mass]),
+        springs=np.array(springs),
+        stiffness=stiffness,  # type: ignore[arg-type]
+        damping=damping,  # type: ignore[arg-type]
+        frame=(foot, head, 0),
+        parts={"ring": tuple(range(ring)), "centre": (centre,), "head": (head,), "foot": (foot,)},
+        triangles=np.array([(centre, n, following[n]) for n in range(ring)]),
+    )

@@ -1,0 +1,337 @@
+"""Bodies of any shape: from points, from a mesh, and put together from convex parts (section 5.1.2)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from springgym.bodies.body import Body, pieces, rigid_motions, rigidity_matrix
+
+MOST_VERTICES = 400
+"""Finer meshes are refused: their particles are so light that only tiny steps are stable."""
+
+
+def from_points(
+    points: Sequence[Sequence[float]],
+    mass: float | Sequence[float] = 1.0,
+    centre_mass: float | None = None,
+    stiffness: float = 1e5,
+    damping: float = 10.0,
+) -> Body:
+    """The convex hull of points: its corners, the edges of its surface, and a centre joined to them all.
+
+    The centre lies at the mean of the corners. Springs are added until the body is rigid, though the
+    hull with its centre always was in our trials.
+
+    Parameters
+    ----------
+    points : (n, 3)
+        At least four, not in a plane [m].
+    mass
+        Of all corners together, shared equally; or of each point, none of which may then lie inside the
+        hull [kg]. Of one mass for all, points inside are left out.
+    centre_mass
+        Of the centre [kg]; the mean of the corners' if not given.
+    stiffness, damping
+        k [N/m], c [kg/s] of every spring.
+
+    Raises
+    ------
+    ValueError
+        If the points have no volume or are not finite, the masses do not fit them, or `Body` finds fault.
+    """
+    cloud = np.array(points, float)
+    triangles = convex_hull(cloud)
+    corners, triangles = np.unique(triangles, return_inverse=True)
+    masses = np.array(mass, float)
+    if masses.shape == (len(cloud),):
+        if len(corners) < len(cloud):
+            inside = int(np.setdiff1d(np.arange(len(cloud)), corners)[0])
+            raise ValueError(f"point {inside} at {cloud[inside]} lies inside the hull: it cannot have a mass")
+    elif masses.shape == ():
+        masses = np.full(len(corners), masses / len(corners))
+    else:
+        raise ValueError(f"mass is {mass}; give one for all, or one for each of the {len(cloud)} points")
+    return _around_centre(
+        "hull",
+        cloud[corners],
+        triangles.reshape(-1, 3),
+        np.append(masses, masses.mean() if centre_mass is None else centre_mass),
+        cloud[corners].mean(axis=0),
+        stiffness,
+        damping,
+    )
+
+
+def from_mesh(
+    path: str | Path,
+    mass: float = 1.0,
+    by: Literal["volume", "area"] = "volume",
+    scale: float = 1.0,
+    stiffness: float = 1e5,
+    damping: float = 10.0,
+) -> Body:
+    """The vertices and edges of a mesh file (OBJ, STL and others), held in shape by springs through it.
+
+    By volume, each tetrahedron between a triangle and the centre of the solid gives a quarter of its mass
+    to each corner, the centre being a particle joined to all vertices; so the centre of mass is that of
+    the solid. By area, each triangle gives a third to each corner, and there is no centre: every vertex is
+    joined to the one farthest from it. Springs are added until the body is rigid. Inertia is larger than
+    the solid's, since mass sits at the vertices.
+
+    Parameters
+    ----------
+    path
+        The file; it needs ``trimesh`` (``pip install springgym[mesh]``).
+    mass
+        Total [kg].
+    by
+        How the mass is shared.
+    scale
+        Length of the file's unit [m].
+    stiffness, damping
+        k [N/m], c [kg/s] of every spring.
+
+    Raises
+    ------
+    ImportError
+        Without trimesh.
+    OSError
+        If the file cannot be read.
+    ValueError
+        If it is no mesh, too fine, not closed or, by volume, so far from convex that a vertex would have
+        no mass; or `Body` finds fault.
+    """
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ImportError("from_mesh needs trimesh: pip install springgym[mesh]") from error
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no mesh file {path}")
+    try:
+        mesh = trimesh.load_mesh(path)
+    except Exception as error:  # its readers raise whatever they stumble over
+        raise ValueError(f"{path} cannot be read as a mesh: {error}") from error
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    if len(mesh.vertices) > MOST_VERTICES:
+        raise ValueError(f"{path} has {len(mesh.vertices)} vertices; simplify it to at most {MOST_VERTICES}")
+    if by not in ("volume", "area"):
+        raise ValueError(f"by is {by!r}; it is 'volume' or 'area'")
+    if not mesh.is_watertight:
+        raise ValueError(f"{path} is not a closed surface")
+    vertices, triangles = scale * np.array(mesh.vertices), np.array(mesh.faces)
+    if mesh.volume < 0:
+        triangles = triangles[:, ::-1]
+    a, b, c = vertices[triangles].transpose(1, 0, 2)
+    if by == "area":
+        share = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
+        masses = np.bincount(triangles.ravel(), np.repeat(share, 3))
+        return _shell(path.stem, vertices, triangles, mass * masses / masses.sum(), stiffness, damping)
+    centre = np.array(mesh.center_mass) * scale
+    volume = np.linalg.det(np.stack([a - centre, b - centre, c - centre], axis=1)) / 6
+    masses = np.bincount(triangles.ravel(), np.repeat(volume / 4, 3))
+    if (masses <= 0).any():
+        vertex = int(np.argmin(masses))
+        raise ValueError(
+            f"{path} is so far from convex that vertex {vertex} would have no mass: "
+            "take by='area', or the union of convex parts"
+        )
+    total = np.append(masses, volume.sum() / 4)
+    return _around_centre(
+        path.stem, vertices, triangles, mass * total / total.sum(), centre, stiffness, damping
+    )
+
+
+def union(bodies: Sequence[Body], name: str = "union") -> Body:
+    """One body of several that touch: particles at the same place become one, with the sum of the masses.
+
+    Where two bodies join the same two particles, their springs act side by side: stiffness and damping
+    add up. Springs are added until the whole is rigid, so bodies may meet in an edge or a corner.
+
+    Parameters
+    ----------
+    bodies
+        In a common system of coordinates. Each becomes a part, under its name.
+    name
+        Of the whole.
+
+    Raises
+    ------
+    ValueError
+        If two bodies have the same name, or one touches no other, or `Body` finds fault.
+    """
+    names = [body.name for body in bodies]
+    if len(set(names)) < len(names):
+        raise ValueError(f"bodies have the names {', '.join(names)}; they must differ")
+    every = np.concatenate([body.positions for body in bodies])
+    near = np.linalg.norm(every[:, None] - every, axis=2) < 1e-9 * np.ptp(every, axis=0).max()
+    kept, index = np.unique(np.argmax(near, axis=1), return_inverse=True)
+    offsets = np.cumsum([0] + [len(body.masses) for body in bodies])[:-1]
+    strength: dict[tuple[int, int], np.ndarray] = {}
+    triangles: list[tuple[int, int, int]] = []
+    parts: dict[str, tuple[int, ...]] = {}
+    for body, offset in zip(bodies, offsets, strict=True):
+        place = index[offset : offset + len(body.masses)]
+        parts[body.name] = tuple(place.tolist())
+        for (i, j), k, c in zip(np.sort(place[body.springs]), body.stiffness, body.damping, strict=True):
+            pair = int(i), int(j)
+            strength[pair] = strength.get(pair, np.zeros(2)) + np.array([k, c])
+        triangles += map(tuple, place[body.triangles].tolist())
+    shared = Counter(frozenset(triangle) for triangle in triangles)
+    outer = [triangle for triangle in triangles if shared[frozenset(triangle)] == 1]
+    positions, springs = every[kept], np.array(list(strength))
+    if (apart := pieces(len(positions), springs)).any():
+        stray = next(name for name, place in parts.items() if int(np.argmax(apart)) in place)
+        raise ValueError(f"body {stray!r} does not touch body {names[0]!r}, nor what that touches")
+    added = braces(positions, springs)
+    mean = np.mean(list(strength.values()), axis=0)
+    values = np.array([*strength.values(), *[mean] * len(added)])
+    return Body(
+        name=name,
+        positions=positions,
+        masses=np.bincount(index, np.concatenate([body.masses for body in bodies])),
+        springs=np.concatenate([springs, added]),
+        stiffness=values[:, 0],
+        damping=values[:, 1],
+        parts=parts,
+        triangles=np.array(outer, int).reshape(-1, 3),
+    )
+
+
+def convex_hull(points: np.ndarray) -> np.ndarray:
+    """Triangles (T, 3) of the convex hull of points (n, 3), corners anticlockwise seen from outside.
+
+    Points are added one by one, those farthest out first: the triangles that see a new point give way to
+    those between it and their common rim (Clarkson & Shor 1989, doi:10.1007/BF02187740).
+
+    Raises
+    ------
+    ValueError
+        If the points have no volume or are not finite.
+    """
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise ValueError(f"points must be finite, of shape (n, 3); their shape is {points.shape}")
+    r = points - points.mean(axis=0)
+    order = np.argsort(-np.linalg.norm(r, axis=1), kind="stable")
+    tiny = 1e-9 * np.abs(r).max(initial=0.0)
+    first = _spanning(r, order, tiny)
+    middle = r[list(first)].mean(axis=0)
+    faces = [t if np.linalg.det(r[list(t)] - middle) > 0 else t[::-1] for t in combinations(first, 3)]
+    for p in order:
+        corners = r[np.array(faces)]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        height = ((r[p] - corners[:, 0]) * normal).sum(axis=1) / np.linalg.norm(normal, axis=1)
+        seen = {face for face, h in zip(faces, height, strict=True) if h > tiny}
+        edges = {(face[n], face[(n + 1) % 3]) for face in seen for n in range(3)}
+        rim = [(a, b) for face in faces if face in seen for a, b in _edges(face) if (b, a) not in edges]
+        faces = [face for face in faces if face not in seen] + [(a, b, int(p)) for a, b in rim]
+    return np.array(faces)
+
+
+def _edges(face: tuple[int, ...]) -> list[tuple[int, int]]:
+    return [(face[n], face[(n + 1) % 3]) for n in range(3)]
+
+
+def _spanning(r: np.ndarray, order: np.ndarray, tiny: float) -> tuple[int, ...]:
+    """Four points that are not in a plane."""
+    chosen = [int(order[0])]
+    rest = r - r[chosen[0]]
+    for _ in range(3):
+        distance = np.linalg.norm(rest, axis=1)
+        farthest = int(np.argmax(distance))
+        if distance[farthest] <= tiny:
+            raise ValueError(f"the {len(r)} points have no volume: they lie in a plane")
+        chosen.append(farthest)
+        along = rest[farthest] / distance[farthest]
+        rest = rest - np.outer(rest @ along, along)
+    return tuple(chosen)
+
+
+def braces(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
+    """Pairs of particles (b, 2) to join in addition, so that springs hold a shape: none if they do.
+
+    One after the other, the pair whose distance the remaining changes of shape alter most.
+    """
+    count = len(positions)
+    held = np.vstack(
+        [
+            rigidity_matrix(positions, springs).reshape(-1, 3 * count),
+            rigid_motions(positions / np.ptp(positions, axis=0).max()).reshape(3 * count, 6).T,
+        ]
+    )
+    _, sizes, rows = np.linalg.svd(held)
+    free = rows[int(np.sum(sizes > 1e-9 * sizes[0])) :].T
+    pairs = np.array(list(combinations(range(count), 2)))
+    stretch = rigidity_matrix(positions, pairs).reshape(-1, 3 * count)
+    added = []
+    while free.shape[1]:
+        effect = stretch @ free
+        size = np.linalg.norm(effect, axis=1)
+        best = int(np.argmax(size))
+        if size[best] < 1e-9:
+            break  # the points lie in a plane; `Body` says so
+        added.append(pairs[best])
+        free = free @ np.linalg.svd(effect[best : best + 1])[2][1:].T
+    return np.array(added, int).reshape(-1, 2)
+
+
+def _around_centre(
+    name: str,
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    masses: np.ndarray,
+    centre: np.ndarray,
+    stiffness: float,
+    damping: float,
+) -> Body:
+    """Vertices with the springs of their triangles, and a centre, the last particle, joined to all."""
+    last = len(vertices)
+    positions = np.vstack([vertices, centre])
+    springs = np.vstack([_edges_of(triangles), [(last, n) for n in range(last)]])
+    return Body(
+        name=name,
+        positions=positions,
+        masses=masses,
+        springs=np.vstack([springs, braces(positions, springs)]),
+        stiffness=stiffness,  # type: ignore[arg-type]
+        damping=damping,  # type: ignore[arg-type]
+        frame=(last, 0, 1),
+        parts={"surface": tuple(range(last)), "centre": (last,)},
+        triangles=triangles,
+    )
+
+
+def _shell(
+    name: str,
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    masses: np.ndarray,
+    stiffness: float,
+    damping: float,
+) -> Body:
+    """Vertices with the springs of their triangles, each joined to the one farthest from it."""
+    farthest = np.argmax(np.linalg.norm(vertices[:, None] - vertices, axis=2), axis=1)
+    across = np.column_stack([np.arange(len(vertices)), farthest])
+    springs = np.unique(np.sort(np.vstack([_edges_of(triangles), across]), axis=1), axis=0)
+    return Body(
+        name=name,
+        positions=vertices,
+        masses=masses,
+        springs=np.vstack([springs, braces(vertices, springs)]),
+        stiffness=stiffness,  # type: ignore[arg-type]
+        damping=damping,  # type: ignore[arg-type]
+        parts={"surface": tuple(range(len(vertices)))},
+        triangles=triangles,
+    )
+
+
+def _edges_of(triangles: np.ndarray) -> np.ndarray:
+    """Pairs (e, 2) that are edges of triangles, each once."""
+    pairs = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    return np.unique(np.sort(pairs, axis=1), axis=0)

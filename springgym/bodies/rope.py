@@ -1,0 +1,53 @@
+"""The paper's rope (section 4.1): light beads and a heavy end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from springgym.bodies.body import Body
+
+
+def rope(
+    beads: int = 10,
+    length: float = 5.0,
+    bead_mass: float = 0.1,
+    end_mass: float = 70.0,
+    stiffness: float = 1e5,
+    damping: float = 100.0,
+) -> Body:
+    """A chain of particles from the origin straight down, the last one heavy: floppy on purpose.
+
+    Its third axis points up, from the weight to the top.
+
+    Parameters
+    ----------
+    beads
+        Particles, with the top one (to be pinned) and the weight at the end; at least 2.
+    length
+        Unstretched [m].
+    bead_mass, end_mass
+        Of each bead, of the weight [kg].
+    stiffness, damping
+        k [N/m], c [kg/s] of each of the ``beads`` − 1 springs.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two beads, or `Body` finds fault.
+    """
+    if beads < 2:
+        raise ValueError(f"beads is {beads}; a rope has at least 2: its top and the weight")
+    last = beads - 1
+    positions = np.zeros((beads, 3))
+    positions[:, 2] = -length * np.arange(beads) / last
+    return Body(
+        name="rope",
+        positions=positions,
+        masses=np.array([bead_mass] * last + [end_mass]),
+        springs=np.array([(n, n + 1) for n in range(last)]),
+        stiffness=stiffness,  # type: ignore[arg-type]
+        damping=damping,  # type: ignore[arg-type]
+        frame=(last, 0, 0),
+        parts={"top": (0,), "beads": tuple(range(last)), "weight": (last,)},
+        floppy=True,
+    )

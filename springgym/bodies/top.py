@@ -1,0 +1,72 @@
+"""The paper's top (section 5.2.2): a circular cone on its tip."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from springgym.bodies.body import Body
+
+
+def top(
+    ring: int = 12,
+    radius: float = 0.5,
+    height: float = 1.0,
+    mass: float = 12.0,
+    stiffness: float = 1e6,
+    damping: float = 100.0,
+    scaled: Mapping[int, float] | None = None,
+) -> Body:
+    """A ring of particles with half of the mass, a crown at its centre and a tip below with a quarter each.
+
+    Springs join ring neighbours, and crown and tip to the ring and to each other: 14 masses and 37
+    springs for a ring of 12. Unstretched, about the tip: I₃ = M r²/2, I₁ = M (3h²/4 + r²/4).
+
+    Parameters
+    ----------
+    ring
+        Particles in the ring, at least 3.
+    radius, height
+        Of the cone [m].
+    mass
+        Total mass M [kg].
+    stiffness, damping
+        k [N/m], c [kg/s] of every spring.
+    scaled
+        Factors on the mass of single ring particles: ``{0: 2.0}`` is the paper's unbalanced top.
+
+    Raises
+    ------
+    ValueError
+        If the ring has fewer than three particles, or a factor is given to one that is not in it.
+    """
+    if ring < 3:
+        raise ValueError(f"ring is {ring}; a ring has at least 3 particles")
+    masses = np.array([mass / 2 / ring] * ring + [mass / 4, mass / 4])
+    for n, factor in (scaled or {}).items():
+        if not 0 <= n < ring:
+            raise ValueError(f"scaled names particle {n}; the ring has particles 0 to {ring - 1}")
+        masses[n] *= factor
+    angle = 2 * np.pi * np.arange(ring) / ring
+    crown, tip = ring, ring + 1
+    positions = np.zeros((ring + 2, 3))
+    positions[:ring, 0] = radius * np.cos(angle)
+    positions[:ring, 1] = radius * np.sin(angle)
+    positions[: ring + 1, 2] = height
+    following = [(n + 1) % ring for n in range(ring)]
+    springs = [pair for n in range(ring) for pair in ((n, following[n]), (n, crown), (n, tip))]
+    springs.append((crown, tip))
+    triangles = [(crown, n, following[n]) for n in range(ring)]
+    triangles += [(tip, following[n], n) for n in range(ring)]
+    return Body(
+        name="top",
+        positions=positions,
+        masses=masses,
+        springs=np.array(springs),
+        stiffness=stiffness,  # type: ignore[arg-type]
+        damping=damping,  # type: ignore[arg-type]
+        frame=(tip, crown, 0),
+        parts={"ring": tuple(range(ring)), "crown": (crown,), "tip": (tip,)},
+        triangles=np.array(triangles),
+    )

@@ -1,0 +1,160 @@
+"""Compilation: the two decorators every compiled function carries, and their disk cache.
+
+``@kernel`` marks what Python calls: it releases the GIL and is cached on disk. ``@compiled`` marks what
+only kernels call; it is stored inside the kernels that use it.
+
+Numba's own cache looks at the file of the cached function alone, so an edit in a file it *calls* would
+silently run the old physics, and its index can be torn by two processes that compile at once. Here a
+cache entry is one file, named by a hash over everything it depends on: the text of every module the
+function is compiled from, the argument types, the CPU, and the versions of Python and Numba.
+Nothing is ever invalidated or locked; another source, another name. Numba's settings are not touched.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import platform
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.dispatcher import Dispatcher
+from numba.core.registry import CPUDispatcher
+from numba.core.serialize import dumps
+
+PACKAGE = __name__.partition(".")[0]
+
+OPTIONS = {"error_model": "numpy", "_nrt": False}
+"""IEEE arithmetic (no fastmath), no bounds checks; no allocation either, hence no counting of
+references to arrays, which cost as much as the physics where small functions hand arrays on."""
+
+
+class Inner(CPUDispatcher):
+    """A compiled function without the code by which Python would call it: half of the compiler's work."""
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        raise TypeError(
+            f"{self.__name__} is compiled for kernels only; call {self.__name__}.py_func from Python"
+        )
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """Compile a function that only kernels call. It returns numbers, not arrays."""
+    dispatcher = numba.njit(**OPTIONS, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+    dispatcher.__class__ = Inner
+    return dispatcher
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function that Python calls: releases the GIL, cached on disk by its sources."""
+    dispatcher = numba.njit(**OPTIONS, nogil=True, no_cfunc_wrapper=True)(function)
+    dispatcher._cache = SourceKeyedCache(function)
+    return dispatcher
+
+
+def cache_directory() -> Path:
+    """Folder of compiled code: ``$SPRINGGYM_CACHE_DIR``, else the user's cache folder."""
+    if chosen := os.environ.get("SPRINGGYM_CACHE_DIR"):
+        return Path(chosen)
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA", "~/AppData/Local")
+    elif sys.platform == "darwin":
+        base = "~/Library/Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME", "~/.cache")
+    return Path(base).expanduser() / PACKAGE
+
+
+class SourceKeyedCache(NullCache):
+    """Numba's cache interface over one file an entry, named by a hash of all it depends on."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+        self._sources: bytes | None = None
+
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+        target_context.refresh()
+        path = self._path(sig, target_context.codegen())
+        if path is None:
+            return None
+        try:
+            payload = pickle.loads(path.read_bytes())
+        except Exception:  # whatever is wrong with an entry: it is compiled anew, and replaced
+            return None
+        return CompileResult._rebuild(target_context, *payload)
+
+    def save_overload(self, sig: Any, data: CompileResult) -> None:
+        path = self._path(sig, data.codegen)
+        if path is None:
+            return
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(dumps(data._reduce()))
+            os.replace(temporary, path)  # readers see a whole entry or none
+        except OSError:
+            pass  # a read-only or full disk costs a compilation, not the program
+
+    def _path(self, sig: Any, codegen: Any) -> Path | None:
+        """The entry's file; None if there is no source to name it by, as in a notebook."""
+        function = self._function
+        if self._sources is None:
+            self._sources = _source_digest(function)
+        if not self._sources:
+            return None
+        versions = (numba.__version__, platform.python_version(), codegen.magic_tuple())
+        key = hashlib.sha256(repr((sig, versions)).encode() + self._sources).hexdigest()
+        return cache_directory() / f"{function.__module__}.{function.__name__}-{key}.nbc"
+
+
+def _source_digest(function: Callable[..., Any]) -> bytes:
+    """Hash of what a function is compiled from; empty if a part of that has no source file.
+
+    These are the modules it reaches in its own package and in this one, those of compiled functions
+    elsewhere, the constants that they hold, wherever from, and what its closure binds.
+    """
+    packages = {PACKAGE, function.__module__.partition(".")[0]}
+    bound = [cell.cell_contents for cell in function.__closure__ or ()]
+    named = [(_home(value), getattr(value, "__qualname__", value)) for value in bound]
+    digest = hashlib.sha256(repr(named).encode())
+    waiting = [function.__module__, *map(_home, bound)]
+    modules: set[str] = set()
+    while waiting:
+        name = waiting.pop()
+        if name in modules or name not in sys.modules:
+            continue
+        modules.add(name)
+        for value in vars(sys.modules[name]).values():
+            home = _home(value)
+            if isinstance(value, ModuleType) and home.startswith(f"{name}."):
+                continue  # importing a submodule puts it there, whether this module uses it or not
+            if home.partition(".")[0] in packages or isinstance(value, Dispatcher):
+                waiting.append(home)
+    for name in sorted(modules):
+        module = sys.modules[name]
+        source = getattr(module, "__file__", None)
+        if source is None:
+            return b""
+        digest.update(name.encode() + Path(source).read_bytes())
+        for key, value in sorted(vars(module).items()):
+            if isinstance(value, (int, float, complex, np.ndarray)):
+                digest.update(key.encode() + np.asarray(value).tobytes())
+            elif isinstance(value, tuple) and all(isinstance(n, (int, float, tuple)) for n in value):
+                digest.update(f"{key}={value!r}".encode())
+    return digest.digest()
+
+
+def _home(value: Any) -> str:
+    """Name of the module a value is, or was defined in."""
+    name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
+    return name if isinstance(name, str) else ""

@@ -1,0 +1,152 @@
+"""Actuators: forces and torques held over a control period.
+
+Each adds accelerations to an array (N, 3); what they do to the velocities, and the work of it, is then
+the same for all (`push`). Values per copy are arrays of blocks; what is fixed in the world stays so
+during the hold, what turns with the body is given in the `triad` of three of its particles.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from springgym.compiling import compiled
+from springgym.forces.ledger import WORK, record
+from springgym.lanes import load, maximum, minimum, select, store
+from springgym.vectors import (
+    add_row,
+    cross,
+    dot,
+    inertia,
+    mass_centre,
+    minus,
+    plus,
+    row,
+    set_row,
+    solve_symmetric,
+    times,
+    triad,
+    vector,
+)
+
+
+class Wrench(NamedTuple):
+    """A force and a torque on the whole body, applied to its particles.
+
+    Particle i receives m_i (a + β × r_i): a from the force, shared out by mass, and β from I β = τ with
+    the inertia of the present shape, so that force and moment are exactly as asked. r_i counts from the
+    pivot if the body is pinned there (the pin takes the net force), else from the centre of mass.
+    """
+
+    force: np.ndarray
+    """(3,) [N], world"""
+    torque: np.ndarray
+    """(3,) [N·m], world; if ``axial`` is 0, without its part along the body's third axis"""
+    body_torque: np.ndarray
+    """(3,) [N·m] about the body's axes"""
+    frame: np.ndarray
+    """(3,) the particles of the body's `triad`"""
+    pivot: int
+    """the pinned particle, or −1 for the centre of mass"""
+    axial: float
+    """1 keeps, 0 removes the part of the world torque along the body's third axis"""
+
+
+class Thrust(NamedTuple):
+    """Forces on named particles."""
+
+    particle: np.ndarray
+    """(thrusters,)"""
+    force: np.ndarray
+    """(thrusters, 3) [N], in the world or, if ``turns``, in the body's `triad`"""
+    frame: np.ndarray
+    turns: bool
+
+
+class Drive(NamedTuple):
+    """A pinned particle that is moved: a trolley."""
+
+    particle: int
+    acceleration: np.ndarray
+    """(3,) [m/s²]"""
+    speed: float
+    """largest speed of each component [m/s]"""
+
+
+@compiled
+def set_wrench(x: Any, acceleration: Any, particles: Any, wrench: Any) -> None:
+    mass = particles.mass
+    about = row(x, wrench.pivot) if wrench.pivot >= 0 else mass_centre(x, mass)
+    e1, e2, e3 = triad(x, wrench.frame)
+    world = vector(wrench.torque)
+    torque = minus(world, times((1.0 - wrench.axial) * dot(world, e3), e3))
+    body = vector(wrench.body_torque)
+    torque = plus(torque, plus(times(body[0], e1), plus(times(body[1], e2), times(body[2], e3))))
+    angular = solve_symmetric(inertia(x, mass, about), torque)
+    total = load(mass, 0)
+    for i in range(1, mass.size):
+        total = total + load(mass, i)
+    linear = times(1.0 / total, vector(wrench.force))
+    for i in range(mass.size):
+        if particles.free[i]:
+            set_row(acceleration, i, plus(linear, cross(angular, minus(row(x, i), about))))
+        else:
+            set_row(acceleration, i, (0.0, 0.0, 0.0))
+
+
+@compiled
+def add_thrust(x: Any, acceleration: Any, particles: Any, thrust: Any) -> None:
+    e1, e2, e3 = triad(x, thrust.frame)
+    for n in range(thrust.particle.size):
+        force = row(thrust.force, n)
+        if thrust.turns:
+            force = plus(times(force[0], e1), plus(times(force[1], e2), times(force[2], e3)))
+        i = thrust.particle[n]
+        add_row(acceleration, i, times(load(particles.inverse_mass, i), force))
+
+
+@compiled
+def push(v: Any, acceleration: Any, tau: Any, particles: Any, ledger: Any) -> None:
+    """Let the actuators' accelerations act for ``tau`` seconds; their exact work goes to the ledger."""
+    work = 0.0 * load(v, (0, 0))
+    for i in range(particles.mass.size):
+        if particles.free[i]:
+            before = row(v, i)
+            change = times(tau, row(acceleration, i))
+            after = plus(before, change)
+            set_row(v, i, after)
+            work = work + load(particles.mass, i) * dot(change, plus(before, after))
+    record(ledger, WORK, 0.5 * work)
+
+
+@compiled
+def drive_acceleration(v: Any, drive: Any) -> Any:
+    """Acceleration of the driven particle: what is asked for, but not beyond its largest speed."""
+    u, a = row(v, drive.particle), vector(drive.acceleration)
+    return (
+        limited(u[0], a[0], drive.speed),
+        limited(u[1], a[1], drive.speed),
+        limited(u[2], a[2], drive.speed),
+    )
+
+
+@compiled
+def limited(velocity: Any, acceleration: Any, speed: Any) -> Any:
+    acceleration = select(velocity >= speed, minimum(acceleration, 0.0), acceleration)
+    return select(velocity <= -speed, maximum(acceleration, 0.0), acceleration)
+
+
+@compiled
+def move_drive(v: Any, force: Any, tau: Any, drive: Any, ledger: Any) -> None:
+    """Accelerate the driven particle for ``tau`` seconds, up to its largest speed.
+
+    Its row of ``force`` (N, 3) [N] is what the drive holds it with; the work of that goes to the ledger.
+    """
+    for axis in range(3):
+        before = load(v, (drive.particle, axis))
+        speed = before + tau * load(drive.acceleration, axis)
+        speed = select(speed > drive.speed, drive.speed, speed)
+        speed = select(speed < -drive.speed, -drive.speed, speed)
+        store(v, (drive.particle, axis), speed)
+        record(ledger, WORK, 0.5 * tau * load(force, (drive.particle, axis)) * (before + speed))

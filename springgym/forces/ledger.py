@@ -1,0 +1,22 @@
+"""The energy ledger: what went in and out of a copy, entry by entry.
+
+Kinetic + potential energy − work + damping + contact + friction stays constant, to the integrator's order.
+A ledger of None records nothing and costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from springgym.compiling import compiled
+from springgym.lanes import load, store
+
+WORK, DAMPING, CONTACT, FRICTION = range(4)
+ENTRIES = 4
+
+
+@compiled
+def record(ledger: Any, entry: Any, energy: Any) -> None:
+    """Add an energy [J] to an entry: `WORK` done by actuators, or lost to the other three."""
+    if ledger is not None:
+        store(ledger, entry, load(ledger, entry) + energy)

@@ -1,0 +1,118 @@
+"""Contact as the paper has it (section 6), to compare with: a force that is sampled, and a clamp.
+
+Equation 8, F = max(c/h² − c/Δ², 0), on particles within Δ of a surface; less c_N v_N while F acts, but
+never pulling; friction μ F against the tangential velocity (equation 9, whose printed sign is along it),
+at most m |v_t|/2τ; and after each step, what is nearer than Δ/10 is put there, its normal velocity 0.
+
+The clamp creates energy: up to U(Δ/10) = 8.1 c/Δ each time. The friction never holds: on a slope of
+angle α it lets a particle creep at about 2 τ g sin α.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from springgym.compiling import compiled
+from springgym.forces.contact import height
+from springgym.forces.ledger import CONTACT, FRICTION, record
+from springgym.lanes import load, maximum, minimum, select, sqrt
+from springgym.vectors import TINY, add_row, dot, minus, plus, row, set_row, times, unit, vector
+
+CLAMP = 0.1
+"""Particles are kept above this share of Δ."""
+
+
+class PaperLaw(NamedTuple):
+    """What the paper's contact has besides the surfaces."""
+
+    damping: float
+    """c_N [kg/s]"""
+    step: float
+    """τ [s]"""
+
+
+@compiled
+def add_paper_forces(
+    x: Any,
+    v: Any,
+    force: Any,
+    particles: Any,
+    planes: Any,
+    bowl: Any,
+    friction: Any,
+    law: Any,
+    ledger: Any,
+    weight: Any,
+) -> None:
+    """Add the surfaces' forces [N] to ``force`` (N, 3).
+
+    ``weight`` [s] times the power that they lose goes to the ledger.
+    """
+    for i in range(particles.mass.size):
+        if particles.free[i]:
+            if planes is not None:
+                for k in range(planes.offset.size):
+                    n = row(planes.normal, k)
+                    h = height(row(x, i), planes, k)
+                    add_paper_force(i, n, h, v, force, particles, planes, friction, law, ledger, weight)
+            if bowl is not None:
+                n, h = above_bowl(row(x, i), bowl)
+                add_paper_force(i, n, h, v, force, particles, bowl, friction, law, ledger, weight)
+
+
+@compiled
+def above_bowl(position: Any, bowl: Any) -> Any:
+    """The normal towards a position in a bowl, and its height."""
+    to_centre = minus(vector(bowl.centre), position)
+    return unit(to_centre), bowl.radius - sqrt(dot(to_centre, to_centre) + TINY)
+
+
+@compiled
+def add_paper_force(
+    i: Any,
+    n: Any,
+    h: Any,
+    v: Any,
+    force: Any,
+    particles: Any,
+    surface: Any,
+    friction: Any,
+    law: Any,
+    ledger: Any,
+    weight: Any,
+) -> None:
+    """Add the force on particle ``i`` at height ``h`` along the normal ``n`` of a surface."""
+    c, velocity = load(surface.strength, 0), row(v, i)
+    push = maximum(c / (h * h) - c / (surface.reach * surface.reach), 0.0)
+    push = select(h < surface.reach, push, 0.0)
+    rate = dot(n, velocity)
+    total = select(push > 0.0, maximum(push - law.damping * rate, 0.0), 0.0)
+    add_row(force, i, times(total, n))
+    record(ledger, CONTACT, weight * (push - total) * rate)
+    if friction is not None:
+        slip = minus(velocity, times(rate, n))
+        speed = sqrt(dot(slip, slip) + TINY)
+        rub = minimum(load(friction, 0) * push, load(particles.mass, i) * speed / (2.0 * law.step))
+        add_row(force, i, times(-rub / speed, slip))
+        record(ledger, FRICTION, weight * rub * speed)
+
+
+@compiled
+def clamp(x: Any, v: Any, particles: Any, planes: Any, bowl: Any) -> None:
+    """Put particles that are too near a surface back to the least height, and stop them along its normal."""
+    for i in range(particles.mass.size):
+        if particles.free[i]:
+            if planes is not None:
+                for k in range(planes.offset.size):
+                    n = row(planes.normal, k)
+                    clamp_one(x, v, i, n, CLAMP * planes.reach - height(row(x, i), planes, k))
+            if bowl is not None:
+                n, h = above_bowl(row(x, i), bowl)
+                clamp_one(x, v, i, n, CLAMP * bowl.reach - h)
+
+
+@compiled
+def clamp_one(x: Any, v: Any, i: Any, n: Any, missing: Any) -> None:
+    too_low = missing > 0.0
+    set_row(x, i, plus(row(x, i), times(select(too_low, missing, 0.0), n)))
+    set_row(v, i, minus(row(v, i), times(select(too_low, dot(n, row(v, i)), 0.0), n)))

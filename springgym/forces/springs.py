@@ -1,0 +1,191 @@
+"""Linear springs (equation 3 of the paper) and their dampers.
+
+A spring pulls its ends together along the unit vector û between them with k(L − L₀) + c dL/dt: read so
+that the damper opposes the change of length. `add_spring_forces` is that, for integrators that take one
+derivative of everything; or the dampers are left out there and split off, as the exact decay of the relative
+speed along û (`damp`): dissipative for every c and step, and momentum and angular momentum are kept to
+round-off.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from springgym.compiling import compiled
+from springgym.forces.ledger import DAMPING, WORK, record
+from springgym.lanes import load, maximum, sqrt
+from springgym.vectors import TINY, add_scaled, dot, minus, plus, row, set_row, times
+
+
+class Springs(NamedTuple):
+    """Springs between particles ``first`` and ``second``, each array of shape (springs,)."""
+
+    first: np.ndarray
+    second: np.ndarray
+    length: np.ndarray
+    """L₀ [m]"""
+    stiffness: np.ndarray
+    """k [N/m]"""
+
+
+class Dampers(NamedTuple):
+    """Damping of the springs, in their order, each array of shape (springs,)."""
+
+    coefficient: np.ndarray
+    """c [kg/s]"""
+    impulse: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    loss: np.ndarray
+    """These four: `Decay`."""
+
+
+class Decay(NamedTuple):
+    """What half a step of a damper's exact decay does, per relative speed of its ends."""
+
+    impulse: np.ndarray
+    """impulse on the first end [kg], opposite on the second"""
+    first: np.ndarray
+    """what the first end's velocity gains [1]"""
+    second: np.ndarray
+    """what the second end's velocity loses [1]"""
+    loss: np.ndarray
+    """energy lost, per relative speed² [kg]"""
+
+
+def half_step_decay(damping: Any, inverse_first: Any, inverse_second: Any, step: float) -> Decay:
+    """With w = 1/m₁ + 1/m₂, the impulse is g = (1 − exp(−c w h/2)) / w and the loss g (1 − g w/2)."""
+    w = inverse_first + inverse_second
+    moving = w > 0  # between two pinned particles there is nothing to damp
+    impulse = np.where(moving, -np.expm1(-damping * w * step / 2) / np.where(moving, w, 1.0), 0.0)
+    loss = impulse * (1 - impulse * w / 2)
+    return Decay(impulse, impulse * inverse_first, impulse * inverse_second, loss)
+
+
+@compiled
+def add_spring_forces(
+    x: Any, v: Any, force: Any, direction: Any, springs: Any, dampers: Any, ledger: Any, weight: Any
+) -> None:
+    """Add the springs' forces [N], and those of ``dampers`` if given, to ``force`` (N, 3).
+
+    ``direction``, None or of shape (springs, 3), receives û: the dampers' share of the square root where
+    they are split off. ``weight`` [s] times the dampers' power goes to the ledger.
+    """
+    power = 0.0 * load(x, (0, 0))
+    for s in range(springs.first.size):
+        i, j = springs.first[s], springs.second[s]
+        apart = minus(row(x, j), row(x, i))
+        inverse_length = 1.0 / sqrt(dot(apart, apart) + TINY)
+        k = load(springs.stiffness, s)
+        pull = k - k * load(springs.length, s) * inverse_length
+        if dampers is not None:
+            speed = inverse_length * dot(minus(row(v, j), row(v, i)), apart)
+            damping = load(dampers.coefficient, s) * speed
+            pull = pull + damping * inverse_length
+            power = power + damping * speed
+        add_scaled(force, i, pull, apart)
+        add_scaled(force, j, -pull, apart)
+        if direction is not None:
+            set_row(direction, s, times(inverse_length, apart))
+    if dampers is not None:
+        record(ledger, DAMPING, weight * power)
+
+
+@compiled
+def spring_energy(x: Any, springs: Any) -> Any:
+    """Σ k (L − L₀)²/2 [J] and the largest |L/L₀ − 1|² [1]."""
+    energy = 0.0 * load(x, (0, 0))
+    largest = energy
+    for s in range(springs.first.size):
+        apart = minus(row(x, springs.second[s]), row(x, springs.first[s]))
+        rest = load(springs.length, s)
+        stretch = sqrt(dot(apart, apart)) - rest
+        energy = energy + 0.5 * load(springs.stiffness, s) * stretch * stretch
+        strain = stretch / rest
+        largest = maximum(largest, strain * strain)
+    return energy, largest
+
+
+@compiled
+def longest_spring(x: Any, springs: Any) -> Any:
+    """The largest L₀ [m]; 1 m without springs."""
+    longest = 0.0 * load(x, (0, 0))
+    if springs is None:
+        return longest + 1.0
+    for s in range(springs.first.size):
+        longest = maximum(longest, load(springs.length, s))
+    return longest
+
+
+@compiled
+def pull_jacobian(x: Any, v: Any, s: Any, in_x: Any, in_v: Any, springs: Any, dampers: Any) -> Any:
+    """``in_x`` ∂f/∂d + ``in_v`` ∂f/∂w of the pull f of spring ``s``: three rows.
+
+    With d = x_j − x_i, w = v_j − v_i, û = d/L and ḋ = û·w,
+    ∂f/∂d = k (1 − L₀/L) 1 + k (L₀/L) û ûᵀ + (c/L) [ḋ 1 + û wᵀ − 2 ḋ û ûᵀ] and ∂f/∂w = c û ûᵀ:
+    the stiffness along the spring, the geometric one across it, and the turning of the damper.
+    """
+    i, j = springs.first[s], springs.second[s]
+    apart = minus(row(x, j), row(x, i))
+    inverse_length = 1.0 / sqrt(dot(apart, apart) + TINY)
+    along = times(inverse_length, apart)
+    k = load(springs.stiffness, s)
+    slack = in_x * k * load(springs.length, s) * inverse_length
+    same = in_x * k - slack
+    to = times(slack, along)
+    if dampers is not None:
+        c = load(dampers.coefficient, s)
+        w = minus(row(v, j), row(v, i))
+        turning = in_x * c * inverse_length
+        rate = dot(w, along)
+        same = same + turning * rate
+        to = plus(to, plus(times(in_v * c - 2.0 * turning * rate, along), times(turning, w)))
+    first, second, third = times(along[0], to), times(along[1], to), times(along[2], to)
+    return (
+        (first[0] + same, first[1], first[2]),
+        (second[0], second[1] + same, second[2]),
+        (third[0], third[1], third[2] + same),
+    )
+
+
+@compiled
+def pull_on(x: Any, particle: Any, springs: Any) -> Any:
+    """The springs' force [N] on one particle."""
+    total = times(0.0, row(x, particle))
+    for s in range(springs.first.size):
+        i, j = springs.first[s], springs.second[s]
+        if i == particle or j == particle:
+            apart = minus(row(x, j), row(x, i)) if i == particle else minus(row(x, i), row(x, j))
+            inverse_length = 1.0 / sqrt(dot(apart, apart) + TINY)
+            k = load(springs.stiffness, s)
+            total = plus(total, times(k - k * load(springs.length, s) * inverse_length, apart))
+    return total
+
+
+@compiled
+def damp(v: Any, direction: Any, springs: Any, dampers: Any, drive: Any, ledger: Any, backward: Any) -> None:
+    """Let the relative speed along each spring decay for half a step, one spring after the other.
+
+    A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so
+    that the pair around a step is symmetric, hence of second order.
+    """
+    count = springs.first.size
+    energy = 0.0 * load(v, (0, 0))
+    for n in range(count):
+        s = count - 1 - n if backward else n
+        i, j = springs.first[s], springs.second[s]
+        along = row(direction, s)
+        speed = dot(minus(row(v, j), row(v, i)), along)
+        energy = energy + load(dampers.loss, s) * speed * speed
+        if drive is not None:
+            impulse = load(dampers.impulse, s) * speed
+            if i == drive.particle:
+                record(ledger, WORK, -1.0 * impulse * dot(along, row(v, i)))
+            if j == drive.particle:
+                record(ledger, WORK, impulse * dot(along, row(v, j)))
+        # what needs the speed comes last: each spring waits for the velocities of the one before
+        add_scaled(v, i, speed, times(load(dampers.first, s), along))
+        add_scaled(v, j, -speed, times(load(dampers.second, s), along))
+    record(ledger, DAMPING, energy)

@@ -1,0 +1,128 @@
+"""The equations of implicit methods: their matrix, and Newton's method for a stage."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from springgym.compiling import compiled
+from springgym.forces import accelerate_and_damp
+from springgym.forces.springs import longest_spring, pull_jacobian
+from springgym.integrators.envelope import add, block, factorise, set_block, solve, subtract
+from springgym.integrators.record import ITERATIONS
+from springgym.lanes import any_lane, load, select, store
+from springgym.vectors import choose, dot, minus, plus, row, set_row, times
+
+ITERATION_LIMIT = 25
+
+
+@compiled
+def record_losses(
+    x: Any,
+    v: Any,
+    a: Any,
+    weight: Any,
+    ledger: Any,
+    particles: Any,
+    springs: Any,
+    dampers: Any,
+    *rest: Any,
+) -> None:
+    """Add ``weight`` [s] times the power lost at a state to the ledger."""
+    if dampers is not None and ledger is not None:
+        accelerate_and_damp(x, v, a, weight, ledger, particles, springs, dampers, *rest)
+
+
+@compiled
+def assemble(
+    matrix: Any, x: Any, v: Any, tau: Any, particles: Any, springs: Any, dampers: Any, *rest: Any
+) -> None:
+    """Set the matrix to M − τ ∂F/∂v − τ² ∂F/∂x and factorise it; pinned particles are left to themselves."""
+    nothing = 0.0 * load(x, (0, 0))
+    zero = (nothing, nothing, nothing)
+    for n in range(matrix.lower.shape[0]):
+        set_row(matrix.lower, n, zero)
+        set_row(matrix.upper, n, zero)
+    for i in range(particles.mass.size):
+        m = load(particles.mass, i) + nothing
+        set_block(
+            matrix.lower,
+            matrix.start[i] + i,
+            ((m, nothing, nothing), (nothing, m, nothing), (nothing, nothing, m)),
+        )
+    if springs is not None:
+        for s in range(springs.first.size):
+            ends = np.intp(springs.first[s]), np.intp(springs.second[s])
+            pull = pull_jacobian(x, v, s, tau * tau, tau, springs, dampers)
+            for end in ends:
+                if particles.free[end]:
+                    at = matrix.start[end] + end
+                    set_block(matrix.lower, at, add(block(matrix.lower, at), pull))
+            if particles.free[ends[0]] and particles.free[ends[1]]:
+                at = matrix.start[max(ends)] + min(ends)
+                set_block(matrix.lower, at, subtract(block(matrix.lower, at), pull))
+                set_block(matrix.upper, at, subtract(block(matrix.upper, at), pull))
+    factorise(matrix, dampers)
+
+
+@compiled
+def solve_stage(
+    x0: Any,
+    v0: Any,
+    x: Any,
+    v: Any,
+    tau: Any,
+    matrix: Any,
+    space: Any,
+    control: Any,
+    particles: Any,
+    springs: Any,
+    dampers: Any,
+    *rest: Any,
+) -> None:
+    """Find v = v₀ + τ a(x, v) with x = x₀ + τ v, from the v given, by Newton's method.
+
+    A copy that does not converge is set to NaN. ``space`` holds two arrays.
+    """
+    a, change = space
+    terms = (particles, springs, dampers, *rest)
+    bound = (control.absolute + control.relative * longest_spring(x, springs)) / tau
+    bound = bound * bound
+    largest = 2.0 * bound + 1.0
+    for _ in range(ITERATION_LIMIT):
+        move(x, x0, v, tau)
+        accelerate_and_damp(x, v, a, 0.0, None, *terms)
+        assemble(matrix, x, v, tau, *terms)
+        for i in range(particles.mass.size):
+            lacking = plus(minus(row(v0, i), row(v, i)), times(tau, row(a, i)))
+            set_row(change, i, times(load(particles.mass, i), lacking))
+        solve(matrix, change)
+        seeking = largest > bound
+        found = 0.0 * bound
+        for i in range(particles.mass.size):
+            size = dot(row(change, i), row(change, i))
+            found = select(size < found, found, size)  # not a number if one is not
+            set_row(v, i, choose(seeking, plus(row(v, i), row(change, i)), row(v, i)))
+        once = select(seeking, 1.0 + 0.0 * bound, 0.0 * bound)
+        store(control.counts, ITERATIONS, load(control.counts, ITERATIONS) + once)
+        largest = select(seeking, found, largest)
+        if not any_lane(largest > bound):
+            break
+    for i in range(particles.mass.size):
+        for axis in range(3):
+            store(v, (i, axis), select(largest > bound, np.nan, load(v, (i, axis))))
+    move(x, x0, v, tau)
+
+
+@compiled
+def copy_rows(source: Any, target: Any) -> None:
+    for i in range(source.shape[0]):
+        set_row(target, i, row(source, i))
+
+
+@compiled
+def move(x: Any, x0: Any, v: Any, tau: Any) -> None:
+    """x = x₀ + τ v."""
+    for i in range(x.shape[0]):
+        set_row(x, i, plus(row(x0, i), times(tau, row(v, i))))

@@ -1,0 +1,99 @@
+"""What is to be known of an integrator, and what one that controls its error is given."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from springgym.blocks import aligned_zeros
+from springgym.integrators.envelope import envelope
+from springgym.scene import Scene
+from springgym.surfaces import PaperContact
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """Facts about a time-stepping method; they drive checks, tests and documentation."""
+
+    name: str
+    order: int
+    evaluations: int
+    """force evaluations a step; of an iterative method, with one iteration a stage"""
+    imaginary_limit: float
+    """largest stable ω h of an undamped oscillator"""
+    real_limit: float
+    """largest stable decay rate × h; infinite where dampers are split off exactly or solved implicitly"""
+    symplectic: bool
+    negative_substeps: bool
+    """steps back in time within a step: unusable with dissipation"""
+    workspace: int
+    """arrays of (particles or springs, 3) it computes in"""
+    citation: str
+    implicit: bool = False
+    """solves linear systems in the springs' and dampers' Jacobian; actuators are split off, to order 2"""
+    adaptive: bool = False
+    """takes steps of its own choice, up to h, from an estimate of its error"""
+    iterative: bool = False
+    """solves by Newton's method"""
+    meets_surfaces: bool = False
+    """moves particles by `springgym.forces.move`, as contact wants it"""
+
+    @property
+    def controlled(self) -> bool:
+        """Whether it has a tolerance, and is given a `Control` in place of h."""
+        return self.adaptive or self.iterative
+
+
+STEPS, REJECTIONS, ITERATIONS = range(3)
+COUNTS = 3
+
+
+class Control(NamedTuple):
+    """What a method that controls its error is given in place of h.
+
+    An adaptive method keeps the error of each step, root mean squares over the particles, below
+    ``absolute`` + ``relative`` × longest spring in position [m] and ``absolute`` + ``relative`` × speed in
+    velocity [m/s]. Newton's method stops when a correction moves no particle by more than ``absolute`` +
+    ``relative`` × longest spring: the error left is of the square of it.
+    """
+
+    step: float
+    """h [s]"""
+    relative: float
+    absolute: float
+    counts: np.ndarray
+    """(`COUNTS`,) steps taken and rejected, and Newton iterations"""
+
+
+def workspace(method: Integrator, scene: Scene, dtype: Any) -> Any:
+    """What a method computes in, on elements of ``dtype``: its arrays and, if implicit, its matrix."""
+    particles, springs = len(scene.body.masses), scene.body.springs
+    arrays = aligned_zeros((method.workspace, max(particles, len(springs)), 3), dtype)
+    return (arrays, envelope(particles, springs, dtype)) if method.implicit else arrays
+
+
+def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> str | None:
+    """Why a method makes no sense in a scene, or None if it does.
+
+    ``varying`` names parameters that differ from copy to copy; damping may be one of them.
+    """
+    if method.negative_substeps and (scene.body.damping.any() or "damping" in varying):
+        return (
+            f"{method.name} takes substeps back in time, in which dampers would add energy; "
+            "use a body with damping 0, or verlet"
+        )
+    if scene.surfaces and isinstance(scene.contact, PaperContact):
+        if method.name != "rk4":
+            return (
+                f"the paper's contact is a force and a clamp after each step of rk4; {method.name} has no "
+                "place for them. Use rk4, or Contact in place of PaperContact"
+            )
+    elif scene.surfaces and not method.meets_surfaces:
+        return (
+            f"contact stands in place of the particles' free motion, which {method.name} does not split off "
+            "or takes back in time; use verlet, or rk4 with PaperContact"
+        )
+    return None

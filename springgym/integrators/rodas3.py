@@ -1,0 +1,113 @@
+"""RODAS3: a stiffly accurate Rosenbrock method, one matrix and four linear systems a step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from springgym.compiling import compiled
+from springgym.forces import accelerate_and_damp, act, actuate
+from springgym.forces.springs import pull_jacobian
+from springgym.integrators.envelope import apply, solve
+from springgym.integrators.newton import assemble, record_losses
+from springgym.integrators.record import Integrator
+from springgym.lanes import load
+from springgym.vectors import add_row, minus, plus, row, set_row, times
+
+RECORD = Integrator(
+    name="rodas3",
+    order=3,
+    evaluations=3,
+    imaginary_limit=float("inf"),
+    real_limit=float("inf"),
+    symplectic=False,
+    negative_substeps=False,
+    workspace=13,
+    citation="Sandu et al. 1997, doi:10.1016/S1352-2310(97)83212-8",
+    implicit=True,
+)
+
+STAGES = 4
+GAMMA = 0.5
+A = np.array([[0, 0, 0, 0], [0, 0, 0, 0], [2, 0, 0, 0], [2, 0, 1, 0]], float)
+C = np.array([[0, 0, 0, 0], [4, 0, 0, 0], [1, -1, 0, 0], [1, -1, -8 / 3, 0]], float)
+M = np.array([2, 0, 1, 1], float)
+
+
+@compiled
+def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *terms: Any) -> None:
+    """Stage i solves (1/(γh) − J) k_i = f(y + Σ A_ij k_j) + Σ (C_ij/h) k_j; then y gains Σ M_i k_i.
+
+    With k = (p, q) and the stage's velocity and acceleration u and a this is
+    (M − γh ∂F/∂v − (γh)² ∂F/∂x) q = γh M r_v + (γh)² ∂F/∂x r_x and p = γh (r_x + q), where
+    r_x = u + Σ (C_ij/h) p_j and r_v = a + Σ (C_ij/h) q_j. Losses are recorded by the trapezoidal rule.
+    """
+    space, matrix = workspace
+    a, b = space[0], space[1]
+    xs, vs, ahead, q, p = space[2], space[3], space[4], space[5:9], space[9:13]
+    tau = GAMMA * h
+    for n in range(steps + 1):
+        actuate(x, b, *terms)
+        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, *terms)
+        if n == steps:
+            break
+        assemble(matrix, x, v, tau, *terms)
+        record_losses(x, v, a, 0.5 * h, ledger, *terms)
+        for stage in range(STAGES):
+            for i in range(x.shape[0]):
+                u, w = row(x, i), row(v, i)
+                for j in range(stage):
+                    u = plus(u, times(A[stage, j], row(p[j], i)))
+                    w = plus(w, times(A[stage, j], row(q[j], i)))
+                set_row(xs, i, u)
+                set_row(vs, i, w)
+            if stage != 1:  # the second stage is where the first is
+                accelerate_and_damp(xs, vs, a, 0.0, None, *terms)
+            for i in range(x.shape[0]):
+                u, w = row(vs, i), row(a, i)
+                for j in range(stage):
+                    u = plus(u, times(C[stage, j] / h, row(p[j], i)))
+                    w = plus(w, times(C[stage, j] / h, row(q[j], i)))
+                set_row(ahead, i, u)
+                set_row(q[stage], i, w)
+            weigh(q[stage], tau, *terms)
+            add_stiffness(x, v, ahead, q[stage], tau * tau, *terms)
+            solve(matrix, q[stage])
+            for i in range(x.shape[0]):
+                set_row(p[stage], i, times(tau, plus(row(ahead, i), row(q[stage], i))))
+        for i in range(x.shape[0]):
+            for j in range(STAGES):
+                add_row(x, i, times(M[j], row(p[j], i)))
+                add_row(v, i, times(M[j], row(q[j], i)))
+        record_losses(x, v, a, 0.5 * h, ledger, *terms)
+
+
+@compiled
+def weigh(u: Any, factor: Any, particles: Any, *rest: Any) -> None:
+    """u ← factor × M u."""
+    for i in range(particles.mass.size):
+        set_row(u, i, times(factor * load(particles.mass, i), row(u, i)))
+
+
+@compiled
+def add_stiffness(
+    x: Any,
+    v: Any,
+    u: Any,
+    out: Any,
+    factor: Any,
+    particles: Any,
+    springs: Any,
+    dampers: Any,
+    *rest: Any,
+) -> None:
+    """Add factor × ∂F/∂x u to the free particles of ``out``."""
+    if springs is not None:
+        for s in range(springs.first.size):
+            i, j = springs.first[s], springs.second[s]
+            pull = apply(pull_jacobian(x, v, s, factor, 0.0, springs, dampers), minus(row(u, j), row(u, i)))
+            if particles.free[i]:
+                add_row(out, i, pull)
+            if particles.free[j]:
+                add_row(out, j, times(-1.0, pull))

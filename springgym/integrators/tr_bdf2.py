@@ -1,0 +1,67 @@
+"""TR-BDF2: second order, damps what it cannot resolve, and lets rotation be."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from springgym.compiling import compiled
+from springgym.forces import accelerate_and_damp, act, actuate
+from springgym.integrators.newton import (
+    record_losses,
+    solve_stage,
+)
+from springgym.integrators.record import Integrator
+from springgym.vectors import minus, plus, row, set_row, times
+
+RECORD = Integrator(
+    name="tr_bdf2",
+    order=2,
+    evaluations=3,
+    imaginary_limit=float("inf"),
+    real_limit=float("inf"),
+    symplectic=False,
+    negative_substeps=False,
+    workspace=7,
+    citation="Bank et al. 1985, doi:10.1109/TCAD.1985.1270142; Hosea, Shampine 1996, "
+    "doi:10.1016/0168-9274(95)00115-8",
+    implicit=True,
+    iterative=True,
+)
+
+GAMMA = 2 - math.sqrt(2)
+TAU = GAMMA / 2
+"""Both stages are implicit over the same time, in steps: they have the same matrix but for the state."""
+
+OUTER = math.sqrt(2) / 4
+"""Weight in the solution of the derivatives at the start and after the first stage; `TAU` of the last."""
+
+FORWARD = 1 / (GAMMA * (2 - GAMMA))
+
+
+@compiled
+def integrate(x: Any, v: Any, ledger: Any, workspace: Any, control: Any, steps: Any, *terms: Any) -> None:
+    """The trapezoidal rule for γ h, then the backward difference formula through both for (1 − γ) h."""
+    h = control.step
+    space, matrix = workspace
+    a, b, change = space[0], space[1], space[2]
+    x0, v0, x_start, v_start = space[3], space[4], space[5], space[6]
+    for n in range(steps + 1):
+        actuate(x, b, *terms)
+        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, *terms)
+        if n == steps:
+            break
+        accelerate_and_damp(x, v, a, OUTER * h, ledger, *terms)
+        for i in range(x.shape[0]):
+            set_row(x_start, i, row(x, i))
+            set_row(v_start, i, row(v, i))
+            set_row(x0, i, plus(row(x, i), times(TAU * h, row(v, i))))
+            set_row(v0, i, plus(row(v, i), times(TAU * h, row(a, i))))
+        solve_stage(x0, v0, x, v, TAU * h, matrix, (a, change), control, *terms)
+        record_losses(x, v, a, OUTER * h, ledger, *terms)
+        for i in range(x.shape[0]):
+            x_past, v_past = row(x_start, i), row(v_start, i)
+            set_row(x0, i, plus(x_past, times(FORWARD, minus(row(x, i), x_past))))
+            set_row(v0, i, plus(v_past, times(FORWARD, minus(row(v, i), v_past))))
+        solve_stage(x0, v0, x, v, TAU * h, matrix, (a, change), control, *terms)
+        record_losses(x, v, a, TAU * h, ledger, *terms)

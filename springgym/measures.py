@@ -1,0 +1,195 @@
+"""What can be read off a state: energies, momenta, orientation, strain."""
+
+from __future__ import annotations
+
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from springgym.compiling import compiled
+from springgym.forces import potential_energy
+from springgym.forces.ledger import ENTRIES, WORK
+from springgym.lanes import load, sqrt, store
+from springgym.vectors import (
+    angular_momentum,
+    dot,
+    inertia,
+    mass_centre,
+    row,
+    solve_symmetric,
+    times,
+    triad,
+)
+
+FIELDS = {
+    "kinetic": 1,
+    "gravity": 1,
+    "elastic": 1,
+    "contact": 1,
+    "strain": 1,
+    "centre": 3,
+    "centre_velocity": 3,
+    "momentum": 3,
+    "angular_momentum": 3,
+    "angular_velocity": 3,
+    "side": 3,
+    "axis": 3,
+    "work": 1,
+    "damping_loss": 1,
+    "contact_loss": 1,
+    "friction_loss": 1,
+    "energy": 1,
+    "balance": 1,
+}
+"""Names and sizes of the measures, in the order they are stored in."""
+
+SIZE = sum(FIELDS.values())
+OFFSETS = dict(zip(FIELDS, accumulate(FIELDS.values(), initial=0), strict=False))
+"""Where each measure starts in a row."""
+
+# The same as constants, for compiled functions.
+(
+    KINETIC,
+    GRAVITY,
+    ELASTIC,
+    CONTACT,
+    STRAIN,
+    CENTRE,
+    CENTRE_VELOCITY,
+    MOMENTUM,
+    ANGULAR_MOMENTUM,
+    ANGULAR_VELOCITY,
+    SIDE,
+    AXIS,
+    LEDGER,
+) = tuple(OFFSETS.values())[: -ENTRIES - 1]
+ENERGY, BALANCE = LEDGER + ENTRIES, LEDGER + ENTRIES + 1
+
+
+class Measures(NamedTuple):
+    """Measures of all copies; scalars are of shape (copies,), vectors (copies, 3)."""
+
+    kinetic: np.ndarray
+    """kinetic energy [J]"""
+    gravity: np.ndarray
+    """potential energy in the gravity field [J], 0 at the origin"""
+    elastic: np.ndarray
+    """energy of the springs [J]"""
+    contact: np.ndarray
+    """energy of the particles in the barriers of the surfaces [J]"""
+    strain: np.ndarray
+    """largest |L/L₀ − 1| of any spring [1]"""
+    centre: np.ndarray
+    """centre of mass [m]"""
+    centre_velocity: np.ndarray
+    """its velocity [m/s]"""
+    momentum: np.ndarray
+    """[kg·m/s]"""
+    angular_momentum: np.ndarray
+    """about the pivot if there is one, else about the centre of mass [kg·m²/s]"""
+    angular_velocity: np.ndarray
+    """ω of the rigid rotation with that angular momentum: I ω = L [rad/s]"""
+    side: np.ndarray
+    """first axis of the body's triad, a unit vector"""
+    axis: np.ndarray
+    """third axis of the body's triad, a unit vector"""
+    work: np.ndarray
+    """done by the actuators since the start [J]; this and the losses are 0 without a ledger"""
+    damping_loss: np.ndarray
+    """lost to the springs' dampers since the start [J]"""
+    contact_loss: np.ndarray
+    """lost in inelastic contact since the start [J]"""
+    friction_loss: np.ndarray
+    """lost to friction since the start [J]"""
+    energy: np.ndarray
+    """kinetic and potential [J]"""
+    balance: np.ndarray
+    """energy, plus what was lost, less the work done: constant but for the integrator's error [J]"""
+
+
+class Readout(NamedTuple):
+    """Where to write what is read off copies."""
+
+    rows: np.ndarray
+    """(copies, `SIZE`) measures, see `view`"""
+    positions: np.ndarray
+    """(copies, N, 3) [m]"""
+    velocities: np.ndarray
+    """(copies, N, 3) [m/s]"""
+
+
+def view(values: np.ndarray) -> Measures:
+    """Measures as views of an array (copies, `SIZE`)."""
+    return Measures(
+        *(
+            values[..., start] if FIELDS[name] == 1 else values[..., start : start + FIELDS[name]]
+            for name, start in OFFSETS.items()
+        )
+    )
+
+
+@compiled
+def write(out: Any, n: Any, u: Any) -> None:
+    for axis, value in enumerate(u):
+        store(out, n + axis, value)
+
+
+@compiled
+def measure_block(
+    x: Any, v: Any, ledger: Any, out: Any, pivot: Any, frame: Any, particles: Any, *terms: Any
+) -> None:
+    mass = particles.mass
+    kinetic = 0.0 * load(x, (0, 0))
+    total = load(mass, 0)
+    for i in range(mass.size):
+        if i > 0:
+            total = total + load(mass, i)
+        if particles.free[i]:
+            kinetic = kinetic + 0.5 * load(mass, i) * dot(row(v, i), row(v, i))
+    gravity, elastic, contact, strain = potential_energy(x, particles, *terms)
+    store(out, KINETIC, kinetic)
+    store(out, GRAVITY, gravity)
+    store(out, ELASTIC, elastic)
+    store(out, CONTACT, contact)
+    store(out, STRAIN, sqrt(strain))
+    energy = kinetic + gravity + elastic + contact
+    centre = mass_centre(x, mass)
+    about = row(x, pivot) if pivot >= 0 else centre
+    spin = angular_momentum(x, v, mass, about)
+    e1, _, e3 = triad(x, frame)
+    write(out, CENTRE, centre)
+    velocity = mass_centre(v, mass)
+    write(out, CENTRE_VELOCITY, velocity)
+    write(out, MOMENTUM, times(total, velocity))
+    write(out, ANGULAR_MOMENTUM, spin)
+    write(out, ANGULAR_VELOCITY, solve_symmetric(inertia(x, mass, about), spin))
+    write(out, SIDE, e1)
+    write(out, AXIS, e3)
+    balance = energy
+    for entry in range(ENTRIES):
+        entered = 0.0 * kinetic if ledger is None else load(ledger, entry)
+        store(out, LEDGER + entry, entered)
+        balance = balance - entered if entry == WORK else balance + entered
+    store(out, ENERGY, energy)
+    store(out, BALANCE, balance)
+
+
+@compiled
+def read(
+    block: Any, x: Any, v: Any, ledger: Any, readout: Any, space: Any, pivot: Any, frame: Any, *terms: Any
+) -> None:
+    """Write measures, positions and velocities of the copies of a block to their rows.
+
+    ``space`` (`SIZE`,) is workspace for one block.
+    """
+    measure_block(x, v, ledger, space, pivot, frame, *terms)
+    width = len(space[0].lanes)
+    for copy in range(block * width, min((block + 1) * width, readout.rows.shape[0])):
+        lane = copy - block * width
+        for n in range(SIZE):
+            readout.rows[copy, n] = space[n].lanes[lane]
+        for i in range(x.shape[0]):
+            for axis in range(3):
+                readout.positions[copy, i, axis] = x[i, axis].lanes[lane]
+                readout.velocities[copy, i, axis] = v[i, axis].lanes[lane]

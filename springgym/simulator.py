@@ -1,0 +1,569 @@
+"""The simulator: a scene, an integrator and a step, for one copy or many."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from springgym import integrators, measures, rigid, stability
+from springgym.blocks import WIDTH, aligned_zeros, block_array, numbers, set_all, set_copies, to_copies
+from springgym.forces import Particles, Terms
+from springgym.forces.actuators import Drive, Thrust, Wrench
+from springgym.forces.contact import Bowl, Planes
+from springgym.forces.ledger import ENTRIES
+from springgym.forces.paper_contact import PaperLaw
+from springgym.forces.springs import Dampers, Decay, Springs, half_step_decay
+from springgym.integrators.record import COUNTS, Control, Integrator, refusal, workspace
+from springgym.measures import Measures, Readout
+from springgym.scene import Scene
+from springgym.surfaces import (
+    Contact,
+    Dish,
+    PaperContact,
+    Plane,
+    check_heights,
+    impact_damping,
+    oblique,
+    scales,
+)
+
+STRAIN_LIMIT = 0.5
+"""A spring stretched or squeezed by more than this share of its length has left what the model means."""
+
+WORTH_A_THREAD = 10_000
+"""Springs × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms) pays."""
+
+PAPER_STEP = 5e-4
+"""h of the paper [s]."""
+
+VARYING = ("masses", "stiffness", "damping", "lengths", "gravity", "friction", "restitution", "strength")
+"""Parameters that may differ from copy to copy."""
+
+
+class Dynamics(NamedTuple):
+    """A kind of dynamics: its methods and their steps."""
+
+    default: Callable[[Scene], str]
+    """the integrator if none is named"""
+    integrator: Callable[[str], Integrator]
+    advance_kernel: Callable[[str, Callable[..., None]], Callable[..., None]]
+    largest_step: Callable[[Scene, Integrator], float]
+    automatic_step: Callable[..., float]
+
+
+DYNAMICS = {
+    "springs": Dynamics(
+        lambda scene: "verlet",
+        integrators.integrator,
+        integrators.advance_kernel,
+        stability.largest_step,
+        stability.automatic_step,
+    ),
+    "rigid": Dynamics(
+        rigid.default, rigid.integrator, rigid.advance_kernel, rigid.largest_step, rigid.automatic_step
+    ),
+}
+"""Kinds of dynamics by name."""
+
+
+class SimulationDivergedError(ArithmeticError):
+    """A copy has left what the model means: not finite, or a spring beyond `STRAIN_LIMIT`."""
+
+
+class Simulator:
+    """Steps copies of a scene through time.
+
+    Parameters
+    ----------
+    scene
+        What is simulated.
+    dynamics
+        "springs", or "rigid" for the same particles as one rigid body.
+    integrator
+        Name of the method, see `springgym.integrators.METHODS`, or for rigid dynamics
+        `springgym.rigid.METHODS`; "verlet" if not given, or "suzuki" for rigid dynamics without surfaces.
+    step
+        h [s]; chosen from the stability limit if not given, or for rigid dynamics from the rates of the
+        start.
+    copies
+        How many, all starting as the scene says.
+    dtype
+        float64, or float32 for about twice the speed at single precision.
+    threads
+        How many share the copies. Results do not depend on it, to the bit, nor on ``copies``.
+    varying
+        Parameters, out of `VARYING`, that `vary` may set copy by copy.
+    ledger
+        Whether work and losses are recorded, see `Measures`.
+    tolerance
+        (relative, absolute) of a method that controls its error, see
+        `springgym.integrators.record.Control`; (1e-6, 1e-9) if not given.
+
+    Raises
+    ------
+    ValueError
+        If the dynamics or the integrator is unknown, the step is beyond the stability limit, the scene has
+        no rigid twin, or the integrator makes no sense in it or has no tolerance to set.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        dynamics: str = "springs",
+        integrator: str | None = None,
+        step: float | None = None,
+        copies: int = 1,
+        dtype: Any = np.float64,
+        threads: int = 1,
+        varying: Collection[str] = (),
+        ledger: bool = True,
+        tolerance: tuple[float, float] | None = None,
+    ) -> None:
+        self.scene = scene
+        if dynamics not in DYNAMICS:
+            raise ValueError(f"dynamics is {dynamics!r}; it must be one of {', '.join(DYNAMICS)}")
+        self.dynamics = dynamics
+        method = DYNAMICS[dynamics]
+        self.integrator = method.integrator(method.default(scene) if integrator is None else integrator)
+        if dynamics == "springs" and (reason := refusal(self.integrator, scene, varying)):
+            raise ValueError(reason)
+        self.largest_step = method.largest_step(scene, self.integrator)
+        """stability limit [s]"""
+        self.step = self._checked_step(step)
+        self.copies = _positive("copies", copies)
+        self.threads = _positive("threads", threads)
+        self.dtype = np.dtype(dtype)
+        if self.dtype not in WIDTH:
+            raise ValueError(f"dtype is {self.dtype}; it must be float64 or float32")
+        self.time = np.zeros(copies)
+        """[s], (copies,)"""
+        particles = len(scene.body.masses)
+        self._x = self._blocks(particles, 3)
+        self._v = self._blocks(particles, 3)
+        self._ledger = self._blocks(ENTRIES) if ledger else None
+        self._workspace = [workspace(self.integrator, scene, self._x.dtype) for _ in range(threads)]
+        self._control = self._controlled(tolerance)
+        self._readout = self.readout()
+        self._space = aligned_zeros((threads, measures.SIZE), self._x.dtype)
+        self._frame = np.array(scene.body.frame, np.uint32)
+        self._twin: tuple[Any, ...] = ()
+        self._terms = self._build(frozenset(varying))
+        self._advance = method.advance_kernel(self.integrator.name, measures.read)
+        for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
+            numbers(array)[:] = start[..., None]  # the padding of the last block, too
+        self._settle(np.arange(self.copies))
+
+    @classmethod
+    def paper(cls, scene: Scene, **options: Any) -> Self:
+        """The paper's method as one: RK4 with h = 5e-4 s and, if there are surfaces, its contact.
+
+        Parameters
+        ----------
+        scene
+            `Contact` becomes `PaperContact` of the same friction, strength and reach.
+        options
+            Those of `Simulator` that are left: ``copies`` and so on.
+
+        Raises
+        ------
+        ValueError
+            If restitution is asked for: the paper has a damping in its place, see `PaperContact`.
+        """
+        contact = scene.contact
+        if scene.surfaces and isinstance(contact, Contact):
+            if contact.restitution < 1:
+                raise ValueError(
+                    f"restitution is {contact.restitution}; the paper has a damping instead: give the scene "
+                    "a PaperContact"
+                )
+            contact = PaperContact(contact.friction, 0.0, contact.strength, contact.reach)
+        return cls(scene.with_(contact=contact), integrator="rk4", step=PAPER_STEP, **options)
+
+    # --- Building ---------------------------------------------------------------------------------
+
+    def _blocks(self, *shape: int) -> np.ndarray:
+        return block_array(self.copies, shape, self.dtype)
+
+    def _controlled(self, tolerance: tuple[float, float] | None) -> float | Control:
+        """What the method is given in place of h: that, or the `Control`."""
+        if not self.integrator.controlled:
+            if tolerance is not None:
+                raise ValueError(f"tolerance is {tolerance}; {self.integrator.name} has none: leave it out")
+            return self.step
+        relative, absolute = (1e-6, 1e-9) if tolerance is None else tolerance
+        if not (relative >= 0 and absolute >= 0 and relative + absolute > 0):
+            raise ValueError(f"tolerance is {tolerance}; both must be at least 0, and one of them more")
+        return Control(self.step, float(relative), float(absolute), self._blocks(COUNTS))
+
+    def _build(self, varying: frozenset[str]) -> Terms:
+        """The scene as compiled functions take it."""
+        if unknown := varying - set(VARYING):
+            raise ValueError(f"{sorted(unknown)[0]!r} cannot vary; {', '.join(VARYING)} can")
+        scene, body = self.scene, self.scene.body
+        springs = body.springs.astype(np.uint32)
+
+        def parameter(names: set[str], value: np.ndarray) -> np.ndarray:
+            if not names & varying:
+                return np.array(value, float)
+            array = self._blocks(*np.shape(value))
+            numbers(array)[:] = np.asarray(value)[..., None]
+            return array
+
+        if self.dynamics == "rigid":
+            self._twin = rigid.terms(
+                scene, self.integrator, varying, lambda value: parameter({"masses"}, value)
+            )
+        free = np.ones(len(body.masses), bool)
+        free[list(scene.pinned)] = False
+        damped = body.damping.any() or "damping" in varying
+        wrench = thrust = drive = None
+        if scene.wrench:
+            forces = (self._blocks(3), self._blocks(3), self._blocks(3))
+            wrench = Wrench(*forces, self._frame, scene.pivot, float(scene.wrench.axial))
+        if scene.thrust:
+            named = np.array(scene.thrust.particles, np.uint32)
+            thrust = Thrust(named, self._blocks(len(named), 3), self._frame, scene.thrust.turns)
+        if scene.drive:
+            drive = Drive(scene.drive.particle, self._blocks(3), scene.drive.speed)
+        return Terms(
+            Particles(parameter({"masses"}, body.masses), parameter({"masses"}, free / body.masses), free),
+            Springs(
+                np.ascontiguousarray(springs[:, 0]),
+                np.ascontiguousarray(springs[:, 1]),
+                parameter({"lengths"}, body.lengths),
+                parameter({"stiffness"}, body.stiffness),
+            ),
+            Dampers(
+                parameter({"damping"}, body.damping),
+                *(
+                    parameter({"damping", "masses"}, value)
+                    for value in self._decay(body.damping, body.masses)
+                ),
+            )
+            if damped
+            else None,
+            None if scene.gravity is None else parameter({"gravity"}, np.array(scene.gravity, float)),
+            wrench,
+            thrust,
+            drive,
+            *self._contact_terms(varying, parameter),
+        )
+
+    def _contact_terms(
+        self, varying: frozenset[str], parameter: Callable[..., np.ndarray]
+    ) -> tuple[Any, ...]:
+        """The last terms of `Terms`, from ``planes``."""
+        surfaces, contact = self.scene.surfaces, self.scene.contact
+        if not surfaces:
+            if unused := varying & {"friction", "restitution", "strength"}:
+                raise ValueError(f"{sorted(unused)[0]!r} cannot vary: the scene has no surfaces")
+            return (None,) * 5
+        c, reach = scales(contact, self.scene.body)
+        strength = parameter({"strength"}, np.array([c]))
+        planes = bowl = friction = damping = law = None
+        if isinstance(surfaces[0], Dish):
+            bowl = Bowl(np.array(surfaces[0].centre), surfaces[0].radius, strength, reach)
+        else:
+            flat = [surface for surface in surfaces if isinstance(surface, Plane)]
+            normals = np.array([plane.normal for plane in flat])
+            offsets = np.array([plane.offset for plane in flat])
+            planes = Planes(normals, offsets, strength, reach, oblique(surfaces))
+        if contact.friction > 0 or "friction" in varying:
+            friction = parameter({"friction"}, np.array([contact.friction]))
+        if isinstance(contact, PaperContact):
+            if "restitution" in varying:
+                raise ValueError("'restitution' cannot vary: the paper's contact has none")
+            law = PaperLaw(contact.damping, self.step)
+        elif contact.restitution < 1 or "restitution" in varying:
+            d = impact_damping([contact.restitution], contact.impact_speed)
+            damping = parameter({"restitution"}, d)
+        return planes, bowl, friction, damping, law
+
+    def _decay(self, damping: np.ndarray, masses: np.ndarray) -> Decay:
+        inverse = 1 / masses
+        inverse[..., list(self.scene.pinned)] = 0.0
+        first, second = self.scene.body.springs.T
+        return half_step_decay(damping, inverse[..., first], inverse[..., second], self.step)
+
+    # --- State ------------------------------------------------------------------------------------
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Positions of the particles [m], (copies, N, 3), a copy."""
+        return to_copies(self._x, self.copies)
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Velocities of the particles [m/s], (copies, N, 3), a copy."""
+        return to_copies(self._v, self.copies)
+
+    def place(self, positions: Any, velocities: Any, copies: Any = None) -> None:
+        """Start some copies (all) anew, with an empty ledger, at time 0.
+
+        Parameters
+        ----------
+        positions, velocities : (k, N, 3) or (N, 3)
+            [m], [m/s]
+        copies : (k,), optional
+            Which.
+
+        Raises
+        ------
+        ValueError
+            If a particle starts behind a surface.
+        """
+        index = np.arange(self.copies) if copies is None else np.asarray(copies)
+        self._check_heights(positions, index)
+        set_copies(self._x, index, positions)
+        set_copies(self._v, index, velocities)
+        self._settle(index)
+        if self._ledger is not None:
+            set_copies(self._ledger, index, 0.0)
+        self.time[index] = 0.0
+
+    def _check_heights(self, positions: Any, index: np.ndarray) -> None:
+        scene = self.scene
+        if scene.surfaces:
+            _, reach = scales(scene.contact, scene.body)
+            check_heights(scene.surfaces, reach, positions, scene.free, index)
+
+    def _settle(self, index: np.ndarray) -> None:
+        """In rigid dynamics, move some copies to the rigid shape; their momenta stay."""
+        if not self._twin:
+            return
+        width = numbers(self._x).shape[-1]
+        blocks, row = np.unique(index // width, return_inverse=True)
+        placed = np.zeros((len(blocks), width), bool)
+        placed[row, index % width] = True
+        before = [numbers(array)[blocks] for array in (self._x, self._v)]
+        for first, last in self._block_ranges(index):
+            self._run(0, first, last, 0, None)
+        for array, others in zip((self._x, self._v), before, strict=True):
+            lanes = numbers(array)
+            lanes[blocks] = np.where(placed[:, None, None], lanes[blocks], others)
+
+    def vary(self, copies: Any, **values: Any) -> None:
+        """Give some copies their own parameters.
+
+        Parameters
+        ----------
+        copies : (k,)
+            Which.
+        values
+            ``masses`` (k, N), ``stiffness``, ``damping``, ``lengths`` (k, S), ``gravity`` (k, 3),
+            ``friction``, ``restitution`` (at the contact's impact speed), ``strength`` (k,) of the surfaces.
+            ``masses`` and ``damping`` are given together if both vary.
+        """
+        index, terms = np.asarray(copies), self._terms
+        place: dict[str, Any] = {
+            "stiffness": terms.springs.stiffness if terms.springs else None,
+            "lengths": terms.springs.length if terms.springs else None,
+            "gravity": terms.gravity,
+            "damping": terms.dampers.coefficient if terms.dampers else None,
+            "masses": terms.particles.mass,
+            "friction": terms.friction,
+            "restitution": terms.impact_damping,
+            "strength": surface.strength if (surface := terms.planes or terms.bowl) else None,
+        }
+        for name, value in values.items():
+            if place.get(name) is None or place[name].dtype.names is None:
+                raise ValueError(f"{name!r} does not vary in this simulator; name it in varying")
+            if name == "restitution" and isinstance(self.scene.contact, Contact):
+                value = impact_damping(value, self.scene.contact.impact_speed)
+            if name in ("friction", "restitution", "strength"):
+                value = np.reshape(value, (-1, 1))
+            set_copies(place[name], index, value)
+        if "masses" in values:
+            set_copies(terms.particles.inverse_mass, index, terms.particles.free / values["masses"])
+            if self._twin:
+                rigid.set_masses(self._twin, self.scene, index, values["masses"])
+        if terms.dampers and values.keys() & {"masses", "damping"}:
+            damping = values.get("damping", self.scene.body.damping)
+            masses = np.array(values.get("masses", self.scene.body.masses), float)
+            for name, value in self._decay(damping, masses)._asdict().items():
+                set_copies(getattr(terms.dampers, name), index, value)
+
+    def actuate(self, **values: Any) -> None:
+        """Set what the scene's actuators do until further notice.
+
+        Parameters
+        ----------
+        values
+            ``force`` [N], ``torque``, ``body_torque`` [N·m] of the wrench, ``acceleration`` [m/s²] of
+            the drive, each (copies, 3); ``thrust`` [N] (copies, thrusters, 3).
+        """
+        terms = self._terms
+        for name, value in values.items():
+            if name == "thrust" and terms.thrust:
+                set_all(terms.thrust.force, value)
+            elif name == "acceleration" and terms.drive:
+                set_all(terms.drive.acceleration, value)
+            elif name in ("force", "torque", "body_torque") and terms.wrench:
+                set_all(getattr(terms.wrench, name), value)
+            else:
+                raise ValueError(f"the scene has no actuator for {name!r}")
+
+    def state(self) -> dict[str, np.ndarray]:
+        """All that changes, copied: give it to `restore`."""
+        arrays = {"x": self._x, "v": self._v, "time": self.time}
+        if self._ledger is not None:
+            arrays["ledger"] = self._ledger
+        return {name: array.copy() for name, array in arrays.items()}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Return to what `state` gave, to the bit."""
+        self._x[:], self._v[:], self.time[:] = state["x"], state["v"], state["time"]
+        if self._ledger is not None:
+            self._ledger[:] = state["ledger"]
+
+    # --- Time -------------------------------------------------------------------------------------
+
+    def advance(self, steps: int = 1, *, check: bool = True, into: Readout | None = None) -> None:
+        """Take all copies ``steps`` steps further.
+
+        Parameters
+        ----------
+        steps
+            How many; none is one of them.
+        check
+            Whether it is checked that no copy has diverged.
+        into
+            Where to write what is read off the copies then: all is done in one compiled call.
+
+        Raises
+        ------
+        SimulationDivergedError
+            If ``check`` and a copy has diverged. The other copies are not touched by it.
+        """
+        readout = self._readout if into is None and check else into
+
+        def part(thread: int, first: int, last: int) -> None:
+            self._run(thread, first, last, steps, readout)
+
+        self._share(part, work=steps)
+        self.time += steps * self.step
+        if check and readout:
+            strain = readout.rows[:, measures.STRAIN]
+            diverged = ~(strain <= STRAIN_LIMIT)
+            if diverged.any():
+                n = int(np.argmax(diverged))
+                raise SimulationDivergedError(
+                    f"copy {n} diverged before t = {self.time[n]:g} s: strain {strain[n]:g}, limit "
+                    f"{STRAIN_LIMIT}; step {self.step:g} s, stability limit {self.largest_step:g} s"
+                )
+
+    def _run(self, thread: int, first: int, last: int, steps: int, readout: Readout | None) -> None:
+        """Take blocks ``first`` to ``last`` further, if ``steps`` is not negative, and read them off."""
+        self._advance(
+            self._x,
+            self._v,
+            self._ledger,
+            self._workspace[thread],
+            first,
+            last,
+            self._control,
+            steps,
+            (*self._twin, *self._terms),
+            readout is not None,
+            self._readout if readout is None else readout,
+            self._space[thread],
+            self.scene.pivot,
+            self._frame,
+        )
+
+    def counts(self) -> np.ndarray:
+        """Steps taken, steps rejected and Newton iterations of each copy since it was made, (copies, 3).
+
+        Raises
+        ------
+        ValueError
+            If the method has no tolerance: it takes the steps it is told to.
+        """
+        if not isinstance(self._control, Control):
+            raise ValueError(f"{self.integrator.name} neither chooses its steps nor iterates: no counts")
+        return to_copies(self._control.counts, self.copies)
+
+    def measure(self) -> Measures:
+        """Energies, momenta, orientation and strain of all copies."""
+        self.read(self._readout)
+        return measures.view(self._readout.rows.copy())
+
+    def readout(self) -> Readout:
+        """Arrays to read the copies into."""
+        particles = (self.copies, *self.scene.positions.shape)
+        return Readout(np.zeros((self.copies, measures.SIZE)), np.zeros(particles), np.zeros(particles))
+
+    def read(self, readout: Readout, copies: np.ndarray | None = None) -> None:
+        """Write measures, positions and velocities to arrays with a row a copy.
+
+        Given ``copies`` (k,), only the blocks they are in are read.
+        """
+        if copies is None:
+            self._share(lambda thread, first, last: self._run(thread, first, last, -1, readout), work=1)
+        else:
+            for first, last in self._block_ranges(copies):
+                self._run(0, first, last, -1, readout)
+
+    def _block_ranges(self, copies: np.ndarray) -> list[tuple[int, int]]:
+        """Ranges of blocks that together hold the copies and no other block."""
+        blocks = np.unique(copies // numbers(self._x).shape[-1])
+        parts = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1)
+        return [(int(part[0]), int(part[-1]) + 1) for part in parts]
+
+    def _share(self, part: Callable[[int, int, int], None], work: int) -> None:
+        """Run ``part(thread, first, last)`` over all blocks, on several threads where that pays."""
+        blocks = self._x.shape[0]
+        threads = min(self.threads, blocks)
+        if threads == 1 or blocks * work * len(self.scene.body.springs) < WORTH_A_THREAD:
+            part(0, 0, blocks)
+            return
+        edges = [blocks * n // threads for n in range(threads + 1)]
+        pool = _pool(os.getpid(), self.threads)
+        rest = [pool.submit(part, n, edges[n], edges[n + 1]) for n in range(1, threads)]
+        part(0, edges[0], edges[1])
+        for future in rest:
+            future.result()
+
+    def __repr__(self) -> str:
+        return (
+            f"Simulator({self.copies} × {self.scene!r}, {self.dynamics}, "
+            f"ω_max {stability.highest_frequency(self.scene):.5g} rad/s, {self.integrator.name}, "
+            f"step {self.step:g} s of at most {self.largest_step:.5g} s, {self.dtype})"
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_advance"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._advance = DYNAMICS[self.dynamics].advance_kernel(self.integrator.name, measures.read)
+
+    def _checked_step(self, step: float | None) -> float:
+        if step is None:
+            return DYNAMICS[self.dynamics].automatic_step(self.scene, self.integrator)
+        if not 0 < step < np.inf:
+            raise ValueError(f"step is {step} s; it must be positive and finite")
+        if step > self.largest_step:
+            raise ValueError(
+                f"a step of {step:g} s is unstable: {self.integrator.name} on this body allows at most "
+                f"{self.largest_step:.4g} s. Take a smaller step, softer springs or heavier particles"
+            )
+        return float(step)
+
+
+@lru_cache(maxsize=8)
+def _pool(process: int, threads: int) -> ThreadPoolExecutor:
+    """Helper threads of this process; a forked child, being another process, makes its own."""
+    return ThreadPoolExecutor(threads, thread_name_prefix="springgym")
+
+
+def _positive(name: str, value: int) -> int:
+    if value < 1:
+        raise ValueError(f"{name} is {value}; it must be at least 1")
+    return int(value)

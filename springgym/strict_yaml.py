@@ -1,0 +1,243 @@
+"""YAML read strictly: what is unknown, given twice, missing or mistyped is an error with file, line and key.
+
+`read_yaml` parses a file to a `Tree`; `build` calls a function, or makes a dataclass, with a mapping
+of it, checked against the annotations of its parameters.
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import re
+import types
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+
+try:
+    import yaml
+except ImportError as missing:
+    raise ImportError("reading YAML needs pyyaml: pip install springgym[scenes]") from missing
+
+
+class YamlError(ValueError):
+    """A file that cannot be used; the message says where and why."""
+
+
+class Tree(NamedTuple):
+    """A parsed document; for each path of keys in it (list items by number), the file and line."""
+
+    value: Any
+    where: dict[tuple[str, ...], str]
+
+    def at(self, path: tuple[str, ...]) -> Any:
+        """The value at a path."""
+        value = self.value
+        for key in path:
+            value = value[int(key)] if isinstance(value, list) else value[key]
+        return value
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML 1.1 as PyYAML reads it, and exponents without a point, which it takes for text."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
+    list("-+.0123456789"),
+)
+
+
+def read_yaml(path: Path) -> Tree:
+    """Parse a file.
+
+    Raises
+    ------
+    YamlError
+        If it cannot be read or is not valid, or a key is given twice.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise YamlError(f"{path}: cannot read it: {getattr(error, 'strerror', error)}") from error
+    return parse_yaml(text, str(path))
+
+
+def parse_yaml(text: str, source: str) -> Tree:
+    """Parse a text; ``source`` says in errors where it is from. Keys stay text: ``0:`` is "0".
+
+    Raises
+    ------
+    YamlError
+        If it is not valid, or a key is given twice.
+    """
+    where: dict[tuple[str, ...], str] = {}
+
+    def value_of(node: yaml.Node, path: tuple[str, ...], here: str) -> Any:
+        where[path] = here
+        if isinstance(node, yaml.SequenceNode):
+            return [value_of(item, (*path, str(n)), _line(source, item)) for n, item in enumerate(node.value)]
+        if not isinstance(node, yaml.MappingNode):
+            try:
+                return loader.construct_object(node)
+            except ValueError as error:  # such as the 99th of a month
+                raise YamlError(f"{here}: {error}") from error
+        entries: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            here, key = _line(source, key_node), key_node.value
+            if not isinstance(key, str):
+                raise YamlError(f"{here}: a key must be a word")
+            if key in entries:
+                raise YamlError(f"{here}: duplicate key {key!r}")
+            entries[key] = value_of(value_node, (*path, key), here)
+        return entries
+
+    try:
+        loader = _Loader(text)
+        try:
+            node = loader.get_single_node()
+            return Tree(None if node is None else value_of(node, (), f"{source}:1"), {(): source} | where)
+        finally:
+            loader.dispose()
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = mark.line + 1 if mark else 1
+        raise YamlError(f"{source}:{line}: not valid YAML: {getattr(error, 'problem', error)}") from error
+    except RecursionError:
+        raise YamlError(f"{source}: nested too deeply, or an alias that refers to itself") from None
+
+
+def _line(source: str, node: yaml.Node) -> str:
+    return f"{source}:{node.start_mark.line + 1}"
+
+
+def build(
+    make: Callable[..., Any],
+    tree: Tree,
+    path: tuple[str, ...] = (),
+    skip: Collection[str] = (),
+    **given: Any,
+) -> Any:
+    """Call ``make`` with the mapping at ``path`` of a document as keyword arguments, besides ``given``.
+
+    Parameters
+    ----------
+    make
+        A dataclass or function, whose parameters are annotated.
+    tree, path
+        The document, and the keys that lead to the mapping.
+    skip
+        Keys of the mapping that are dealt with elsewhere.
+    given
+        Arguments that do not come from the document.
+
+    Raises
+    ------
+    YamlError
+        For an unknown, missing or mistyped key, or if ``make`` raises `ValueError`.
+    """
+    entries, place = tree.at(path), tree.where[path]
+    name = ".".join(path) or "the file"
+    if not isinstance(entries, dict):
+        raise YamlError(f"{place}: {name} must be a mapping of keys to values, not {entries!r}")
+    parameters = {key: value for key, value in inspect.signature(make).parameters.items() if key not in given}
+    for key in entries:
+        if key not in parameters and key not in skip:
+            known = [*skip, *parameters]
+            raise YamlError(f"{tree.where[*path, key]}: unknown key {key!r}{suggestion(key, known)}")
+    missing = [
+        key for key, value in parameters.items() if key not in entries and value.default is value.empty
+    ]
+    if missing:
+        raise YamlError(f"{place}: {name} lacks {', '.join(missing)}")
+    hints = get_type_hints(make)
+    values = {key: fit(hints[key], tree, (*path, key)) for key in entries if key not in skip}
+    try:
+        return make(**given, **values)
+    except YamlError:
+        raise
+    except ValueError as error:
+        raise YamlError(f"{place}: {name}: {error}") from error
+
+
+def fit(kind: Any, tree: Tree, path: tuple[str, ...]) -> Any:
+    """The value at a path, if it is of a kind: a type annotation.
+
+    Raises
+    ------
+    YamlError
+        If it is not.
+    """
+    value, origin, arguments = tree.at(path), get_origin(kind), get_args(kind)
+
+    def fits(other: Any) -> bool:
+        try:
+            fit(other, tree, path)
+        except YamlError:
+            return False
+        return True
+
+    if kind is Any:
+        return value
+    if kind is float and type(value) is int:
+        return float(value)
+    if kind in (int, float, bool, str) and type(value) is kind:
+        return value
+    if kind in (None, type(None)) and value is None:
+        return None
+    if origin is Literal and value in arguments:
+        return value
+    if origin in (Union, types.UnionType):
+        for other in arguments:
+            if fits(other):
+                return fit(other, tree, path)
+    if origin in (list, tuple, Sequence) and isinstance(value, list):
+        if origin is tuple and arguments[-1] is not ...:
+            if len(value) == len(arguments):
+                return tuple(fit(k, tree, (*path, str(n))) for n, k in enumerate(arguments))
+        else:
+            items = [fit(arguments[0], tree, (*path, str(n))) for n in range(len(value))]
+            return items if origin is list else tuple(items)
+    if origin in (dict, Mapping) and isinstance(value, dict):
+        keys = {key: _key(arguments[0], key, tree, path) for key in value}
+        return {keys[key]: fit(arguments[1], tree, (*path, key)) for key in value}
+    key = ".".join(path)
+    raise YamlError(f"{tree.where[path]}: {key}: expected {_described(kind)}, got {value!r}")
+
+
+def _key(kind: Any, key: str, tree: Tree, path: tuple[str, ...]) -> Any:
+    if kind is str:
+        return key
+    if kind is int and re.fullmatch(r"\d+", key):
+        return int(key)
+    raise YamlError(f"{tree.where[*path, key]}: expected {_described(kind)} as a key, got {key!r}")
+
+
+def _described(kind: Any) -> str:
+    simple = {
+        int: "a whole number",
+        float: "a number",
+        bool: "true or false",
+        str: "text",
+        type(None): "null",
+    }
+    if kind in simple:
+        return simple[kind]
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin is Literal:
+        return f"one of {', '.join(map(str, arguments))}"
+    if origin in (Union, types.UnionType):
+        return " or ".join(map(_described, arguments))
+    if origin is tuple and arguments[-1] is not ...:
+        return f"a list of {len(arguments)} values"
+    if origin in (list, tuple, Sequence):
+        return "a list"
+    return "a mapping"
+
+
+def suggestion(key: str, known: Iterable[str]) -> str:
+    """The end of a message about an unknown key: what may have been meant, or all there is."""
+    names = list(known)
+    close = difflib.get_close_matches(key, names, n=1)
+    return f"; did you mean {close[0]!r}?" if close else f"; known keys: {', '.join(names)}"

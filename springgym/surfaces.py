@@ -1,0 +1,260 @@
+"""Surfaces that bound where particles may be, and how a body meets them. Frozen data, checked once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from springgym.bodies import Body
+from springgym.theory.contact import damping_for_restitution
+
+REACH = 0.01
+"""Δ where none is given, as a share of the body's size: twice the distance from its centre of mass to the
+particle farthest from it."""
+
+NEAREST = 1e-3
+"""The least height to start at, as a share of Δ: below it the barrier's energy c/h has no sensible bound."""
+
+LEAST_RESTITUTION = 1e-4
+"""A lower restitution is taken as this one: no finite loss stops a particle dead."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane, with the free side where its normal points; normals of any length are made unit vectors."""
+
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        for name in ("point", "normal"):
+            value = np.asarray(getattr(self, name), float)
+            if value.shape != (3,) or not np.isfinite(value).all():
+                raise ValueError(
+                    f"{name} of a plane is {getattr(self, name)}; it must be three finite numbers"
+                )
+            if name == "normal":
+                if not value.any():
+                    raise ValueError("the normal of a plane is zero; it must point to its free side")
+                value = value / np.linalg.norm(value)
+            object.__setattr__(self, name, tuple(value.tolist()))
+
+    @property
+    def offset(self) -> float:
+        """normal · point [m]"""
+        return float(np.dot(self.normal, self.point))
+
+    def height(self, positions: np.ndarray) -> np.ndarray:
+        """Heights [m] (…) of positions (…, 3): negative behind the plane."""
+        return positions @ np.asarray(self.normal) - self.offset
+
+
+@dataclass(frozen=True)
+class Dish:
+    """The inside of a sphere: a spherical dish for what stays in its lower part."""
+
+    centre: tuple[float, float, float]
+    radius: float
+
+    def __post_init__(self) -> None:
+        centre = np.asarray(self.centre, float)
+        if centre.shape != (3,) or not np.isfinite(centre).all():
+            raise ValueError(f"centre of a dish is {self.centre}; it must be three finite numbers")
+        if not 0 < self.radius < math.inf:
+            raise ValueError(f"radius of a dish is {self.radius} m; it must be positive and finite")
+        object.__setattr__(self, "centre", tuple(centre.tolist()))
+
+    def height(self, positions: np.ndarray) -> np.ndarray:
+        """Heights [m] (…) of positions (…, 3): negative outside the sphere."""
+        return self.radius - np.linalg.norm(positions - np.asarray(self.centre), axis=-1)
+
+
+Surface = Plane | Dish
+
+
+def floor(z: float = 0.0) -> Plane:
+    """The level plane at height z [m]."""
+    return Plane((0.0, 0.0, z))
+
+
+def incline(angle: float, point: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Plane:
+    """A slope that rises towards +x by ``angle`` [rad], through a point."""
+    return Plane(point, (-math.sin(angle), 0.0, math.cos(angle)))
+
+
+@dataclass(frozen=True)
+class Contact:
+    """How a body meets surfaces: by a barrier that keeps its energy, see `springgym.forces.contact`.
+
+    Parameters
+    ----------
+    friction
+        μ, static and kinetic; 0 for ice.
+    restitution
+        Rebound speed over impact speed, 0 … 1, at the ``impact_speed`` [m/s]; nearer to 1 for slower
+        impacts, as of real bodies.
+    strength, reach
+        c [N·m²] and Δ [m]. By default Δ is `REACH` of the body's size, and c = k Δ³/2 with the largest
+        stiffness k of its springs: the edge of the barrier is then as stiff as the body.
+
+    Raises
+    ------
+    ValueError
+        Naming the value that makes no sense.
+    """
+
+    friction: float = 0.0
+    restitution: float = 1.0
+    impact_speed: float = 1.0
+    strength: float | None = None
+    reach: float | None = None
+
+    def __post_init__(self) -> None:
+        _check(self, ("friction",), ("strength", "reach", "impact_speed"))
+        impact_damping(self.restitution, self.impact_speed)
+
+
+@dataclass(frozen=True)
+class PaperContact:
+    """How the paper's bodies meet surfaces, see `springgym.forces.paper_contact`; for rk4 alone.
+
+    Parameters
+    ----------
+    friction
+        μ
+    damping
+        c_N [kg/s]
+    strength, reach
+        As for `Contact`.
+    """
+
+    friction: float = 0.0
+    damping: float = 0.0
+    strength: float | None = None
+    reach: float | None = None
+
+    def __post_init__(self) -> None:
+        _check(self, ("friction", "damping"), ("strength", "reach"))
+
+
+def _check(contact: Any, not_negative: tuple[str, ...], positive: tuple[str, ...]) -> None:
+    for name in not_negative + positive:
+        value = getattr(contact, name)
+        if value is not None and not (0 <= value < math.inf and (value > 0 or name in not_negative)):
+            must = "positive" if name in positive else "not negative"
+            raise ValueError(f"{name} of the contact is {value}; it must be finite and {must}")
+
+
+def impact_damping(restitution: Any, speed: float) -> np.ndarray:
+    """d [s/m] of the barrier's loss that gives restitutions (…) at an impact speed [m/s].
+
+    Raises
+    ------
+    ValueError
+        If a restitution is not in [0, 1].
+    """
+    values = np.asarray(restitution, float)
+    if not ((values >= 0) & (values <= 1)).all():
+        raise ValueError(f"restitution is {restitution}; it must be in [0, 1]")
+    found = [
+        damping_for_restitution(e, speed) for e in np.maximum(values, LEAST_RESTITUTION).ravel().tolist()
+    ]
+    return np.reshape(found, values.shape)
+
+
+def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
+    """c [N·m²] and Δ [m] for a body, see `Contact`.
+
+    Raises
+    ------
+    ValueError
+        If one is to be derived from a body that has no size or no springs.
+    """
+    reach, strength = contact.reach, contact.strength
+    if reach is None:
+        reach = 2 * REACH * float(np.linalg.norm(body.positions - body.centre, axis=1).max())
+    if strength is None:
+        strength = 0.5 * float(body.stiffness.max(initial=0.0)) * reach**3
+    if not (reach > 0 and strength > 0):
+        raise ValueError(
+            f"body {body.name!r} has no size or no springs to derive the contact from; "
+            "give strength and reach of the contact"
+        )
+    return strength, reach
+
+
+def oblique(surfaces: tuple[Surface, ...]) -> bool:
+    """Whether two planes meet at another than a right angle."""
+    return any(abs(dot) > 1e-12 and dot > -1 + 1e-12 for _, _, dot in _pairs(surfaces))
+
+
+def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
+    """Refuse what contact cannot do.
+
+    Raises
+    ------
+    ValueError
+        If a dish is not alone, planes meet in a notch sharper than a right angle, or opposite ones are
+        nearer than 4 Δ.
+    """
+    if len(surfaces) > 1 and any(isinstance(surface, Dish) for surface in surfaces):
+        raise ValueError("a dish must be the only surface of a scene")
+    for i, j, dot in _pairs(surfaces):
+        first, second = surfaces[i], surfaces[j]
+        assert isinstance(first, Plane)
+        assert isinstance(second, Plane)
+        if dot < -1 + 1e-12:
+            gap = -(first.offset + second.offset)
+            if gap < 4 * reach:
+                raise ValueError(
+                    f"surfaces {i} and {j} face each other {gap:g} m apart; they reach {reach:g} m, "
+                    f"so that they must be at least {4 * reach:g} m apart"
+                )
+        elif dot < -1e-9:
+            angle = 180 - math.degrees(math.acos(max(-1.0, dot)))
+            raise ValueError(
+                f"surfaces {i} and {j} meet at {angle:.3g}°; they must meet at 90° or more, "
+                "as a sharper notch could be pierced"
+            )
+
+
+def _pairs(surfaces: tuple[Surface, ...]) -> list[tuple[int, int, float]]:
+    """The planes i < j and the product of their normals."""
+    planes = [(n, surface.normal) for n, surface in enumerate(surfaces) if isinstance(surface, Plane)]
+    return [(i, j, float(np.dot(a, b))) for i, a in planes for j, b in planes if i < j]
+
+
+def check_heights(
+    surfaces: tuple[Surface, ...], reach: float, positions: np.ndarray, free: Any, copies: Any = None
+) -> None:
+    """Refuse starts behind or too near a surface.
+
+    Parameters
+    ----------
+    positions : (N, 3) or (k, N, 3)
+        [m]
+    free : (N,)
+        The particles that surfaces act on: those that are not pinned.
+    copies : (k,), optional
+        What the copies are called.
+
+    Raises
+    ------
+    ValueError
+        Naming the particle, the copy if there are several, and the surface.
+    """
+    for n, surface in enumerate(surfaces):
+        heights = surface.height(np.asarray(positions, float))
+        wrong = np.argwhere((heights < NEAREST * reach) & free)
+        if wrong.size:
+            *row, particle = wrong[0].tolist()
+            h = heights[tuple(wrong[0])]
+            of = f" of copy {copies[row[0]]}" if row and copies is not None else ""
+            where = f"{-h:g} m behind" if h < 0 else f"only {h:g} m above"
+            raise ValueError(
+                f"particle {particle}{of} starts {where} surface {n}, {surface}; it must be at least "
+                f"{NEAREST * reach:g} m above, and is free of its force from {reach:g} m"
+            )

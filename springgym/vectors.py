@@ -1,0 +1,151 @@
+"""Vectors in compiled code: triples of `Lanes`, and small linear algebra on them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from springgym.compiling import compiled
+from springgym.lanes import load, multiply_add, select, sqrt, store
+
+TINY = 1e-30  # added to a squared length: keeps 1/length finite at zero, and changes no other length
+
+
+@compiled
+def row(array: Any, i: Any) -> Any:
+    """``array[i]`` of an array (rows, 3), as a vector."""
+    return load(array, (i, 0)), load(array, (i, 1)), load(array, (i, 2))
+
+
+@compiled
+def set_row(array: Any, i: Any, u: Any) -> None:
+    """``array[i] = u``."""
+    store(array, (i, 0), u[0])
+    store(array, (i, 1), u[1])
+    store(array, (i, 2), u[2])
+
+
+@compiled
+def add_row(array: Any, i: Any, u: Any) -> None:
+    """``array[i] += u``."""
+    store(array, (i, 0), load(array, (i, 0)) + u[0])
+    store(array, (i, 1), load(array, (i, 1)) + u[1])
+    store(array, (i, 2), load(array, (i, 2)) + u[2])
+
+
+@compiled
+def add_scaled(array: Any, i: Any, s: Any, u: Any) -> None:
+    """``array[i] += s u``, rounded once."""
+    set_row(array, i, plus_scaled(row(array, i), s, u))
+
+
+@compiled
+def plus_scaled(w: Any, s: Any, u: Any) -> Any:
+    """w + s u, rounded once."""
+    return multiply_add(s, u[0], w[0]), multiply_add(s, u[1], w[1]), multiply_add(s, u[2], w[2])
+
+
+@compiled
+def vector(array: Any) -> Any:
+    """The three numbers of an array (3,), as a vector."""
+    return load(array, 0), load(array, 1), load(array, 2)
+
+
+@compiled
+def plus(u: Any, w: Any) -> Any:
+    return u[0] + w[0], u[1] + w[1], u[2] + w[2]
+
+
+@compiled
+def minus(u: Any, w: Any) -> Any:
+    return u[0] - w[0], u[1] - w[1], u[2] - w[2]
+
+
+@compiled
+def times(s: Any, u: Any) -> Any:
+    return s * u[0], s * u[1], s * u[2]
+
+
+@compiled
+def dot(u: Any, w: Any) -> Any:
+    return multiply_add(u[2], w[2], multiply_add(u[1], w[1], u[0] * w[0]))
+
+
+@compiled
+def cross(u: Any, w: Any) -> Any:
+    return u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]
+
+
+@compiled
+def choose(mask: Any, u: Any, w: Any) -> Any:
+    """``u`` in the lanes where the mask holds, ``w`` in the others."""
+    return select(mask, u[0], w[0]), select(mask, u[1], w[1]), select(mask, u[2], w[2])
+
+
+@compiled
+def unit(u: Any) -> Any:
+    return times(1.0 / sqrt(dot(u, u) + TINY), u)
+
+
+@compiled
+def triad(x: Any, frame: Any) -> Any:
+    """Right-handed unit vectors (e1, e2, e3) that turn with the body.
+
+    ``frame`` names three particles: e3 points from the first to the second, e1 from the first towards
+    the third as far as that is perpendicular to e3.
+    """
+    origin = row(x, frame[0])
+    e3 = unit(minus(row(x, frame[1]), origin))
+    sideways = minus(row(x, frame[2]), origin)
+    e1 = unit(minus(sideways, times(dot(sideways, e3), e3)))
+    return e1, cross(e3, e1), e3
+
+
+@compiled
+def mass_centre(x: Any, mass: Any) -> Any:
+    """Centre of mass of the positions (or, given velocities, its velocity)."""
+    total = load(mass, 0)
+    first = times(total, row(x, 0))
+    for i in range(1, mass.size):
+        total = total + load(mass, i)
+        first = plus(first, times(load(mass, i), row(x, i)))
+    return times(1.0 / total, first)
+
+
+@compiled
+def angular_momentum(x: Any, v: Any, mass: Any, about: Any) -> Any:
+    """Σ m (x − about) × v."""
+    total = times(load(mass, 0), cross(minus(row(x, 0), about), row(v, 0)))
+    for i in range(1, mass.size):
+        moment = cross(minus(row(x, i), about), row(v, i))
+        total = plus(total, times(load(mass, i), moment))
+    return total
+
+
+@compiled
+def inertia(x: Any, mass: Any, about: Any) -> Any:
+    """Inertia tensor Σ m (r² 1 − r rᵀ) about a point: (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)."""
+    r = minus(row(x, 0), about)
+    m = load(mass, 0)
+    xx, yy, zz = m * r[0] * r[0], m * r[1] * r[1], m * r[2] * r[2]
+    xy, xz, yz = m * r[0] * r[1], m * r[0] * r[2], m * r[1] * r[2]
+    for i in range(1, mass.size):
+        r = minus(row(x, i), about)
+        u = times(load(mass, i), r)
+        xx, yy, zz = xx + u[0] * r[0], yy + u[1] * r[1], zz + u[2] * r[2]
+        xy, xz, yz = xy + u[0] * r[1], xz + u[0] * r[2], yz + u[1] * r[2]
+    return yy + zz, xx + zz, xx + yy, -xy, -xz, -yz
+
+
+@compiled
+def solve_symmetric(tensor: Any, b: Any) -> Any:
+    """Solution of A u = b for a symmetric 3×3 matrix (xx, yy, zz, xy, xz, yz), by cofactors.
+
+    Zero where the matrix is singular, as the inertia of a straight rope is.
+    """
+    xx, yy, zz, xy, xz, yz = tensor
+    first = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
+    second = (first[1], xx * zz - xz * xz, xy * xz - xx * yz)
+    third = (first[2], second[2], xx * yy - xy * xy)
+    determinant = dot((xx, xy, xz), first)
+    inverse = select(determinant > 0.0, 1.0 / determinant, 0.0)
+    return times(inverse, (dot(first, b), dot(second, b), dot(third, b)))

@@ -1,0 +1,87 @@
+"""Records and what is refused on their strength."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from springgym.compiling import _source_digest
+from springgym.integrators import METHODS, advance_kernel, integrator
+from springgym.measures import read
+from springgym.simulator import Simulator
+from tests.integrators.problems import tetrahedron
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_record_is_complete(name: str) -> None:
+    record = integrator(name)
+    assert record.name == name
+    assert record.order >= 1
+    assert record.evaluations >= 1
+    assert record.imaginary_limit > 0
+    assert record.workspace >= 3
+    assert any(character.isdigit() for character in record.citation)
+    if record.implicit:
+        assert math.isinf(record.imaginary_limit)
+        assert math.isinf(record.real_limit)
+    if record.negative_substeps:
+        assert record.real_limit == 0
+
+
+def test_unknown_method_is_named() -> None:
+    with pytest.raises(ValueError, match="unknown integrator 'euler'; there are verlet, symplectic_euler"):
+        integrator("euler")
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_damping_is_refused_with_negative_substeps(name: str) -> None:
+    damped = tetrahedron("verlet", 1.0)
+    undamped = damped.with_(body=damped.body.with_(damping=0.0))
+    Simulator(undamped, integrator=name)
+    if integrator(name).negative_substeps:
+        for scene, varying in ((damped, ()), (undamped, ("damping",))):
+            with pytest.raises(ValueError, match=f"{name} takes substeps back in time"):
+                Simulator(scene, integrator=name, varying=varying)
+    else:
+        Simulator(damped, integrator=name, varying=("damping",))
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_tolerance_goes_to_methods_that_have_one(name: str) -> None:
+    scene = tetrahedron(name, 0.0)
+    if not integrator(name).controlled:
+        with pytest.raises(ValueError, match=f"{name} has none"):
+            Simulator(scene, integrator=name, tolerance=(1e-6, 1e-9))
+        with pytest.raises(ValueError, match="no counts"):
+            Simulator(scene, integrator=name).counts()
+        return
+    assert Simulator(scene, integrator=name, copies=3).counts().shape == (3, 3)
+    for wrong in ((0.0, 0.0), (-1e-6, 1e-3), (math.nan, 1e-3)):
+        with pytest.raises(ValueError, match="tolerance is"):
+            Simulator(scene, integrator=name, tolerance=wrong)
+
+
+def test_each_method_has_its_own_cache_entry() -> None:
+    digests = {name: _source_digest(advance_kernel(name, read).py_func) for name in METHODS}
+    assert len(set(digests.values())) == len(METHODS)
+    script = (
+        "from springgym.compiling import _source_digest; from springgym.integrators import advance_kernel; "
+        "from springgym.measures import read; "
+        "print(_source_digest(advance_kernel('rk4', read).py_func).hex())"
+    )
+    alone = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert alone.strip() == digests["rk4"].hex()  # whatever else this process has imported
+
+
+@pytest.mark.slow
+def test_newton_converges_in_float32() -> None:
+    ends = []
+    for dtype in (np.float32, np.float64):
+        made = Simulator(tetrahedron("tr_bdf2", 1.0), integrator="tr_bdf2", step=0.01, dtype=dtype)
+        made.advance(50)
+        ends.append(made.positions[0])
+    np.testing.assert_allclose(ends[0], ends[1], atol=2e-4)

@@ -1,0 +1,166 @@
+"""Lanes against NumPy, and the promise built on them: every width and thread count gives the same bits."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from springgym.blocks import aligned_zeros, block_array, numbers, set_all, set_copies, to_copies
+from springgym.bodies import start, top
+from springgym.compiling import kernel
+from springgym.lanes import any_lane, block_dtype, load, maximum, minimum, multiply_add, select, sqrt, store
+from springgym.scene import Scene, WrenchActuator
+from springgym.simulator import Simulator
+
+WIDTHS = (1, 8, 16)
+DTYPES = (np.float32, np.float64)
+
+
+@kernel
+def operate(a: Any, b: Any, shared: Any, out: Any) -> int:
+    """Every operation on lanes, one a row of ``out``; the result counts masks with a lane set."""
+    x, y, s = load(a, 0), load(b, 0), shared[0]
+    store(out, 0, x + y)
+    store(out, 1, x - y)
+    store(out, 2, x * y)
+    store(out, 3, x / y)
+    store(out, 4, -x)
+    store(out, 5, sqrt(x))
+    store(out, 6, s * x + 2)
+    store(out, 7, x / s - 1.5)
+    store(out, 8, select(x < y, x, y))
+    store(out, 9, select(x >= s, x, 0.0))
+    store(out, 10, select(x <= y, 1.0, x))
+    store(out, 11, maximum(x, y))
+    store(out, 12, minimum(x, y))
+    store(out, 13, s)
+    return int(any_lane(x > y)) + int(any_lane(x < s))
+
+
+def expected(x: np.ndarray, y: np.ndarray, shared: float) -> list[np.ndarray]:
+    one = x.dtype.type
+    s = one(shared)
+    return [
+        x + y,
+        x - y,
+        x * y,
+        x / y,
+        -x,
+        np.sqrt(x),
+        s * x + one(2),
+        x / s - one(1.5),
+        np.where(x < y, x, y),
+        np.where(x >= s, x, one(0)),
+        np.where(x <= y, one(1), x),
+        np.where(x > y, x, y),
+        np.where(x < y, x, y),
+        np.full_like(x, s),
+    ]
+
+
+def numbers_of(dtype: Any) -> st.SearchStrategy[float]:
+    return st.floats(width=np.dtype(dtype).itemsize * 8)  # infinities, NaN and subnormals among them
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("width", WIDTHS)
+@settings(deadline=None, max_examples=100)
+@given(data=st.data())
+def test_operations(width: int, dtype: Any, data: st.DataObject) -> None:
+    """Each operation gives, to the bit, what NumPy gives number by number."""
+    a, b = (data.draw(arrays(dtype, width, elements=numbers_of(dtype))) for _ in range(2))
+    shared = data.draw(numbers_of(np.float32))
+    blocks = [aligned_zeros((1,), block_dtype(dtype, width)) for _ in range(2)]
+    for block, values in zip(blocks, (a, b), strict=True):
+        numbers(block)[0] = values
+    out = aligned_zeros((14,), block_dtype(dtype, width))
+    masks = operate(*blocks, np.array([shared]), out)
+    with np.errstate(all="ignore"):
+        for row, values in enumerate(expected(a, b, shared)):
+            np.testing.assert_array_equal(numbers(out)[row], values)
+            known = ~np.isnan(values)
+            np.testing.assert_array_equal(np.signbit(numbers(out)[row][known]), np.signbit(values[known]))
+    assert masks == int((a > b).any()) + int((a < dtype(shared)).any())
+
+
+@kernel
+def fuse(a: Any, b: Any, c: Any, out: Any) -> float:
+    store(out, 0, multiply_add(load(a, 0), load(b, 0), c[0]))
+    return multiply_add(c[0], c[0], c[0])
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("width", WIDTHS)
+@settings(deadline=None, max_examples=100)
+@given(data=st.data())
+def test_multiply_add_rounds_once(width: int, dtype: Any, data: st.DataObject) -> None:
+    """No number is nearer to the exact a b + c, and lanes give what a number alone gives."""
+    order_one = st.floats(-4.0, 4.0, width=32).map(lambda x: x + x * 2.0**-20)
+    a, b = (data.draw(arrays(dtype, width, elements=order_one.map(dtype))) for _ in range(2))
+    c = float(dtype(data.draw(order_one)))
+    blocks = [aligned_zeros((1,), block_dtype(dtype, width)) for _ in range(3)]
+    for block, values in zip(blocks, (a, b), strict=False):
+        numbers(block)[0] = values
+    alone = fuse(*blocks[:2], np.array([c]), blocks[2])
+    found = numbers(blocks[2])[0]
+    exact = [Fraction(float(p)) * Fraction(float(q)) + Fraction(c) for p, q in zip(a, b, strict=True)]
+    triples = [*zip(found, exact, strict=True), (np.float64(alone), Fraction(c) * Fraction(c) + Fraction(c))]
+    for value, wanted in triples:
+        error = abs(Fraction(float(value)) - wanted)
+        for neighbour in (np.nextafter(value, value.dtype.type(side)) for side in (-np.inf, np.inf)):
+            assert error <= abs(Fraction(float(neighbour)) - wanted)
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("copies", [1, 5, 8, 16, 19, 40])
+def test_rows_of_a_batch(copies: int, dtype: Any) -> None:
+    """What goes into blocks copy by copy comes out again, and only what was named is changed."""
+    rows = np.arange(copies * 6).reshape(copies, 2, 3).astype(dtype)
+    array = block_array(copies, (2, 3), dtype)
+    set_all(array, rows)
+    np.testing.assert_array_equal(to_copies(array, copies), rows)
+    chosen = np.unique([0, copies // 2, copies - 1])
+    set_copies(array, chosen, -1.0)
+    rows[chosen] = -1.0
+    np.testing.assert_array_equal(to_copies(array, copies), rows)
+    assert array.ctypes.data % 64 == 0
+
+
+COPIES = 2 * 16 + 3
+TORQUE = np.linspace(-15, 15, 3 * COPIES).reshape(COPIES, 3)
+
+
+def simulate(which: range, dtype: Any, integrator: str, threads: int = 1) -> list[np.ndarray]:
+    """Positions, velocities and measures of some of `COPIES` tops that each start in their own way."""
+    body = top(damping=100.0)
+    tip = body.parts["tip"]
+    scene = Scene(body, pinned=tip, wrench=WrenchActuator(axial=False))
+    simulator = Simulator(
+        scene, integrator=integrator, step=2e-4, copies=len(which), dtype=dtype, threads=threads
+    )
+    for row, n in enumerate(which):
+        state = start(body, tilt=0.1 + 0.01 * n, spin=20.0 + n, precession=0.1 * n, pinned=tip)
+        simulator.place(*state, np.array([row]))
+    simulator.actuate(torque=TORQUE[which.start : which.stop])
+    before = simulator.positions
+    simulator.advance(200)
+    assert np.abs(simulator.positions - before).max() > 0.1
+    return [simulator.positions, simulator.velocities, *simulator.measure()]
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
+def test_widths_and_threads_give_the_same_bits(integrator: str, dtype: Any) -> None:
+    """Copies alone, in one block, in several, on one thread and two: the same to the last bit."""
+    batch = simulate(range(COPIES), dtype, integrator)
+    for ours in zip(batch, simulate(range(COPIES), dtype, integrator, threads=2), strict=True):
+        np.testing.assert_array_equal(*ours)
+    for which in (range(5), range(11, 27), range(1), range(18, 19), range(34, 35)):
+        for all_copies, some in zip(batch, simulate(which, dtype, integrator), strict=True):
+            np.testing.assert_array_equal(all_copies[which.start : which.stop], some)

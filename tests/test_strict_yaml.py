@@ -1,0 +1,114 @@
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import pytest
+
+from springgym.strict_yaml import YamlError, build, parse_yaml, read_yaml
+
+
+@dataclass
+class Thing:
+    count: int
+    size: float = 1.0
+    name: str | None = None
+    colour: Literal["red", "blue"] = "red"
+    point: tuple[float, float] = (0.0, 0.0)
+    sides: Sequence[float] = ()
+    factors: Mapping[int, float] | None = None
+    flags: dict[str, bool] | None = None
+    anything: Any = None
+
+    def __post_init__(self) -> None:
+        if self.count < 0:
+            raise ValueError(f"count is {self.count}; it must not be negative")
+
+
+def made(text):
+    return build(Thing, parse_yaml(text, "file.yaml"))
+
+
+def test_values_of_every_kind():
+    thing = made(
+        """
+count: 3
+size: 1e5
+name: null
+colour: blue
+point: [1, 2.5]
+sides: [1, 2, 3e-4]
+factors: {0: 2, 7: 0.5}
+flags: {on: true}
+anything: [1, {a: b}]
+"""
+    )
+    assert thing == Thing(
+        3, 1e5, None, "blue", (1.0, 2.5), (1.0, 2.0, 3e-4), {0: 2.0, 7: 0.5}, {"on": True}, [1, {"a": "b"}]
+    )
+    assert type(thing.size) is float
+    assert type(thing.point[0]) is float
+
+
+@pytest.mark.parametrize("number", ["1e5", "1E5", "1.e5", "1.0e+5", "+1e5", "100000", ".1e6", "10_0000"])
+def test_every_way_to_write_a_number(number):
+    assert made(f"count: 1\nsize: {number}").size == 1e5
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("count: 1\nsise: 2", "file.yaml:2: unknown key 'sise'; did you mean 'size'?"),
+        ("count: 1\nweight: 2", "file.yaml:2: unknown key 'weight'; known keys: count, size,"),
+        ("count: 1\nsize: 2\ncount: 3", "file.yaml:3: duplicate key 'count'"),
+        ("size: 2", "file.yaml:1: the file lacks count"),
+        ("count: 1.5", "file.yaml:1: count: expected a whole number, got 1.5"),
+        ("count: true", "file.yaml:1: count: expected a whole number, got True"),
+        ("count: '1'", "file.yaml:1: count: expected a whole number, got '1'"),
+        ("count: 1\nsize: big", "file.yaml:2: size: expected a number, got 'big'"),
+        ("count: 1\nsize: no", "file.yaml:2: size: expected a number, got False"),
+        ("count: 1\nname: 5", "file.yaml:2: name: expected text or null, got 5"),
+        ("count: 1\ncolour: green", "file.yaml:2: colour: expected one of red, blue, got 'green'"),
+        ("count: 1\npoint: [1, 2, 3]", "file.yaml:2: point: expected a list of 2 values, got [1, 2, 3]"),
+        ("count: 1\nsides:\n - 1\n - x", "file.yaml:4: sides.1: expected a number, got 'x'"),
+        ("count: 1\nfactors: {a: 1}", "file.yaml:2: factors: expected a mapping or null"),
+        ("count: 1\nflags: {a: 1}", "file.yaml:2: flags: expected a mapping or null"),
+        ("count: 1\nanything:\n  a: 1\n  a: 2", "file.yaml:4: duplicate key 'a'"),
+        ("count: -1", "file.yaml:1: the file: count is -1; it must not be negative"),
+        ("[1, 2]", "file.yaml:1: the file must be a mapping of keys to values, not [1, 2]"),
+        ("", "file.yaml: the file must be a mapping of keys to values, not None"),
+        ("? [a]\n: 1", "file.yaml:1: a key must be a word"),
+        ("count: [1", "not valid YAML"),
+        ("count: !!python/object:os.system x", "not valid YAML: could not determine a constructor"),
+        ("count: 2001-99-99", "file.yaml:1: month must be in"),
+        ("anything: &a [*a]", "an alias that refers to itself"),
+        ("count: \x01", "not valid YAML"),
+    ],
+)
+def test_error_names_file_line_and_key(text, message):
+    with pytest.raises(YamlError) as error:
+        made(text)
+    assert message in str(error.value)
+
+
+def test_errors_of_reading_name_the_file(tmp_path):
+    with pytest.raises(YamlError, match=r"nothing\.yaml: cannot read it: No such file"):
+        read_yaml(tmp_path / "nothing.yaml")
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\xfa")
+    with pytest.raises(YamlError, match=r"binary\.yaml: cannot read it"):
+        read_yaml(tmp_path / "binary.yaml")
+
+
+def test_nested_mapping_skipped_keys_and_given_arguments():
+    tree = parse_yaml("outer:\n  kind: thing\n  size: 2\n  count: 4", "file.yaml")
+    assert build(Thing, tree, ("outer",), skip=("kind",)) == Thing(4, 2.0)
+    with pytest.raises(YamlError, match=r"file\.yaml:2: unknown key 'kind'"):
+        build(Thing, tree, ("outer",))
+    with pytest.raises(YamlError, match=r"file\.yaml:4: unknown key 'count'"):
+        build(Thing, tree, ("outer",), skip=("kind",), count=1)
+
+
+def test_functions_are_called():
+    def area(width: float, height: float = 2.0) -> float:
+        return width * height
+
+    assert build(area, parse_yaml("width: 3", "file.yaml")) == 6.0
