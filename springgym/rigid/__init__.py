@@ -1,0 +1,199 @@
+"""The rigid twin: the same particles as one rigid body, under the same scene.
+
+Methods are compositions of one symmetric second-order step, see `springgym.rigid.motion`; to add one,
+its record and its stages in `METHODS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from springgym.blocks import set_copies
+from springgym.integrators.record import Integrator
+from springgym.rigid.contact import ARRAYS, SURFACES
+from springgym.rigid.motion import Rigid, kernel_reading
+from springgym.rigid.shape import Shape, check_rigid, highest_rate, principal_shape, swing_rate
+from springgym.scene import Scene
+
+__all__ = [
+    "METHODS",
+    "Method",
+    "Rigid",
+    "Shape",
+    "advance_kernel",
+    "automatic_step",
+    "default",
+    "integrator",
+    "largest_step",
+    "principal_shape",
+    "set_masses",
+    "terms",
+]
+
+TURN = 0.2
+"""Automatic steps turn the body by this angle [rad] at the most, at the rates the scene starts with,"""
+
+LONGEST = 5e-3
+"""and are no longer than this [s]: actuators, and other starts, may spin it up;"""
+
+LONGEST_TOUCHING = 1e-3
+"""or than this, where there are surfaces."""
+
+
+class Method(NamedTuple):
+    """A method, and the shares of a step that its second-order steps take."""
+
+    record: Integrator
+    stages: tuple[float, ...]
+
+
+def _method(name: str, order: int, limit: float, half: tuple[float, ...], citation: str) -> Method:
+    """The method with these stages up to the middle, which makes their sum 1, and mirrored behind it."""
+    stages = (*half, 1 - 2 * sum(half), *half[::-1])
+    record = Integrator(
+        name=name,
+        order=order,
+        evaluations=len(stages),
+        imaginary_limit=limit,
+        real_limit=math.inf,
+        symplectic=True,
+        negative_substeps=min(stages) < 0,
+        workspace=ARRAYS * SURFACES,
+        citation=citation,
+        meets_surfaces=min(stages) > 0,
+    )
+    return Method(record, stages)
+
+
+METHODS = {
+    method.record.name: method
+    for method in (
+        _method("verlet", 2, 2.0, (), "Strang 1968, doi:10.1137/0705041; Fassò 2003"),
+        _method(
+            "suzuki",
+            4,
+            2.7209,
+            (1 / (4 - 4 ** (1 / 3)),) * 2,
+            "Suzuki 1990, doi:10.1016/0375-9601(90)90962-N",
+        ),
+        _method(
+            "kahan_li",
+            6,
+            2.5326,
+            (0.39216144400731413928, 0.33259913678935943860, -0.70624617255763935981, 0.08221359629355080023),
+            "Kahan & Li 1997, doi:10.1090/S0025-5718-97-00873-9, s9odr6a",
+        ),
+    )
+}
+"""The methods of the rigid twin by name."""
+
+
+def default(scene: Scene) -> str:
+    """The method for a scene if none is named: that of fourth order, unless contact rules it out."""
+    return "verlet" if scene.surfaces else "suzuki"
+
+
+def integrator(name: str) -> Integrator:
+    """The record of a method.
+
+    Raises
+    ------
+    ValueError
+        If there is no method of that name for rigid bodies.
+    """
+    if name not in METHODS:
+        raise ValueError(f"unknown integrator {name!r} for rigid dynamics; there are {', '.join(METHODS)}")
+    return METHODS[name].record
+
+
+def advance_kernel(name: str, read: Callable[..., None]) -> Callable[..., None]:
+    """As `springgym.integrators.advance_kernel`; one for all methods."""
+    return kernel_reading(read)
+
+
+def largest_step(scene: Scene, method: Integrator) -> float:
+    """The stability limit of a method [s], by the fastest swing about the pin; infinite without one.
+
+    Raises
+    ------
+    ValueError
+        If the scene has no rigid twin.
+    """
+    check_rigid(scene, method)
+    rate = swing_rate(scene)
+    return method.imaginary_limit / rate if rate > 0 else math.inf
+
+
+def automatic_step(scene: Scene, method: Integrator, period: float | None = None) -> float:
+    """The step used when none is given [s]: by `TURN`, `LONGEST` and `LONGEST_TOUCHING`.
+
+    It is a whole part of ``period``.
+
+    Raises
+    ------
+    ValueError
+        If the scene has no rigid twin.
+    """
+    check_rigid(scene, method)
+    rate = highest_rate(scene)
+    longest = LONGEST_TOUCHING if scene.surfaces else LONGEST
+    step = min(longest, TURN / rate) if rate > 0 else longest
+    return step if period is None else period / math.ceil(period / step - 1e-9)
+
+
+def terms(
+    scene: Scene, method: Integrator, varying: Collection[str], parameter: Callable[[np.ndarray], np.ndarray]
+) -> tuple[Rigid, np.ndarray | None]:
+    """The rigid body of a scene and its asymmetry, 1/I₂ − 1/I₁ (1,), as the kernel takes them.
+
+    Parameters
+    ----------
+    scene, method
+        What moves, and how.
+    varying
+        Names of parameters that differ from copy to copy.
+    parameter
+        Makes an array that depends on the masses: of one value, or of blocks of copies.
+
+    Raises
+    ------
+    ValueError
+        If the lengths of springs are to vary.
+    """
+    if "lengths" in varying:
+        raise ValueError("lengths cannot vary in rigid dynamics: the shape is that of the body's positions")
+    values = _shape_values(scene, None)
+    rigid = Rigid(
+        shape=parameter(values["shape"]),
+        moments=parameter(values["moments"]),
+        triad=parameter(values["triad"]),
+        frame=np.array(scene.body.frame, np.uint32),
+        pivot=scene.pivot,
+        stages=np.array(METHODS[method.name].stages),
+    )
+    symmetric = "masses" not in varying and values["asymmetry"] == 0
+    return rigid, None if symmetric else parameter(values["asymmetry"])
+
+
+def set_masses(twin: tuple[Rigid, np.ndarray], scene: Scene, copies: np.ndarray, masses: Any) -> None:
+    """Give some copies (k,) the shape and moments that follow from their masses (k, N)."""
+    rigid, asymmetry = twin
+    arrays = {**rigid._asdict(), "asymmetry": asymmetry}
+    given = np.broadcast_to(masses, (len(copies), len(scene.body.masses)))
+    for copy, own in zip(copies, given, strict=True):
+        for name, value in _shape_values(scene, own).items():
+            set_copies(arrays[name], copy[None], value)
+
+
+def _shape_values(scene: Scene, masses: np.ndarray | None) -> dict[str, np.ndarray]:
+    shape = principal_shape(scene, masses)
+    return {
+        "shape": shape.positions,
+        "moments": shape.moments,
+        "triad": shape.triad(scene.body.frame),
+        "asymmetry": 1 / shape.moments[1:2] - 1 / shape.moments[0:1],
+    }

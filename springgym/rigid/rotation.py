@@ -1,0 +1,99 @@
+"""Rotations of lanes: unit quaternions (w, x, y, z), which turn body into world coordinates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from springgym.compiling import compiled
+from springgym.lanes import sqrt
+from springgym.vectors import TINY, cross, dot, plus, times
+
+PI_HIGH = 3.1415925025939941  # 22 bits: a few times it is exact
+PI_LOW = 1.5099579909783765e-07
+
+
+@intrinsic
+def nearest(typingctx: Any, value: Any) -> Any:
+    """The nearest whole number in each lane."""
+    name = {types.float64: "f64", types.float32: "f32"}[value.dtype]
+    name = f"llvm.rint.v{value.width}{name}" if value.width > 1 else f"llvm.rint.{name}"
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        lanes = args[0].type
+        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(lanes, [lanes]), name)
+        return builder.call(function, args)
+
+    return value(value), codegen
+
+
+@compiled
+def sine_cosine(angle: Any) -> Any:
+    """(sin, cos), or both negated: the half turns that are left out make no difference to a rotation.
+
+    Reduced to |angle| ≤ π/2, by Taylor's series at half of it and the formulas for the double angle.
+    """
+    turns = nearest(angle * 0.3183098861837907)
+    half = 0.5 * ((angle - turns * PI_HIGH) - turns * PI_LOW)
+    z = half * half
+    series = 2.8114572543455206e-15 * z - 7.647163731819816e-13
+    series = series * z + 1.6059043836821613e-10
+    series = series * z - 2.505210838544172e-08
+    series = series * z + 2.7557319223985893e-06
+    series = series * z - 0.0001984126984126984
+    series = series * z + 0.008333333333333333
+    series = series * z - 0.16666666666666666
+    sine = half + half * z * series
+    series = 4.779477332387385e-14 * z - 1.1470745597729725e-11
+    series = series * z + 2.08767569878681e-09
+    series = series * z - 2.755731922398589e-07
+    series = series * z + 2.48015873015873e-05
+    series = series * z - 0.001388888888888889
+    series = series * z + 0.041666666666666664
+    series = series * z - 0.5
+    cosine = 1.0 + z * series
+    return 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine
+
+
+@compiled
+def product(p: Any, q: Any) -> Any:
+    """The rotation q, then p."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] + p[2] * q[0] + p[3] * q[1] - p[1] * q[3],
+        p[0] * q[3] + p[3] * q[0] + p[1] * q[2] - p[2] * q[1],
+    )
+
+
+@compiled
+def normalised(q: Any) -> Any:
+    inverse = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return inverse * q[0], inverse * q[1], inverse * q[2], inverse * q[3]
+
+
+@compiled
+def turn(q: Any, u: Any) -> Any:
+    """A vector in world coordinates from body coordinates: u + 2 w a × u + 2 a × (a × u), q = (w, a)."""
+    axis = (q[1], q[2], q[3])
+    across = times(2.0, cross(axis, u))
+    return plus(u, plus(times(q[0], across), cross(axis, across)))
+
+
+@compiled
+def turn_back(q: Any, u: Any) -> Any:
+    """A vector in body coordinates from world coordinates."""
+    return turn((q[0], -q[1], -q[2], -q[3]), u)
+
+
+@compiled
+def rotation_vector(u: Any, scale: Any) -> Any:
+    """The rotation about ``u`` by the angle ``scale`` × |u|."""
+    size = sqrt(dot(u, u) + TINY)
+    sine, cosine = sine_cosine((0.5 * scale) * size)
+    s = sine / size
+    return cosine, s * u[0], s * u[1], s * u[2]

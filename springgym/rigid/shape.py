@@ -1,0 +1,140 @@
+"""A body as one rigid body: its particles in principal axes, and its principal moments."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import NamedTuple
+
+import numpy as np
+
+from springgym.bodies.motion import axes
+from springgym.integrators.record import Integrator
+from springgym.rigid.contact import SURFACES
+from springgym.scene import Scene
+from springgym.surfaces import PaperContact
+
+ROUND_OFF = 1e-12
+"""Moments closer than this share of them are taken as equal."""
+
+
+class Shape(NamedTuple):
+    """What mass distribution and pin make of a body."""
+
+    positions: np.ndarray
+    """(N, 3) particles in principal axes, from the pin if there is one, else from the centre of mass [m]"""
+    moments: np.ndarray
+    """(3,) about that point [kg·m²]. The first two are those that are closest to each other, as 1/I."""
+
+    def triad(self, frame: tuple[int, int, int]) -> np.ndarray:
+        """(3, 3) the body's triad in principal axes, its rows."""
+        return np.ascontiguousarray(axes(self.positions, frame).T)
+
+
+def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
+    """The unstretched particles of a scene's body in principal axes about its pin or centre of mass.
+
+    Parameters
+    ----------
+    scene
+        Its body and pin are used.
+    masses : (N,), optional
+        Instead of those of the body [kg].
+    """
+    body = scene.body if masses is None else scene.body.with_(masses=masses)
+    about = body.positions[scene.pivot] if scene.pinned else body.centre
+    moments, principal = body.principal(about)
+    inverse = 1 / moments
+    if inverse[0] - inverse[1] > inverse[1] - inverse[2]:
+        order = [1, 2, 0]  # cyclic: the axes stay right-handed
+        moments, principal = moments[order], principal[:, order]
+    if abs(moments[1] - moments[0]) < ROUND_OFF * moments[1]:
+        moments[:2] = moments[:2].mean()
+    return Shape((body.positions - about) @ principal, moments)
+
+
+LEAST_RESTITUTION = 0.01
+"""Particles that strike together share a loss out among them as long as a step does not stop them dead: a
+cube that falls flat with a restitution of 0 would rebound with up to 0.1."""
+
+UNDERSTOOD = {
+    *("body", "positions", "velocities", "pinned", "gravity"),
+    *("wrench", "thrust", "drive", "surfaces", "contact"),
+}
+"""Fields of a scene that rigid dynamics takes notice of."""
+
+
+def check_rigid(scene: Scene, method: Integrator) -> None:
+    """Refuse a scene that has no rigid twin.
+
+    Raises
+    ------
+    ValueError
+        With the reason: a floppy body, particles on one line, several pins, a drive, surfaces with a
+        method that steps back in time or with the paper's contact, or what rigid dynamics knows nothing of.
+    """
+    body = scene.body
+    if body.floppy:
+        raise ValueError(f"body {body.name!r} is meant to change shape: it has no rigid twin")
+    if _rank(body.positions) < 2:
+        raise ValueError(
+            f"the particles of body {body.name!r} lie on one line: as a rigid body it has no moment of "
+            "inertia about it"
+        )
+    if _rank(body.positions[list(body.frame)]) < 2:
+        raise ValueError(
+            f"the particles {body.frame} of the frame of body {body.name!r} lie on one line and tell no "
+            "orientation; name three that span a plane"
+        )
+    if len(scene.pinned) > 1:
+        raise ValueError(
+            f"particles {scene.pinned} are pinned; a rigid body turns about one point: pin one particle"
+        )
+    if scene.drive:
+        raise ValueError("a rigid body takes no drive: the pin that it turns about must stay at rest")
+    if scene.surfaces:
+        if method.negative_substeps:
+            raise ValueError(
+                f"{method.name} takes substeps back in time, in which contact has no meaning; use verlet"
+            )
+        if isinstance(scene.contact, PaperContact):
+            raise ValueError("the paper's contact pushes single particles; give the rigid body a Contact")
+        if scene.contact.restitution < LEAST_RESTITUTION:
+            raise ValueError(
+                f"restitution is {scene.contact.restitution}; where particles of a rigid body strike "
+                f"together, rebounds are right from {LEAST_RESTITUTION} on"
+            )
+        if len(scene.surfaces) > SURFACES:
+            raise ValueError(f"there are {len(scene.surfaces)} surfaces; a rigid body may meet {SURFACES}")
+    for field in fields(scene):
+        if field.name not in UNDERSTOOD and getattr(scene, field.name) != field.default:
+            raise ValueError(f"rigid dynamics knows nothing of {field.name}: leave it out of the scene")
+
+
+def _rank(positions: np.ndarray) -> int:
+    """0, 1 or 2 for particles in one point, on one line, or neither."""
+    arms = positions - positions.mean(axis=0)
+    return int(np.linalg.matrix_rank(arms, tol=1e-9 * np.abs(arms).max(initial=1e-300)))
+
+
+def highest_rate(scene: Scene) -> float:
+    """The fastest rate [rad/s] at which the start of a scene lets its rigid body change.
+
+    The larger of the angular speed that it starts with and √(M g d / I), I the smallest moment about the
+    pin, d the distance of the centre of mass from it.
+    """
+    body = scene.body.with_(positions=scene.positions)
+    about = body.positions[scene.pivot] if scene.pinned else body.centre
+    momentum = body.masses @ np.cross(body.positions - about, scene.velocities)
+    spin = np.linalg.norm(np.linalg.solve(body.inertia(about), momentum))
+    return max(float(spin), swing_rate(scene))
+
+
+def swing_rate(scene: Scene) -> float:
+    """√(M g d / I) [rad/s] as in `highest_rate`; 0 without pin or gravity."""
+    body = scene.body
+    if not scene.pinned or scene.gravity is None:
+        return 0.0
+    pin = body.positions[scene.pivot]
+    moments, _ = body.principal(pin)
+    weight = body.mass * np.linalg.norm(scene.gravity)
+    return float(np.sqrt(weight * np.linalg.norm(body.centre - pin) / moments[0]))
