@@ -1,0 +1,20 @@
+"""Closed forms the simulator is tested against.
+
+Every module is plain functions of floats and arrays in SI units, z up, with the equation, the
+units and the source in each docstring. Nothing here imports the simulator. Importing it needs
+NumPy alone; functions that need SciPy say so and import it when called.
+
+=============  ==================================================================================
+`top`          heavy symmetric (Lagrange) top with one point fixed
+`free_body`    Euler's torque-free asymmetric body
+`pendulum`     physical pendulum at any amplitude; the cube hung from a vertex
+`rope`         hanging chain of beads and springs: statics, swing, bounce, catenary
+`contact`      inverse-square floor, restitution, Coulomb friction
+`oscillation`  damped oscillator, spin-stretched pair, spin-down of implicit Euler
+`frames`       Euler angles to frames, and particles carried by a frame
+=============  ==================================================================================
+"""
+
+from springgym.theory import contact, frames, free_body, oscillation, pendulum, rope, top
+
+__all__ = ["contact", "frames", "free_body", "oscillation", "pendulum", "rope", "top"]

@@ -1,0 +1,60 @@
+"""Frames of a rigid body: Euler angles to rotation matrices, and particles carried along."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+def euler_zxz(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Floats:
+    """Frame of the Euler angles of Goldstein: R = Rz(phi) Rx(theta) Rz(psi).
+
+    The body's third axis is R e_z = (sin theta sin phi, -sin theta cos phi, cos theta); it tilts
+    towards +x for phi = pi/2.
+
+    Parameters
+    ----------
+    phi, theta, psi : array_like
+        Precession, tilt and spin angle, rad, of one broadcast shape S.
+
+    Returns
+    -------
+    ndarray, shape S + (3, 3)
+        Rotation from body to world coordinates; its columns are the body axes.
+
+    Source: Goldstein, Poole & Safko, *Classical Mechanics*, 3rd ed., section 4.4.
+    """
+    phi, theta, psi = np.broadcast_arrays(*(np.asarray(x, float) for x in (phi, theta, psi)))
+    cf, sf = np.cos(phi), np.sin(phi)
+    ct, st = np.cos(theta), np.sin(theta)
+    cp, sp = np.cos(psi), np.sin(psi)
+    rows = (
+        (cf * cp - sf * ct * sp, -cf * sp - sf * ct * cp, sf * st),
+        (sf * cp + cf * ct * sp, -sf * sp + cf * ct * cp, -cf * st),
+        (st * sp, st * cp, ct),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def carry(frame: ArrayLike, omega_world: ArrayLike, points: ArrayLike) -> tuple[Floats, Floats]:
+    """Positions and velocities of particles fixed in a turning frame: x = R r, v = omega x (R r).
+
+    Parameters
+    ----------
+    frame : array_like, shape S + (3, 3)
+        Rotation from body to world coordinates.
+    omega_world : array_like, shape S + (3,)
+        Angular velocity in world coordinates, rad/s.
+    points : array_like, shape (N, 3)
+        Particles in body coordinates from the fixed point (or centre of mass), m.
+
+    Returns
+    -------
+    positions, velocities : ndarray, shape S + (N, 3)
+        From the fixed point, m and m/s.
+    """
+    frame, omega = np.asarray(frame, float), np.asarray(omega_world, float)
+    positions = np.asarray(points, float) @ np.swapaxes(frame, -1, -2)
+    return positions, np.cross(omega[..., None, :], positions)

@@ -1,0 +1,184 @@
+"""Chain of beads and springs hung from a fixed point or between two.
+
+Spring i joins particle i to particle i + 1; particle 0 is fixed and `masses[i]` belongs to
+particle i + 1, so that N springs carry N masses.
+
+Sources: Goldstein, Poole & Safko, *Classical Mechanics*, 3rd ed., chapter 6 (small oscillations);
+Routh, *Analytical Statics*, vol. I, chapter X (catenary).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from springgym.theory.frames import Floats
+
+
+class Modes(NamedTuple):
+    """`frequencies`, shape (N,), rad/s, ascending; `shapes`, shape (N, N), a mode a column.
+
+    Shapes are displacements of masses 0 ... N - 1, scaled so that sum of m x^2 = 1 kg m^2.
+    """
+
+    frequencies: Floats
+    shapes: Floats
+
+
+class Catenary(NamedTuple):
+    """`points`, shape (N + 1, 2): x and z from the left support, m; `tensions`, shape (N,), N."""
+
+    points: Floats
+    tensions: Floats
+
+
+def tensions(masses: ArrayLike, gravity: float = 9.81) -> Floats:
+    """Tension at rest, T_i = g (mass below spring i), N, shape (N,).
+
+    Parameters
+    ----------
+    masses : array_like, shape (N,)
+        Top to bottom, kg.
+    """
+    return gravity * np.cumsum(np.asarray(masses, float)[::-1])[::-1]
+
+
+def stretched_lengths(
+    masses: ArrayLike, rest_length: ArrayLike, stiffness: ArrayLike, gravity: float = 9.81
+) -> Floats:
+    """Length at rest of the hanging springs, l_i = L0_i + T_i / k_i, m, shape (N,).
+
+    Parameters
+    ----------
+    masses : array_like, shape (N,)
+        Top to bottom, kg.
+    rest_length, stiffness : array_like, shape () or (N,)
+        m and N/m.
+    """
+    stretch = tensions(masses, gravity) / np.asarray(stiffness, float)
+    return np.asarray(np.asarray(rest_length, float) + stretch)
+
+
+def swing_modes(
+    masses: ArrayLike, rest_length: ArrayLike, stiffness: ArrayLike, gravity: float = 9.81
+) -> Modes:
+    """Small sideways modes of the hanging rope: M x_ddot = -K x, K of the springs T_i / l_i.
+
+    Each occurs twice, once a horizontal direction. Parameters as for `stretched_lengths`.
+
+    Source: Goldstein chapter 6; a stretched spring resists a sideways displacement with T/l.
+    """
+    pull = tensions(masses, gravity)
+    return _chain_modes(masses, pull / stretched_lengths(masses, rest_length, stiffness, gravity))
+
+
+def bounce_modes(masses: ArrayLike, stiffness: ArrayLike) -> Modes:
+    """Vertical modes of the hanging rope, M z_ddot = -K z with K of the springs k_i.
+
+    Exact at any amplitude while all springs stay along the vertical.
+
+    Parameters
+    ----------
+    masses : array_like, shape (N,)
+        Top to bottom, kg.
+    stiffness : array_like, shape () or (N,)
+        N/m.
+
+    Source: Goldstein chapter 6.
+    """
+    return _chain_modes(masses, np.broadcast_to(np.asarray(stiffness, float), np.shape(masses)))
+
+
+def bounce_frequency_estimate(springs: int, stiffness: float, end_mass: float) -> float:
+    """Lowest bounce of light beads under a heavy end, about sqrt(k / (N m_end)), rad/s.
+
+    Springs in series; too high by about (mass of the beads)/(6 m_end) of itself.
+    """
+    return math.sqrt(stiffness / (springs * end_mass))
+
+
+def _chain_modes(masses: ArrayLike, stiffness: Floats) -> Modes:
+    """Modes of masses in line from a wall: K_ii = k_i + k_{i+1}, K_{i,i+1} = -k_{i+1}."""
+    root = np.sqrt(np.asarray(masses, float))
+    matrix = np.diag(stiffness + np.append(stiffness[1:], 0.0))
+    matrix -= np.diag(stiffness[1:], 1) + np.diag(stiffness[1:], -1)
+    squares, vectors = np.linalg.eigh(matrix / np.outer(root, root))
+    return Modes(np.sqrt(squares), vectors / root[:, None])
+
+
+def catenary(
+    span: float,
+    rise: float,
+    masses: ArrayLike,
+    rest_length: ArrayLike,
+    stiffness: ArrayLike,
+    gravity: float = 9.81,
+) -> Catenary:
+    """Rope of N springs between two supports, N - 1 beads hanging: the discrete catenary.
+
+    Spring i has tension T_i = sqrt(H^2 + V_i^2), V_i = V_0 + g (masses left of it), length
+    l_i = L0_i + T_i / k_i and direction (H, V_i) / T_i. The height reached rises with V_0 and the
+    span with H (sum L0 T + T^2 / 2k, whose slopes they are, is convex): two nested scalar roots.
+    Needs SciPy.
+
+    Parameters
+    ----------
+    span, rise : float
+        Horizontal distance (positive) and height of the right support from the left, m.
+    masses : array_like, shape (N - 1,)
+        Left to right, kg.
+    rest_length, stiffness : array_like, shape () or (N,)
+        m and N/m; an infinite stiffness is an inextensible rope.
+
+    Raises
+    ------
+    ValueError
+        If span is not positive, an inextensible rope is too short, or a spring goes slack.
+
+    Source: Routh chapter X.
+    """
+    load = gravity * np.append(0.0, np.cumsum(np.asarray(masses, float)))
+    rest = np.broadcast_to(np.asarray(rest_length, float), load.shape)
+    give = 1 / np.broadcast_to(np.asarray(stiffness, float), load.shape)
+    if not span > 0:
+        raise ValueError(f"span must be positive, got {span!r} m")
+    if not give.any() and rest.sum() <= math.hypot(span, rise):
+        raise ValueError(f"an inextensible rope of {rest.sum()} m cannot reach {math.hypot(span, rise)} m")
+
+    from scipy.optimize import brentq
+
+    def edges(across: float, up: float) -> tuple[Floats, Floats]:
+        force = np.stack([np.full_like(load, across), up + load], axis=-1)
+        tension = np.linalg.norm(force, axis=-1)
+        return (rest / tension + give)[:, None] * force, tension
+
+    def root(gap: Callable[[float], float], low: float, high: float) -> float:
+        return float(brentq(gap, low, high, xtol=1e-300, rtol=1e-15))
+
+    def lift(across: float) -> float:
+        """V_0 that reaches the right height under a given H."""
+
+        def gap(up: float) -> float:
+            return float(edges(across, up)[0][:, 1].sum()) - rise
+
+        margin = across + load[-1]
+        while gap(margin) < 0 or gap(-margin) > 0:
+            margin *= 2
+        return root(gap, -margin, margin)
+
+    def gap(across: float) -> float:
+        return float(edges(across, lift(across))[0][:, 0].sum()) - span
+
+    least = most = 1e-9 * load[-1]
+    if gap(least) > 0:
+        loose = int(np.argmin(edges(least, lift(least))[1]))
+        raise ValueError(f"spring {loose} goes slack: no catenary with all in tension")
+    while gap(most) < 0:
+        most *= 2
+    across = root(gap, least, most)
+    edge, tension = edges(across, lift(across))
+    return Catenary(np.vstack([np.zeros(2), np.cumsum(edge, axis=0)]), tension)

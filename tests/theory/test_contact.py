@@ -1,0 +1,153 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.special import lambertw
+
+from springgym.theory import contact
+
+C, REACH, MASS, G = 0.05, 0.02, 1.3, 9.81
+WEIGHT = MASS * G
+INSIDE = contact.energy(0.005, C, REACH)
+
+
+def fly(height, speed, until, weight, damping=0.0):
+    """Height and speed at the first event `until(h, v)` of a particle over the floor."""
+
+    def slope(_, y):
+        push = contact.force(y[0], C, REACH) * max(1 - damping * y[1], 0.0)
+        return [y[1], (push - weight) / MASS]
+
+    def event(_, y):
+        return until(*y)
+
+    event.terminal, event.direction = True, 1
+    # a step of 1 ms falls 4 mm from 0.8 m: it cannot jump across the floor's reach
+    how = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14, "max_step": 1e-3}
+    run = solve_ivp(slope, (0, 5), [height, speed], events=event, **how)
+    assert run.status == 1
+    return run.y[:, -1]
+
+
+def test_force_is_minus_the_slope_of_the_energy():
+    h, step = np.array([0.003, 0.007, 0.015, 0.0199]), 1e-7
+    slope = (contact.energy(h + step, C, REACH) - contact.energy(h - step, C, REACH)) / (2 * step)
+    force = contact.force(h, C, REACH)
+    # step^2 U'''/6 = step^2 c/h^4 = 6e-6 N at the lowest, round-off eps U / step = 1e-7 N
+    assert force == pytest.approx(-slope, abs=1e-5)
+    assert force.max() > 1000
+    assert force == pytest.approx(C / h**2 - C / REACH**2, rel=1e-14)
+
+
+def test_floor_ends_at_its_reach():
+    assert np.all(contact.force([REACH, 0.03, 5.0], C, REACH) == 0)
+    assert np.all(contact.energy([REACH, 0.03, 5.0], C, REACH) == 0)
+
+
+def test_rest_height_balances_the_weight():
+    height = contact.rest_height(WEIGHT, C, REACH)
+    assert contact.force(height, C, REACH) == pytest.approx(WEIGHT, rel=1e-12)
+    assert 0 < height < REACH
+    least = float(contact.energy(height, C, REACH)) + WEIGHT * height
+    assert contact.turning_point(least * (1 + 1e-12), C, REACH, WEIGHT) == pytest.approx(height, rel=1e-5)
+    with pytest.raises(ValueError, match=r"below .* the energy of rest"):
+        contact.turning_point(least * (1 - 1e-9), C, REACH, WEIGHT)
+
+
+@pytest.mark.parametrize("speed", [0.1, 2.0, 20.0])
+def test_turning_point_without_weight(speed):
+    energy = MASS * speed**2 / 2
+    height = contact.turning_point(energy, C, REACH)
+    assert contact.energy(height, C, REACH) == pytest.approx(energy, rel=1e-12)
+    s = energy * REACH / C
+    form = 1 + s / 2 - math.sqrt(s + s**2 / 4)
+    # the printed form cancels: eps s against 1/s
+    assert height / REACH == pytest.approx(form, rel=1e-15 * (10 + s**2))
+    lowest, _ = fly(REACH, -speed, lambda _, v: v, weight=0.0)
+    assert height == pytest.approx(lowest, rel=1e-9)
+
+
+@pytest.mark.parametrize("start", [0.8, 0.021, 0.0195])
+def test_drop_turns_and_returns_to_its_apex(start):
+    energy = float(contact.energy(start, C, REACH)) + WEIGHT * start
+    lowest, _ = fly(start, 0.0, lambda _, v: v + 1e-300, weight=WEIGHT)
+    height = contact.turning_point(energy, C, REACH, WEIGHT)
+    assert height == pytest.approx(lowest, rel=1e-8)
+    assert height < contact.rest_height(WEIGHT, C, REACH)
+    assert contact.apex(energy, C, REACH, WEIGHT) == pytest.approx(start, rel=1e-12)
+    highest, _ = fly(lowest, 0.0, lambda _, v: -v, weight=WEIGHT)
+    assert highest == pytest.approx(start, rel=1e-8)
+
+
+@pytest.mark.parametrize("restitution", [0.05, 0.3, 0.7, 0.95, 0.999])
+def test_damping_gives_the_restitution(restitution):
+    speed = 1.7
+    damping = contact.damping_for_restitution(restitution, speed)
+    _, away = fly(REACH, -speed, lambda h, _: h - REACH, weight=0.0, damping=damping)
+    assert away / speed == pytest.approx(restitution, abs=1e-8)
+    for other in (0.2, 6.0):
+        _, away = fly(REACH, -other, lambda h, _: h - REACH, weight=0.0, damping=damping)
+        expected = contact.restitution_at(other, damping)
+        assert away / other == pytest.approx(expected, abs=1e-8)
+        assert (expected > restitution) == (other < speed)
+
+
+@given(st.floats(1e-3, 1.0), st.floats(0.01, 100.0))
+def test_restitution_and_damping_are_inverse(restitution, speed):
+    damping = contact.damping_for_restitution(restitution, speed)
+    assert contact.restitution_at(speed, damping) == pytest.approx(restitution, abs=1e-14)
+    assert damping * speed * restitution <= 1 + 1e-15
+
+
+@pytest.mark.parametrize("x", [1.0, 3.0, 10.0])
+def test_restitution_by_lambert_w(x):
+    """(1 - ex) e^{-(1 - ex)} = (1 + x) e^{-(1 + x)}: another solution of the same relation."""
+    expected = (1 + lambertw(-(1 + x) * math.exp(-(1 + x))).real) / x
+    assert contact.restitution_at(x / 0.4, 0.4) == pytest.approx(expected, rel=1e-14)
+
+
+def test_restitution_at_its_ends():
+    assert contact.damping_for_restitution(1.0, 2.0) == 0
+    assert contact.damping_for_restitution(0.0, 2.0) == math.inf
+    assert contact.restitution_at(0.0, 0.4) == contact.restitution_at(3.0, 0.0) == 1
+    # e = 1 - 2x/3 + O(x^2) and d v0 -> 3 (1 - e)/2; 1/(d v) for strong damping
+    assert (1 - contact.restitution_at(1e-6, 1.0)) / 1e-6 == pytest.approx(2 / 3, rel=1e-5)
+    assert contact.damping_for_restitution(1 - 1e-7, 1.0) == pytest.approx(1.5e-7, rel=1e-6)
+    assert contact.damping_for_restitution(1e-3, 2.0) == pytest.approx(500, rel=1e-12)
+    assert contact.restitution_at(50.0, 2.0) == pytest.approx(0.01, rel=1e-12)
+
+
+def test_bad_restitution_is_named():
+    with pytest.raises(ValueError, match=r"restitution must lie in \[0, 1\], got 1\.1"):
+        contact.damping_for_restitution(1.1, 1.0)
+    with pytest.raises(ValueError, match="speed must be positive, got 0"):
+        contact.damping_for_restitution(0.5, 0.0)
+
+
+def test_sliding_particle_stops_where_it_should():
+    """Against the sum of the motion under constant deceleration, in small steps of midpoint rule."""
+    speed, friction, steps = 3.0, 0.4, 1000
+    step = speed / (friction * G) / steps
+    speeds = speed - friction * G * step * (np.arange(steps) + 0.5)
+    distance = contact.stopping_distance(speed, friction)
+    assert distance == pytest.approx(step * speeds.sum(), rel=1e-12)
+    assert distance > 1
+
+
+def test_slope():
+    friction = 0.6
+    edge = math.atan(friction)
+    assert contact.holds(edge - 1e-9, friction)
+    assert not contact.holds(edge + 1e-9, friction)
+    assert contact.slope_acceleration(edge, friction) == pytest.approx(0, abs=1e-14)
+    # the normal force is m g cos a: forces in the world frame, projected downhill
+    angle = 0.9
+    downhill = np.array([math.cos(angle), -math.sin(angle)])
+    normal = np.array([math.sin(angle), math.cos(angle)])
+    gravity = np.array([0.0, -G])
+    total = gravity - (gravity @ normal) * normal + friction * (gravity @ normal) * downhill
+    assert contact.slope_acceleration(angle, friction) == pytest.approx(total @ downhill, rel=1e-14)
+    assert total @ downhill > 1
