@@ -1,0 +1,129 @@
+"""Perspective camera: world points in metres to pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_NEAR = 1e-3  # m; nearer points, and those behind the eye, have no image
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera whose picture keeps the world's z axis upright.
+
+    Parameters
+    ----------
+    eye, target : tuple of 3 floats
+        Position of the camera and the point in the middle of its picture, m.
+    fov : float
+        Vertical angle of view, rad, in (0, pi).
+
+    Raises
+    ------
+    ValueError
+        If ``eye`` and ``target`` coincide, are not finite or lie on one vertical, or if ``fov`` is
+        out of range.
+    """
+
+    eye: tuple[float, float, float]
+    target: tuple[float, float, float]
+    fov: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("eye", "target"):
+            point = np.array(getattr(self, name), dtype=float)
+            if point.shape != (3,) or not np.isfinite(point).all():
+                raise ValueError(f"Camera.{name} must be three finite numbers, got {point}")
+            object.__setattr__(self, name, tuple(point.tolist()))
+        if not 0.0 < self.fov < np.pi:
+            raise ValueError(f"Camera.fov must lie between 0 and pi rad, got {self.fov}")
+        view = np.subtract(self.target, self.eye)
+        if np.hypot(view[0], view[1]) < 1e-6 * max(1.0, float(np.linalg.norm(view))):
+            raise ValueError(
+                f"Camera.eye {self.eye} must not be straight above, below or at the target "
+                f"{self.target}: move it sideways"
+            )
+
+    @classmethod
+    def framing(
+        cls,
+        center: ArrayLike,
+        size: float,
+        azimuth: float = -1.0,
+        elevation: float = 0.3,
+        fov: float = 0.5,
+    ) -> Camera:
+        """Camera that just fits a sphere into the height of a picture.
+
+        Parameters
+        ----------
+        center : (3,) array_like
+            Centre of the sphere, m.
+        size : float
+            Its diameter, m.
+        azimuth, elevation : float
+            Direction from the centre to the eye: angle about z from x, and angle above the
+            horizon, rad.
+        fov : float
+            Vertical angle of view, rad.
+        """
+        if not size > 0.0:
+            raise ValueError(f"size must be positive, got {size}")
+        distance = 0.5 * size / np.sin(0.5 * fov)
+        away = (
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        )
+        middle = np.asarray(center, dtype=float)
+        return cls(tuple(middle + distance * np.array(away)), tuple(middle), fov)
+
+    def axes(self) -> NDArray[np.float64]:
+        """Unit vectors right, up and forward of the picture, as the rows of a (3, 3) array."""
+        forward = np.subtract(self.target, self.eye)
+        forward /= np.linalg.norm(forward)
+        right = np.array([forward[1], -forward[0], 0.0])  # forward x z
+        right /= np.linalg.norm(right)
+        return np.array([right, np.cross(right, forward), forward])
+
+    def scale(self, height: float) -> float:
+        """Pixels per radian in the middle of a picture ``height`` pixels high."""
+        return 0.5 * height / float(np.tan(0.5 * self.fov))
+
+    def project(
+        self, points: ArrayLike, size: tuple[int, int]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Image of points in a picture of ``size`` = (width, height) pixels.
+
+        With a = p - eye, s = scale(height): x = W/2 + s (a.right)/(a.forward),
+        y = H/2 - s (a.up)/(a.forward).
+
+        Parameters
+        ----------
+        points : (..., 3) array_like
+            World points, m.
+
+        Returns
+        -------
+        pixels : (..., 2) array
+            x to the right and y down from the top left corner; NaN where there is no image.
+        depth : (...) array
+            Distance along the view, m; NaN where there is no image.
+        """
+        width, height = size
+        local = (np.asarray(points, dtype=float) - self.eye) @ self.axes().T
+        depth = np.where(local[..., 2] > _NEAR, local[..., 2], np.nan)
+        flat = self.scale(height) * local[..., :2] / depth[..., None]
+        return np.array([0.5 * width, 0.5 * height]) + flat * [1.0, -1.0], depth
+
+    def rays(self, size: tuple[int, int]) -> NDArray[np.float64]:
+        """Unit vectors from the eye through the middles of the pixels, (height, width, 3)."""
+        width, height = size
+        x = (np.arange(width) + 0.5 - 0.5 * width) / self.scale(height)
+        y = (np.arange(height) + 0.5 - 0.5 * height) / self.scale(height)
+        right, up, forward = self.axes()
+        rays = x[None, :, None] * right - y[:, None, None] * up + forward
+        return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))

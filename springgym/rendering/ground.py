@@ -1,0 +1,227 @@
+"""What lies behind the body: sky, grids, dish, target rings and the body's soft shadow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from springgym.rendering.canvas import OVERSAMPLE, Array, Canvas
+from springgym.rendering.look import GREEN, Color, Look, Scenery
+from springgym.rendering.solids import circle, tangents
+
+_SKY = np.array([[251, 252, 254], [222, 228, 237]], dtype=float)  # top and bottom
+_MATT = np.array([247, 250, 255], dtype=float)  # surfaces in full light
+_GRID: Color = (104, 121, 148)
+_SHADOW: Color = (38, 46, 66)
+_MASK = 3  # picture pixels a pixel of the shadow mask
+_BLUR = 5  # mask pixels that the shadow's edge spreads
+
+
+class _Plane(NamedTuple):
+    """A flat surface that the eye sees from its free side, and what it shows."""
+
+    point: Array
+    normal: Array  # unit
+    foot: Array  # of the camera's target, the middle of the visible patch
+    reach: float  # radius of the patch, m
+    others: tuple[tuple[Array, Array], ...]  # points and normals of the other surfaces
+
+    def fade(self, points: Array) -> Array:
+        """1 in the middle of the patch to 0 at its rim, and 0 behind any other surface."""
+        distance = np.linalg.norm(points - self.foot, axis=-1) / self.reach
+        seen = np.ones(distance.shape, dtype=bool)
+        for point, normal in self.others:
+            seen &= (points - point) @ normal > -1e-6 * self.reach
+        return np.where(seen, np.maximum(1.0 - distance**2, 0.0) ** 2, 0.0)
+
+
+def _planes(canvas: Canvas, scenery: Scenery) -> list[_Plane]:
+    flat = [] if scenery.floor is None else [((0.0, 0.0, scenery.floor), (0.0, 0.0, 1.0))]
+    pairs = []
+    for place, direction in [*flat, *scenery.planes]:
+        point, normal = np.asarray(place, dtype=float), np.asarray(direction, dtype=float)
+        normal = normal / np.linalg.norm(normal)
+        if (np.asarray(canvas.camera.eye) - point) @ normal > 0.0:
+            pairs.append((point, normal))
+    target = np.asarray(canvas.camera.target)
+    return [
+        _Plane(
+            point,
+            normal,
+            target - normal * ((target - point) @ normal),
+            1.15 * canvas.extent,
+            tuple(pairs[:k] + pairs[k + 1 :]),
+        )
+        for k, (point, normal) in enumerate(pairs)
+    ]
+
+
+class _Dish(NamedTuple):
+    """A bowl, the part of a sphere that is near its lowest point."""
+
+    center: Array
+    radius: float
+    rim: float  # polar angle from the lowest point, rad
+
+    def at(self, polar: ArrayLike, azimuth: ArrayLike) -> Array:
+        polar, azimuth = np.broadcast_arrays(polar, azimuth)
+        flat = np.sin(polar)
+        outwards = [flat * np.cos(azimuth), flat * np.sin(azimuth), -np.cos(polar)]
+        return self.center + self.radius * np.stack(outwards, axis=-1)
+
+    def fade(self, points: Array) -> Array:
+        """1 at the lowest point to 0 at the rim."""
+        polar = np.arccos(np.clip((self.center - points)[..., 2] / self.radius, -1.0, 1.0))
+        return np.maximum(1.0 - (polar / self.rim) ** 3, 0.0)
+
+    def behind(self, start: Array, direction: Array) -> Array:
+        """Where a ray of unit direction leaves the sphere; NaN if it misses."""
+        offset = start - self.center
+        b = (offset * direction).sum(-1)
+        root = np.sqrt(b**2 - (offset**2).sum(-1) + self.radius**2)
+        return start + direction * (root - b)[..., None]
+
+
+def _dish(canvas: Canvas, scenery: Scenery) -> _Dish | None:
+    if scenery.dish is None:
+        return None
+    center, radius = scenery.dish
+    return _Dish(np.asarray(center, dtype=float), radius, min(1.25, 0.75 * canvas.extent / radius))
+
+
+def paint_background(canvas: Canvas, scenery: Scenery) -> None:
+    """Sky and everything that neither moves nor hides the body."""
+    width, height = canvas.picture_size
+    rows = np.linspace(0.0, 1.0, height)[:, None, None] ** 1.3
+    colors = np.broadcast_to(_SKY[0] + rows * (_SKY[1] - _SKY[0]), (height, width, 3))
+    eye, rays = np.asarray(canvas.camera.eye), canvas.camera.rays(canvas.picture_size)
+    planes, dish = _planes(canvas, scenery), _dish(canvas, scenery)
+    for plane in planes:
+        speed = rays @ plane.normal
+        time = np.where(speed < 0.0, ((plane.point - eye) @ plane.normal) / speed, np.nan)
+        cover = plane.fade(eye + time[..., None] * rays)
+        colors = _cover(colors, np.nan_to_num(cover), float(plane.normal @ canvas.light))
+    if dish is not None:
+        hit = dish.behind(eye, rays)
+        slope = ((dish.center - hit) / dish.radius) @ canvas.light
+        colors = _cover(colors, np.nan_to_num(dish.fade(hit)), np.nan_to_num(slope))
+    canvas.fill(colors)
+    for plane in planes:
+        _paint_grid(canvas, plane)
+    if dish is not None:
+        _paint_net(canvas, dish)
+
+
+def _cover(colors: Array, cover: Array, slope: ArrayLike) -> Array:
+    """Lay a matt surface over colours; ``slope`` is the cosine between its normal and the light."""
+    tone = _MATT * (0.88 + 0.12 * np.maximum(slope, 0.0))[..., None]
+    return colors + (0.9 * cover)[..., None] * (tone - colors)
+
+
+def _fading_paths(canvas: Canvas, paths: list[Array], fade: Callable[[Array], Array]) -> None:
+    """Thin lines through the points (n, 3) of each path, as opaque as ``fade`` of their middles."""
+    ends = np.concatenate([np.stack([path[:-1], path[1:]], axis=1) for path in paths])
+    canvas.strokes(canvas.image(ends)[0], 1.1, _GRID, fade(ends.mean(axis=1)))
+
+
+def _grid_spacing(extent: float) -> float:
+    """1, 2 or 5 times a power of ten, at most a sixth of ``extent``, m."""
+    power = 10.0 ** np.floor(np.log10(extent / 6.0))
+    return float(max(k * power for k in (1.0, 2.0, 5.0) if k * power <= extent / 6.0))
+
+
+def _paint_grid(canvas: Canvas, plane: _Plane) -> None:
+    spacing = _grid_spacing(canvas.extent)
+    first, second = tangents(plane.normal)
+    center = plane.point + sum(
+        spacing * np.round((plane.foot - plane.point) @ axis / spacing) * axis for axis in (first, second)
+    )
+    count = int(plane.reach / spacing) + 1
+    along = np.linspace(-count, count, 16 * count + 1)[:, None] * spacing
+    across = [spacing * k for k in range(-count, count + 1)]
+    paths = [center + k * first + along * second for k in across]
+    paths += [center + k * second + along * first for k in across]
+    _fading_paths(canvas, paths, lambda middles: 0.5 * plane.fade(middles))
+
+
+def _paint_net(canvas: Canvas, dish: _Dish) -> None:
+    """Meridians and parallels; the wall between the eye and the body is fainter."""
+    eye = np.asarray(canvas.camera.eye)
+
+    def fade(middles: Array) -> Array:
+        near = ((eye - middles) * (dish.center - middles)).sum(-1) < 0.0
+        return dish.fade(middles) * np.where(near, 0.15, 0.6)
+
+    around = np.linspace(0.0, 2.0 * np.pi, 145)
+    paths = [dish.at(polar, around) for polar in np.linspace(0.0, dish.rim, 9)[1:]]
+    for k, azimuth in enumerate(around[:-1:6]):
+        start = dish.rim / 8.0 if k % 2 else 0.0
+        paths.append(dish.at(np.linspace(start, dish.rim, 33), azimuth))
+    _fading_paths(canvas, paths, fade)
+
+
+def paint_ring(canvas: Canvas, center: ArrayLike, radius: float) -> None:
+    """A horizontal target."""
+    for share, alpha in ((1.0, 40), (0.5, 50)):
+        pixels, _ = canvas.image(circle(center, share * radius, 72))
+        canvas.polygon(pixels, GREEN, alpha)
+    pixels, _ = canvas.image(circle(center, radius, 72))
+    around = np.stack([pixels, np.roll(pixels, -1, axis=0)], axis=1)
+    canvas.strokes(around, 2.6, GREEN, np.full(len(around), 0.9))
+
+
+def paint_shadows(canvas: Canvas, look: Look, x: Array, scenery: Scenery) -> None:
+    """The shadow that the lamp casts on every surface that it lights."""
+    light = canvas.light
+    for plane in _planes(canvas, scenery):
+        slope = float(light @ plane.normal)
+        if slope > 0.2:
+
+            def on_plane(p: Array, plane: _Plane = plane, slope: float = slope) -> Array:
+                return p - light * (((p - plane.point) @ plane.normal) / slope)[..., None]
+
+            _paint_shadow(canvas, look, x, on_plane)
+    dish = _dish(canvas, scenery)
+    if dish is not None:
+        _paint_shadow(canvas, look, x, lambda p: dish.behind(p, -light))
+
+
+def _paint_shadow(canvas: Canvas, look: Look, x: Array, cast: Callable[[Array], Array]) -> None:
+    """Fill the cast outlines on a coarse mask, blur it, and lay it over the canvas."""
+    pygame = canvas.pygame
+    outlines = list(canvas.image(cast(x[np.asarray(look.triangles)]))[0])
+    for ends, radius in zip(x[np.asarray(look.bars)], np.asarray(look.bar_radius), strict=True):
+        side = np.cross(ends[1] - ends[0], canvas.light)
+        side *= radius / max(float(np.linalg.norm(side)), 1e-12)
+        outlines.append(canvas.image(cast(np.concatenate([ends + side, (ends - side)[::-1]])))[0])
+    for center, radius in zip(x, np.asarray(look.radii), strict=False):
+        if radius > 0.0:
+            outlines.append(canvas.image(cast(circle(center, radius, 16, canvas.light)))[0])
+    outlines = [pixels / (_MASK * OVERSAMPLE) for pixels in outlines if np.isfinite(pixels).all()]
+    if not outlines:
+        return
+    points = np.concatenate(outlines)
+    low = np.maximum(points.min(axis=0) - _BLUR, 0).astype(int)
+    high = np.minimum(points.max(axis=0) + _BLUR + 1, np.array(canvas.picture_size) / _MASK).astype(int)
+    if (high <= low).any():
+        return
+    width, height = (high - low).tolist()
+    mask = pygame.Surface((width, height), 0, 8)
+    mask.set_palette([(k, k, k) for k in range(256)])
+    for pixels in outlines:
+        pygame.draw.polygon(mask, 255, np.floor(pixels - low).astype(int).tolist())
+    dark = np.pad(pygame.surfarray.array2d(mask).astype(np.float32), 1)
+    for _ in range(_BLUR - 1):  # binomial blur
+        dark[1:-1] = 0.5 * dark[1:-1] + 0.25 * (dark[2:] + dark[:-2])
+        dark[:, 1:-1] = 0.5 * dark[:, 1:-1] + 0.25 * (dark[:, 2:] + dark[:, :-2])
+    soft = pygame.Surface((width, height), pygame.SRCALPHA, 32)
+    soft.fill((*_SHADOW, 0))
+    alpha = pygame.surfarray.pixels_alpha(soft)
+    alpha[:] = (0.26 * dark[1:-1, 1:-1]).astype(np.uint8)
+    del alpha  # unlocks the surface
+    fine = pygame.transform.smoothscale(soft, (width * _MASK, height * _MASK))
+    wide = pygame.transform.scale_by(fine, OVERSAMPLE)
+    canvas.lay(wide, (low * _MASK * OVERSAMPLE).tolist())

@@ -1,0 +1,214 @@
+"""What a picture shows: the body's `Look`, the fixed `Scenery` and the `Marks` of one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Color = tuple[int, int, int]
+Point = Sequence[float] | NDArray[np.float64]
+
+BLUE: Color = (43, 92, 150)
+IVORY: Color = (243, 239, 230)
+SLATE: Color = (96, 112, 133)
+STEEL: Color = (148, 158, 172)
+ORANGE: Color = (228, 94, 44)
+GREEN: Color = (34, 150, 100)
+AMBER: Color = (242, 172, 60)
+TEAL: Color = (62, 146, 158)
+INK: Color = (52, 60, 76)
+GRAPHITE: Color = (110, 120, 138)
+
+
+def two_tone(count: int, blocks: int = 4, colors: tuple[Color, Color] = (BLUE, IVORY)) -> NDArray[np.uint8]:
+    """Colours of ``count`` sectors in turn: ``blocks`` runs of alternating colour.
+
+    Few wide runs let the eye follow a spin that turns by many narrow sectors between frames.
+
+    Returns
+    -------
+    (count, 3) uint8 array
+    """
+    run = np.arange(count) * blocks // count
+    return np.array(colors, dtype=np.uint8)[run % 2]
+
+
+def _indices(name: str, value: ArrayLike, columns: int) -> NDArray[np.intp]:
+    table = np.array(value, dtype=np.intp).reshape(-1, columns)
+    if (table < 0).any():
+        raise ValueError(f"Look.{name} has a negative particle index: {table.min()}")
+    table.flags.writeable = False
+    return table
+
+
+def _colors(name: str, value: ArrayLike | None, default: Color, count: int) -> NDArray[np.uint8]:
+    table = np.array(default if value is None else value)
+    if table.min() < 0 or table.max() > 255:
+        raise ValueError(f"Look.{name} must lie in 0..255")
+    if table.shape not in ((3,), (count, 3)):
+        raise ValueError(f"Look.{name} must be one RGB colour or {count} of them, got shape {table.shape}")
+    table = np.ascontiguousarray(np.broadcast_to(table, (count, 3)).astype(np.uint8))
+    table.flags.writeable = False
+    return table
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """How to draw one body of N particles; built once, checked at construction.
+
+    Parameters
+    ----------
+    triangles : (T, 3) array_like of int
+        Particle indices of the surface, anticlockwise seen from outside.
+    triangle_colors : (T, 3) or (3,) array_like, optional
+        RGB, 0..255, of each triangle or of all. See `two_tone`.
+    opacity : float
+        1 for a closed surface, of which the near side is seen; less for sheets seen from both
+        sides and through.
+    bars : (B, 2) array_like of int
+        Particle pairs drawn as round bars: axles, ropes.
+    bar_radius : float or (B,) array_like
+        m.
+    bar_colors : (B, 3) or (3,) array_like, optional
+        RGB, 0..255.
+    radii : (N,) array_like, optional
+        Radius of the ball drawn at each particle, m; 0 draws none.
+    ball_colors : (N, 3) or (3,) array_like, optional
+        RGB, 0..255.
+    springs : (S, 2) array_like of int
+        Particle pairs, drawn when a frame is given their strains.
+    strain_scale : float
+        Strain of the full colour, blue at minus and red at plus this value.
+    trace : int, optional
+        Particle that leaves a fading trace.
+    trace_length : int
+        Frames that the trace remembers.
+
+    Raises
+    ------
+    ValueError
+        If an index is negative, or lengths or colours do not fit.
+    """
+
+    triangles: ArrayLike = ()
+    triangle_colors: ArrayLike | None = None
+    opacity: float = 1.0
+    bars: ArrayLike = ()
+    bar_radius: ArrayLike = 0.015
+    bar_colors: ArrayLike | None = None
+    radii: ArrayLike = ()
+    ball_colors: ArrayLike | None = None
+    springs: ArrayLike = ()
+    strain_scale: float = 1e-3
+    trace: int | None = None
+    trace_length: int = 300
+
+    def __post_init__(self) -> None:
+        def put(name: str, table: NDArray[Any]) -> None:
+            table.flags.writeable = False
+            object.__setattr__(self, name, table)
+
+        for name, columns in (("triangles", 3), ("bars", 2), ("springs", 2)):
+            put(name, _indices(name, getattr(self, name), columns))
+        radii = np.array(self.radii, dtype=float)
+        if radii.ndim != 1 or not (radii >= 0.0).all():
+            raise ValueError(f"Look.radii must be one length >= 0 for each particle, got {radii}")
+        put("radii", radii)
+        bars = len(np.asarray(self.bars))
+        bar_radius = np.array(self.bar_radius, dtype=float)
+        if bar_radius.shape not in ((), (bars,)) or not (bar_radius > 0.0).all():
+            raise ValueError(f"Look.bar_radius must be one or {bars} positive lengths")
+        put("bar_radius", np.array(np.broadcast_to(bar_radius, bars)))
+        for name, default, count in (
+            ("triangle_colors", BLUE, len(np.asarray(self.triangles))),
+            ("bar_colors", STEEL, bars),
+            ("ball_colors", SLATE, len(radii)),
+        ):
+            put(name, _colors(name, getattr(self, name), default, count))
+        if not 0.0 < self.opacity <= 1.0:
+            raise ValueError(f"Look.opacity must lie in (0, 1], got {self.opacity}")
+        if not self.strain_scale > 0.0:
+            raise ValueError(f"Look.strain_scale must be positive, got {self.strain_scale}")
+        if self.trace is not None and self.trace < 0:
+            raise ValueError(f"Look.trace must be a particle index >= 0, got {self.trace}")
+        if self.trace_length < 2:
+            raise ValueError(f"Look.trace_length must be at least 2, got {self.trace_length}")
+
+    @property
+    def particles(self) -> int:
+        """The least number of particles that the body must have."""
+        tables = (np.asarray(t) for t in (self.triangles, self.bars, self.springs))
+        ends = [int(table.max()) + 1 for table in tables if table.size]
+        traced = 0 if self.trace is None else self.trace + 1
+        return max([0, *ends, len(np.asarray(self.radii)), traced])
+
+    @cached_property
+    def edges(self) -> NDArray[np.intp]:
+        """Rows (triangle, place of the edge's first corner in it, triangle across the edge).
+
+        An edge that only one triangle has is not listed.
+        """
+        triangles = np.asarray(self.triangles).tolist()
+        owner = {(t[k], t[(k + 1) % 3]): (i, k) for i, t in enumerate(triangles) for k in range(3)}
+        rows = [(*owner[a, b], owner[b, a][0]) for a, b in owner if a < b and (b, a) in owner]
+        return np.array(rows, dtype=np.intp).reshape(-1, 3)
+
+
+class Arrow(NamedTuple):
+    """An arrow from ``origin`` by ``vector`` (both m, world axes)."""
+
+    origin: Point
+    vector: Point
+    color: Color = ORANGE
+
+
+@dataclass(frozen=True, eq=False)
+class Scenery:
+    """What stands still around the body. Surfaces receive the body's shadow.
+
+    Parameters
+    ----------
+    floor : float, optional
+        Height of a horizontal floor, m.
+    planes : sequence of (point, normal)
+        Further flat surfaces, walls or slopes: a point (m) and the normal into the free side.
+    dish : (centre, radius), optional
+        Sphere (m) whose lower part is a bowl around the body.
+    vertical : (foot, height), optional
+        Dashed reference line upwards from the point ``foot``, m.
+    """
+
+    floor: float | None = None
+    planes: Sequence[tuple[Point, Point]] = ()
+    dish: tuple[Point, float] | None = None
+    vertical: tuple[Point, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """What may change with every frame beside the body.
+
+    Parameters
+    ----------
+    rings : sequence of (centre, radius)
+        Horizontal target rings, m.
+    balls : sequence of (centre, radius)
+        Translucent target balls, m.
+    lines : sequence of (start, end)
+        Rails and other slender straight things, m.
+    arrows : sequence of Arrow
+        Forces, thrusts, directions to reach.
+    text : sequence of str
+        Lines in the top left corner.
+    """
+
+    rings: Sequence[tuple[Point, float]] = ()
+    balls: Sequence[tuple[Point, float]] = ()
+    lines: Sequence[tuple[Point, Point]] = ()
+    arrows: Sequence[Arrow] = ()
+    text: Sequence[str] = ()

@@ -1,0 +1,201 @@
+"""Draws frames in software with pygame: one drawing code for arrays and for the window."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from springgym.rendering.camera import Camera
+from springgym.rendering.canvas import Array, Canvas, import_pygame
+from springgym.rendering.ground import paint_background, paint_ring, paint_shadows
+from springgym.rendering.look import GREEN, INK, ORANGE, Look, Marks, Scenery
+from springgym.rendering.solids import arrow, body, dashes, rail, strain_colors
+
+
+class Renderer:
+    """Draws a body, its scenery and marks; keeps the trace between frames.
+
+    Nothing is imported or opened before the first frame, and a window only in mode "human".
+
+    Parameters
+    ----------
+    look : Look
+    camera : Camera
+        May be exchanged between frames.
+    scenery : Scenery
+        May be exchanged between frames.
+    size : tuple of 2 ints
+        Width and height of the picture, pixels.
+    mode : {"rgb_array", "human"}
+        Return the picture, or show it in a window.
+    fps : float
+        Largest number of frames a second in the window.
+    """
+
+    def __init__(
+        self,
+        look: Look,
+        camera: Camera,
+        scenery: Scenery | None = None,
+        size: tuple[int, int] = (640, 640),
+        mode: Literal["rgb_array", "human"] = "rgb_array",
+        fps: float = 50.0,
+    ) -> None:
+        if mode not in ("rgb_array", "human"):
+            raise ValueError(f'mode must be "rgb_array" or "human", got {mode!r}')
+        if len(size) != 2 or min(size) < 16:
+            raise ValueError(f"size must be a width and a height of at least 16 pixels, got {size}")
+        self.look = look
+        self.camera = camera
+        self.scenery = scenery if scenery is not None else Scenery()
+        self.size = size
+        self.mode = mode
+        self.fps = fps
+        self._trace: deque[Array] = deque(maxlen=look.trace_length)
+        self._drawn_for: tuple[Camera, Scenery] | None = None
+        self._canvas: Canvas | None = None
+        self._window: Any = None
+        self._clock: Any = None
+
+    def frame(
+        self,
+        positions: ArrayLike,
+        marks: Marks | None = None,
+        strain: ArrayLike | None = None,
+    ) -> NDArray[np.uint8] | None:
+        """Draw one picture.
+
+        Parameters
+        ----------
+        positions : (N, 3) array_like
+            Particles, m. What touches a particle that is not finite is left out.
+        marks : Marks, optional
+        strain : (S,) array_like, optional
+            Strain of each spring of the look. With it the springs are drawn and the surface
+            turns to glass.
+
+        Returns
+        -------
+        (height, width, 3) uint8 array, or None in mode "human".
+
+        Raises
+        ------
+        gymnasium.error.DependencyNotInstalled
+            Without pygame.
+        ValueError
+            If shapes do not fit.
+        """
+        look = self.look
+        x = np.asarray(positions, dtype=float)
+        if x.ndim != 2 or x.shape[1] != 3 or len(x) < look.particles:
+            raise ValueError(f"positions must have shape (N, 3) with N >= {look.particles}, got {x.shape}")
+        s = None if strain is None else np.asarray(strain, dtype=float)
+        springs = len(np.asarray(look.springs))
+        if s is not None and s.shape != (springs,):
+            raise ValueError(f"strain must have shape ({springs},), got {s.shape}")
+        if look.trace is not None:
+            self._trace.append(x[look.trace].copy())
+        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is not drawn
+            picture = self._paint(x, marks if marks is not None else Marks(), s)
+        return self._show(picture)
+
+    def reset(self) -> None:
+        """Forget the trace."""
+        self._trace.clear()
+
+    def close(self) -> None:
+        """Close the window, if there is one, and free the surfaces. May be called again."""
+        if self._window is not None:
+            import_pygame().display.quit()
+        self._canvas = self._window = self._clock = None
+        self._drawn_for = None
+        self.reset()
+
+    def _prepared_canvas(self) -> Canvas:
+        """A canvas that shows the background alone."""
+        if self._canvas is None or self._drawn_for != (self.camera, self.scenery):
+            self._canvas = Canvas(self.size, self.camera)
+            paint_background(self._canvas, self.scenery)
+            self._canvas.keep()
+            self._drawn_for = (self.camera, self.scenery)
+        self._canvas.wipe()
+        return self._canvas
+
+    def _paint(self, x: Array, marks: Marks, strain: Array | None) -> Any:
+        """One picture, from back to front."""
+        canvas = self._prepared_canvas()
+        for center, radius in marks.rings:
+            paint_ring(canvas, center, radius)
+        paint_shadows(canvas, self.look, x, self.scenery)
+
+        items = body(canvas, self.look, x, strain)
+        for center, radius in marks.balls:
+            pixels, depth = canvas.image(center)
+            if np.isfinite(pixels).all():
+                paint = partial(canvas.ball, pixels, float(depth), radius, GREEN, 0.6)
+                items.append((float(depth), paint))
+        for start, stop in marks.lines:
+            items += rail(canvas, start, stop)
+        for mark in marks.arrows:
+            items += arrow(canvas, mark)
+        if self.scenery.vertical is not None:
+            items += dashes(canvas, *self.scenery.vertical)
+        for _, draw in sorted(items, key=lambda item: -item[0]):
+            draw()
+        self._paint_trace(canvas)
+        picture = canvas.picture()
+        self._write(picture, marks.text, strain is not None)
+        return picture
+
+    def _paint_trace(self, canvas: Canvas) -> None:
+        """Over everything else, because much of a trace runs inside the body."""
+        if len(self._trace) < 2:
+            return
+        pixels, _ = canvas.image(np.array(self._trace))
+        young = np.linspace(0.0, 1.0, self.look.trace_length)[1 - len(pixels) :]
+        segments = np.stack([pixels[:-1], pixels[1:]], axis=1)
+        canvas.strokes(segments, 1.2 + 1.8 * young, ORANGE, 0.95 * young**1.2)
+
+    def _write(self, picture: Any, text: Sequence[str], legend: bool) -> None:
+        """Text and legends, on the finished picture."""
+        pygame = import_pygame()
+        pygame.font.init()
+        height = self.size[1]
+        unit = max(height // 32, 10)
+        font = pygame.font.Font(None, round(1.25 * unit))
+        for row, line in enumerate(text):
+            picture.blit(font.render(line, True, INK), (unit, round(unit * (1.0 + 1.25 * row))))
+        if legend:
+            scale = self.look.strain_scale
+            steps = np.linspace(-scale, scale, 9 * unit)
+            bar = np.repeat(strain_colors(steps, scale)[:, None], unit // 2, axis=1)
+            box = picture.blit(pygame.surfarray.make_surface(bar), (unit, height - 3 * unit // 2))
+            small = pygame.font.Font(None, unit)
+            for place, label in (
+                ("midleft", f"-{scale:g}"),
+                ("center", "strain"),
+                ("midright", f"+{scale:g}"),
+            ):
+                word = small.render(label, True, INK)
+                picture.blit(word, word.get_rect(**{place: getattr(box.move(0, -unit), place)}))
+
+    def _show(self, picture: Any) -> NDArray[np.uint8] | None:
+        pygame = import_pygame()
+        if self.mode == "rgb_array":
+            raw = pygame.image.tobytes(picture, "RGB")
+            return np.frombuffer(bytearray(raw), np.uint8).reshape(*self.size[::-1], 3)
+        if self._window is None:
+            pygame.display.init()
+            pygame.display.set_caption("springgym")
+            self._window = pygame.display.set_mode(self.size)
+            self._clock = pygame.time.Clock()
+        self._window.blit(picture, (0, 0))
+        pygame.event.pump()
+        self._clock.tick(self.fps)
+        pygame.display.flip()
+        return None

@@ -1,0 +1,182 @@
+"""Solid things as items (depth, draw), to be drawn from the farthest to the nearest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from springgym.rendering.canvas import OVERSAMPLE, Array, Canvas, shade
+from springgym.rendering.look import GRAPHITE, STEEL, Arrow, Look
+
+Item = tuple[float, Callable[[], None]]
+
+COLD, NEUTRAL, HOT = np.array([[38, 96, 190], [172, 178, 188], [206, 48, 44]], dtype=float)
+_SMOOTH = 0.8  # cosine between neighbouring faces above which their edge is not outlined
+_GLASS = 0.14  # opacity of a body whose springs are shown
+
+
+def strain_colors(strain: ArrayLike, scale: float) -> NDArray[np.uint8]:
+    """Blue for -scale, grey for 0, red for +scale; (S,) to (S, 3)."""
+    x = np.nan_to_num(np.clip(np.asarray(strain, dtype=float) / scale, -1.0, 1.0))[:, None]
+    return (NEUTRAL + np.abs(x) ** 0.8 * (np.where(x < 0.0, COLD, HOT) - NEUTRAL)).astype(np.uint8)
+
+
+def circle(center: ArrayLike, radius: float, corners: int, normal: ArrayLike = (0, 0, 1)) -> Array:
+    """Points of a circle, (corners, 3), anticlockwise about its unit normal."""
+    first, second = tangents(normal)
+    angle = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)[:, None]
+    return np.asarray(center) + radius * (np.cos(angle) * first + np.sin(angle) * second)
+
+
+def tangents(normal: ArrayLike) -> tuple[Array, Array]:
+    """Two unit vectors that make a right-handed triad with the unit vector ``normal``."""
+    n = np.asarray(normal, dtype=float)
+    seed = np.array([1.0, 0.0, 0.0]) if abs(n[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    first = seed - n * (seed @ n)
+    first /= np.linalg.norm(first)
+    return first, np.cross(n, first)
+
+
+def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Item]:
+    """Surface, bars, balls, and the springs if their strains are given."""
+    opacity = look.opacity if strain is None else min(look.opacity, _GLASS)
+    items = mesh(
+        canvas,
+        x[np.asarray(look.triangles)],
+        np.asarray(look.triangle_colors),
+        opacity,
+        two_sided=look.opacity < 1.0,
+        edges=look.edges if opacity == 1.0 else None,
+    )
+    radii = np.asarray(look.radii)
+    pixels, depth = canvas.image(x)
+
+    pairs = np.asarray(look.bars)
+    ends, trimmed = x[pairs], np.zeros(len(x))
+    trimmed[: len(radii)] = radii  # a bar starts at the skin of its ball
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    for pair, end, unit, full, radius, color in zip(
+        pairs,
+        ends,
+        along / np.maximum(length, 1e-12)[:, None],
+        length,
+        np.asarray(look.bar_radius),
+        np.asarray(look.bar_colors),
+        strict=True,
+    ):
+        cut = np.sqrt(np.maximum(trimmed[pair] ** 2 - radius**2, 0.0))
+        if full > cut.sum():
+            start, stop = end[0] + cut[0] * unit, end[1] - cut[1] * unit
+            items += rod(canvas, start, stop, radius, color)
+
+    for center, far, radius, color in zip(pixels, depth, radii, np.asarray(look.ball_colors), strict=False):
+        if radius > 0.0 and np.isfinite(center).all():
+            items.append((far, partial(canvas.ball, center, far, radius, color)))
+
+    if strain is not None:
+        springs = np.asarray(look.springs)
+        middle = depth[springs].mean(axis=1)
+        for end, far, color in zip(
+            pixels[springs], middle, strain_colors(strain, look.strain_scale), strict=True
+        ):
+            if np.isfinite(end).all():
+                items.append((far, partial(canvas.line, end, 2.6 * OVERSAMPLE, color)))
+    return items
+
+
+def mesh(
+    canvas: Canvas,
+    corners: Array,
+    colors: ArrayLike,
+    opacity: float = 1.0,
+    two_sided: bool = False,
+    edges: NDArray[np.intp] | None = None,
+) -> list[Item]:
+    """Lit triangles (T, 3, 3): the faces turned to the eye, or all of them if two-sided.
+
+    ``edges`` (`Look.edges`) are outlined where they are sharp or bound the silhouette.
+    """
+    if not len(corners):
+        return []
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = normal / np.maximum(size, 1e-300)
+    to_eye = np.asarray(canvas.camera.eye) - corners.mean(axis=1)
+    to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True)
+    facing = (normal * to_eye).sum(axis=1)
+    paint = shade(colors, normal * np.sign(facing)[:, None], to_eye, canvas.light)
+    pixels, depth = canvas.image(corners)
+    middle = depth.mean(axis=1)
+    seen = np.isfinite(pixels).all((1, 2)) & (size[:, 0] > 0.0)
+    if not two_sided:
+        seen &= facing > 0.0
+    alpha = round(255 * opacity)
+    items: list[Item] = [
+        (middle[i], partial(canvas.polygon, pixels[i], paint[i], alpha)) for i in np.flatnonzero(seen)
+    ]
+    if edges is not None:
+        face, start, other = edges.T
+        smooth = (normal[face] * normal[other]).sum(axis=1) > _SMOOTH
+        drawn = (seen[face] | seen[other]) & ~(seen[face] & seen[other] & smooth)
+        ends = np.stack([pixels[face, start], pixels[face, (start + 1) % 3]], axis=1)
+        near = np.minimum(*(np.where(seen[i], middle[i], np.inf) for i in (face, other)))
+        dark = 0.55 * np.minimum(*(paint[np.where(seen[a], a, b)] for a, b in ((face, other), (other, face))))
+        for i in np.flatnonzero(drawn & np.isfinite(ends).all((1, 2))):
+            items.append((near[i], partial(canvas.line, ends[i], 1.1 * OVERSAMPLE, dark[i])))
+    return items
+
+
+def rod(
+    canvas: Canvas, start: Array, stop: Array, radius: float, color: ArrayLike, pieces: int = 1
+) -> list[Item]:
+    """A round bar; in several pieces, so that a long one sorts rightly among other things."""
+    points = start + np.linspace(0.0, 1.0, pieces + 1)[:, None] * (stop - start)
+    pixels, depth = canvas.image(points)
+    return [
+        (far.mean(), partial(canvas.bar, ends, far, radius, color, pieces == 1))
+        for ends, far in zip(
+            np.stack([pixels[:-1], pixels[1:]], axis=1),
+            np.stack([depth[:-1], depth[1:]], axis=1),
+            strict=True,
+        )
+        if np.isfinite(ends).all()
+    ]
+
+
+def rail(canvas: Canvas, start: ArrayLike, stop: ArrayLike) -> list[Item]:
+    """A slender bar that belongs to the surroundings."""
+    a, b = np.asarray(start, dtype=float), np.asarray(stop, dtype=float)
+    return rod(canvas, a, b, 0.006 * canvas.extent, STEEL, pieces=12)
+
+
+def dashes(canvas: Canvas, foot: ArrayLike, height: float) -> list[Item]:
+    """A dashed line upwards."""
+    steps = np.linspace(0.0, height, 49)[:-1].reshape(-1, 2)  # start and end of each dash
+    points = np.asarray(foot, dtype=float) + steps[..., None] * np.array([0.0, 0.0, 1.0])
+    pixels, depth = canvas.image(points)
+    return [
+        (far.mean(), partial(canvas.line, ends, 1.4 * OVERSAMPLE, GRAPHITE))
+        for ends, far in zip(pixels, depth, strict=True)
+        if np.isfinite(ends).all()
+    ]
+
+
+def arrow(canvas: Canvas, mark: Arrow) -> list[Item]:
+    """A bar with a cone; nothing if the vector is negligible in the picture."""
+    origin, vector = np.asarray(mark.origin, dtype=float), np.asarray(mark.vector, dtype=float)
+    length = float(np.linalg.norm(vector))
+    if not length > 0.004 * canvas.extent:
+        return []
+    axis = vector / length
+    head = min(0.05 * canvas.extent, 0.6 * length)
+    neck = origin + (length - head) * axis
+    rim = circle(neck, 0.36 * head, 14, axis)
+    turned = np.roll(rim, -1, axis=0)
+    tip, hub = np.broadcast_to(origin + vector, rim.shape), np.broadcast_to(neck, rim.shape)
+    cone = np.concatenate([np.stack([rim, turned, tip], axis=1), np.stack([turned, rim, hub], axis=1)])
+    shaft = rod(canvas, origin, neck, 0.13 * head, mark.color, pieces=3)
+    return shaft + mesh(canvas, cone, mark.color)

@@ -1,0 +1,95 @@
+"""What all checks share: their result, tolerances that are derived, and reading events off samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from springgym.scenes.recording import Recording
+
+
+class Check(NamedTuple):
+    """A quantity by theory and as measured."""
+
+    quantity: str
+    theory: float
+    measured: float
+    tolerance: float
+    """largest difference that the model and the step explain, in the same unit"""
+    unit: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the difference lies within the tolerance; NaN does not."""
+        return abs(self.measured - self.theory) <= self.tolerance
+
+
+def slack(recording: Recording, rate: float) -> float:
+    """Share by which a body's moments are off those of a rigid one: 2 ε + (rate h)^order.
+
+    ε is the largest strain of any spring in the run, which falls as 1/k; moments of inertia go with the
+    square of lengths. ``rate`` [rad/s] is the quickest turning there is: what vibrates faster does so about
+    an equilibrium that every method has exactly.
+    """
+    strain = float(recording.measures.strain.max())
+    return 2 * strain + (abs(rate) * recording.step) ** recording.integrator.order
+
+
+def spread(of: Callable[..., float], *arguments: float, by: float) -> float:
+    """How much a value changes when each of its arguments is off by a share ``by``, added up."""
+    value = of(*arguments)
+    changed = [
+        of(*arguments[:n], argument * (1 + sign * by), *arguments[n + 1 :])
+        for n, argument in enumerate(arguments)
+        for sign in (1, -1)
+    ]
+    pairs = np.abs(np.array(changed) - value).reshape(-1, 2)
+    return float(pairs.max(axis=1).sum())
+
+
+def turning_rate(recording: Recording) -> float:
+    """Largest |ω| of the run [rad/s]."""
+    omega = np.linalg.norm(recording.measures.angular_velocity, axis=1)
+    return float(np.nanmax(omega)) if np.isfinite(omega).any() else 0.0
+
+
+def crossings(times: np.ndarray, values: np.ndarray, rising: bool | None = None) -> np.ndarray:
+    """Times at which samples pass through zero, by cubics through four of them.
+
+    Parameters
+    ----------
+    times, values : (T,)
+        At equal intervals.
+    rising
+        Only upwards, or only downwards; both if None.
+    """
+    up, down = (values[:-1] < 0) & (values[1:] >= 0), (values[:-1] > 0) & (values[1:] <= 0)
+    wanted = up | down if rising is None else up if rising else down
+    found = []
+    for n in np.flatnonzero(wanted).tolist():
+        first = min(max(n - 1, 0), len(times) - 4)
+        cubic = np.polynomial.Polynomial.fit(np.arange(4.0), values[first : first + 4], 3)
+        roots = cubic.roots()
+        real = roots[np.abs(roots.imag) < 1e-9].real - (n - first)
+        inside = real[(real > -1e-6) & (real < 1 + 1e-6)]
+        share = inside[0] if len(inside) else values[n] / (values[n] - values[n + 1])
+        found.append(times[n] + share * (times[n + 1] - times[n]))
+    return np.array(found)
+
+
+def period(times: np.ndarray, values: np.ndarray) -> float:
+    """Mean time between passages of zero in the same direction; NaN if there are not two."""
+    marks = crossings(times, values, rising=True)
+    return (marks[-1] - marks[0]) / (len(marks) - 1) if len(marks) > 1 else math.nan
+
+
+def peaks(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times and heights of the maxima of samples at equal intervals, by parabolas through three."""
+    n = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:])) + 1
+    before, here, after = values[n - 1], values[n], values[n + 1]
+    slope, bend = (after - before) / 2, before - 2 * here + after
+    shift = -slope / bend
+    return times[n] + shift * (times[1] - times[0]), here + slope * shift / 2

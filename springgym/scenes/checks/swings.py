@@ -1,0 +1,167 @@
+"""Pendulums and ropes against theory."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from springgym.scenes.checks.basis import Check, period, slack
+from springgym.scenes.recording import Recording
+from springgym.theory import pendulum as theory
+from springgym.theory import rope
+
+
+def _gravity(recording: Recording) -> float:
+    return float(np.linalg.norm(recording.plan.scene.gravity or 0.0))
+
+
+def pendulum(recording: Recording) -> list[Check]:
+    """Period of a body swinging in a plane about its pin, released at rest."""
+    scene = recording.plan.scene
+    pin = scene.positions[scene.pinned[0]]
+    arm = recording.measures.centre - pin
+    sideways = arm[0] * (1, 1, 0)
+    sideways = sideways / np.linalg.norm(sideways)
+    angle = np.arctan2(arm @ sideways, -arm[:, 2])
+    amplitude = float(angle[0])
+    body = scene.body.with_(positions=scene.positions, lengths=scene.body.lengths)
+    hinge = np.cross(sideways, (0, 0, 1))
+    inertia = float(hinge @ body.inertia(pin) @ hinge)
+    mgl = body.mass * _gravity(recording) * float(np.linalg.norm(arm[0]))
+    expected = theory.period(inertia, mgl, amplitude)
+    measured = period(recording.times, -angle)
+    rate = 2 * math.sqrt(mgl / inertia)  # of the longest swing through the lowest point
+    # near the top the period depends on the amplitude as its logarithm does: 1/(π − θ₀) at the most
+    by = slack(recording, rate) * (1 + amplitude / (math.pi - amplitude))
+    quantity = f"period at {math.degrees(amplitude):.0f}°"
+    return [Check(quantity, expected, measured, by * expected, "s")]
+
+
+def small_swings(recording: Recording) -> list[Check]:
+    """Both frequencies of small swings of a body of any shape about its pin.
+
+    Rotated by a small vector φ from hanging, I φ̈ = −K φ with K = M g l (1 − ẑ ẑᵀ), I about the pin.
+    """
+    scene = recording.plan.scene
+    body, pin = scene.body, scene.positions[scene.pinned[0]]
+    hanging = _hanging(recording)
+    r = hanging - pin
+    inertia = np.sum(body.masses * (r * r).sum(axis=1)) * np.eye(3) - (body.masses * r.T) @ r
+    mgl = body.mass * _gravity(recording) * float(np.linalg.norm(body.masses @ r / body.mass))
+    root = np.linalg.inv(np.linalg.cholesky(inertia))
+    squares, shapes = np.linalg.eigh(root @ np.diag([mgl, mgl, 0.0]) @ root.T)
+    turned = _rotations(r, recording.positions - pin, body.masses)
+    amplitude = float(np.abs(turned).max())
+    checks = []
+    for n, name in ((1, "slower swing"), (2, "quicker swing")):
+        coordinate = turned @ inertia @ root.T @ shapes[:, n]
+        frequency = math.sqrt(squares[n])
+        # rotations do not commute: modes meet at the second order of the amplitude
+        by = slack(recording, frequency) + amplitude**2
+        measured = 2 * math.pi / period(recording.times, coordinate)
+        checks.append(Check(name, frequency, measured, by * frequency, "rad/s"))
+    return checks
+
+
+def _hanging(recording: Recording) -> np.ndarray:
+    from springgym.bodies import start
+
+    scene = recording.plan.scene
+    pin = scene.positions[scene.pinned[0]]
+    return start(scene.body, pinned=scene.pinned, position=pin, hanging=True, gravity=scene.gravity).positions
+
+
+def _rotations(shape: np.ndarray, placed: np.ndarray, masses: np.ndarray) -> np.ndarray:
+    """Small rotation vectors (T, 3) that best take a shape (N, 3) to where it is placed (T, N, 3)."""
+    moment = np.einsum("n,tni,nj->tij", masses, placed, shape)
+    inertia = np.trace(moment, axis1=1, axis2=2)[:, None, None] * np.eye(3) - moment
+    skew = np.stack(
+        [
+            moment[:, 2, 1] - moment[:, 1, 2],
+            moment[:, 0, 2] - moment[:, 2, 0],
+            moment[:, 1, 0] - moment[:, 0, 1],
+        ],
+        axis=1,
+    )
+    return np.linalg.solve((inertia + inertia.transpose(0, 2, 1)) / 2, skew[..., None])[..., 0]
+
+
+def rope_stretch(recording: Recording) -> list[Check]:
+    """Lengths of the springs of a rope that hangs still, and how it bounced before.
+
+    A mode of frequency ω decays as exp(−γ t), γ = c ω²/2k; so what is left of the bounce is known.
+    """
+    body = recording.plan.scene.body
+    k, c, g = float(body.stiffness[0]), float(body.damping[0]), _gravity(recording)
+    lengths = np.linalg.norm(np.diff(recording.positions, axis=1), axis=2)
+    expected = rope.stretched_lengths(body.masses[1:], body.lengths, body.stiffness, g)
+    lowest = float(rope.bounce_modes(body.masses[1:], body.stiffness).frequencies[0])
+    decay = c * lowest**2 / (2 * k)
+    stretch = float((expected - body.lengths).sum())
+    left = stretch * math.exp(-decay * recording.times[-1]) + 1e-12 * expected.sum()
+    total, bounce = lengths.sum(axis=1), math.sqrt(lowest**2 - decay**2)
+    kept = recording.times < 12 / decay  # above round-off
+    measured = 2 * math.pi / period(recording.times[kept], (total - expected.sum())[kept])
+    # the beads' own modes shift the first passages by their share of the mass
+    by = (bounce * recording.step) ** 2 + float(body.masses[1:-1].sum() / body.mass)
+    return [
+        Check("length of the rope", float(expected.sum()), float(total[-1]), left, "m"),
+        Check("length of the top spring", float(expected[0]), float(lengths[-1, 0]), left, "m"),
+        Check("bounce frequency", bounce, measured, by * bounce, "rad/s"),
+    ]
+
+
+def rope_modes(recording: Recording) -> list[Check]:
+    """Frequencies of all small sideways modes of a hanging rope."""
+    body = recording.plan.scene.body
+    masses = body.masses[1:]
+    modes = rope.swing_modes(masses, body.lengths, body.stiffness, _gravity(recording))
+    sideways = recording.positions[:, 1:, 0] - recording.positions[:, :1, 0]
+    slope = np.abs(np.diff(recording.positions[:, :, 0], axis=1)).max() / body.lengths.min()
+    tension = rope.tensions(masses, _gravity(recording)).min()
+    # a slope s stretches springs by s²/2 of their length, which adds to the tension
+    harder = float(slope**2 / 2 * body.stiffness.max() * body.lengths.max() / tension)
+    checks = []
+    for n, frequency in enumerate(modes.frequencies.tolist()):
+        coordinate = sideways @ (masses * modes.shapes[:, n])
+        measured = 2 * math.pi / period(recording.times, coordinate)
+        by = harder + (frequency * recording.step) ** recording.integrator.order
+        checks.append(Check(f"swing mode {n + 1}", frequency, measured, by * frequency, "rad/s"))
+    return checks
+
+
+def rope_swing(recording: Recording) -> list[Check]:
+    """Period of a rope with a heavy end, let go at the side: its lowest mode, slowed by the amplitude."""
+    body = recording.plan.scene.body
+    masses, g = body.masses[1:], _gravity(recording)
+    modes = rope.swing_modes(masses, body.lengths, body.stiffness, g)
+    arm = recording.positions[:, -1] - recording.positions[:, 0]
+    angle = np.arctan2(arm[:, 0], -arm[:, 2])
+    amplitude = float(angle[0])
+    slower = theory.period(1.0, 1.0, amplitude) / theory.small_period(1.0, 1.0)
+    expected = 2 * math.pi / float(modes.frequencies[0]) * slower
+    stretched = rope.stretched_lengths(masses, body.lengths, body.stiffness, g).sum() / body.lengths.sum() - 1
+    # swinging changes the stretch by its own share of the amplitude's square; light beads do not follow it
+    by = stretched * amplitude**2 + float(masses[:-1].sum() / body.mass) * amplitude**2
+    measured = period(recording.times, -angle)
+    return [Check(f"period at {math.degrees(amplitude):.0f}°", expected, measured, by * expected, "s")]
+
+
+def bungee(recording: Recording) -> list[Check]:
+    """How deep a jumper falls on a light cord: until weight, stretch and what was lost balance the start.
+
+    Of the cord's own energy, at the most its fall along itself, some is left in vibration.
+    """
+    scene, m, g = recording.plan.scene, recording.measures, _gravity(recording)
+    body, top = scene.body, float(scene.positions[0, 2])
+    length, cord, jumper = float(body.lengths.sum()), float(body.masses[1:-1].sum()), float(body.masses[-1])
+    stiffness = 1 / float((1 / body.stiffness).sum())
+    height = recording.positions[:, -1, 2]
+    lowest = int(np.argmin(height))
+    weight = (jumper + cord / 2) * g  # the cord's centre is half as deep
+    above = float(m.energy[0] - m.damping_loss[lowest]) - (jumper + cord) * g * top
+    # −weight·(L + s) + stiffness·s²/2 = energy above that of everything at the top
+    stretch = (weight + math.sqrt(weight**2 + 2 * stiffness * (above + weight * length))) / stiffness
+    left = cord * g * length / (stiffness * stretch - weight)
+    return [Check("depth of the fall", length + stretch, top - float(height[lowest]), left, "m")]

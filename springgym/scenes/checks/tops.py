@@ -1,0 +1,122 @@
+"""Tops against Lagrange's theory: turning points, nutation, both precessions, sleep."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from springgym.scenes.checks.basis import Check, peaks, slack, spread
+from springgym.scenes.plan import heavy_top
+from springgym.scenes.recording import Recording
+from springgym.theory import top as theory
+from springgym.theory.top import HeavyTop, TopState
+
+
+def rigid_top(recording: Recording) -> tuple[HeavyTop, TopState]:
+    """The rigid top of a recording, and the motion it starts with."""
+    scene, m = recording.plan.scene, recording.measures
+    axis, omega = m.axis[0], m.angular_velocity[0]
+    tilt = math.atan2(math.hypot(axis[0], axis[1]), axis[2])
+    rate = np.cross(omega, axis)
+    sideways = max(axis[0] ** 2 + axis[1] ** 2, 1e-300)
+    state = TopState(
+        theta=tilt,
+        omega3=float(omega @ axis),
+        theta_dot=float(-rate[2] / max(math.sin(tilt), 1e-300)),
+        phi_dot=float((axis[0] * rate[1] - axis[1] * rate[0]) / sideways),
+    )
+    return heavy_top(scene.body, scene.pinned, scene.gravity or (0.0, 0.0, 0.0)), state
+
+
+def angles(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+    """Tilt and azimuth of the axis [rad], each (T,)."""
+    x, y, z = recording.measures.axis.T
+    return np.arctan2(np.hypot(x, y), z), np.unwrap(np.arctan2(y, x))
+
+
+def _compared(
+    quantity: str, of: Callable[[HeavyTop], float], top: HeavyTop, measured: float, by: float, unit: str
+) -> Check:
+    """A check whose tolerance is what the top's constants, each off by a share, do to the theory."""
+
+    def value(i1: float, i3: float, mgl: float) -> float:
+        return of(HeavyTop(i1, i3, mgl))
+
+    tolerance = spread(value, top.i1, top.i3, top.mgl, by=by)
+    return Check(quantity, of(top), measured, tolerance, unit)
+
+
+def nutation(recording: Recording) -> list[Check]:
+    """Turning points, nutation period and mean precession of a top, from any start."""
+    top, state = rigid_top(recording)
+    by = slack(recording, state.omega3)
+    tilt, azimuth = angles(recording)
+    times, lowest = peaks(recording.times, tilt)
+    _, highest = peaks(recording.times, -tilt)
+    around = np.interp(times, recording.times, azimuth)
+
+    def turning(n: int) -> Callable[[HeavyTop], float]:
+        return lambda top: math.acos(min(1.0, theory.turning_points(top, state)[n]))
+
+    def duration(top: HeavyTop) -> float:
+        return theory.nutation_period(top, state)
+
+    def precession(top: HeavyTop) -> float:
+        return float(theory.motion(top, state, duration(top)).phi) / duration(top)
+
+    passed = times[-1] - times[0] if len(times) > 1 else math.nan
+    between = by * float(np.ptp(tilt))
+    low = _compared("largest tilt", turning(0), top, _mean(lowest), by, "rad")
+    high = _compared("smallest tilt", turning(1), top, -_mean(highest), by, "rad")
+    return [
+        low._replace(tolerance=low.tolerance + between),
+        high._replace(tolerance=high.tolerance + between),
+        _compared("nutation period", duration, top, passed / max(len(times) - 1, 1), by, "s"),
+        _compared("mean precession", precession, top, float(np.ptp(around[[0, -1]])) / passed
+                  * np.sign(around[-1] - around[0]), by, "rad/s"),
+    ]  # fmt: skip
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(values.mean()) if len(values) else math.nan
+
+
+def steady_precession(recording: Recording) -> list[Check]:
+    """The rate of a top started near a steady precession, and the frequency of its small nutation."""
+    top, state = rigid_top(recording)
+    by = slack(recording, state.omega3)
+    tilt, azimuth = angles(recording)
+    marks, _ = peaks(recording.times, tilt)
+    if len(marks) < 2:
+        marks = recording.times[[0, -1]]
+    around = np.interp(marks, recording.times, azimuth)
+    rate = float((around[-1] - around[0]) / (marks[-1] - marks[0]))
+    roots = theory.steady_precession(top, state.theta, state.omega3)
+    fast = abs(rate - roots[1]) < abs(rate - roots[0])
+
+    def steady(top: HeavyTop) -> float:
+        return theory.steady_precession(top, state.theta, state.omega3)[1 if fast else 0]
+
+    def frequency(top: HeavyTop) -> float:
+        return theory.nutation_frequency(top, state.theta, steady(top))
+
+    measured = 2 * math.pi * (len(marks) - 1) / (marks[-1] - marks[0])
+    name = f"{'fast' if fast else 'slow'} precession"
+    return [
+        _compared(name, steady, top, rate, by, "rad/s"),
+        _compared("nutation frequency", frequency, top, measured, by, "rad/s"),
+    ]
+
+
+def sleep(recording: Recording) -> list[Check]:
+    """The spin against the sleeping threshold, and the largest tilt of a top that starts almost upright."""
+    top, state = rigid_top(recording)
+    by = slack(recording, state.omega3)
+    tilt, _ = angles(recording)
+
+    def largest(top: HeavyTop) -> float:
+        return math.acos(theory.turning_points(top, state)[0])
+
+    return [_compared("largest tilt", largest, top, float(tilt.max()), by, "rad")]

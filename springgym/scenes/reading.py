@@ -1,0 +1,386 @@
+"""Reading scene files strictly: every key is known, of its kind, and given once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from springgym.bodies import Body, box, cube, from_mesh, from_points, gyroscope, rope, start, top, union
+from springgym.bodies.motion import Start
+from springgym.integrators import METHODS
+from springgym.scene import GRAVITY, Scene
+from springgym.scenes.checks import CHECKS
+from springgym.scenes.plan import Plan, Plot, Vector, View, heavy_top
+from springgym.strict_yaml import Tree, YamlError, build, read_yaml, suggestion
+from springgym.surfaces import Contact, Dish, PaperContact, Plane, Surface, floor, incline, scales
+from springgym.theory.contact import rest_height
+from springgym.theory.rope import catenary
+from springgym.theory.top import steady_precession
+
+
+def names() -> list[str]:
+    """Names of the scenes that come with the package, sorted."""
+    return sorted(
+        file.name.removesuffix(".yaml") for file in _folder().iterdir() if file.name.endswith(".yaml")
+    )
+
+
+def load(scene: str) -> Plan:
+    """Read a scene.
+
+    Parameters
+    ----------
+    scene
+        Name of one that comes with the package, or path of a YAML file.
+
+    Raises
+    ------
+    YamlError
+        If the file is wrong: with its name, the line and the key.
+    ValueError
+        If there is no such scene.
+    """
+    if scene in names():
+        with resources.as_file(_folder() / f"{scene}.yaml") as path:
+            return read(path)
+    path = Path(scene)
+    if path.suffix in (".yaml", ".yml") or path.is_file():
+        return read(path)
+    raise ValueError(f"there is no scene {scene!r}{suggestion(scene, names())}, or give a YAML file")
+
+
+def _folder() -> Any:
+    return resources.files("springgym.scenes")
+
+
+def read(path: Path) -> Plan:
+    """Read a scene file, see `load`."""
+    tree = read_yaml(path)
+
+    def plan(
+        title: str,
+        body: Any,
+        duration: float,
+        pinned: Sequence[str | int] = (),
+        gravity: float | Vector = -GRAVITY[2],
+        start: Any = None,
+        surfaces: Any = None,
+        contact: Any = None,
+        interval: float = 0.01,
+        integrator: str = "verlet",
+        step: float | None = None,
+        trace: str | int | None = None,
+        plot: Plot = "rotation",
+        checks: Sequence[str] = (),
+        view: Any = None,
+    ) -> Plan:
+        for name, value in {"duration": duration, "interval": interval}.items():
+            if not 0 < value < np.inf:
+                raise _error(tree, name, f"{name} is {value} s; it must be positive and finite")
+        if integrator not in METHODS:
+            raise _error(
+                tree, "integrator", f"unknown method {integrator!r}{suggestion(integrator, METHODS)}"
+            )
+        made = _body(tree, ("body",))
+        pins = _particles(tree, "pinned", made, pinned)
+        traced = _particles(tree, "trace", made, () if trace is None else (trace,))
+        if len(traced) > 1:
+            raise _error(tree, "trace", f"{trace!r} is {len(traced)} particles; trace takes one")
+        pull = (0.0, 0.0, -gravity) if isinstance(gravity, float) else gravity
+        met, paper = (Contact(), PaperContact())
+        if contact is not None:
+            met, paper = build(_met, tree, ("contact",))
+        given: dict[str, Any] = {
+            "body": made,
+            "pinned": pins,
+            "gravity": pull,
+            "surfaces": _surfaces(tree),
+            "contact": met,
+        }
+        begun = _started(**given) if start is None else build(_started, tree, ("start",), **given)
+        try:
+            scene = Scene(
+                body=made,
+                positions=begun.start.positions,
+                velocities=begun.start.velocities,
+                pinned=pins,
+                gravity=pull if any(pull) else None,
+                surfaces=given["surfaces"],
+                contact=met,
+            )
+        except YamlError:
+            raise
+        except ValueError as error:
+            raise YamlError(f"{path}: {error}") from error
+        for n, name in enumerate(checks):
+            if name not in CHECKS:
+                where = tree.where["checks", str(n)]
+                raise YamlError(f"{where}: unknown check {name!r}{suggestion(name, CHECKS)}")
+        return Plan(
+            name=path.stem,
+            title=title,
+            scene=scene,
+            paper=paper,
+            stretched=begun.stretched,
+            duration=duration,
+            interval=interval,
+            integrator=integrator,
+            step=step,
+            trace=traced[0] if traced else None,
+            plot=plot,
+            checks=tuple(checks),
+            view=View() if view is None else build(View, tree, ("view",)),
+        )
+
+    return build(plan, tree)
+
+
+def _error(tree: Tree, key: str, message: str) -> YamlError:
+    return YamlError(f"{tree.where[key,]}: {key}: {message}")
+
+
+# --- Bodies -----------------------------------------------------------------------------------------
+
+
+def _net(
+    positions: Sequence[Vector],
+    masses: float | Sequence[float],
+    springs: Sequence[tuple[int, int]] = (),
+    stiffness: float | Sequence[float] = 1e5,
+    damping: float | Sequence[float] = 0.0,
+    lengths: Sequence[float] | None = None,
+    parts: Mapping[str, Sequence[int]] | None = None,
+    frame: tuple[int, int, int] | None = None,
+    floppy: bool = False,
+) -> Body:
+    """A body given particle by particle and spring by spring, see `Body`."""
+    return Body(
+        "net",
+        np.array(positions),
+        np.array(masses),
+        np.array(springs, int).reshape(-1, 2),
+        np.array(stiffness),
+        np.array(damping),
+        lengths=None if lengths is None else np.array(lengths),  # type: ignore[arg-type]
+        frame=frame,  # type: ignore[arg-type]
+        parts={} if parts is None else {name: tuple(particles) for name, particles in parts.items()},
+        floppy=floppy,
+    )
+
+
+def _mesh(
+    folder: Path,
+    file: str,
+    mass: float = 1.0,
+    by: Literal["volume", "area"] = "volume",
+    scale: float = 1.0,
+    stiffness: float = 1e5,
+    damping: float = 10.0,
+) -> Body:
+    """Arguments of `springgym.bodies.from_mesh`; ``file`` is relative to the scene file."""
+    return from_mesh(folder / file, mass, by, scale, stiffness, damping)
+
+
+KINDS: dict[str, Callable[..., Body]] = {
+    "top": top,
+    "gyroscope": gyroscope,
+    "cube": cube,
+    "box": box,
+    "rope": rope,
+    "points": from_points,
+    "mesh": _mesh,
+    "net": _net,
+}
+"""Bodies by the name a scene file gives them; ``union`` is the other."""
+
+
+def _body(tree: Tree, path: tuple[str, ...]) -> Body:
+    """The body at a path: its ``kind``, and the arguments of the function that makes it."""
+    entries, place = tree.at(path), tree.where[path]
+    if not isinstance(entries, dict) or not isinstance(entries.get("kind"), str):
+        raise YamlError(f"{place}: {'.'.join(path)} must be a mapping with a kind")
+    kind = entries["kind"]
+    if kind == "union":
+        parts = entries.get("parts")
+        if not isinstance(parts, list) or not parts:
+            raise YamlError(f"{place}: a union lacks parts, a list of bodies")
+        bodies = [_part(tree, (*path, "parts", str(n))) for n in range(len(parts))]
+        return build(union, tree, path, skip=("kind", "parts"), bodies=bodies)
+    if kind not in KINDS:
+        where = tree.where[*path, "kind"]
+        raise YamlError(f"{where}: unknown kind {kind!r}{suggestion(kind, [*KINDS, 'union'])}")
+    skip = ("kind", "name", "at") if len(path) > 1 else ("kind",)
+    given = {"folder": Path(tree.where[()]).parent} if kind == "mesh" else {}
+    return build(KINDS[kind], tree, path, skip=skip, **given)
+
+
+def _part(tree: Tree, path: tuple[str, ...]) -> Body:
+    """A part of a union: a body with a ``name``, moved to ``at``."""
+
+    def placed(name: str, at: Vector = (0.0, 0.0, 0.0)) -> Body:
+        return body.with_(name=name, positions=body.positions + np.array(at))
+
+    body = _body(tree, path)
+    others = set(tree.at(path)) - {"name", "at"}
+    return build(placed, tree, path, skip=tuple(others))
+
+
+def _particles(tree: Tree, key: str, body: Body, given: Sequence[str | int]) -> tuple[int, ...]:
+    """Particles by number or by the name of a part."""
+    found: list[int] = []
+    for item in given:
+        if isinstance(item, str) and item not in body.parts:
+            raise _error(tree, key, f"unknown part {item!r}{suggestion(item, body.parts)}")
+        particles = (item,) if isinstance(item, int) else body.parts[item]
+        for i in particles:
+            if not 0 <= i < len(body.masses):
+                raise _error(tree, key, f"there is no particle {i}; there are 0 to {len(body.masses) - 1}")
+        found += particles
+    return tuple(found)
+
+
+# --- Surfaces ---------------------------------------------------------------------------------------
+
+SURFACES: dict[str, Callable[..., Surface]] = {
+    "floor": floor,
+    "incline": incline,
+    "plane": Plane,
+    "dish": Dish,
+}
+"""Surfaces by the name a scene file gives them."""
+
+
+def _surfaces(tree: Tree) -> tuple[Surface, ...]:
+    given = tree.value.get("surfaces") or []
+    if not isinstance(given, list):
+        raise _error(tree, "surfaces", f"expected a list of surfaces, got {given!r}")
+    made = []
+    for n, entries in enumerate(given):
+        path = ("surfaces", str(n))
+        kind = entries.get("kind") if isinstance(entries, dict) else None
+        if kind not in SURFACES:
+            known = suggestion(str(kind), SURFACES)
+            raise YamlError(f"{tree.where[path]}: unknown kind of surface {kind!r}{known}")
+        made.append(build(SURFACES[kind], tree, path, skip=("kind",)))
+    return tuple(made)
+
+
+def _met(
+    friction: float = 0.0,
+    restitution: float = 1.0,
+    impact_speed: float = 1.0,
+    strength: float | None = None,
+    reach: float | None = None,
+    paper_damping: float = 0.0,
+) -> tuple[Contact, PaperContact]:
+    """Contact by default and by the paper's method, whose c_N is ``paper_damping`` [kg/s]."""
+    return (
+        Contact(friction, restitution, impact_speed, strength, reach),
+        PaperContact(friction, paper_damping, strength, reach),
+    )
+
+
+# --- Starts -----------------------------------------------------------------------------------------
+
+
+class _Begun(NamedTuple):
+    start: Start
+    stretched: bool
+
+
+def _started(
+    body: Body,
+    pinned: tuple[int, ...],
+    gravity: Vector,
+    surfaces: tuple[Surface, ...],
+    contact: Contact,
+    tilt: float | None = None,
+    azimuth: float = 0.0,
+    roll: float = 0.0,
+    hanging: bool = False,
+    turn: Vector = (0.0, 0.0, 0.0),
+    spin: float = 0.0,
+    precession: float | Literal["slow", "fast"] = 0.0,
+    omega: Vector = (0.0, 0.0, 0.0),
+    position: Vector = (0.0, 0.0, 0.0),
+    velocity: Vector = (0.0, 0.0, 0.0),
+    height: float | Literal["rest"] | None = None,
+    end: Vector | None = None,
+    kick: Mapping[str, Vector] | None = None,
+    stretched: bool = True,
+) -> _Begun:
+    """Arguments of `springgym.bodies.start`; "slow" and "fast" are the steady precessions of a heavy top.
+
+    ``height`` [m] is that of the lowest particle above the first surface, a plane (or above z = 0), to
+    which the body is moved; at "rest" the lowest particles share the weight. ``end`` is where the end of
+    a rope is held before, the rope hanging between. ``kick`` gives parts or particles a further velocity
+    [m/s].
+    """
+    if isinstance(precession, str):
+        roots = steady_precession(heavy_top(body, pinned, gravity), tilt or 0.0, spin)
+        precession = roots[precession == "fast"]
+    positions, velocities = start(
+        body,
+        tilt=tilt,
+        azimuth=azimuth,
+        roll=roll,
+        hanging=hanging,
+        turn=turn,
+        spin=spin,
+        precession=precession,
+        omega=omega,
+        position=position,
+        velocity=velocity,
+        pinned=pinned,
+        gravity=gravity,
+        stretched=stretched and end is None,
+    )
+    if height is not None:
+        positions = _lifted(body, positions, gravity, surfaces[0] if surfaces else floor(), contact, height)
+    if end is not None:
+        positions = _hung(body, positions[0], np.array(end), gravity)
+    for name, change in (kick or {}).items():
+        if name not in body.parts and not name.isdecimal():
+            raise ValueError(f"kick names an unknown part {name!r}{suggestion(name, body.parts)}")
+        particles = body.parts[name] if name in body.parts else (int(name),)
+        if max(particles) >= len(body.masses):
+            raise ValueError(f"kick names particle {name}; there are 0 to {len(body.masses) - 1}")
+        velocities[list(particles)] += change
+    return _Begun(Start(positions, velocities), stretched)
+
+
+def _lifted(
+    body: Body,
+    positions: np.ndarray,
+    gravity: Vector,
+    surface: Surface,
+    contact: Contact,
+    height: float | Literal["rest"],
+) -> np.ndarray:
+    """Positions moved along the normal of a plane to a height of the lowest particle."""
+    if not isinstance(surface, Plane):
+        raise ValueError("height is above a plane; give a position in a dish")
+    heights = surface.height(positions)
+    if height == "rest":
+        strength, reach = scales(contact, body)
+        below = int(np.sum(heights < heights.min() + 1e-3 * reach))
+        weight = -body.mass * float(np.dot(gravity, surface.normal))
+        height = rest_height(weight / below, strength, reach)
+    return positions + (height - heights.min()) * np.array(surface.normal)
+
+
+def _hung(body: Body, first: np.ndarray, last: np.ndarray, gravity: Vector) -> np.ndarray:
+    """A rope hanging between its ends."""
+    if body.name != "rope" or any(gravity[:2]):
+        raise ValueError("end is that of a rope, in vertical gravity")
+    across = (last - first) * (1, 1, 0)
+    span = float(np.linalg.norm(across))
+    hanging = catenary(
+        span, float(last[2] - first[2]), body.masses[1:-1], body.lengths, body.stiffness, -gravity[2]
+    )
+    sideways, up = hanging.points.T
+    return first + np.outer(sideways, across / span) + np.outer(up, (0, 0, 1))

@@ -1,0 +1,115 @@
+"""Running a plan, and what is recorded of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from springgym.integrators.record import Integrator
+from springgym.measures import SIZE, Measures, Readout, view
+from springgym.scenes.plan import Plan
+from springgym.simulator import SimulationDivergedError, Simulator
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A simulated plan: its states at T times."""
+
+    plan: Plan
+    simulator: str
+    """what simulated it, in words"""
+    integrator: Integrator
+    step: float
+    """[s]"""
+    times: np.ndarray
+    """(T,) [s], from 0"""
+    positions: np.ndarray
+    """(T, N, 3) [m]"""
+    velocities: np.ndarray
+    """(T, N, 3) [m/s]"""
+    measures: Measures
+    """of shape (T,) or (T, 3)"""
+    complete: bool
+    """whether it was not interrupted"""
+
+
+def record(
+    plan: Plan,
+    *,
+    dynamics: str = "springs",
+    progress: Callable[[Iterable[int]], Iterable[int]] = iter,
+) -> Recording:
+    """Simulate a plan.
+
+    Parameters
+    ----------
+    plan
+        What to simulate. Its interval becomes a whole number of steps if its step is given, and the other
+        way round if not.
+    dynamics
+        "springs", or "rigid" for the rigid twin, whose method and step are its own.
+    progress
+        What to wrap the count of states in, to show it. Ctrl-C ends the simulation and keeps what is there.
+
+    Raises
+    ------
+    SimulationDivergedError
+        If the simulation diverges.
+    ValueError
+        If the integrator or the step does not fit the scene.
+    """
+    simulator = _simulator(plan, dynamics)
+    steps = max(1, round(plan.interval / simulator.step))
+    count = 1 + max(1, round(plan.duration / (steps * simulator.step)))
+    positions = np.zeros((count, *plan.scene.positions.shape))
+    velocities = np.zeros_like(positions)
+    rows = np.zeros((count, SIZE))
+    done = 0
+    try:
+        for n in progress(range(count)):
+            if n > 0:
+                simulator.advance(steps, check=not plan.scene.body.floppy)  # a cord may double its length
+            now = slice(n, n + 1)
+            simulator.read(Readout(rows[now], positions[now], velocities[now]))
+            if not np.isfinite(velocities[n]).all():
+                raise SimulationDivergedError(f"{plan.name} diverged before t = {simulator.time[0]:g} s")
+            done = n + 1
+    except KeyboardInterrupt:
+        if done == 0:
+            raise
+    return Recording(
+        plan=plan,
+        simulator=repr(simulator),
+        integrator=simulator.integrator,
+        step=simulator.step,
+        times=simulator.step * steps * np.arange(done),
+        positions=positions[:done],
+        velocities=velocities[:done],
+        measures=view(rows[:done]),
+        complete=done == count,
+    )
+
+
+def _simulator(plan: Plan, dynamics: str) -> Simulator:
+    options: dict[str, Any] = {"dynamics": dynamics}
+    if dynamics == "springs":
+        options |= {"integrator": plan.integrator, "step": plan.step}
+    simulator = Simulator(plan.scene, **options)
+    if options.get("step") is not None:
+        return simulator
+    options["step"] = plan.interval / ceil(plan.interval / simulator.step - 1e-9)
+    return Simulator(plan.scene, **options)
+
+
+def rigid_twin(recording: Recording) -> Recording | None:
+    """The same plan with the body rigid, at the same times; None where a body or scene has no rigid twin."""
+    interval = float(recording.times[1]) if len(recording.times) > 1 else recording.plan.interval
+    plan = replace(recording.plan, interval=interval, duration=float(recording.times[-1]))
+    try:
+        return record(plan, dynamics="rigid")
+    except ValueError:
+        return None

@@ -1,0 +1,199 @@
+"""``springgym simulate``: run a scene, write its trace, plot it, film it, hold it against theory."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from springgym.cli import INTERRUPTED
+from springgym.integrators import METHODS
+from springgym.scenes.checks import CHECKS, Check
+from springgym.scenes.plan import Plan
+from springgym.scenes.reading import load
+from springgym.scenes.reading import names as scene_names
+from springgym.scenes.recording import Recording, record
+
+PAPER_STEP = 5e-4
+"""The paper's step [s], for rk4."""
+
+ENERGIES = (
+    *("kinetic", "gravity", "elastic", "contact"),
+    *("work", "damping_loss", "contact_loss", "friction_loss"),
+)
+"""The energy ledger in a trace [J]."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument("scene", nargs="?", help="name of a scene (see --list), or a YAML file")
+    parser.add_argument("--list", action="store_true", help="show the scenes that come with the package")
+    parser.add_argument("--duration", type=float, metavar="S", help="seconds to simulate")
+    parser.add_argument("--integrator", choices=METHODS, help="method, in place of the scene's")
+    parser.add_argument("--step", type=float, metavar="S", help="its step in seconds")
+    parser.add_argument(
+        "--method",
+        choices=("default", "paper"),
+        default="default",
+        help="paper: as the paper has it, rk4 at 5e-4 s, contact with clamp and capped friction",
+    )
+    parser.add_argument("--trace", type=Path, metavar="FILE", help="write all states to a .npz or .csv file")
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE", help="draw the figure of the scene, .png or .svg"
+    )
+    parser.add_argument("--video", type=Path, metavar="FILE", help="film it, .mp4 or .gif")
+    parser.add_argument("--check", action="store_true", help="compare with theory; exit status 1 if it fails")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do what the arguments ask for; the exit status."""
+    if args.list:
+        for name in scene_names():
+            print(f"{name:20} {load(name).title}")
+        return 0
+    if args.scene is None:
+        raise ValueError("which scene? Give a name out of springgym simulate --list, or a YAML file")
+    _check_files(args)
+    plan = _changed(load(args.scene), args)
+    recording = record(plan, progress=_bar(plan.name))
+    if not recording.complete:
+        print(f"interrupted; what follows ends at t = {recording.times[-1]:g} s", file=sys.stderr)
+    print(_summary(recording))
+    if args.trace:
+        save_trace(recording, args.trace)
+    if args.plot:
+        from springgym.scenes.plots import draw
+
+        draw(recording).savefig(args.plot)
+    if args.video:
+        from springgym.scenes.film import save_film
+
+        save_film(recording, args.video)
+    for path in filter(None, (args.trace, args.plot, args.video)):
+        print(f"wrote {path}")
+    status = _report(recording) if args.check else 0
+    return status if recording.complete else INTERRUPTED
+
+
+def _check_files(args: argparse.Namespace) -> None:
+    """Refuse a file of the wrong kind before the work is done."""
+    for option, suffixes in {
+        "trace": (".npz", ".csv"),
+        "plot": (".png", ".svg", ".pdf"),
+        "video": (".mp4", ".gif"),
+    }.items():
+        path: Path | None = getattr(args, option)
+        if path is not None and path.suffix.lower() not in suffixes:
+            raise ValueError(f"--{option} {path}: the name must end in {' or '.join(suffixes)}")
+        if path is not None and not path.absolute().parent.is_dir():
+            raise ValueError(f"--{option} {path}: there is no folder {path.absolute().parent}")
+
+
+def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
+    """The plan with what the options change."""
+    if args.duration is not None and not 0 < args.duration < np.inf:
+        raise ValueError(f"--duration {args.duration:g}: it must be positive and finite")
+    if args.integrator is not None:
+        plan = replace(plan, integrator=args.integrator, step=None)
+    if args.method == "paper":
+        plan = replace(plan, scene=plan.scene.with_(contact=plan.paper), integrator="rk4", step=PAPER_STEP)
+    if args.duration is not None:
+        plan = replace(plan, duration=args.duration)
+    return plan if args.step is None else replace(plan, step=args.step)
+
+
+def _bar(name: str) -> Callable[[Iterable[int]], Iterable[int]]:
+    """A progress bar, if it takes longer than a second and someone is looking."""
+
+    def wrap(items: Iterable[int]) -> Iterable[int]:
+        from tqdm import tqdm
+
+        return tqdm(items, desc=name, delay=1.0, leave=False, disable=not sys.stderr.isatty())
+
+    return wrap
+
+
+def _summary(recording: Recording) -> str:
+    plan, m = recording.plan, recording.measures
+    lost = m.damping_loss[-1] + m.contact_loss[-1] + m.friction_loss[-1]
+    return (
+        f"{plan.name}: {plan.title}\n{recording.simulator}\n"
+        f"{recording.times[-1]:g} s: largest strain {m.strain.max():.3g}, "
+        f"energy {m.energy[0]:.6g} → {m.energy[-1]:.6g} J, lost {lost:.3g} J, "
+        f"unaccounted {m.balance[-1] - m.balance[0]:.2g} J"
+    )
+
+
+def save_trace(recording: Recording, path: Path) -> None:
+    """Write times, positions, velocities and energies to a .npz (arrays) or .csv file (a row a time)."""
+    energies = {name: getattr(recording.measures, name) for name in ENERGIES}
+    if path.suffix.lower() == ".npz":
+        body = recording.plan.scene.body
+        np.savez_compressed(
+            path,
+            times=recording.times,
+            positions=recording.positions,
+            velocities=recording.velocities,
+            masses=body.masses,
+            springs=body.springs,
+            **energies,
+        )
+        return
+    count = recording.positions.shape[1]
+    names = [f"{kind}{axis}{n}" for kind in ("", "v") for n in range(count) for axis in "xyz"]
+    states = (recording.positions, recording.velocities)
+    columns = [recording.times[:, None], *(state.reshape(len(state), -1) for state in states)]
+    rows = np.column_stack([*columns, *energies.values()])
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time", *names, *energies])
+        writer.writerows(rows.tolist())
+
+
+# --- Theory beside measurement ----------------------------------------------------------------------
+
+
+def _report(recording: Recording) -> int:
+    """Print the checks of a scene; exit status 1 if one fails."""
+    checks = [check for name in recording.plan.checks for check in CHECKS[name](recording)]
+    if not checks:
+        print("this scene has no checks")
+        return 0
+    print(table(checks))
+    failed = sum(not check.passed for check in checks)
+    if failed:
+        print(f"{failed} of {len(checks)} checks failed")
+    return 1 if failed else 0
+
+
+def table(checks: list[Check]) -> str:
+    """Checks as lines of text; differences are relative, or absolute where theory says 0."""
+    head = ("", "theory", "measured", "", "difference", "tolerance", "")
+    rows = [head, *(_row(check) for check in checks)]
+    widths = [max(len(row[n]) for row in rows) for n in range(len(head))]
+    return "\n".join(
+        "  ".join(
+            text.ljust(width) if n in (0, 3, 6) else text.rjust(width)
+            for n, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    )
+
+
+def _row(check: Check) -> tuple[str, ...]:
+    scale = abs(check.theory) or 1.0
+    relative = "" if check.theory else f" {check.unit}"
+    return (
+        check.quantity,
+        f"{check.theory:.6g}",
+        f"{check.measured:.6g}",
+        check.unit,
+        f"{(check.measured - check.theory) / scale:+.1e}{relative}",
+        f"{check.tolerance / scale:.1e}{relative}",
+        "ok" if check.passed else "FAILED",
+    )

@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+
+from springgym.rendering import Camera
+
+FOV = 2.0 * np.arctan(0.5)  # scale is then the height of the picture in pixels
+
+
+def test_projection_by_hand():
+    camera = Camera(eye=(0.0, -4.0, 0.0), target=(0.0, 0.0, 0.0), fov=FOV)
+    pixels, depth = camera.project([(0, 0, 0), (1, 0, 0.5), (-1, 4, 0)], (200, 100))
+    # scale = 50 / tan(fov/2) = 100; x = 100 + 100 * 1/4, y = 50 - 100 * 0.5/4; at depth 8: 100 - 100/8
+    np.testing.assert_allclose(pixels, [(100, 50), (125, 37.5), (87.5, 50)], atol=1e-12)
+    np.testing.assert_allclose(depth, [4, 4, 8], atol=1e-12)
+
+
+def test_projection_from_above_by_hand():
+    # Looking along (0, 0.6, -0.8): right is x, up is (0, 0.8, 0.6).
+    camera = Camera(eye=(0.0, -3.0, 4.0), target=(0.0, 0.0, 0.0), fov=FOV)
+    np.testing.assert_allclose(camera.axes(), [(1, 0, 0), (0, 0.8, 0.6), (0, 0.6, -0.8)], atol=1e-12)
+    pixels, depth = camera.project((0.5, 0.0, 1.0), (100, 100))
+    # depth = 5 - 0.8 = 4.2; x = 50 + 100 * 0.5/4.2, y = 50 - 100 * 0.6/4.2
+    np.testing.assert_allclose(pixels, (50 + 50 / 4.2, 50 - 60 / 4.2), atol=1e-12)
+    np.testing.assert_allclose(depth, 4.2, atol=1e-12)
+
+
+def test_no_image_behind_the_eye():
+    camera = Camera(eye=(0.0, -4.0, 0.0), target=(0.0, 0.0, 0.0))
+    pixels, depth = camera.project([(0, -4, 0), (0, -5, 0), (0, 1, 0)], (100, 100))
+    assert np.isnan(pixels[:2]).all()
+    assert np.isnan(depth[:2]).all()
+    assert np.isfinite(pixels[2]).all()
+
+
+def test_rays_go_through_their_pixels():
+    camera = Camera.framing((0.2, -0.1, 0.4), 2.0, azimuth=0.7, elevation=0.4)
+    rays = camera.rays((8, 6))
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=-1), 1.0, atol=1e-12)
+    pixels, _ = camera.project(camera.eye + 3.0 * rays, (8, 6))
+    x, y = np.meshgrid(np.arange(8) + 0.5, np.arange(6) + 0.5)
+    np.testing.assert_allclose(pixels, np.stack([x, y], axis=-1), atol=1e-9)
+
+
+def test_framing_fits_the_sphere_into_the_height():
+    center = np.array([1.0, 2.0, 3.0])
+    camera = Camera.framing(center, 2.0, azimuth=0.3, elevation=0.0)
+    angle = np.linspace(0, 2 * np.pi, 20001)
+    to_eye = (np.array(camera.eye) - center) / np.linalg.norm(np.array(camera.eye) - center)
+    circle = center + np.cos(angle)[:, None] * to_eye + np.sin(angle)[:, None] * np.array([0, 0, 1.0])
+    height = camera.project(circle, (400, 400))[0][:, 1]
+    # The widest of 20001 points is within (2 pi/20001)^2 of touching the upper and lower edge.
+    np.testing.assert_allclose([height.min(), height.max()], [0, 400], atol=1e-3)
+    np.testing.assert_allclose(np.arctan2(to_eye[1], to_eye[0]), 0.3)
+
+
+@pytest.mark.parametrize(
+    ("eye", "target", "fov", "message"),
+    [
+        ((0, 0, 1), (0, 0, 0), 0.5, "straight above"),
+        ((1, 1, 1), (1, 1, 1), 0.5, "straight above"),
+        ((np.nan, 0, 1), (0, 0, 0), 0.5, "eye"),
+        ((1, 0, 1), (0, 0), 0.5, "target"),
+        ((1, 0, 1), (0, 0, 0), 0.0, "fov"),
+        ((1, 0, 1), (0, 0, 0), 3.2, "fov"),
+    ],
+)
+def test_impossible_cameras(eye, target, fov, message):
+    with pytest.raises(ValueError, match=message):
+        Camera(eye, target, fov)
+
+
+def test_framing_nothing():
+    with pytest.raises(ValueError, match="size"):
+        Camera.framing((0, 0, 0), 0.0)

@@ -1,0 +1,26 @@
+"""Recordings of the scenes, made once."""
+
+from functools import cache
+
+import pytest
+
+from springgym.scenes import load
+from springgym.scenes.recording import record
+
+OFTEN = {
+    *("top", "top-waves", "elongated-top", "unbalanced-top", "steady-top", "fast-top", "gyroscope"),
+    *("sleeping-top", "waking-top", "cube-pendulum", "cube-pendulum-high", "irregular-pendulum"),
+    *("rope-hanging", "rope-swing", "bungee", "sliding-block", "block-holds", "block-slides"),
+    *("cube-drop", "irregular-fall", "top-with-friction"),
+}
+"""Scenes that take two compiled variants in all; the others are for long runs."""
+
+
+@cache
+def recorded(name):
+    return record(load(name))
+
+
+def marked(names):
+    """Names as parameters of a test, the slow ones marked."""
+    return [pytest.param(name, marks=() if name in OFTEN else pytest.mark.slow) for name in names]

@@ -1,0 +1,217 @@
+"""Theory beside measurement: every scene agrees, and would not if the physics were off."""
+
+from dataclasses import replace
+from importlib import resources
+
+import numpy as np
+import pytest
+import yaml
+
+from springgym.scenes import load, names
+from springgym.scenes.checks import CHECKS
+from springgym.scenes.checks.basis import crossings, peaks, period, spread
+from springgym.scenes.recording import record
+from tests.scenes.conftest import marked, recorded
+
+
+def results(recording, name):
+    return {check.quantity: check for check in CHECKS[name](recording)}
+
+
+@pytest.mark.parametrize("name", marked(names()))
+def test_scene_agrees_with_theory(name):
+    recording = recorded(name)
+    for check in recording.plan.checks:
+        for result in CHECKS[check](recording):
+            assert result.passed, result
+            # a tolerance that explains a tenth of a quantity explains everything
+            assert result.theory == 0 or result.tolerance < 0.1 * abs(result.theory), result
+
+
+@pytest.mark.parametrize("name", marked(names()))
+def test_something_moved(name):
+    recording = recorded(name)
+    moved = np.ptp(recording.positions, axis=0).max()
+    size = np.ptp(recording.positions[0], axis=0).max() or 1.0
+    assert recording.complete
+    if name == "block-holds":
+        assert recording.measures.contact[-1] > 0
+    else:
+        assert moved > 1e-4 * size
+
+
+def off(recording, **changes):
+    """A recording whose scene is said to be another: what the checks expect is then wrong."""
+    scene = recording.plan.scene.with_(**changes)
+    return replace(recording, plan=replace(recording.plan, scene=scene))
+
+
+def heavier_gravity(recording):
+    return off(recording, gravity=tuple(1.05 * g for g in recording.plan.scene.gravity))
+
+
+def other_shape(recording):
+    """A box that is longer by 2 %."""
+    body = recording.plan.scene.body
+    body = body.with_(positions=body.positions * (1.02, 1.0, 1.0), lengths=None)
+    return off(recording, body=body, positions=recording.plan.scene.positions * (1.02, 1.0, 1.0))
+
+
+def softer(recording):
+    body = recording.plan.scene.body
+    return off(recording, body=body.with_(stiffness=0.95 * body.stiffness))
+
+
+def rougher(recording):
+    contact = recording.plan.scene.contact
+    return off(recording, contact=replace(contact, friction=1.05 * contact.friction))
+
+
+def livelier(recording):
+    contact = recording.plan.scene.contact
+    return off(recording, contact=replace(contact, restitution=contact.restitution + 0.02))
+
+
+def heated(recording):
+    m = recording.measures
+    gain = np.linspace(0, 0.02, len(m.kinetic)) * m.kinetic.max()
+    return replace(recording, measures=m._replace(kinetic=m.kinetic + gain))
+
+
+def pushed(recording):
+    """With a momentum, angular momentum and centre of mass that drift."""
+    m, drift = recording.measures, np.linspace(0, 1e-6, len(recording.times))[:, None]
+    return replace(
+        recording,
+        measures=m._replace(
+            centre=m.centre + drift, momentum=m.momentum + drift, angular_momentum=m.angular_momentum + drift
+        ),
+    )
+
+
+def unbalanced(recording):
+    body = recording.plan.scene.body
+    return off(recording, body=body.with_(masses=body.masses * np.where(body.masses > 0.6, 1.0, 1.05)))
+
+
+BROKEN = [
+    ("bouncing-ball", "bounces", heavier_gravity),
+    ("bouncing-ball-lossy", "restitution", livelier),
+    ("bungee", "bungee", softer),
+    ("bungee", "bungee", heavier_gravity),
+    ("cube-pendulum", "pendulum", heavier_gravity),
+    ("cube-pendulum-high", "pendulum", heavier_gravity),
+    ("cube-drop", "rest_height", heavier_gravity),
+    ("dish-ball", "dish_period", heavier_gravity),
+    ("elongated-top", "nutation", heavier_gravity),
+    ("fast-top", "steady_precession", heavier_gravity),
+    ("flipping-box", "flips", other_shape),
+    ("flipping-box", "momentum", pushed),
+    ("gyroscope", "steady_precession", heavier_gravity),
+    ("irregular-pendulum", "small_swings", heavier_gravity),
+    ("rope-hanging", "rope_stretch", softer),
+    ("rope-pluck", "rope_modes", heavier_gravity),
+    ("rope-swing", "rope_swing", heavier_gravity),
+    ("sleeping-top", "sleep", heavier_gravity),
+    ("waking-top", "sleep", heavier_gravity),
+    ("sliding-block", "stopping", rougher),
+    ("block-slides", "slope", rougher),
+    ("block-slides", "slope", heavier_gravity),
+    ("spun-pair", "spun_length", softer),
+    ("steady-top", "steady_precession", heavier_gravity),
+    ("top", "nutation", heavier_gravity),
+    ("top", "momentum", pushed),
+    ("top-on-ice", "straight_fall", pushed),
+    ("top-waves", "nutation", heavier_gravity),
+    ("unbalanced-top", "twin", unbalanced),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "check", "spoil"),
+    [
+        pytest.param(*row, marks=marked([row[0]])[0].marks, id=f"{row[0]}-{row[1]}-{row[2].__name__}")
+        for row in BROKEN
+    ],
+)
+def test_check_notices(name, check, spoil):
+    """The recording of one scene, held against the theory of another."""
+    good, bad = (results(recording, check) for recording in (recorded(name), spoil(recorded(name))))
+    assert all(result.passed for result in good.values())
+    assert not all(result.passed for result in bad.values())
+
+
+def test_every_check_has_its_broken_twin():
+    assert {row[1] for row in BROKEN} | {"energy"} == set(CHECKS)
+
+
+@pytest.mark.parametrize("name", marked(sorted(set(names()) - {"block-holds"})))  # which has none to speak of
+def test_energy_that_appears_is_noticed(name):
+    assert not results(heated(recorded(name)), "energy")["change of energy"].passed
+
+
+def test_block_that_creeps_is_noticed():
+    """A block that slides, on a slope that is said to hold it."""
+    recording = recorded("block-slides")
+    holding = off(recording, contact=replace(recording.plan.scene.contact, friction=0.6))
+    assert not results(holding, "slope")["way in the second half"].passed
+
+
+def test_sleeping_threshold_from_both_sides():
+    above, below = (
+        results(recorded(name), "sleep")["largest tilt"].measured for name in ("sleeping-top", "waking-top")
+    )
+    assert above < 0.006
+    assert below > 0.3
+
+
+@pytest.mark.parametrize(
+    ("name", "check", "quantity"),
+    [
+        ("top", "nutation", "nutation period"),
+        ("top", "nutation", "mean precession"),
+        ("top", "nutation", "largest tilt"),
+        ("steady-top", "steady_precession", "slow precession"),
+        ("fast-top", "steady_precession", "fast precession"),
+        ("gyroscope", "steady_precession", "slow precession"),
+        ("cube-pendulum-high", "pendulum", "period at 150°"),
+    ],
+)
+def test_difference_from_rigid_theory_falls_as_one_over_k(tmp_path, name, check, quantity):
+    """Undamped, at k and 4 k; the next order, (1e-2)² of what it is, changes the slope by less than 0.05."""
+    stiffness, gaps = load(name).scene.body.stiffness[0], []
+    text = (resources.files("springgym.scenes") / f"{name}.yaml").read_text()
+    for factor in (1.0, 4.0):
+        file = yaml.safe_load(text)
+        file["body"] |= {"stiffness": float(factor * stiffness), "damping": 0}
+        (tmp_path / "stiffer.yaml").write_text(yaml.safe_dump(file | {"step": 1.25e-4}))
+        result = results(record(load(str(tmp_path / "stiffer.yaml"))), check)[quantity]
+        gaps.append(result.measured - result.theory)
+    assert gaps[0] / gaps[1] > 0
+    assert np.log(gaps[1] / gaps[0]) / np.log(4.0) == pytest.approx(-1.0, abs=0.05)
+
+
+# --- Reading samples --------------------------------------------------------------------------------
+
+
+def test_crossings_and_period_of_a_sine():
+    times = np.linspace(0, 10, 401)
+    values = np.sin(2 * np.pi * (times - 0.3) / 1.7)
+    marks = crossings(times, values, rising=True)
+    # cubics through four points are off by (ω dt)⁴ in value
+    assert marks == pytest.approx(0.3 + 1.7 * np.arange(len(marks)), abs=1e-4)
+    assert len(crossings(times, values)) == 12
+    assert len(crossings(times, values, rising=False)) == 12 - len(marks)
+    assert period(times, values) == pytest.approx(1.7, abs=1e-5)
+    assert np.isnan(period(times, values + 2))
+
+
+def test_peaks_of_parabolas_are_exact():
+    times = np.linspace(0, 3, 31)
+    values = 5 - 4.9 * (times - 1.234) ** 2
+    assert peaks(times, values) == (pytest.approx([1.234]), pytest.approx([5.0]))
+    assert len(peaks(times, -values)[0]) == 0
+
+
+def test_spread_adds_up_what_each_argument_does():
+    assert spread(lambda a, b: a * b**2, 3.0, 5.0, by=0.01) == pytest.approx(75 * (0.01 + 0.0201))

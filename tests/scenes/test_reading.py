@@ -1,0 +1,250 @@
+import numpy as np
+import pytest
+
+from springgym.scenes import load, names
+from springgym.scenes.plan import heavy_top
+from springgym.strict_yaml import YamlError
+from springgym.surfaces import Contact, Dish, PaperContact, Plane, scales
+from springgym.theory.contact import force
+from springgym.theory.rope import catenary
+from springgym.theory.top import steady_precession
+
+BOX = "title: a box\nbody: {kind: box}\nduration: 1\n"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def write(text):
+        path = tmp_path / "mine.yaml"
+        path.write_text(text)
+        return load(str(path))
+
+    return write
+
+
+def test_the_paper_s_scenes_are_there():
+    wanted = (
+        "rope-swing rope-hanging bungee cube-pendulum irregular-pendulum top elongated-top unbalanced-top "
+        "sleeping-top gyroscope top-on-ice top-with-friction top-in-dish cube-drop irregular-fall "
+        "sliding-block block-holds block-slides flipping-box"
+    )
+    assert set(wanted.split()) <= set(names())
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_scene_reads(name):
+    plan = load(name)
+    assert plan.name == name
+    assert plan.title
+    assert "energy" in plan.checks
+    # something is to happen: it moves, or can fall
+    assert plan.scene.velocities.any() or plan.scene.gravity
+
+
+def test_what_a_small_file_means(read):
+    plan = read(BOX)
+    assert plan.name == "mine"
+    assert plan.scene.gravity == (0.0, 0.0, -9.81)
+    assert plan.scene.positions == pytest.approx(plan.scene.body.positions)
+    assert (plan.interval, plan.integrator, plan.step, plan.trace) == (0.01, "verlet", None, None)
+    assert read(BOX + "gravity: 0").scene.gravity is None
+    assert read(BOX + "gravity: 1.62").scene.gravity == (0.0, 0.0, -1.62)
+    assert read(BOX + "gravity: [1, 0, 0]").scene.gravity == (1.0, 0.0, 0.0)
+
+
+def test_numbers_without_a_point_are_numbers(read):
+    plan = read("title: a\nbody: {kind: box, stiffness: 2e5}\nduration: 1e1\nstep: 1e-4")
+    assert plan.scene.body.stiffness[0] == 2e5
+    assert (plan.duration, plan.step) == (10.0, 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (BOX + "colour: red", "mine.yaml:4: unknown key 'colour'"),
+        (BOX + "pined: [0]", "mine.yaml:4: unknown key 'pined'; did you mean 'pinned'?"),
+        (BOX + "title: b", "mine.yaml:4: duplicate key 'title'"),
+        ("title: a box\nduration: 1", "the file lacks body"),
+        ("title: a\nbody: box\nduration: 1", "mine.yaml:2: body must be a mapping with a kind"),
+        (
+            "title: a\nbody: {sides: [1, 1, 1]}\nduration: 1",
+            "mine.yaml:2: body must be a mapping with a kind",
+        ),
+        ("title: a\nbody: {kind: bax}\nduration: 1", "mine.yaml:2: unknown kind 'bax'; did you mean 'box'?"),
+        (
+            "title: a\nbody: {kind: box, side: 1}\nduration: 1",
+            "mine.yaml:2: unknown key 'side'; did you mean",
+        ),
+        (
+            "title: a\nbody: {kind: box, sides: 1}\nduration: 1",
+            "mine.yaml:2: body.sides: expected a list, got 1",
+        ),
+        ("title: a\nbody:\n  kind: box\n  mass: -1\nduration: 1", "body: masses[0] of body 'box' is -0.125"),
+        ("title: a\nbody: {kind: top, scaled: {40: 2}}\nduration: 1", "scaled names particle 40"),
+        (BOX.replace("duration: 1", "duration: 0"), "mine.yaml:3: duration: duration is 0.0 s"),
+        (BOX + "interval: -1", "mine.yaml:4: interval: interval is -1.0 s"),
+        (BOX + "integrator: euler", "mine.yaml:4: integrator: unknown method 'euler'; known keys: verlet"),
+        (BOX + "pinned: [tip]", "mine.yaml:4: pinned: unknown part 'tip'"),
+        (BOX + "pinned: [8]", "mine.yaml:4: pinned: there is no particle 8; there are 0 to 7"),
+        (BOX + "pinned: tip", "mine.yaml:4: pinned: expected a list, got 'tip'"),
+        (BOX + "trace: top", "mine.yaml:4: trace: 'top' is 4 particles; trace takes one"),
+        (BOX + "plot: pie", "mine.yaml:4: plot: expected one of top, pendulum"),
+        (BOX + "checks:\n - energy\n - sleeep", "mine.yaml:6: unknown check 'sleeep'; did you mean 'sleep'?"),
+        (BOX + "view: {height: 1}", "mine.yaml:4: unknown key 'height'"),
+        (BOX + "start: {spin: fast}", "mine.yaml:4: start.spin: expected a number, got 'fast'"),
+        (BOX + "start: {hanging: true}", "mine.yaml:4: start: body 'box' is not pinned: it cannot hang"),
+        (BOX + "start: {precession: slow}", "mine.yaml:4: start: body 'box' is no heavy top"),
+        (BOX + "start: {kick: {tip: [0, 0, 1]}}", "mine.yaml:4: start: kick names an unknown part 'tip'"),
+        (BOX + "start: {kick: {9: [0, 0, 1]}}", "mine.yaml:4: start: kick names particle 9"),
+        (BOX + "start: {end: [1, 0, 0]}", "mine.yaml:4: start: end is that of a rope"),
+        (BOX + "surfaces: floor", "mine.yaml:4: surfaces: expected a list of surfaces"),
+        (
+            BOX + "surfaces: [{kind: flor}]",
+            "mine.yaml:4: unknown kind of surface 'flor'; did you mean 'floor'?",
+        ),
+        (BOX + "surfaces: [{kind: incline}]", "mine.yaml:4: surfaces.0 lacks angle"),
+        (BOX + "surfaces: [{kind: floor}]", "mine.yaml: particle 4 starts 0.5 m behind surface 0"),
+        (BOX + "contact: {friction: -1}", "mine.yaml:4: contact: friction of the contact is -1.0"),
+    ],
+)
+def test_error_names_file_line_and_key(read, text, message):
+    with pytest.raises(YamlError) as error:
+        read(text)
+    assert message in str(error.value)
+
+
+def test_unknown_scene():
+    with pytest.raises(ValueError, match="there is no scene 'tops'; did you mean 'top'"):
+        load("tops")
+    with pytest.raises(YamlError, match=r"nowhere\.yaml: cannot read it"):
+        load("nowhere.yaml")
+
+
+# --- Bodies -----------------------------------------------------------------------------------------
+
+
+def test_body_given_particle_by_particle(read):
+    body = read(
+        """
+title: a triangle
+body:
+  kind: net
+  positions: [[0, 0, 0], [3, 0, 0], [0, 4, 0]]
+  masses: [1, 2, 3]
+  springs: [[0, 1], [1, 2], [2, 0]]
+  stiffness: 10
+  parts: {corner: [0]}
+duration: 1
+trace: corner
+"""
+    ).scene.body
+    assert body.lengths.tolist() == [3, 5, 4]
+    assert body.mass == 6
+
+
+def test_mesh_relative_to_the_file(read, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.icosphere(subdivisions=1).export(tmp_path / "ball.stl")
+    text = "title: a ball\nbody: {kind: mesh, file: ball.stl, mass: 3, by: area}\nduration: 1"
+    body = read(text).scene.body
+    assert body.name == "ball"
+    assert body.mass == pytest.approx(3.0)
+
+
+def test_union_of_bodies(read):
+    plan = read(
+        """
+title: an L
+body:
+  kind: union
+  name: L
+  parts:
+    - {kind: box, name: foot, sides: [2, 1, 1], at: [1, 0, 0.5]}
+    - {kind: box, name: back, sides: [1, 1, 1], at: [2.5, 0, 0.5]}
+duration: 1
+pinned: [back]
+"""
+    )
+    assert plan.scene.body.name == "L"
+    assert len(plan.scene.body.masses) == 12
+    assert len(plan.scene.pinned) == 8
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        ("{kind: box}", "mine.yaml:5: body.parts.0 lacks name"),
+        ("{kind: box, name: a, length: 3}", "mine.yaml:5: unknown key 'length'"),
+        ("{kind: box, name: a, at: 3}", "mine.yaml:5: body.parts.0.at: expected a list of 3 values, got 3"),
+        ("5", "mine.yaml:5: body.parts.0 must be a mapping with a kind"),
+    ],
+)
+def test_error_in_a_part_of_a_union(read, part, message):
+    with pytest.raises(YamlError) as error:
+        read(f"title: a\nbody:\n  kind: union\n  parts:\n   - {part}\nduration: 1")
+    assert message in str(error.value)
+
+
+# --- Starts -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "root"), [("steady-top", 0), ("fast-top", 1), ("gyroscope", 0)])
+def test_steady_precession_by_name(name, root):
+    scene = load(name).scene
+    rates = steady_precession(
+        heavy_top(scene.body, scene.pinned, scene.gravity),
+        *{"gyroscope": (1.5707963, 40)}.get(name, (0.35, 49.8)),
+    )
+    pin, head = scene.pinned[0], scene.body.frame[1]
+    # ring particles in pairs: the axle's end itself has a kick
+    ring = list(scene.body.parts["ring"])
+    middle = scene.positions[ring].mean(axis=0) - scene.positions[pin]
+    moving = scene.velocities[ring].mean(axis=0)
+    assert head not in ring
+    expected = np.cross((0, 0, rates[root]), middle)
+    bend = 1e-4  # what the shape is bent by [m], which goes around with the spin
+    assert moving == pytest.approx(expected, abs=50 * bend)
+
+
+def test_kick_adds_to_the_velocity(read):
+    plan = read(BOX + "start: {velocity: [1, 0, 0], kick: {top: [0, 0, 2], 7: [0, 3, 0]}}")
+    assert plan.scene.velocities[0].tolist() == [1, 0, 2]
+    assert plan.scene.velocities[7].tolist() == [1, 3, 0]
+    assert plan.scene.velocities[5].tolist() == [1, 0, 0]
+
+
+def test_height_above_a_slope_and_at_rest(read):
+    text = BOX + "surfaces: [{kind: incline, angle: 0.3}]\nstart: {turn: [0, -0.3, 0], height: %s}"
+    slope = read(text % 0.4).scene
+    assert slope.surfaces[0].height(slope.positions).min() == pytest.approx(0.4)
+    rest = read(text % "rest").scene
+    heights = np.sort(rest.surfaces[0].height(rest.positions))
+    carried = force(heights, *scales(rest.contact, rest.body)).sum()
+    # four particles carry the weight's part across the slope, bent by a strain of 1e-5 of their heights
+    assert carried == pytest.approx(9.81 * np.cos(0.3), rel=1e-2)
+    with pytest.raises(YamlError, match="height is above a plane"):
+        read(BOX + "surfaces: [{kind: dish, centre: [0, 0, 9], radius: 9}]\nstart: {height: 1}")
+
+
+def test_rope_held_at_its_end():
+    scene = load("bungee").scene
+    body = scene.body
+    expected = catenary(0.5, 0.0, body.masses[1:-1], body.lengths, body.stiffness)
+    assert scene.positions[-1] == pytest.approx([0.5, 0, 0], abs=1e-9)
+    assert scene.positions[:, [0, 2]] == pytest.approx(expected.points)
+    assert scene.positions[:, 2].min() < -5
+
+
+def test_surfaces_and_contact(read):
+    plan = read(
+        BOX
+        + """
+start: {height: 1}
+surfaces: [{kind: floor, z: -1}, {kind: plane, point: [-9, 0, 0], normal: [2, 0, 0]}]
+contact: {friction: 0.3, restitution: 0.5, impact_speed: 2, reach: 0.03, paper_damping: 7}
+"""
+    )
+    assert plan.scene.surfaces == (Plane((0, 0, -1)), Plane((-9, 0, 0), (1, 0, 0)))
+    assert plan.scene.contact == Contact(0.3, 0.5, 2.0, None, 0.03)
+    assert plan.paper == PaperContact(0.3, 7.0, None, 0.03)
+    assert load("dish-ball").scene.surfaces == (Dish((0, 0, 2), 2.0),)

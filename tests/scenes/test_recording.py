@@ -1,0 +1,79 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from springgym.scenes import load
+from springgym.scenes.recording import record, rigid_twin
+from springgym.simulator import SimulationDivergedError, Simulator
+
+PLAN = replace(load("cube-pendulum"), duration=0.1)
+
+
+def test_states_are_those_of_the_simulator():
+    recording = record(replace(PLAN, step=5e-4))
+    simulator = Simulator(PLAN.scene, step=5e-4)
+    assert recording.times == pytest.approx(np.arange(11) * 0.01)
+    assert recording.positions[0].tolist() == PLAN.scene.positions.tolist()
+    simulator.advance(20)
+    assert recording.positions[1].tolist() == simulator.positions[0].tolist()
+    assert recording.velocities[1].tolist() == simulator.velocities[0].tolist()
+    assert recording.measures.kinetic[1] == simulator.measure().kinetic[0]
+
+
+def test_an_automatic_step_is_a_part_of_the_interval():
+    recording = record(PLAN)
+    share = PLAN.interval / recording.step
+    assert share == pytest.approx(round(share), rel=1e-12)
+    assert Simulator(PLAN.scene).step * 0.5 < recording.step <= Simulator(PLAN.scene).step
+    assert recording.times == pytest.approx(np.arange(11) * 0.01)
+
+
+def test_the_interval_is_a_whole_number_of_given_steps():
+    recording = record(replace(PLAN, step=7e-4))
+    assert recording.step == 7e-4
+    assert np.diff(recording.times) == pytest.approx(14 * 7e-4)
+    assert len(recording.times) == 1 + round(0.1 / (14 * 7e-4))
+
+
+def test_interrupted_keeps_what_was_computed():
+    def interrupted(items):
+        for n in items:
+            if n == 4:
+                raise KeyboardInterrupt
+            yield n
+
+    recording = record(PLAN, progress=interrupted)
+    assert not recording.complete
+    assert len(recording.times) == len(recording.positions) == len(recording.measures.kinetic) == 4
+    assert recording.positions[3].tolist() == record(PLAN).positions[3].tolist()
+
+
+def test_interrupted_at_once_is_an_interrupt():
+    def interrupted(items):
+        raise KeyboardInterrupt
+        yield
+
+    with pytest.raises(KeyboardInterrupt):
+        record(PLAN, progress=interrupted)
+
+
+def test_divergence_is_an_error():
+    plan = load("top")
+    fast = plan.scene.with_(velocities=60 * plan.scene.velocities)
+    with pytest.raises(SimulationDivergedError, match=r"diverged before t = 0\.005 s"):
+        record(replace(plan, scene=fast, duration=0.1))
+
+
+def test_a_bungee_cord_may_double_its_length():
+    plan = replace(load("bungee"), duration=4.0)
+    assert record(plan).measures.strain.max() > 1.5
+
+
+def test_rigid_twin_keeps_its_shape_and_the_times():
+    recording = record(PLAN)
+    twin = rigid_twin(recording)
+    assert twin.times == pytest.approx(recording.times)
+    assert twin.measures.strain.max() < 1e-12
+    assert twin.positions == pytest.approx(recording.positions, abs=1e-4)
+    assert rigid_twin(record(replace(load("rope-swing"), duration=0.1))) is None

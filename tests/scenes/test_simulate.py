@@ -1,0 +1,269 @@
+"""The command line, plots and films."""
+
+import csv
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from springgym import cli, simulate
+from springgym.cli import main
+from springgym.scenes import load, names
+from springgym.scenes.checks import Check
+from springgym.scenes.film import camera, frames, look, scenery
+from springgym.scenes.plots import draw
+from springgym.scenes.recording import record
+from tests.scenes.conftest import marked, recorded
+
+SHORT = ["simulate", "cube-pendulum", "--duration", "0.1"]
+
+
+# --- The command line -------------------------------------------------------------------------------
+
+
+def test_list_shows_every_scene(capsys):
+    assert main(["simulate", "--list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == names()
+    assert all(load(line.split()[0]).title in line for line in lines)
+
+
+def test_summary(capsys):
+    assert main(SHORT) == 0
+    out = capsys.readouterr().out
+    for word in (
+        "cube-pendulum: the paper's cube",
+        "28 springs",
+        "verlet, step",
+        "largest strain",
+        "unaccounted",
+    ):
+        assert word in out
+
+
+def test_check_prints_theory_beside_measurement(capsys):
+    assert main(["simulate", "cube-pendulum", "--check"]) == 0
+    out = capsys.readouterr().out
+    row = next(line for line in out.splitlines() if line.startswith("period at 5°"))
+    theory, measured = map(float, row.split()[3:5])
+    assert theory == 2.41126
+    assert measured == pytest.approx(theory, rel=1e-4)
+    assert row.endswith("ok")
+
+
+def test_check_that_fails_is_told_by_the_status(capsys):
+    assert main(["simulate", "cube-pendulum", "--check", "--duration", "0.5"]) == 1
+    out = capsys.readouterr().out
+    assert "nan" in out
+    assert "1 of 2 checks failed" in out
+
+
+def test_options_change_the_plan(tmp_path):
+    path = tmp_path / "trace.npz"
+    assert main([*SHORT, "--integrator", "rk4", "--step", "1e-3", "--trace", str(path)]) == 0
+    trace = np.load(path)
+    assert len(trace["times"]) == 11
+    plan = load("cube-pendulum")
+    expected = record(replace(plan, integrator="rk4", step=1e-3, duration=0.1))
+    assert trace["positions"].tolist() == expected.positions.tolist()
+    assert trace["kinetic"].tolist() == expected.measures.kinetic.tolist()
+    assert trace["masses"].tolist() == plan.scene.body.masses.tolist()
+
+
+def test_trace_as_text(tmp_path):
+    path = tmp_path / "trace.csv"
+    assert main([*SHORT, "--trace", str(path)]) == 0
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 11
+    assert float(rows[3]["time"]) == pytest.approx(0.03)
+    columns = {"x0", "z7", "vx0", "vz7", "kinetic", "gravity", "elastic", "contact", "work", "damping_loss"}
+    assert columns <= set(rows[0])
+    assert float(rows[0]["y6"]) == load("cube-pendulum").scene.positions[6, 1]
+
+
+def test_papers_method_is_one_switch(monkeypatch, capsys):
+    seen = []
+    monkeypatch.setattr(simulate, "record", lambda plan, **_: seen.append(plan) or record(plan))
+    assert main(["simulate", "block-holds", "--method", "paper", "--duration", "0.1"]) == 0
+    plan = seen[0]
+    assert (plan.integrator, plan.step) == ("rk4", 5e-4)
+    assert plan.scene.contact == plan.paper
+    assert "rk4, step 0.0005" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["simulate"], "which scene?"),
+        (["simulate", "tops"], "there is no scene 'tops'; did you mean 'top'"),
+        (["simulate", "no.yaml"], "no.yaml: cannot read it"),
+        ([*SHORT, "--step", "1"], "a step of 1 s is unstable"),
+        ([*SHORT, "--duration", "-1"], "--duration -1: it must be positive"),
+        ([*SHORT, "--trace", "trace.txt"], "--trace trace.txt: the name must end in .npz or .csv"),
+        ([*SHORT, "--video", "film.avi"], "--video film.avi: the name must end in .mp4 or .gif"),
+        ([*SHORT, "--plot", "nowhere/plot.png"], "there is no folder"),
+    ],
+)
+def test_error_is_one_line_and_status_2(capsys, arguments, message):
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("springgym: error: ")
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+
+
+def test_unknown_options_are_refused(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["simulate", "top", "--integrator", "euler"])
+    assert stop.value.code == 2
+    assert "invalid choice: 'euler'" in capsys.readouterr().err
+
+
+def test_missing_package_is_one_line(capsys, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert main([*SHORT, "--plot", str(tmp_path / "a.png")]) == 2
+    assert "plots need matplotlib: pip install springgym[plot]" in capsys.readouterr().err
+
+
+def test_interrupt_keeps_what_was_computed(capsys, monkeypatch, tmp_path):
+    def bar(name):
+        def wrap(items):
+            for n in items:
+                if n == 5:
+                    raise KeyboardInterrupt
+                yield n
+
+        return wrap
+
+    monkeypatch.setattr(simulate, "_bar", bar)
+    path = tmp_path / "trace.npz"
+    assert main([*SHORT, "--trace", str(path)]) == 130
+    assert len(np.load(path)["times"]) == 5
+    assert "interrupted; what follows ends at t = 0.04 s" in capsys.readouterr().err
+
+
+def test_interrupt_elsewhere(capsys, monkeypatch):
+    def interrupted(scene):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulate, "load", interrupted)
+    assert main(SHORT) == 130
+    assert capsys.readouterr().err == "springgym: interrupted\n"
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_every_command_has_help(capsys, name):
+    with pytest.raises(SystemExit) as stop:
+        main([name, "--help"])
+    assert stop.value.code == 0
+    assert f"usage: springgym {name}" in capsys.readouterr().out
+
+
+def test_help_imports_no_command():
+    code = "import sys; from springgym.cli import main\ntry: main(['--help'])\nfinally: print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    for name, (module, _) in cli.COMMANDS.items():
+        assert name in run.stdout
+        assert f" {module} " not in run.stdout.splitlines()[-1]
+
+
+def test_table_shows_relative_and_absolute_differences():
+    lines = simulate.table(
+        [
+            Check("a period", 2.0, 2.02, 0.04, "s"),
+            Check("a drift", 0.0, 3e-5, 1e-5, "m"),
+            Check("b", 1, float("nan"), 1, ""),
+        ]
+    ).splitlines()
+    assert lines[1].split() == ["a", "period", "2", "2.02", "s", "+1.0e-02", "2.0e-02", "ok"]
+    assert lines[2].split() == ["a", "drift", "0", "3e-05", "m", "+3.0e-05", "m", "1.0e-05", "m", "FAILED"]
+    assert lines[3].endswith("FAILED")
+
+
+# --- Plots and films --------------------------------------------------------------------------------
+
+
+PLOTTED = ("top", "cube-pendulum", "rope-swing", "cube-drop", "sliding-block")
+
+
+@pytest.mark.parametrize("name", marked([*PLOTTED, "flipping-box", "bouncing-ball", "top-on-ice"]))
+def test_plot_shows_the_recording(name, tmp_path):
+    figure = draw(recorded(name))
+    path = tmp_path / "plot.png"
+    figure.savefig(path)
+    assert path.stat().st_size > 20_000
+    for axes in figure.axes:
+        lines = [line for line in axes.get_lines() if len(line.get_xdata()) > 100]
+        assert lines or axes.name == "3d"
+    energies = next(axes for axes in figure.axes if axes.get_title(loc="left").startswith("energy"))
+    total = next(line for line in energies.get_lines() if line.get_label() == "sum").get_ydata()
+    parts = [line.get_ydata() for line in energies.get_lines() if line.get_label() != "sum"]
+    assert np.ptp(total) < 0.01 * max(np.abs(part).max() for part in parts)
+
+
+def test_plot_of_the_top_has_the_cusps_and_the_rigid_twin():
+    figure = draw(recorded("top"))
+    trace = next(axes for axes in figure.axes if axes.get_title(loc="left") == "trace from above")
+    springs, rigid = (
+        np.column_stack(line.get_data())
+        for line in trace.get_lines()
+        if line.get_label() in ("springs", "rigid")
+    )
+    assert len(springs) == len(rigid)
+    assert np.abs(springs - rigid).max() < 0.05
+    # a cusp: the speed all but vanishes
+    speed = np.linalg.norm(np.diff(springs, axis=0), axis=1)
+    assert speed.min() < 0.02 * speed.max()
+
+
+FILMED = ("top", "gyroscope", "rope-swing", "cube-drop", "unbalanced-top")
+
+
+@pytest.mark.parametrize("name", marked([*FILMED, "bouncing-ball", "top-in-dish", "spun-pair"]))
+def test_film_shows_the_body_in_the_picture(name):
+    recording = recorded(name)
+    pictures = list(frames(recording, fps=1.0))
+    assert len(pictures) == 1 + int(recording.times[-1] + 1e-9)
+    assert pictures[0].shape == (640, 640, 3)
+    changed = np.abs(pictures[-1].astype(int) - pictures[0]).max(axis=2) > 20
+    assert 50 < changed.sum() < changed.size / 2
+    pixels, depth = camera(recording).project(recording.positions, (640, 640))
+    assert np.isfinite(depth).all()
+    assert pixels.min() > -40
+    assert pixels.max() < 680
+
+
+def test_film_is_written_in_real_time(tmp_path):
+    imageio = pytest.importorskip("imageio.v3")
+    path = tmp_path / "film.gif"
+    assert main(["simulate", "cube-pendulum", "--duration", "0.5", "--video", str(path)]) == 0
+    film = imageio.imread(path, index=None)
+    assert len(film) == 26
+    assert film[0].shape == (640, 640, 3)
+    assert (film[0] != film[-1]).any()
+
+
+def test_surfaces_are_the_scenery():
+    assert scenery(recorded("block-holds")).planes == (
+        ((0, 0, 0), load("block-holds").scene.surfaces[0].normal),
+    )
+    assert scenery(recorded("top")).floor == pytest.approx(0.0, abs=0.1)
+    assert scenery(recorded("top")).vertical is not None
+    assert scenery(recorded("rope-swing")).floor < -5
+
+
+@pytest.mark.parametrize(
+    "name", ["top", "unbalanced-top", "gyroscope", "rope-swing", "cube-drop", "irregular-fall"]
+)
+def test_look_fits_the_body(name):
+    body = load(name).scene.body
+    drawn = look(body, 1)
+    assert drawn.particles <= len(body.masses)
+    assert len(np.asarray(drawn.triangles)) == len(body.triangles)
+    heavy = np.flatnonzero(np.asarray(drawn.radii) > 0.03)
+    if name == "unbalanced-top":
+        assert 0 in heavy
