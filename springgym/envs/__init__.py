@@ -1,0 +1,1 @@
+"""The environments, one file each; `springgym.registration` has the table of them."""

@@ -1,0 +1,223 @@
+"""SpringDetumble: stop a tumbling body in free fall."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, box
+from springgym.bodies import spinning as rigid_velocities
+from springgym.bodies.motion import axes
+from springgym.compiling import compiled, kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.gyroscope import direction
+from springgym.envs.rewards import gaussian, thrift
+from springgym.envs.task import Particles, Start, Task, chosen, number
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, two_tone
+from springgym.scene import Scene, ThrustActuator, WrenchActuator
+
+TORQUE = 0.35  # [N·m]
+IMPULSE = 0.012  # of a thruster in a control period [N·s]
+SIDES = (1.0, 0.7, 0.4)  # [m]
+MASSES = (0.2, 0.1, 0.1, 0.15, 0.1, 0.1, 0.15, 0.1)  # [kg]
+THRUSTERS = ((1, (0, 0, 1)), (2, (0, 0, 1)), (4, (0, 1, 0)), (6, (0, 1, 0)))
+"""Corners with a thruster, and its direction along the sides of the box: none of the torques, that all
+directions of rotation need, is weak."""
+FASTEST = 12.0  # angular velocity an episode can be asked to start with [rad/s]
+
+
+@compiled
+def in_body(m: Any, c: Any, u: Any, axis: Any) -> Any:
+    """Component of a world vector (3,) along the body's first, second or third axis."""
+    e1, e3 = m.side[c], m.axis[c]
+    if axis == 0:
+        return u[0] * e1[0] + u[1] * e1[1] + u[2] * e1[2]
+    if axis == 2:
+        return u[0] * e3[0] + u[1] * e3[1] + u[2] * e3[2]
+    return (
+        u[0] * (e3[1] * e1[2] - e3[2] * e1[1])
+        + u[1] * (e3[2] * e1[0] - e3[0] * e1[2])
+        + u[2] * (e3[0] * e1[1] - e3[1] * e1[0])
+    )
+
+
+@kernel
+def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    for c in range(out.shape[0]):
+        speed = 0.0
+        for axis in range(3):
+            speed += m.angular_velocity[c, axis] ** 2
+        speed **= 0.5
+        out[c, 0] = gaussian(speed, 2.0, 0.05) * thrift(action, c)
+        out[c, 1] = speed
+        out[c, 2] = speed < 0.15
+        out[c, 3] = False
+
+
+@kernel
+def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    for c in range(observation.shape[0]):
+        for axis in range(3):
+            observation[c, axis] = in_body(m, c, m.angular_velocity[c], axis) / 4
+            observation[c, 3 + axis] = in_body(m, c, m.angular_momentum[c], axis)
+
+
+class SpringDetumble(Task):
+    """The MDP of `SpringDetumbleEnv`, where it is described."""
+
+    actions: ClassVar = {"torque": 3, "thrusters": len(THRUSTERS)}
+    terms = ("still",)
+    metrics = ("speed",)
+    frame_size = 6
+    evaluate = staticmethod(evaluate)
+    frame = staticmethod(frame)
+
+    def __init__(
+        self,
+        observation: str = "particles",
+        action: str = "torque",
+        start: str = "tumbling",
+        body: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(observation, action)
+        self.starts = chosen("start", start, ("tumbling", "flat"))
+        given: dict[str, Any] = {"sides": SIDES, "mass": MASSES, "stiffness": 1e5, "damping": 20.0}
+        self.body: Body = box(**(given | dict(body or {})))
+        self._shape = self.body.positions - self.body.centre
+        _, self._principal = self.body.principal()
+        along = np.array([direction for _, direction in THRUSTERS], float)
+        self._thrust = along @ axes(self.body.positions, self.body.frame)
+        """directions of the thrusters in the body's triad, (thrusters, 3)"""
+
+    @cached_property
+    def scene(self) -> Scene:
+        thrusters = self.action == "thrusters"
+        corners = tuple(corner for corner, _ in THRUSTERS)
+        return Scene(
+            self.body.with_(positions=self._shape),
+            velocities=rigid_velocities(self._shape, 6.0 * self._principal[:, 0], (0.0, 0.0, 0.0)),
+            gravity=None,
+            wrench=None if thrusters else WrenchActuator(),
+            thrust=ThrustActuator(corners, turns=True) if thrusters else None,
+        )
+
+    @cached_property
+    def particles(self) -> Particles:
+        reach = np.linalg.norm(self._shape, axis=1)
+        return Particles(
+            tuple(range(8)),
+            reach,
+            4.0 * reach,
+            about="centre",
+            appended={"angular_momentum": 0.3},
+            turned=True,
+        )
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        anyhow, near, speed = direction(rng), 0.1 * rng.normal(size=3), rng.uniform(2.0, 6.0)
+        upset = rng.uniform() < 0.5
+        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        turn *= np.linalg.det(turn)
+        if self.starts == "flat":
+            axis = self._principal[:, 2] + near
+        else:
+            axis = self._principal[:, 1] + near if upset else anyhow
+        speed = number(options, "speed", speed, 0.0, FASTEST)
+        omega = turn @ (speed / np.linalg.norm(axis) * axis)
+        positions = factors["scale"] * self._shape @ turn.T
+        return Start(positions, rigid_velocities(positions, omega, (0.0, 0.0, 0.0)))
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        if self.action == "thrusters":
+            return {"thrust": action[:, :, None] * (IMPULSE / self.period * self._thrust)}
+        return {"body_torque": TORQUE * action}
+
+    def look(self) -> Look:
+        return Look(
+            triangles=self.body.triangles,
+            triangle_colors=two_tone(len(self.body.triangles), blocks=len(self.body.triangles) // 2),
+            springs=self.body.springs,
+            trace=0,
+            trace_length=60,
+        )
+
+    def camera(self) -> Camera:
+        return Camera.framing((0, 0, 0), 1.6 * float(np.linalg.norm(SIDES)))
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        arrows = []
+        if self.action == "thrusters":
+            triad = np.array([m.side, np.cross(m.axis, m.side), m.axis])
+            pushes = 0.4 * action[:, None] * (self._thrust @ triad)
+            arrows = [Arrow(x[corner], push) for (corner, _), push in zip(THRUSTERS, pushes, strict=True)]
+        return Marks(arrows=arrows, text=(f"turning {float(np.linalg.norm(m.angular_velocity)):4.2f} rad/s",))
+
+
+class SpringDetumbleEnv(SpringEnv):
+    """
+    ## Description
+    An uneven box tumbles in free fall, often about the axis of its middle moment of inertia, where it
+    flips over and over. Bring it to rest. Eight particles of unequal masses, every pair joined by a spring.
+
+    ## Action Space
+    `Box(-1, 1, (k,), float32)`, held for a control period of 20 ms while turning with the body.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"torque"` | 0–2 | torque about the body's axes | ±0.35 N·m |
+    | `"thrusters"` | 0–3 | impulses at corners 1, 2 (along z), 4, 6 (along y) | ±0.012 N·s |
+
+    Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–23 | positions of the corners, from the centre of mass | distance from it |
+    | | 24–47 | their velocities, less that of the centre of mass | 4 rad/s × distance |
+    | | 48–50 | angular momentum in the body's axes | 0.3 kg·m²/s |
+    | `"frame"` | 0–2 | angular velocity in the body's axes | 4 rad/s |
+    | | 3–5 | angular momentum in the body's axes | 1 kg·m²/s |
+
+    The angular momentum is appended because it is a product of positions and velocities, which small
+    networks find hard.
+
+    ## Rewards
+    G(|ω|; 0.05, 2) E with G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, and the effort
+    E = 1 − 0.1 mean(a²): from 0 to 1, `reward_still` in `info`.
+
+    ## Starting State
+    In any orientation, at |ω| = U(2, 6) rad/s; in half of the episodes in any direction, in the others
+    within about 0.1 rad of the middle principal axis. With `start="flat"`, near the axis of the largest
+    moment: the flat spin that dissipation leaves. `reset(options={"speed": …})` sets |ω|.
+
+    ## Episode End
+    Termination: only if the simulation diverged (`info["diverged"]`; reward 0). Truncation: 300 steps, 6 s.
+    `info["is_success"]`: |ω| < 0.15 rad/s for the last 50 steps.
+
+    ## Information
+    `speed` |ω| [rad/s], `energy` and `energy_drift` [J], `strain`.
+
+    ## Arguments
+    - `observation`, `action`, `start`: above.
+    - `body`: arguments of `springgym.bodies.box`.
+    - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `render_mode`: see `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringDetumble
+
+
+class SpringDetumbleVectorEnv(SpringVectorEnv):
+    """A native batch of `SpringDetumbleEnv`."""
+
+    task_type = SpringDetumble

@@ -1,0 +1,252 @@
+"""SpringFreeTop: keep a top upright and in its place on near-ice."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, rotation, stretched_shapes, top
+from springgym.bodies import spinning as rigid_velocities
+from springgym.compiling import kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.rewards import gaussian, spinning, thrift
+from springgym.envs.task import Particles, Start, Task, chosen, number
+from springgym.envs.top import tilt_of
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.scene import GRAVITY, Scene, ThrustActuator, WrenchActuator
+from springgym.surfaces import Contact, Dish, floor, scales
+from springgym.theory.contact import rest_height
+
+WANTED = 8.0  # spin [rad/s]
+BAND = 4.5  # how far the spin may be off [rad/s]
+FORCE = 40.0  # on the crown [N]
+SPIN_UP = 8.0  # angular acceleration of the ring about the axis [rad/s²]
+FALLEN = 0.7  # tilt [rad]
+ARENA = 1.0  # largest distance from the middle [m]
+INSIDE = 0.15  # radius of the circle to stay in [m]
+DISH = 4.0  # radius of the dish [m]
+
+
+@kernel
+def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    for c in range(out.shape[0]):
+        tilt = tilt_of(m, c)
+        error = math.hypot(m.centre[c, 0], m.centre[c, 1])
+        spin, _ = spinning(m, c)
+        upright = gaussian(tilt, 0.3, 0.03) * thrift(action, c)
+        inside = gaussian(error, 0.4, 0.05)
+        out[c, 0] = 0.15 * upright
+        out[c, 1] = 0.35 * upright * inside
+        out[c, 2] = upright * (0.15 + 0.35 * inside) * gaussian(spin - WANTED, 3.0, 0.25)
+        out[c, 3] = tilt
+        out[c, 4] = error
+        out[c, 5] = spin
+        out[c, 6] = tilt < 0.1 and error < INSIDE and abs(spin - WANTED) < 1
+        out[c, 7] = tilt > FALLEN or error > ARENA or abs(spin - WANTED) > BAND
+
+
+@kernel
+def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    for c in range(observation.shape[0]):
+        spin, _ = spinning(m, c)
+        for axis in range(3):
+            n = m.axis[c, axis]
+            observation[c, axis] = n
+            observation[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n
+        observation[c, 6] = (spin - WANTED) / 4
+        for axis in range(2):
+            observation[c, 7 + axis] = 2 * m.centre[c, axis]
+            observation[c, 9 + axis] = 2 * m.centre_velocity[c, axis]
+
+
+class SpringFreeTop(Task):
+    """The MDP of `SpringFreeTopEnv`, where it is described."""
+
+    actions: ClassVar = {"push": 3}
+    terms = ("upright", "inside", "spin")
+    metrics = ("tilt", "error", "spin")
+    frame_size = 11
+    hold = 100
+    evaluate = staticmethod(evaluate)
+    frame = staticmethod(frame)
+
+    def __init__(
+        self,
+        observation: str = "particles",
+        action: str = "push",
+        surface: str = "floor",
+        friction: float = 0.02,
+        hard: bool = False,
+        body: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(observation, action)
+        self.surface = chosen("surface", surface, ("floor", "dish"))
+        self.contact = Contact(friction=friction, restitution=0.5)
+        self.steepest, self.farthest, self.spins = (
+            (0.16, 0.6, (4.0, 7.0)) if hard else (0.12, 0.4, (5.0, 9.0))
+        )
+        self.body: Body = top(**({"height": 0.5, "mass": 10.0, "damping": 30.0} | dict(body or {})))
+        self.torque = SPIN_UP * float(self.body.inertia()[2, 2])
+        self._shape = stretched_shapes(self.body, (0, 0, 1), WANTED + BAND)
+        self._strength, self._reach = scales(self.contact, self.body)
+
+    @cached_property
+    def scene(self) -> Scene:
+        tip = self.body.particle("tip")
+        shape = self._shape(WANTED)
+        positions = shape - shape[tip] + np.array([0.0, 0.0, self._height({"masses": 1.0, "gravity": 1.0})])
+        return Scene(
+            self.body,
+            positions,
+            rigid_velocities(positions, (0, 0, WANTED), positions[tip]),
+            wrench=WrenchActuator(),
+            thrust=ThrustActuator(self.body.parts["crown"]),
+            surfaces=(Dish((0.0, 0.0, DISH), DISH) if self.surface == "dish" else floor(),),
+            contact=self.contact,
+        )
+
+    def _height(self, factors: Mapping[str, float]) -> float:
+        """Height of the tip above the surface when it carries the weight [m]."""
+        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * self.body.mass
+        return rest_height(weight, self._strength, self._reach)
+
+    @cached_property
+    def particles(self) -> Particles:
+        outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
+        count = len(outwards)
+        return Particles(tuple(range(count)), np.full(count, 0.5), WANTED * outwards + 0.5)
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        low = (0.02, -math.pi, self.spins[0], 0.0, -math.pi)
+        high = (self.steepest, math.pi, self.spins[1], 1.0, math.pi)
+        drawn_tilt, azimuth, drawn_spin, share, bearing = rng.uniform(low, high).tolist()
+        tilt = number(options, "tilt", drawn_tilt, 0.0, FALLEN)
+        spin = number(options, "spin", drawn_spin, WANTED - BAND, WANTED + BAND)
+        away = number(options, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
+        turn = rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
+        softer = math.sqrt(factors["masses"] / factors["stiffness"])
+        tip = self.body.particle("tip")
+        shape = factors["scale"] * self._shape(spin * softer)
+        arm = (shape - shape[tip]) @ turn.T
+        foot = np.array([away * math.cos(bearing), away * math.sin(bearing), self._height(factors)])
+        if self.surface == "dish":
+            steepness = math.asin(away / DISH)
+            inwards = (DISH - foot[2]) * math.sin(steepness)
+            foot = np.array([inwards * math.cos(bearing), inwards * math.sin(bearing), 0.0])
+            foot[2] = DISH - (DISH - self._height(factors)) * math.cos(steepness)
+        return Start(foot + arm, rigid_velocities(arm, spin * turn[:, 2], (0.0, 0.0, 0.0)))
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        push, twist = FORCE * action, self.torque * action
+        push[:, 2] = 0.0
+        twist[:, :2] = 0.0
+        return {"thrust": push[:, None], "body_torque": twist}
+
+    def look(self) -> Look:
+        ring = len(self.body.parts["ring"])
+        return Look(
+            triangles=self.body.triangles,
+            triangle_colors=np.tile(two_tone(ring), (2, 1)),
+            springs=self.body.springs,
+            trace=self.body.particle("tip"),
+        )
+
+    def camera(self) -> Camera:
+        return Camera.framing((0, 0, 0.25), 1.7, elevation=0.45)
+
+    def scenery(self) -> Scenery:
+        if self.surface == "dish":
+            return Scenery(dish=((0.0, 0.0, DISH), DISH))
+        return Scenery(floor=0.0)
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        tilt, spin = math.acos(np.clip(m.axis[2], -1, 1)), float(m.angular_velocity @ m.axis)
+        push = (0.5 * action[0], 0.5 * action[1], 0.0)
+        return Marks(
+            rings=[((0.0, 0.0, 0.0), INSIDE)],
+            arrows=[Arrow(x[self.body.particle("crown")], push)],
+            text=(
+                f"tilt {math.degrees(tilt):4.1f}°",
+                f"spin {spin:4.1f} rad/s",
+                f"off centre {math.hypot(m.centre[0], m.centre[1]):4.2f} m",
+            ),
+        )
+
+
+class SpringFreeTopEnv(SpringEnv):
+    """
+    ## Description
+    A spinning top stands with its bare tip on near-ice, too slow to stand by itself. Keep it upright, at
+    8 rad/s, in a small circle. The top is McDonald's, a ring of 12 particles, a crown and a tip held by 37
+    stiff springs, here low and wide and not pinned. A push on the crown moves the whole top; the tilt that
+    brings it back has to be asked for by pushing it away first.
+
+    ## Action Space
+    `Box(-1, 1, (3,), float32)`, held for a control period of 20 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"push"` | 0, 1 | force on the crown along the world's x, y | ±40 N |
+    | | 2 | torque about the top's axis | ±10 N·m, which turns the ring by ±8 rad/s² |
+
+    Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–41 | positions of ring particles 0–11, crown and tip, from the middle | 0.5 m |
+    | | 42–83 | their velocities | 8 rad/s × its distance from the axis + 0.5 m/s |
+    | `"frame"` | 0–2 | axis n of the top, a unit vector | 1 |
+    | | 3–5 | angular velocity across the axis, ω⊥ | 1 rad/s |
+    | | 6 | spin ω₃ − 8 rad/s | 4 rad/s |
+    | | 7, 8 | centre of mass x, y, from the middle | 0.5 m |
+    | | 9, 10 | its velocity x, y | 0.5 m/s |
+
+    ## Rewards
+    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the tilt θ of the axis, the horizontal distance e of
+    the centre of mass from the middle and the effort E = 1 − 0.1 mean(a²), the reward is
+    U (0.3 + 0.7 G(e; 0.05, 0.4)) (0.5 + 0.5 G(ω₃ − 8; 0.25, 3)) with U = G(θ; 0.03, 0.3) E: from 0 to 1.
+    Its terms in `info` are `reward_upright` = 0.15 U, `reward_inside` = 0.35 U G(e) and `reward_spin`, the
+    rest.
+
+    ## Starting State
+    The tip carries the weight, at rest but for the spin: tilt U(0.02, 0.12) rad and spin U(5, 9) rad/s, the
+    tip anywhere within 0.4 m of the middle. Below 10 rad/s the upright top is unstable.
+    `reset(options={"tilt": …, "spin": …, "error": …})` sets any of them.
+
+    ## Episode End
+    Termination: θ > 0.7 rad, e > 1 m, |ω₃ − 8| > 4.5 rad/s (spun up, the top would stand by itself), or the
+    simulation diverged (`info["diverged"]`; reward 0). Truncation: 500 steps, 10 s. `info["is_success"]`:
+    θ < 0.1 rad, e < 0.15 m and |ω₃ − 8| < 1 rad/s for the last 100 steps.
+
+    ## Information
+    `tilt` θ [rad], `error` e [m], `spin` ω₃ [rad/s], `energy` and `energy_drift` [J], `strain`.
+
+    ## Arguments
+    - `observation`: above.
+    - `surface="dish"`: in a spherical dish of 4 m radius instead of on a floor.
+    - `friction` (0.02): from about 0.05 on, the tip sticks and the top has to be balanced differently.
+    - `hard=True`: tilt U(0.02, 0.16) rad, spin U(4, 7) rad/s, within 0.6 m.
+    - `body`: arguments of `springgym.bodies.top`.
+    - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `render_mode`: see `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringFreeTop
+
+
+class SpringFreeTopVectorEnv(SpringVectorEnv):
+    """A native batch of `SpringFreeTopEnv`."""
+
+    task_type = SpringFreeTop

@@ -1,0 +1,220 @@
+"""SpringGyroscope: point the axis of a spinning rotor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import gyroscope, rotation, stretched_shapes
+from springgym.bodies import spinning as rigid_velocities
+from springgym.compiling import kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.rewards import angle_between, long_tail, spinning, thrift
+from springgym.envs.task import Particles, Start, Task, number
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.scene import Scene, ThrustActuator, WrenchActuator
+
+TORQUE = 20.0  # [N·m]
+IMPULSE = 0.8  # largest component a control period [N·s]: 20 N·m at the arm of the head
+USUAL = 35.0  # spin [rad/s]
+FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
+
+
+@kernel
+def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    for c in range(out.shape[0]):
+        angle = angle_between(m.axis[c], goal[c])
+        spin, across = spinning(m, c)
+        aligned = long_tail(angle, 0.5, 0.03) / 2 * thrift(action, c)
+        out[c, 0] = aligned
+        out[c, 1] = aligned * long_tail(across, 1.5, 0.1)
+        out[c, 2] = angle
+        out[c, 3] = spin
+        out[c, 4] = across
+        out[c, 5] = angle < 0.1 and across < 0.3
+        out[c, 6] = False
+
+
+@kernel
+def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    for c in range(observation.shape[0]):
+        spin, _ = spinning(m, c)
+        for axis in range(3):
+            n = m.axis[c, axis]
+            observation[c, axis] = n
+            observation[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n
+            observation[c, 7 + axis] = goal[c, axis]
+        observation[c, 6] = (spin - USUAL) / 20
+
+
+def direction(rng: Generator) -> np.ndarray:
+    """A unit vector (3,), every direction alike."""
+    z, azimuth = rng.uniform(-1.0, 1.0), rng.uniform(-math.pi, math.pi)
+    across = math.sqrt(1 - z * z)
+    return np.array([across * math.cos(azimuth), across * math.sin(azimuth), z])
+
+
+def turn_to(axis: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) that takes the vertical to a unit vector."""
+    azimuth, tilt = math.atan2(axis[1], axis[0]), math.acos(np.clip(axis[2], -1.0, 1.0))
+    return rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
+
+
+class SpringGyroscope(Task):
+    """The MDP of `SpringGyroscopeEnv`, where it is described."""
+
+    actions: ClassVar = {"torque": 3, "impulse": 3}
+    terms = ("aligned", "calm")
+    metrics = ("angle", "spin", "precession")
+    frame_size = 10
+    goal_size = 3
+    evaluate = staticmethod(evaluate)
+    frame = staticmethod(frame)
+
+    def __init__(
+        self,
+        observation: str = "particles",
+        action: str = "torque",
+        hard: bool = False,
+        body: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(observation, action)
+        self.hard = hard
+        self.body = gyroscope(**(body or {}))
+        self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["centre"])
+
+    @cached_property
+    def scene(self) -> Scene:
+        impulse = self.action == "impulse"
+        centre = self.body.parts["centre"]
+        return Scene(
+            self.body,
+            velocities=rigid_velocities(self.body.positions, (0, 0, USUAL), self.body.positions[centre[0]]),
+            pinned=centre,
+            wrench=None if impulse else WrenchActuator(axial=False),
+            thrust=ThrustActuator(self.body.parts["head"]) if impulse else None,
+        )
+
+    @cached_property
+    def particles(self) -> Particles:
+        parts = self.body.parts
+        reach = np.linalg.norm(self.body.positions, axis=1)
+        outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
+        return Particles(parts["ring"] + parts["head"] + parts["foot"], reach, USUAL * outwards + 2.0 * reach)
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        axis, sideways = direction(rng), rng.uniform(-math.pi, math.pi)
+        drawn_spin, drawn_away = rng.uniform((25.0, 0.5), (45.0, 1.5)).tolist()
+        sign = rng.choice((-1.0, 1.0)) if self.hard else 1.0
+        spin = number(options, "spin", sign * drawn_spin, -FASTEST, FASTEST)
+        away = number(options, "angle", drawn_away, 0.0, math.pi)
+        turn = turn_to(axis)
+        target = turn @ rotation((0, 0, 1), sideways) @ rotation((0, 1, 0), away) @ (0.0, 0.0, 1.0)
+        softer = math.sqrt(factors["masses"] / factors["stiffness"])
+        positions = factors["scale"] * self._shape(spin * softer) @ turn.T
+        centre = positions[self.body.particle("centre")]
+        return Start(positions, rigid_velocities(positions, spin * axis, centre), target.tolist())
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        if self.action == "impulse":
+            return {"thrust": action[:, None] * (IMPULSE / self.period)}
+        return {"torque": TORQUE * action}
+
+    def look(self) -> Look:
+        parts = self.body.parts
+        return Look(
+            triangles=self.body.triangles,
+            triangle_colors=two_tone(len(parts["ring"])),
+            opacity=0.85,
+            bars=[(parts["foot"][0], parts["head"][0])],
+            springs=self.body.springs,
+            trace=parts["head"][0],
+        )
+
+    def camera(self) -> Camera:
+        return Camera.framing((0, 0, 0), 2.6 * float(np.linalg.norm(self.body.positions, axis=1).max()))
+
+    def scenery(self) -> Scenery:
+        return Scenery(floor=-1.3 * float(np.linalg.norm(self.body.positions, axis=1).max()))
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        centre = x[self.body.particle("centre")]
+        reach = float(np.linalg.norm(self.body.positions, axis=1).max())
+        angle = math.degrees(math.acos(np.clip(m.axis @ goal, -1, 1)))
+        return Marks(
+            balls=[(centre + 1.4 * reach * goal, 0.06 * reach)],
+            arrows=[Arrow(centre, 1.3 * reach * goal)],
+            text=(f"off target {angle:5.1f}°", f"spin {float(m.angular_velocity @ m.axis):5.1f} rad/s"),
+        )
+
+
+class SpringGyroscopeEnv(SpringEnv):
+    """
+    ## Description
+    A rotor spins on an axle that is pinned at its centre of mass. Turn the axle to a given direction and
+    hold it there. A gyroscope answers a torque at right angles to it: pushing the axle towards the target
+    moves it aside. The rotor is a ring of 12 particles, a centre and two axle ends, held by 50 springs.
+
+    ## Action Space
+    `Box(-1, 1, (3,), float32)`, held for a control period of 20 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"torque"` | 0–2 | torque about the world's x, y, z, its part along the axle removed | ±20 N·m |
+    | `"impulse"` | 0–2 | impulse on the axle's head along x, y, z, spread evenly over the period | ±0.8 N·s |
+
+    Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–41 | positions x, y, z of ring particles 0–11, head, foot | distance from the centre |
+    | | 42–83 | their velocities | 35 rad/s × distance from the axle + 2 rad/s × distance |
+    | | 84–86 | target direction, a unit vector | 1 |
+    | `"frame"` | 0–2 | axle n, a unit vector from foot to head | 1 |
+    | | 3–5 | angular velocity across the axle, ω⊥ | 1 rad/s |
+    | | 6 | spin ω₃ − 35 rad/s | 20 rad/s |
+    | | 7–9 | target direction | 1 |
+
+    ## Rewards
+    With L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the angle α between axle and target and the effort
+    E = 1 − 0.1 mean(a²), the reward is A [1 + L(|ω⊥|; 0.1, 1.5)] with A = L(α; 0.03, 0.5) E / 2: from
+    0 to 1. Its terms are `reward_aligned` and `reward_calm` in `info`.
+
+    ## Starting State
+    Axle in any direction, spin U(25, 45) rad/s, otherwise at rest, stretched as in steady rotation; target
+    U(0.5, 1.5) rad away. `reset(options={"spin": …, "angle": …})` sets spin and distance of the target.
+
+    ## Episode End
+    Termination: only if the simulation diverged (`info["diverged"]`; reward 0). Truncation: 400 steps, 8 s.
+    `info["is_success"]`: α < 0.1 rad and |ω⊥| < 0.3 rad/s for the last 50 steps.
+
+    ## Information
+    `angle` α [rad], `spin` ω₃ and `precession` |ω⊥| [rad/s], `energy` and `energy_drift` [J], `strain`.
+
+    ## Arguments
+    - `observation`, `action`: above.
+    - `hard=True`: spin of either sign: the same push moves the axle the other way.
+    - `body`: arguments of `springgym.bodies.gyroscope`.
+    - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `render_mode`: see `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringGyroscope
+
+
+class SpringGyroscopeVectorEnv(SpringVectorEnv):
+    """A native batch of `SpringGyroscopeEnv`."""
+
+    task_type = SpringGyroscope

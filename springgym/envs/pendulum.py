@@ -1,0 +1,182 @@
+"""SpringPendulum: swing a cube up about one of its corners."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import cube, start
+from springgym.compiling import kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.rewards import gaussian, spinning, thrift
+from springgym.envs.task import Particles, Start, Task, chosen, number
+from springgym.measures import Measures
+from springgym.rendering import Camera, Look, Marks, Scenery, two_tone
+from springgym.scene import Scene, WrenchActuator
+
+TORQUE = 4.25  # [N·m], half of the weight's largest moment
+TOO_FAST = 8.0  # angular velocity that ends an episode [rad/s]
+
+
+@kernel
+def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    for c in range(out.shape[0]):
+        up = m.axis[c, 2]
+        tilt = math.atan2(math.hypot(m.axis[c, 0], m.axis[c, 1]), up)
+        spin, across = spinning(m, c)
+        speed = math.hypot(spin, across)
+        raised = ((1 + up) / 2) ** 2 / 4 * thrift(action, c)
+        out[c, 0] = raised
+        out[c, 1] = 3 * raised * gaussian(tilt, 0.6, 0.05) * gaussian(speed, 4.0, 0.2)
+        out[c, 2] = tilt
+        out[c, 3] = speed
+        out[c, 4] = spin
+        out[c, 5] = tilt < 0.15 and speed < 0.5
+        out[c, 6] = speed > TOO_FAST
+
+
+@kernel
+def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    for c in range(observation.shape[0]):
+        spin, _ = spinning(m, c)
+        for axis in range(3):
+            n = m.axis[c, axis]
+            observation[c, axis] = n
+            observation[c, 3 + axis] = (m.angular_velocity[c, axis] - spin * n) / 4
+        observation[c, 6] = spin / 4
+
+
+class SpringPendulum(Task):
+    """The MDP of `SpringPendulumEnv`, where it is described."""
+
+    actions: ClassVar = {"torque": 3}
+    terms = ("raised", "held")
+    metrics = ("tilt", "speed", "spin")
+    frame_size = 7
+    period = 0.04
+    hold = 25
+    evaluate = staticmethod(evaluate)
+    frame = staticmethod(frame)
+
+    def __init__(
+        self,
+        observation: str = "particles",
+        action: str = "torque",
+        start: str = "hanging",
+        body: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(observation, action)
+        self.starts = chosen("start", start, ("hanging", "mixed"))
+        self.body = cube(**(body or {}))
+        self._shape = self.body.positions - self.body.positions[0]
+
+    @cached_property
+    def scene(self) -> Scene:
+        hanging = start(self.body, tilt=math.pi, omega=(TOO_FAST, 0.0, 0.0), pinned=(0,))
+        return Scene(self.body, *hanging, pinned=(0,), wrench=WrenchActuator(axial=False))
+
+    @cached_property
+    def particles(self) -> Particles:
+        reach = np.linalg.norm(self._shape, axis=1)
+        return Particles(tuple(range(1, 8)), reach, 4.0 * reach)
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        anywhere, near, azimuth, roll = rng.uniform(
+            (0.0, 0.0, -math.pi, -math.pi), (math.pi, 0.3, math.pi, math.pi)
+        ).tolist()
+        tilt = math.pi - near
+        if rng.uniform() < 0.5 and self.starts == "mixed":
+            tilt = anywhere
+        tilt = number(options, "tilt", tilt, 0.0, math.pi)
+        placed = start(
+            self.body, tilt=tilt, azimuth=azimuth, roll=roll, pinned=(0,), stretched=False
+        ).positions
+        return Start(factors["scale"] * placed, np.zeros_like(placed))
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        return {"torque": TORQUE * action}
+
+    def look(self) -> Look:
+        return Look(
+            triangles=self.body.triangles,
+            triangle_colors=two_tone(len(self.body.triangles), blocks=len(self.body.triangles) // 2),
+            springs=self.body.springs,
+            trace=6,
+        )
+
+    def camera(self) -> Camera:
+        return Camera.framing((0, 0, 0), 4.0 * float(self.body.lengths.max()) / math.sqrt(3))
+
+    def scenery(self) -> Scenery:
+        length = float(self.body.lengths.max())
+        return Scenery(floor=-1.25 * length, vertical=((0.0, 0.0, 0.0), 1.25 * length))
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        tilt = math.degrees(math.acos(np.clip(m.axis[2], -1, 1)))
+        speed = float(np.linalg.norm(m.angular_velocity))
+        top = (0.0, 0.0, float(self.body.lengths.max()))
+        return Marks(balls=[(top, 0.04)], text=(f"tilt {tilt:5.1f}°", f"turning {speed:4.1f} rad/s"))
+
+
+class SpringPendulumEnv(SpringEnv):
+    """
+    ## Description
+    A cube hangs from one of its corners. Swing it up and hold it upside down, with half the torque that
+    would lift it. The cube is the one of McDonald's paper: 8 particles, every pair joined by a spring.
+
+    ## Action Space
+    `Box(-1, 1, (3,), float32)`, held for a control period of 40 ms: torque about the world's x, y, z, at ±1
+    ±4.25 N·m, half of the weight's largest moment. Its part along the diagonal through the pin is removed,
+    so that the cube cannot be spun up into a sleeping top. Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–20 | positions x, y, z of corners 1–7 | distance from the pin |
+    | | 21–41 | their velocities | 4 rad/s × distance from the pin |
+    | `"frame"` | 0–2 | diagonal n from the pin, a unit vector | 1 |
+    | | 3–5 | angular velocity across it, ω⊥ | 4 rad/s |
+    | | 6 | angular velocity along it, ω₃ | 4 rad/s |
+
+    ## Rewards
+    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the tilt θ of n from the upright and the effort
+    E = 1 − 0.1 mean(a²), the reward is R [1 + 3 G(θ; 0.05, 0.6) G(|ω|; 0.2, 4)] with
+    R = ((1 + n_z)/2)² E / 4: from 0 to 1. Its terms are `reward_raised` and `reward_held` in `info`.
+
+    ## Starting State
+    At rest, turned at random about the vertical and the diagonal, within U(0, 0.3) rad of hanging. With
+    `start="mixed"`, half of the episodes start at any tilt U(0, π) instead: the easier way to learn.
+    `reset(options={"tilt": …})` sets the tilt from the upright.
+
+    ## Episode End
+    Termination: |ω| exceeds 8 rad/s (whirling the cube around is no way up), or the simulation diverged
+    (`info["diverged"]`; reward 0). Truncation: 250 steps, 10 s. `info["is_success"]`: θ < 0.15 rad and
+    |ω| < 0.5 rad/s for the last 25 steps.
+
+    ## Information
+    `tilt` θ [rad], `speed` |ω| and `spin` ω₃ [rad/s], `energy` and `energy_drift` [J], `strain`.
+
+    ## Arguments
+    - `observation`, `start`: above.
+    - `body`: arguments of `springgym.bodies.cube`.
+    - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `render_mode`: see `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringPendulum
+
+
+class SpringPendulumVectorEnv(SpringVectorEnv):
+    """A native batch of `SpringPendulumEnv`."""
+
+    task_type = SpringPendulum

@@ -1,0 +1,46 @@
+"""Shapes of rewards, for compiled task functions."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from springgym.compiling import compiled
+
+
+@compiled
+def gaussian(value: Any, margin: Any, bound: Any = 0.0) -> Any:
+    """1 within ±``bound``, 0.1 at ``margin`` beyond: 0.1^(d²), d = max(|value| − bound, 0)/margin."""
+    d = max(abs(value) - bound, 0.0) / margin
+    return 0.1 ** (d * d)
+
+
+@compiled
+def long_tail(value: Any, margin: Any, bound: Any = 0.0) -> Any:
+    """1 within ±``bound``, 0.1 at ``margin`` beyond, with a long tail: 1/(1 + 9d²)."""
+    d = max(abs(value) - bound, 0.0) / margin
+    return 1.0 / (1.0 + 9.0 * d * d)
+
+
+@compiled
+def thrift(action: Any, c: Any) -> Any:
+    """1 − 0.1 mean(a²) of copy c: what of the reward the effort leaves."""
+    total = 0.0
+    for n in range(action.shape[1]):
+        total += action[c, n] ** 2
+    return 1.0 - 0.1 * total / action.shape[1]
+
+
+@compiled
+def spinning(m: Any, c: Any) -> Any:
+    """Angular velocity of copy c along its third axis, and its size across it [rad/s]."""
+    n, w = m.axis[c], m.angular_velocity[c]
+    along = w[0] * n[0] + w[1] * n[1] + w[2] * n[2]
+    return along, math.sqrt(max(w[0] ** 2 + w[1] ** 2 + w[2] ** 2 - along**2, 0.0))
+
+
+@compiled
+def angle_between(u: Any, w: Any) -> Any:
+    """Angle between two vectors (3,) [rad], exact for small ones."""
+    x, y, z = u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]
+    return math.atan2(math.sqrt(x * x + y * y + z * z), u[0] * w[0] + u[1] * w[1] + u[2] * w[2])

@@ -1,0 +1,201 @@
+"""SpringRope: bring a swinging load to its place by moving the trolley it hangs from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import rope, rotation
+from springgym.bodies import spinning as rigid_velocities
+from springgym.compiling import kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.task import Particles, Start, Task, number
+from springgym.measures import Measures
+from springgym.rendering import Camera, Look, Marks, Scenery
+from springgym.scene import GRAVITY, DriveActuator, Scene
+
+ACCELERATION = 3.0  # of the trolley [m/s²]
+SPEED = 3.0  # of the trolley [m/s]
+
+
+@kernel
+def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    load = x.shape[1] - 1
+    for c in range(out.shape[0]):
+        error = math.hypot(x[c, load, 0] - goal[c, 0], x[c, load, 1] - goal[c, 1])
+        speed = math.hypot(v[c, load, 0], v[c, load, 1])
+        near = (long_tail(error, 1.0, 0.05) + gaussian(error, 3.0, 0.05)) / 4 * thrift(action, c)
+        out[c, 0] = near
+        out[c, 1] = near * gaussian(error, 0.5, 0.05) * gaussian(speed, 1.0, 0.05)
+        out[c, 2] = error
+        out[c, 3] = speed
+        out[c, 4] = error < 0.1 and speed < 0.1
+        out[c, 5] = False
+
+
+@kernel
+def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    load = x.shape[1] - 1
+    for c in range(observation.shape[0]):
+        for axis in range(2):
+            observation[c, axis] = (goal[c, axis] - x[c, load, axis]) / 2
+            observation[c, 2 + axis] = x[c, 0, axis] - x[c, load, axis]
+            observation[c, 4 + axis] = v[c, load, axis] / 2
+            observation[c, 6 + axis] = v[c, 0, axis] / 2
+
+
+class SpringRope(Task):
+    """The MDP of `SpringRopeEnv`, where it is described."""
+
+    actions: ClassVar = {"trolley": 2}
+    terms = ("near", "still")
+    metrics = ("error", "speed")
+    frame_size = 8
+    goal_size = 3
+    period = 0.05
+    hold = 20
+    evaluate = staticmethod(evaluate)
+    frame = staticmethod(frame)
+
+    def __init__(
+        self,
+        observation: str = "particles",
+        action: str = "trolley",
+        hard: bool = False,
+        body: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(observation, action)
+        self.sway, self.rate, self.farthest = (0.6, 0.8, 6.0) if hard else (0.25, 0.3, 4.0)
+        given = {"beads": 9, "length": 4.0, "end_mass": 70.0, "damping": 30.0} | dict(body or {})
+        self.body = rope(**given)
+
+    @cached_property
+    def scene(self) -> Scene:
+        return Scene(self.body, pinned=(0,), drive=DriveActuator(0, SPEED))
+
+    @cached_property
+    def particles(self) -> Particles:
+        count = len(self.body.masses)
+        two = np.full(count, 2.0)
+        return Particles(tuple(range(count)), two, two, about="goal", skipped=((0, 2),))
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        azimuth, turning, bearing, rate, drawn_sway, drawn_distance = rng.uniform(
+            (-math.pi, -math.pi, -math.pi, -self.rate, 0.0, 1.5),
+            (math.pi, math.pi, math.pi, self.rate, self.sway, self.farthest),
+        ).tolist()
+        sway = number(options, "sway", drawn_sway, 0.0, 1.0)
+        distance = number(options, "distance", drawn_distance, 0.0, 20.0)
+        below = self.body.mass - np.cumsum(self.body.masses)[:-1]
+        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * below * math.cos(sway)
+        lengths = factors["scale"] * self.body.lengths + weight / (factors["stiffness"] * self.body.stiffness)
+        positions = np.zeros_like(self.body.positions)
+        positions[1:, 2] = -np.cumsum(lengths)
+        positions = positions @ (rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), sway)).T
+        omega = rate * np.array([math.cos(turning), math.sin(turning), 0.0])
+        goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0)
+        return Start(positions, rigid_velocities(positions, omega, (0.0, 0.0, 0.0)), goal)
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        return {"acceleration": ACCELERATION * np.pad(action, ((0, 0), (0, 1)))}
+
+    def look(self) -> Look:
+        count = len(self.body.masses)
+        radii = np.full(count, 0.04)
+        radii[0], radii[-1] = 0.09, 0.22
+        return Look(
+            bars=self.body.springs,
+            bar_radius=0.02,
+            radii=radii,
+            springs=self.body.springs,
+            trace=count - 1,
+            trace_length=60,
+        )
+
+    def camera(self) -> Camera:
+        return Camera.framing(
+            (0, 0, -0.5 * float(self.body.lengths.sum())), 2.6 * float(self.body.lengths.sum())
+        )
+
+    def scenery(self) -> Scenery:
+        return Scenery(floor=-1.2 * float(self.body.lengths.sum()))
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        floor = -1.2 * float(self.body.lengths.sum())
+        target = (float(goal[0]), float(goal[1]), floor)
+        high = (float(goal[0]), float(goal[1]), float(x[-1, 2]))
+        error = math.hypot(x[-1, 0] - goal[0], x[-1, 1] - goal[1])
+        rails = [
+            ((x[0, 0] - 1.0, x[0, 1], 0.0), (x[0, 0] + 1.0, x[0, 1], 0.0)),
+            ((x[0, 0], x[0, 1] - 1.0, 0.0), (x[0, 0], x[0, 1] + 1.0, 0.0)),
+        ]
+        return Marks(
+            rings=[(target, 0.3)], lines=[(target, high), *rails], text=(f"off target {error:4.2f} m",)
+        )
+
+
+class SpringRopeEnv(SpringEnv):
+    """
+    ## Description
+    An overhead crane: a load of 70 kg hangs by a 4 m rope from a trolley. Bring it above the target, and
+    to rest. The rope is eight springs between beads of 0.1 kg, after McDonald's paper; it stretches,
+    bounces and swings.
+
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`, held for a control period of 50 ms: acceleration of the trolley along x and
+    y, at ±1 ±3 m/s². Its speed along each is limited to 3 m/s. Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–25 | positions of trolley (x, y), beads and load (x, y, z), from the target | 2 m |
+    | | 26–51 | their velocities | 2 m/s |
+    | `"frame"` | 0–1 | horizontal way from the load to the target | 2 m |
+    | | 2–3 | horizontal way from the load to the trolley | 1 m |
+    | | 4–5 | horizontal velocity of the load | 2 m/s |
+    | | 6–7 | velocity of the trolley | 2 m/s |
+
+    ## Rewards
+    With G(x; b, m) = 0.1^(d²), L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the load's horizontal
+    distance e from the target and horizontal speed s, and the effort E = 1 − 0.1 mean(a²), the reward is
+    N [1 + G(e; 0.05, 0.5) G(s; 0.05, 1)] with N = [L(e; 0.05, 1) + G(e; 0.05, 3)] E / 4: from 0 to 1. Its
+    terms are `reward_near` and `reward_still` in `info`.
+
+    ## Starting State
+    Trolley at rest at the origin, rope stretched as it hangs, swayed by U(0, 0.25) rad in any direction and
+    swinging at U(−0.3, 0.3) rad/s about any horizontal axis; target U(1.5, 4) m away.
+    `reset(options={"sway": …, "distance": …})` sets sway and distance.
+
+    ## Episode End
+    Termination: only if the simulation diverged (`info["diverged"]`; reward 0). Truncation: 200 steps, 10 s.
+    `info["is_success"]`: e < 0.1 m and s < 0.1 m/s for the last 20 steps.
+
+    ## Information
+    `error` e [m], `speed` s [m/s], `energy` and `energy_drift` [J], `strain`.
+
+    ## Arguments
+    - `observation`: above.
+    - `hard=True`: sway U(0, 0.6) rad, U(−0.8, 0.8) rad/s, target up to 6 m away.
+    - `body`: arguments of `springgym.bodies.rope`.
+    - `integrator` ("verlet"), `step`, `dtype`, `randomize`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`. A rope has no rigid twin.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringRope
+
+
+class SpringRopeVectorEnv(SpringVectorEnv):
+    """A native batch of `SpringRopeEnv`."""
+
+    task_type = SpringRope

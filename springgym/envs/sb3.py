@@ -1,0 +1,203 @@
+"""Stable-Baselines3 adapter: a natively vectorised Gymnasium environment as an SB3 ``VecEnv``.
+
+SB3's own ``DummyVecEnv`` steps single environments in a Python loop. This adapter hands the whole
+batch to the native vector environment, so Python works only for the copies whose episode ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv, VecMonitor
+    from stable_baselines3.common.vec_env.base_vec_env import (
+        VecEnvIndices,
+        VecEnvObs,
+        VecEnvStepReturn,
+    )
+except ImportError as error:
+    raise ImportError(
+        'springgym.envs.sb3 needs Stable-Baselines3. Install it with: pip install "springgym[agents]"'
+    ) from error
+
+__all__ = ["SB3VecEnv", "make_sb3"]
+
+
+class SB3VecEnv(VecEnv):
+    """A Gymnasium vector environment of ``n`` copies, seen as a Stable-Baselines3 ``VecEnv``.
+
+    ``step`` returns observations ``(n, ...)``, rewards ``(n,)`` float32, dones ``(n,)`` bool and a
+    list of ``n`` dicts. All arrays are the caller's own. The dict of a running copy is empty;
+    that of a copy whose episode just ended holds the last info of the episode (``is_success``,
+    reward terms, ...) and what SB3 asks for: ``terminal_observation``, the observation before the
+    reset, and ``TimeLimit.truncated``, true where the episode was cut and not terminated.
+
+    The copies are rows of one object. So :meth:`get_attr`, :meth:`set_attr` and
+    :meth:`env_method` act on that object: a value read is the same for every copy, and a value
+    cannot be set for some copies only.
+
+    Parameters
+    ----------
+    vector_env
+        Environment with ``metadata["autoreset_mode"]`` ``SAME_STEP``, which is how SB3 resets.
+
+    Raises
+    ------
+    TypeError
+        If ``vector_env`` is not a Gymnasium ``VectorEnv``.
+    ValueError
+        If it resets in another mode.
+    """
+
+    def __init__(self, vector_env: VectorEnv) -> None:
+        if not isinstance(vector_env, VectorEnv):
+            raise TypeError(
+                f"SB3VecEnv wraps a gymnasium.vector.VectorEnv, got {type(vector_env).__name__}; "
+                "make one with gymnasium.make_vec"
+            )
+        mode = vector_env.metadata.get("autoreset_mode")
+        if mode != AutoresetMode.SAME_STEP:
+            raise ValueError(
+                f"SB3VecEnv needs autoreset_mode=AutoresetMode.SAME_STEP, but {vector_env} has "
+                f"{mode}; pass it to gymnasium.make_vec, or use springgym.envs.sb3.make_sb3"
+            )
+        self.vector_env = vector_env
+        super().__init__(
+            vector_env.num_envs,
+            vector_env.single_observation_space,
+            vector_env.single_action_space,
+        )
+
+    def reset(self) -> VecEnvObs:
+        """Start a new episode in every copy, with the seeds and options set since the last one."""
+        seeds = None if all(seed is None for seed in self._seeds) else list(self._seeds)
+        options = self._options[0]
+        if any(other != options for other in self._options):
+            raise ValueError("SB3VecEnv resets all copies with the same options; set one dict")
+        # VectorEnv.reset is annotated with one seed, but every vector environment takes a list.
+        observations, infos = self.vector_env.reset(seed=seeds, options=options or None)  # type: ignore[arg-type]
+        self.reset_infos = [_info_of(infos, i) for i in range(self.num_envs)]
+        self._reset_seeds()
+        self._reset_options()
+        return deepcopy(observations)
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Keep the actions ``(n, ...)`` for :meth:`step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Step every copy; those that end are reset, and the first observation returned."""
+        observations, rewards, terminated, truncated, infos = self.vector_env.step(self._actions)
+        dones = terminated | truncated
+        sb3_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        new_episode = {k: v for k, v in infos.items() if not k.endswith(("final_obs", "final_info"))}
+        for i in np.flatnonzero(dones).tolist():
+            info = _info_of(infos.get("final_info", {}), i)
+            info["terminal_observation"] = deepcopy(infos["final_obs"][i])
+            info["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
+            sb3_infos[i] = info
+            self.reset_infos[i] = _info_of(new_episode, i)
+        return deepcopy(observations), np.array(rewards, dtype=np.float32), dones, sb3_infos
+
+    def close(self) -> None:
+        """Close the vector environment."""
+        self.vector_env.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """Return the vector environment's attribute, once for each copy asked for."""
+        value = getattr(self.vector_env, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set the vector environment's attribute, which all copies share.
+
+        Raises
+        ------
+        ValueError
+            If ``indices`` leaves out a copy.
+        """
+        if sorted(self._get_indices(indices)) != list(range(self.num_envs)):
+            raise ValueError(
+                f"cannot set {attr_name!r} for copies {indices} only: all {self.num_envs} copies "
+                "share one environment; leave out indices"
+            )
+        setattr(self.vector_env, attr_name, value)
+
+    def env_method(
+        self,
+        method_name: str,
+        *method_args: Any,
+        indices: VecEnvIndices = None,
+        **method_kwargs: Any,
+    ) -> list[Any]:
+        """Call the vector environment's method once; return its result for each copy asked for."""
+        result = getattr(self.vector_env, method_name)(*method_args, **method_kwargs)
+        return [result for _ in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
+        """Return false for each copy: a native copy has no wrappers of its own."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """Return one RGB frame ``(height, width, 3)`` of each copy."""
+        frames: Any = self.vector_env.render()
+        return [None] * self.num_envs if frames is None else list(frames)
+
+
+def make_sb3(env_id: str, num_envs: int, seed: int | None = None, **kwargs: Any) -> VecMonitor:
+    """Make ``num_envs`` native copies of an environment for Stable-Baselines3.
+
+    Parameters
+    ----------
+    env_id
+        Registered environment with a ``vector_entry_point`` that takes ``autoreset_mode``.
+    num_envs
+        Number of copies.
+    seed
+        Copy ``i`` starts its first episode from ``seed + i``; None draws the seeds.
+    **kwargs
+        Passed to the environment.
+
+    Returns
+    -------
+    VecMonitor
+        The adapted environment; finished episodes carry ``info["episode"]``.
+
+    Examples
+    --------
+    >>> env = make_sb3("SpringTop-v0", num_envs=64, seed=0)
+    >>> model = stable_baselines3.PPO("MlpPolicy", env).learn(100_000)
+    """
+    vector_env = gym.make_vec(
+        env_id,
+        num_envs=num_envs,
+        vectorization_mode="vector_entry_point",
+        autoreset_mode=AutoresetMode.SAME_STEP,
+        **kwargs,
+    )
+    env = VecMonitor(SB3VecEnv(vector_env))
+    if seed is not None:
+        env.seed(seed)
+    return env
+
+
+def _info_of(infos: dict[str, Any], i: int) -> dict[str, Any]:
+    """Copy ``i``'s entries of Gymnasium's batched infos: ``{"key": (n,), "_key": mask}``."""
+    info = {}
+    for key, values in infos.items():
+        if key.startswith("_") and key[1:] in infos:
+            continue
+        if f"_{key}" in infos and not infos[f"_{key}"][i]:
+            continue
+        if isinstance(values, dict):
+            info[key] = _info_of(values, i)
+        else:
+            value = values[i]
+            info[key] = value.item() if isinstance(value, np.generic) else deepcopy(value)
+    return info

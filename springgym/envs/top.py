@@ -1,0 +1,225 @@
+"""SpringTop: erect a spinning top and keep it spinning."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, top
+from springgym.bodies.motion import rotation, stretched_shapes
+from springgym.bodies.motion import spinning as rigid_velocities
+from springgym.compiling import compiled, kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.rewards import long_tail, spinning, thrift
+from springgym.envs.task import Particles, Start, Task, number
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.scene import Scene, ThrustActuator, WrenchActuator
+
+WANTED = 50.0  # spin [rad/s]
+IMPULSE = 0.3  # largest component a control period [N·s]
+FALLEN = 1.2  # tilt [rad]
+FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
+
+
+@compiled
+def tilt_of(m: Any, c: Any) -> Any:
+    """Angle of the axis from the vertical [rad]."""
+    return math.atan2(math.hypot(m.axis[c, 0], m.axis[c, 1]), m.axis[c, 2])
+
+
+@kernel
+def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    spin_counts = parameters[0] > 0
+    for c in range(out.shape[0]):
+        tilt = tilt_of(m, c)
+        spin, across = spinning(m, c)
+        upright = long_tail(tilt, 0.3, 0.02) / 4 * thrift(action, c)
+        out[c, 0] = upright
+        out[c, 1] = upright * long_tail(across, 1.5, 0.1)
+        out[c, 2] = 2 * upright * (long_tail(spin - WANTED, 15.0, 1.0) if spin_counts else 1.0)
+        out[c, 3] = tilt
+        out[c, 4] = spin
+        out[c, 5] = across
+        out[c, 6] = tilt < 0.1 and across < 0.3 and (abs(spin - WANTED) < 3 or not spin_counts)
+        out[c, 7] = tilt > FALLEN
+
+
+@kernel
+def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    for c in range(observation.shape[0]):
+        spin, _ = spinning(m, c)
+        for axis in range(3):
+            n = m.axis[c, axis]
+            observation[c, axis] = n
+            observation[c, 3 + axis] = (m.angular_velocity[c, axis] - spin * n) / 2
+        observation[c, 6] = (spin - WANTED) / 20
+
+
+class SpringTop(Task):
+    """The MDP of `SpringTopEnv`, where it is described."""
+
+    actions: ClassVar = {"torque": 3, "impulse": 3}
+    terms = ("upright", "calm", "spin")
+    metrics = ("tilt", "spin", "precession")
+    frame_size = 7
+    evaluate = staticmethod(evaluate)
+    frame = staticmethod(frame)
+
+    def __init__(
+        self,
+        observation: str = "particles",
+        action: str = "torque",
+        hard: bool = False,
+        body: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(observation, action)
+        self.body: Body = top(**(body or {}))
+        self.torque = 10.0 if hard else 15.0
+        slowest = 40.0 if action == "impulse" else 30.0
+        self.spins = (20.0 if hard else slowest, 60.0)
+        self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["tip"])
+
+    @cached_property
+    def scene(self) -> Scene:
+        impulse = self.action == "impulse"
+        spin = rigid_velocities(
+            self.body.positions, (0, 0, self.spins[1]), self.body.positions[self.body.particle("tip")]
+        )
+        return Scene(
+            self.body,
+            velocities=spin,
+            pinned=self.body.parts["tip"],
+            wrench=None if impulse else WrenchActuator(axial=False),
+            thrust=ThrustActuator(self.body.parts["crown"]) if impulse else None,
+        )
+
+    @property
+    def parameters(self) -> np.ndarray:
+        return np.array([self.action != "impulse"], float)
+
+    @cached_property
+    def particles(self) -> Particles:
+        ring, crown = self.body.parts["ring"], self.body.particle("crown")
+        reach = np.linalg.norm(self.body.positions, axis=1)
+        outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
+        return Particles((*ring, crown), reach, WANTED * outwards + 2.0 * reach)
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        drawn = rng.uniform((0.1, -math.pi, self.spins[0]), (0.6, math.pi, self.spins[1])).tolist()
+        tilt = number(options, "tilt", drawn[0], 0.0, FALLEN)
+        azimuth = number(options, "azimuth", drawn[1], -math.pi, math.pi)
+        spin = number(options, "spin", drawn[2], -FASTEST, FASTEST)
+        turn = rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
+        softer = math.sqrt(factors["masses"] / factors["stiffness"])
+        positions = factors["scale"] * self._shape(spin * softer) @ turn.T
+        tip = positions[self.body.particle("tip")]
+        return Start(positions, rigid_velocities(positions, spin * turn[:, 2], tip))
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        if self.action == "impulse":
+            return {"thrust": action[:, None] * (IMPULSE / self.period)}
+        world, body = self.torque * action, self.torque * action
+        world[:, 2] = 0.0
+        body[:, :2] = 0.0
+        return {"torque": world, "body_torque": body}
+
+    def look(self) -> Look:
+        ring = len(self.body.parts["ring"])
+        return Look(
+            triangles=self.body.triangles,
+            triangle_colors=np.tile(two_tone(ring), (2, 1)),
+            springs=self.body.springs,
+            trace=self.body.particle("crown"),
+        )
+
+    def camera(self) -> Camera:
+        size = float(np.ptp(self.body.positions, axis=0).max())
+        return Camera.framing((0, 0, 0.5 * size), 2.2 * size, elevation=0.45)
+
+    def scenery(self) -> Scenery:
+        return Scenery(floor=0.0, vertical=((0.0, 0.0, 0.0), 1.2 * float(self.body.positions[:, 2].max())))
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        tilt, spin = math.acos(np.clip(m.axis[2], -1, 1)), float(m.angular_velocity @ m.axis)
+        arrows = []
+        if self.action == "impulse":
+            arrows = [Arrow(x[self.body.particle("crown")], 0.4 * action)]
+        return Marks(arrows=arrows, text=(f"tilt {math.degrees(tilt):4.1f}°", f"spin {spin:4.1f} rad/s"))
+
+
+class SpringTopEnv(SpringEnv):
+    """
+    ## Description
+    A spinning top stands on its pinned tip, tilted. Erect it, and bring it to 50 rad/s. The top is the
+    flexible one of McDonald's "On flexible body approximations of rigid body dynamics": a ring of 12
+    particles, a crown and a tip, held by 37 stiff springs. It precesses and nutates like a rigid body;
+    to push it where it should go, an agent has to push it elsewhere.
+
+    ## Action Space
+    `Box(-1, 1, (3,), float32)`, held for a control period of 20 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"torque"` | 0, 1 | torque about the world's x and y, its part along the top's axis removed | ±15 N·m |
+    | | 2 | torque about the top's axis | ±15 N·m |
+    | `"impulse"` | 0–2 | impulse on the crown along x, y, z, spread evenly over the period | ±0.3 N·s |
+
+    The weight's moment is 88 N·m sin(tilt). Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–38 | positions x, y, z of ring particles 0–11 and crown | its distance from the tip |
+    | | 39–77 | their velocities | 50 rad/s × its radius + 2 rad/s × its distance |
+    | `"frame"` | 0–2 | axis n of the top, a unit vector | 1 |
+    | | 3–5 | angular velocity across the axis, ω⊥ | 2 rad/s |
+    | | 6 | spin ω₃ − 50 rad/s | 20 rad/s |
+
+    ## Rewards
+    With L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the tilt θ of the axis and the effort
+    E = 1 − 0.1 mean(a²), the reward is U [1 + L(|ω⊥|; 0.1, 1.5) + 2 L(ω₃ − 50; 1, 15)] with
+    U = L(θ; 0.02, 0.3) E / 4: from 0 to 1. Its terms are `reward_upright`, `reward_calm` and
+    `reward_spin` in `info`. An impulse on the crown cannot change the spin: with `action="impulse"` the
+    last L is 1.
+
+    ## Starting State
+    Released from rest but for its spin, stretched by it as in steady rotation: tilt U(0.1, 0.6) rad,
+    azimuth U(−π, π), spin U(30, 60) rad/s (with impulses U(40, 60)). Below 39 rad/s the upright top is
+    unstable. `reset(options={"tilt": …, "azimuth": …, "spin": …})` sets any of them.
+
+    ## Episode End
+    Termination: the tilt exceeds 1.2 rad, or the simulation diverged (`info["diverged"]`; reward 0).
+    Truncation: 500 steps, 10 s. `info["is_success"]`: tilt < 0.1, |ω⊥| < 0.3 rad/s and |ω₃ − 50| < 3 rad/s
+    (not asked with impulses) for the last 50 steps.
+
+    ## Information
+    `tilt` [rad], `spin` ω₃ and `precession` |ω⊥| [rad/s], `energy` and `energy_drift` [J] (what the
+    integrator added to the energy balance since the start), `strain` (largest of any spring).
+
+    ## Arguments
+    - `observation`, `action`: above.
+    - `hard=True`: spin U(20, 60) rad/s and torques up to 10 N·m.
+    - `body`: arguments of `springgym.bodies.top`, e.g. `{"scaled": {0: 2.0}}` for an unbalanced top, or
+      `{"height": 1.5, "radius": 0.35}` for an elongated one.
+    - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `render_mode`: see `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringTop
+
+
+class SpringTopVectorEnv(SpringVectorEnv):
+    """A native batch of `SpringTopEnv`."""
+
+    task_type = SpringTop

@@ -1,0 +1,249 @@
+"""SpringTumble: roll an irregular body to its place, onto the face that is asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, from_points
+from springgym.bodies import spinning as rigid_velocities
+from springgym.compiling import compiled, kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.task import Particles, Start, Task, number
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.scene import Scene, WrenchActuator
+from springgym.surfaces import Contact, floor
+
+CORNERS = ((0.26, 0.0, -0.09), (-0.14, 0.24, -0.08), (-0.12, -0.23, -0.10), (0.03, 0.02, 0.27))  # [m]
+MASSES = (1.2, 1.0, 1.1, 1.3)  # [kg]
+CENTRE_MASS = 2.4  # [kg]
+FORCE = 35.0  # [N], half of the weight
+TORQUE = 9.0  # [N·m]
+ARENA = 4.0  # where an episode ends [m]
+FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
+"""The face opposite to each corner; its corners in the order that points the normal outwards."""
+COLORS = ((46, 98, 170), (228, 94, 44), (34, 150, 100), (242, 172, 60))
+
+
+@compiled
+def facing(x: Any, c: Any, corner: Any) -> Any:
+    """The outward unit normal of the face opposite to a corner."""
+    i, j, k = FACES[corner]
+    ax, ay, az = x[c, j, 0] - x[c, i, 0], x[c, j, 1] - x[c, i, 1], x[c, j, 2] - x[c, i, 2]
+    bx, by, bz = x[c, k, 0] - x[c, i, 0], x[c, k, 1] - x[c, i, 1], x[c, k, 2] - x[c, i, 2]
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    size = math.sqrt(nx * nx + ny * ny + nz * nz)
+    return nx / size, ny / size, nz / size
+
+
+@compiled
+def fastest(v: Any, c: Any) -> Any:
+    """The largest speed of a particle [m/s]."""
+    largest = 0.0
+    for i in range(v.shape[1]):
+        largest = max(largest, v[c, i, 0] ** 2 + v[c, i, 1] ** 2 + v[c, i, 2] ** 2)
+    return math.sqrt(largest)
+
+
+@kernel
+def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    for c in range(out.shape[0]):
+        dx, dy = m.centre[c, 0] - goal[c, 0], m.centre[c, 1] - goal[c, 1]
+        error, speed = math.hypot(dx, dy), fastest(v, c)
+        down = -facing(x, c, int(goal[c, 3]))[2]
+        near = (long_tail(error, 0.5, 0.05) + gaussian(error, 1.2, 0.05)) / 4 * (1 + down) * thrift(action, c)
+        placed = 0.6 * near * gaussian(error, 0.3, 0.05) * gaussian(1 - down, 0.3, 0.02)
+        out[c, 0] = 0.4 * near
+        out[c, 1] = 0.3 * placed
+        out[c, 2] = 0.7 * placed * gaussian(speed, 1.0, 0.1)
+        out[c, 3] = error
+        out[c, 4] = math.acos(min(max(down, -1.0), 1.0))
+        out[c, 5] = speed
+        out[c, 6] = error < 0.1 and down > 0.97 and speed < 0.15
+        out[c, 7] = max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > ARENA
+
+
+@kernel
+def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    for c in range(observation.shape[0]):
+        normal = facing(x, c, int(goal[c, 3]))
+        for axis in range(3):
+            observation[c, axis] = m.centre[c, axis] - goal[c, axis]
+            observation[c, 3 + axis] = m.centre_velocity[c, axis]
+            observation[c, 6 + axis] = normal[axis]
+            observation[c, 9 + axis] = m.angular_velocity[c, axis] / 4
+
+
+def any_rotation(rng: Generator) -> np.ndarray:
+    """A rotation (3, 3), every one alike."""
+    turn, upper = np.linalg.qr(rng.normal(size=(3, 3)))
+    turn *= np.sign(np.diag(upper))
+    return turn * np.linalg.det(turn)
+
+
+class SpringTumble(Task):
+    """The MDP of `SpringTumbleEnv`, where it is described."""
+
+    actions: ClassVar = {"wrench": 6}
+    terms = ("near", "placed", "still")
+    metrics = ("error", "angle", "speed")
+    frame_size = 12
+    goal_size = 4
+    finest = 5e-4
+    hold = 25
+    evaluate = staticmethod(evaluate)
+    frame = staticmethod(frame)
+
+    def __init__(
+        self,
+        observation: str = "particles",
+        action: str = "wrench",
+        friction: float = 0.6,
+        hard: bool = False,
+    ) -> None:
+        super().__init__(observation, action)
+        self.contact = Contact(friction=friction, restitution=0.3, impact_speed=3.0)
+        self.force, self.torque = (28.0, 7.5) if hard else (FORCE, TORQUE)
+        self.farthest = 2.0 if hard else 1.2
+        self.body: Body = from_points(CORNERS, MASSES, CENTRE_MASS, stiffness=1e5, damping=30.0)
+        self._shape = self.body.positions - self.body.centre
+
+    @cached_property
+    def scene(self) -> Scene:
+        return Scene(
+            self.body,
+            self._shape + np.array([0.0, 0.0, 0.7]),
+            wrench=WrenchActuator(),
+            surfaces=(floor(),),
+            contact=self.contact,
+        )
+
+    @cached_property
+    def particles(self) -> Particles:
+        count = len(self.body.masses)
+        return Particles(
+            tuple(range(count)), np.full(count, 0.5), np.full(count, 2.0), about="goal", pointed=3
+        )
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        turn, omega = any_rotation(rng), rng.uniform(-4.0, 4.0, 3)
+        drawn_height, drawn_distance, bearing = rng.uniform(
+            (0.5, 0.5, -math.pi), (0.9, self.farthest, math.pi)
+        ).tolist()
+        height = number(options, "height", drawn_height, 0.4, 5.0)
+        distance = number(options, "distance", drawn_distance, 0.0, 3.0)
+        corner = int(number(options, "corner", float(rng.integers(4)), 0.0, 3.0))
+        arm = factors["scale"] * self._shape @ turn.T
+        goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0, corner)
+        velocities = rigid_velocities(arm, omega, (0.0, 0.0, 0.0))
+        return Start(arm + np.array([0.0, 0.0, height]), velocities, goal)
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        return {"force": self.force * action[:, :3], "torque": self.torque * action[:, 3:]}
+
+    def look(self) -> Look:
+        return Look(
+            triangles=FACES,
+            triangle_colors=COLORS,
+            springs=self.body.springs,
+            trace=len(MASSES),
+            trace_length=60,
+        )
+
+    def camera(self) -> Camera:
+        return Camera.framing((0, 0, 0.15), 2.6, elevation=0.6)
+
+    def scenery(self) -> Scenery:
+        return Scenery(floor=0.0)
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        corner = int(goal[3])
+        error = math.hypot(m.centre[0] - goal[0], m.centre[1] - goal[1])
+        place = (float(goal[0]), float(goal[1]), 0.0)
+        return Marks(
+            rings=[(place, 0.1), (place, 0.3)],
+            balls=[(x[corner], 0.05)],
+            arrows=[Arrow(m.centre, 0.4 * action[:3])],
+            text=(f"off target {error:4.2f} m", "marked corner up"),
+        )
+
+
+class SpringTumbleEnv(SpringEnv):
+    """
+    ## Description
+    An irregular tetrahedron drops to the floor. Bring it to a target and onto one of its faces, drawn each
+    time. The force is half of the weight, so it cannot hover, and less than static friction, so it does not
+    slide unless it is lifted as well: it has to be rolled, edge over edge. Four corners and a centre, every
+    pair joined by a spring.
+
+    ## Action Space
+    `Box(-1, 1, (6,), float32)`, held for a control period of 20 ms, world axes.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"wrench"` | 0–2 | force, shared by all particles by their mass | ±35 N |
+    | | 3–5 | torque about the centre of mass | ±9 N·m |
+
+    The weight is 69 N. Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–14 | positions x, y, z of corners 0–3 and centre, from the target | 0.5 m |
+    | | 15–29 | their velocities | 2 m/s |
+    | | 30–32 | unit vector from the centre of mass to the corner that is to point up | 1 |
+    | `"frame"` | 0–2 | centre of mass, from the target | 1 m |
+    | | 3–5 | its velocity | 1 m/s |
+    | | 6–8 | outward normal of the face that is to lie down | 1 |
+    | | 9–11 | angular velocity | 4 rad/s |
+
+    ## Rewards
+    With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the horizontal distance
+    e of the centre of mass from the target, C the cosine between the face's normal and straight down, the
+    largest speed s of a particle and the effort E = 1 − 0.1 mean(a²), the reward is
+    N [0.4 + 0.6 G(e; 0.05, 0.3) G(1 − C; 0.02, 0.3) (0.3 + 0.7 G(s; 0.1, 1))] with
+    N = [L(e; 0.05, 0.5) + G(e; 0.05, 1.2)]/2 · (1 + C)/2 · E: from 0 to 1. Its terms in `info` are
+    `reward_near`, `reward_placed` and `reward_still`, the products with 0.4, 0.3 and 0.7.
+
+    ## Starting State
+    In any orientation, the centre of mass U(0.5, 0.9) m above the middle of the floor, at rest but for an
+    angular velocity of U(−4, 4) rad/s about each axis. The target is U(0.5, 1.2) m away, the corner that
+    is to point up (face that is to lie down) any of the four.
+    `reset(options={"height": …, "distance": …, "corner": …})` sets any of them.
+
+    ## Episode End
+    Termination: the centre of mass is beyond ±4 m in x or y, or the simulation diverged
+    (`info["diverged"]`; reward 0). Truncation: 250 steps, 5 s. `info["is_success"]`: e < 0.1 m, C > 0.97
+    and s < 0.15 m/s for the last 25 steps.
+
+    ## Information
+    `error` e [m], `angle` between the face's normal and straight down [rad], `speed` s [m/s], `energy` and
+    `energy_drift` [J], `strain`.
+
+    ## Arguments
+    - `observation`: above.
+    - `friction` (0.6) of the floor.
+    - `hard=True`: forces up to 28 N and torques up to 7.5 N·m, the target U(0.5, 2) m away.
+    - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `render_mode`: see `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringTumble
+
+
+class SpringTumbleVectorEnv(SpringVectorEnv):
+    """A native batch of `SpringTumbleEnv`."""
+
+    task_type = SpringTumble

@@ -1,0 +1,121 @@
+"""SpringFreeTop and SpringTumble: starts, actuators, observations and randomised contact."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.envs.cases import make, make_vec
+
+PERIOD = 0.02
+
+
+def particles_of(env):
+    positions, velocities = env.unwrapped.episodes.particles
+    return positions[0].copy(), velocities[0].copy()
+
+
+def test_top_starts_with_its_weight_on_the_tip() -> None:
+    """Nothing moves up or down for ten periods: N(h) = Mg at the start's height, to the vibration of the
+    springs, whose strain under the weight is Mg/(k L) ~ 1e-4."""
+    env = make("SpringFreeTop-v0")
+    env.reset(seed=0, options={"tilt": 0.0, "error": 0.2})
+    start, _ = particles_of(env)
+    for _ in range(10):
+        env.step(np.zeros(3))
+        positions, _ = particles_of(env)
+        assert np.abs(positions[:, 2] - start[:, 2]).max() < 1e-4
+    assert np.abs(positions[:12, :2] - start[:12, :2]).max() > 0.1  # it spins
+
+
+def test_top_in_the_dish_starts_on_the_tip() -> None:
+    """The tip is as high above the dish as above the floor."""
+    heights = []
+    for surface in ("floor", "dish"):
+        env = make("SpringFreeTop-v0", surface=surface)
+        env.reset(seed=0, options={"error": 0.9})
+        positions, _ = particles_of(env)
+        heights.append(env.unwrapped.episodes.simulator.scene.surfaces[0].height(positions[13]))
+    assert heights[1] == pytest.approx(heights[0], rel=1e-9)
+    assert heights[0] > 0.005
+
+
+def test_push_and_twist_on_ice() -> None:
+    """M ΔV = F Δt exactly, the floor being frictionless; Δω₃ = 8 rad/s² Δt, to the stretch by the spin."""
+    env = make("SpringFreeTop-v0", friction=0.0)
+    env.reset(seed=0, options={"tilt": 0.0, "spin": 8.0})
+    measures = env.unwrapped.episodes.measures
+    _, _, _, _, info = env.step(np.array([1.0, -0.5, 1.0]))
+    np.testing.assert_allclose(measures.momentum[0, :2], [40 * PERIOD, -20 * PERIOD], rtol=1e-9)
+    assert info["spin"] == pytest.approx(8.0 + 8.0 * PERIOD, rel=1e-3)
+
+
+def test_wrench_in_flight() -> None:
+    """M ΔV = (F + Mg) Δt and ΔL = τ Δt."""
+    env = make("SpringTumble-v0")
+    env.reset(seed=0)
+    m = env.unwrapped.episodes.measures
+    before = m.momentum[0].copy(), m.angular_momentum[0].copy()
+    action = np.array([1.0, -1.0, 0.5, 0.2, -0.4, 1.0])
+    env.step(action)
+    gain = (35 * action[:3] + [0, 0, -7 * 9.81]) * PERIOD
+    np.testing.assert_allclose(m.momentum[0] - before[0], gain, rtol=1e-9)
+    np.testing.assert_allclose(m.angular_momentum[0] - before[1], 9 * action[3:] * PERIOD, atol=1e-9)
+
+
+@pytest.mark.parametrize("corner", range(4))
+def test_wanted_corner_is_seen(corner: int) -> None:
+    """By its direction, and by the outward normal of the face opposite to it."""
+    seen = {}
+    for observation in ("particles", "frame"):
+        env = make("SpringTumble-v0", observation=observation)
+        seen[observation], _ = env.reset(seed=1, options={"corner": corner, "distance": 1.0})
+        positions, _ = particles_of(env)
+    centre = np.average(positions, axis=0, weights=[1.2, 1.0, 1.1, 1.3, 2.4])
+    way = positions[corner] - centre
+    np.testing.assert_allclose(seen["particles"][30:], way / np.linalg.norm(way), atol=1e-6)
+    face = np.delete(positions[:4], corner, axis=0)
+    normal = np.cross(face[1] - face[0], face[2] - face[0])
+    normal *= np.sign(normal @ (face[0] - positions[corner])) / np.linalg.norm(normal)
+    np.testing.assert_allclose(seen["frame"][6:9], normal, atol=1e-6)
+    goal = centre - seen["frame"][:3]
+    assert math.hypot(*goal[:2]) == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(seen["particles"][:15].reshape(5, 3), (positions - goal) / 0.5, atol=1e-5)
+
+
+def test_randomised_friction_and_restitution() -> None:
+    """Copies that differ in friction alone part at the first touch; a lively one keeps more energy."""
+    envs = make_vec(
+        "SpringTumble-v0", 2, "native", "Disabled", randomize={"friction": (0.5, 2), "restitution": (0.5, 3)}
+    )
+    for name, factors in (("friction", (0.5, 2.0)), ("restitution", (0.5, 3.0))):
+        for n, factor in enumerate(factors):
+            given = {"friction": 1.0, "restitution": 1.0} | {name: factor}
+            mask = np.arange(2) == n
+            options = {"randomize": given, "reset_mask": mask} if n else {"randomize": given}
+            _, info = envs.reset(seed=[4, 4], options=options)
+        assert info["randomization"][name][1] == factors[1]
+        apart, energies = [], []
+        for _ in range(40):
+            envs.step(np.zeros((2, 6)))
+            positions, _ = envs.unwrapped.episodes.particles
+            apart.append(np.abs(positions[1] - positions[0]).max())
+            energies.append(envs.unwrapped.episodes.measures.energy.copy())
+        touch = int(np.argmax(np.array(apart) > 0))
+        assert 5 < touch < 30
+        assert apart[-1] > 0.01
+        if name == "restitution":
+            dull, lively = energies[touch + 1]
+            assert lively > dull + 1.0  # J, of about 50
+
+
+def test_restitution_above_one_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"restitution 1\.5; it must be at most 1"):
+        make("SpringFreeTop-v0", randomize={"restitution": (1, 3)})
+
+
+def test_friction_without_a_surface_is_refused() -> None:
+    with pytest.raises(ValueError, match="the scene has no surfaces"):
+        make("SpringTop-v0", randomize={"friction": (0.5, 2)})

@@ -1,0 +1,284 @@
+"""What every environment owes, over the registry."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.env_checker import check_env as check_env_sb3
+
+from tests.envs.cases import CASES, IDS, NAMES, make, make_vec, task_type
+
+each_case = pytest.mark.parametrize(("env_id", "options"), CASES, ids=NAMES)
+each_id = pytest.mark.parametrize("env_id", IDS)
+
+
+@each_case
+def test_checkers(env_id: str, options: dict[str, Any]) -> None:
+    """Gymnasium's and SB3's checkers find nothing; pytest turns warnings into errors."""
+    check_env(make(env_id, render_mode="rgb_array", **options).unwrapped)
+    check_env_sb3(make(env_id, **options))
+
+
+@each_case
+@pytest.mark.parametrize("policy", ["random", "bang-bang"])
+def test_values_stay_in_bounds(env_id: str, options: dict[str, Any], policy: str) -> None:
+    envs = make_vec(env_id, 16, "native", "SameStep", **options)
+    rng = np.random.default_rng(0)
+    observation, _ = envs.reset(seed=0)
+    seen = [observation]
+    terms = task_type(env_id).terms
+    for _ in range(150):
+        action = rng.uniform(-1, 1, envs.action_space.shape)
+        action = np.sign(action) if policy == "bang-bang" else action
+        observation, reward, _, _, info = envs.step(action.astype(np.float32))
+        assert envs.observation_space.contains(observation)
+        assert np.isfinite(reward).all()
+        assert ((reward >= 0) & (reward <= 1)).all()
+        stepped = info["_" + f"reward_{terms[0]}"]
+        total = sum(info[f"reward_{name}"] for name in terms)
+        np.testing.assert_allclose(total[stepped], reward[stepped], rtol=0, atol=1e-12)
+        assert not info["diverged"].any()
+        seen.append(observation)
+    spread = np.ptp(np.concatenate(seen), axis=0)
+    assert (spread > 0).all(), f"constant entries: {np.flatnonzero(spread == 0)}"
+
+
+def leaves(value: Any) -> list[np.ndarray]:
+    if isinstance(value, dict):
+        return [leaf for item in value.values() for leaf in leaves(item)]
+    if isinstance(value, (tuple, list)):
+        return [leaf for item in value for leaf in leaves(item)]
+    return [value] if isinstance(value, np.ndarray) else []
+
+
+@each_id
+@pytest.mark.parametrize("autoreset", [mode.value for mode in AutoresetMode])
+def test_results_share_no_memory(env_id: str, autoreset: str) -> None:
+    envs = make_vec(env_id, 3, "native", autoreset)
+    results = [leaves(envs.reset(seed=0))]
+    results += [leaves(envs.step(envs.action_space.sample())) for _ in range(3)]
+    arrays = [leaf for result in results for leaf in result]
+    for n, first in enumerate(arrays):
+        assert not any(np.shares_memory(first, second) for second in arrays[n + 1 :])
+
+
+def same(first: Any, second: Any, path: str = "") -> None:
+    """Assert that two results are equal to the bit, dictionaries key by key."""
+    if isinstance(first, dict):
+        assert first.keys() == second.keys(), path
+        for key in first:
+            same(first[key], second[key], f"{path}/{key}")
+        return
+    first, second = np.asarray(first), np.asarray(second)
+    assert first.shape == second.shape, path
+    if first.dtype == object:
+        for a, b in zip(first, second, strict=True):
+            assert (a is None) == (b is None), path
+            if a is not None:
+                np.testing.assert_array_equal(a, b, err_msg=path)
+        return
+    assert first.dtype == second.dtype, path
+    np.testing.assert_array_equal(first, second, err_msg=path)
+
+
+def compare_with_sync(env_id: str, autoreset: str, steps: int, copies: int, **options: Any) -> int:
+    """Step a native batch and Gymnasium's loop alike; return how many episodes ended."""
+    pair = [
+        make_vec(env_id, copies, mode, autoreset, max_episode_steps=23, **options)
+        for mode in ("native", "sync")
+    ]
+    rng = np.random.default_rng(1)
+    for a, b in zip(*(envs.reset(seed=5) for envs in pair), strict=True):
+        same(a, b)
+    ended = 0
+    for _ in range(steps):
+        action = np.sign(rng.uniform(-1, 1, pair[0].action_space.shape)).astype(np.float32)
+        results = [envs.step(action) for envs in pair]
+        for name, a, b in zip(("obs", "reward", "term", "trunc", "info"), *results, strict=True):
+            same(a, b, name)
+        done = results[0][2] | results[0][3]
+        ended += int(done.sum())
+        if autoreset == "Disabled" and done.any():
+            for a, b in zip(*(envs.reset(options={"reset_mask": done.copy()}) for envs in pair), strict=True):
+                if isinstance(a, dict):
+                    a = {k: v[done] for k, v in a.items() if isinstance(v, np.ndarray)}
+                    b = {k: v[done] for k, v in b.items() if isinstance(v, np.ndarray)}
+                same(a, b)
+    return ended
+
+
+@each_case
+@pytest.mark.parametrize("autoreset", [mode.value for mode in AutoresetMode])
+def test_native_equals_sync(env_id: str, options: dict[str, Any], autoreset: str) -> None:
+    """Observations, rewards, ends and infos are those of as many single environments, to the bit."""
+    assert compare_with_sync(env_id, autoreset, 60, 3, **options) > 0
+
+
+@pytest.mark.slow
+@each_id
+@pytest.mark.parametrize("autoreset", [mode.value for mode in AutoresetMode])
+def test_native_equals_sync_for_10000_steps(env_id: str, autoreset: str) -> None:
+    assert compare_with_sync(env_id, autoreset, 10_000, 3) > 0
+
+
+@each_id
+@pytest.mark.parametrize("variant", [{"threads": 2}, {"threads": 1}, {"dtype": "float32"}])
+def test_copies_do_not_depend_on_each_other(env_id: str, variant: dict[str, int]) -> None:
+    """Copy 0 of 1, 2 and 40 copies, on one or two threads, lives the same life."""
+    lives = []
+    for copies in (1, 2, 40):
+        envs = make_vec(env_id, copies, "native", "SameStep", **variant)
+        envs.reset(seed=3)
+        rng = np.random.default_rng(0)
+        first = rng.uniform(-1, 1, (30, *envs.single_action_space.shape))
+        life = [envs.step(np.repeat(action[None], copies, 0)) for action in first]
+        lives.append([(step[0][0], step[1][0]) for step in life])
+    for life in lives[1:]:
+        for (a, reward), (b, other) in zip(lives[0], life, strict=True):
+            np.testing.assert_array_equal(a, b)
+            assert reward == other
+
+
+@each_id
+def test_seeding(env_id: str) -> None:
+    env = make(env_id)
+    first, _ = env.reset(seed=7)
+    second, _ = env.reset()
+    again, _ = env.reset(seed=7)
+    other, _ = env.reset(seed=8)
+    np.testing.assert_array_equal(first, again)
+    assert (first != second).any()
+    assert (first != other).any()
+    envs = make_vec(env_id, 2, "native", "NextStep")
+    batch, _ = envs.reset(seed=[8, 7])
+    np.testing.assert_array_equal(batch, [other, first])
+
+
+@each_id
+@pytest.mark.parametrize("copies", [None, 3])
+def test_state_returns(env_id: str, copies: int | None) -> None:
+    """get_state/set_state, pickle and deepcopy in mid-episode: what follows is the same, to the bit."""
+    env = make(env_id).unwrapped if copies is None else make_vec(env_id, copies, "native", "SameStep")
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-1, 1, (30, *env.action_space.shape)).astype(np.float32)
+    for action in actions[:10]:
+        env.step(action)
+    twins = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]
+    state = env.get_state()
+    follows = [env.step(action) for action in actions[10:]]
+    env.set_state(state)
+    for twin in (env, *twins):
+        for action, expected in zip(actions[10:], follows, strict=True):
+            for a, b in zip(twin.step(action), expected, strict=True):
+                same(a, b)
+
+
+@each_id
+def test_wrong_actions(env_id: str) -> None:
+    env = make(env_id).unwrapped
+    env.reset(seed=0)
+    good = env.action_space.sample()
+    with pytest.raises(ValueError, match="not finite"):
+        env.step(np.full_like(good, np.nan))
+    with pytest.raises(ValueError, match="shape"):
+        env.step(good[:-1])
+    with pytest.raises(ValueError, match="not an array of numbers"):
+        env.step("left")
+    envs = make_vec(env_id, 2, "native", "NextStep")
+    with pytest.raises(gym.error.ResetNeeded):
+        envs.step(envs.action_space.sample())
+    envs.reset(seed=0)
+    with pytest.raises(ValueError, match="shape"):
+        envs.step(good)
+
+
+@each_id
+def test_wrong_arguments(env_id: str) -> None:
+    with pytest.raises(TypeError, match="colour"):
+        make(env_id, colour="red")
+    with pytest.raises(ValueError, match="'pixels' is unknown; it is one of 'particles'"):
+        make(env_id, observation="pixels")
+    with pytest.raises(ValueError, match="cannot randomize 'smell'"):
+        make(env_id, randomize={"smell": (0, 1)})
+    with pytest.raises(ValueError, match="low ≤ high"):
+        make(env_id, randomize={"masses": (2, 1)})
+    with pytest.raises(ValueError, match="unstable"):
+        make(env_id, step=task_type(env_id).period)
+    with pytest.raises(ValueError, match="whole number of steps"):
+        make(env_id, step=task_type(env_id).period / 100.5)
+    with pytest.raises(ValueError, match="unknown integrator 'euler'"):
+        make(env_id, integrator="euler")
+    env = make(env_id)
+    with pytest.raises(ValueError, match="no reset option 'mood'"):
+        env.reset(options={"mood": 1})
+    envs = make_vec(env_id, 2, "native", "NextStep")
+    with pytest.raises(ValueError, match="3 seeds"):
+        envs.reset(seed=[1, 2, 3])
+    with pytest.raises(ValueError, match="reset_mask"):
+        envs.reset(options={"reset_mask": np.ones(3, bool)})
+
+
+@each_id
+def test_randomisation(env_id: str) -> None:
+    """Factors are drawn per copy and episode, reported, settable, and change the motion."""
+    ranges = {"masses": (0.9, 1.1), "stiffness": (0.8, 1.2), "actuator": (0.5, 1.0)}
+    pair = [make_vec(env_id, 3, mode, "SameStep", randomize=ranges) for mode in ("native", "sync")]
+    for a, b in zip(*(envs.reset(seed=2) for envs in pair), strict=True):
+        same(a, b)
+    for _ in range(5):
+        action = pair[0].action_space.sample()
+        for a, b in zip(*(envs.step(action) for envs in pair), strict=True):
+            same(a, b)
+    _, info = pair[0].reset(seed=2)
+    for name, (low, high) in ranges.items():
+        drawn = info["randomization"][name]
+        assert ((low <= drawn) & (drawn <= high)).all()
+        assert len(set(drawn)) == 3
+    env = make(env_id, randomize=ranges)
+    _, info = env.reset(seed=2, options={"randomize": {"masses": 1.05}})
+    assert info["randomization"]["masses"] == 1.05
+    with pytest.raises(ValueError, match="outside"):
+        env.reset(options={"randomize": {"masses": 3.0}})
+
+
+@each_id
+def test_divergence_is_an_end(env_id: str) -> None:
+    """A copy driven out of what the model means ends with finite values; its neighbours go on."""
+    envs = make_vec(env_id, 3, "native", "Disabled")
+    calm = make_vec(env_id, 3, "native", "Disabled")
+    envs.reset(seed=0)
+    calm.reset(seed=0)
+    simulator = envs.unwrapped.episodes.simulator
+    velocities = simulator.velocities
+    velocities[1, -1] = 1e200
+    simulator.place(simulator.positions, velocities)
+    action = envs.action_space.sample()
+    observation, reward, terminated, _, info = envs.step(action)
+    expected = calm.step(action)
+    assert info["diverged"].tolist() == [False, True, False]
+    assert terminated[1]
+    assert reward[1] == 0
+    assert np.isfinite(observation).all()
+    np.testing.assert_array_equal(observation[[0, 2]], expected[0][[0, 2]])
+
+
+@each_id
+def test_rendering(env_id: str) -> None:
+    env = make(env_id, render_mode="rgb_array")
+    env.reset(seed=0)
+    first = env.render()
+    for _ in range(20):
+        env.step(env.action_space.sample())
+    second = env.render()
+    assert first.shape == second.shape
+    assert first.dtype == np.uint8
+    assert (first != second).any()
+    env.close()

@@ -1,0 +1,183 @@
+"""The Stable-Baselines3 adapter against SB3's own ``DummyVecEnv``, and its contract."""
+
+import importlib.util
+import sys
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+
+from springgym.envs import sb3
+from springgym.envs.sb3 import SB3VecEnv, make_sb3
+
+N = 3
+
+
+class Scored(gym.Wrapper):
+    """Reports what the environments of springgym report."""
+
+    def step(self, action):
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        angle = np.float64(observation[2])
+        info |= {"is_success": bool(truncated), "angle": angle, "terms": {"upright": 1 - angle**2}}
+        return observation, reward, terminated, truncated, info
+
+
+def cartpole(render_mode=None):
+    # Random actions topple the pole after about 20 steps: both ends occur.
+    return Scored(gym.make("CartPole-v1", max_episode_steps=20, render_mode=render_mode))
+
+
+def cartpoles(num_envs=N, autoreset_mode=AutoresetMode.SAME_STEP, render_mode=None, **_):
+    """``copy=False``: the vector environment reuses its observation buffer."""
+    makers = [lambda: cartpole(render_mode) for _ in range(num_envs)]
+    return SyncVectorEnv(makers, copy=False, autoreset_mode=autoreset_mode)
+
+
+gym.register("ScoredCartPole-v0", entry_point=cartpole, vector_entry_point=cartpoles)
+
+
+def test_same_as_dummy_vec_env():
+    ours, theirs = SB3VecEnv(cartpoles()), DummyVecEnv([cartpole] * N)
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    assert ours.seed(5) == theirs.seed(5) == [5, 6, 7]
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    rng = np.random.default_rng(0)
+    ends = []
+    for _ in range(300):
+        actions = rng.integers(0, 2, N)
+        obs, rewards, dones, infos = ours.step(actions)
+        obs2, rewards2, dones2, infos2 = theirs.step(actions)
+        for a, b in ((obs, obs2), (rewards, rewards2), (dones, dones2)):
+            np.testing.assert_array_equal(a, b, strict=True)
+        for i in range(N):
+            if not dones[i]:
+                assert infos[i] == {}
+                continue
+            assert infos[i].keys() == infos2[i].keys()
+            ends.append(infos[i]["TimeLimit.truncated"])
+            for key in infos[i]:
+                np.testing.assert_array_equal(infos[i][key], infos2[i][key])
+            assert infos[i]["is_success"] is infos2[i]["is_success"]
+    assert True in ends
+    assert False in ends
+
+
+def test_next_reset_draws_new_episodes():
+    env = SB3VecEnv(cartpoles())
+    env.seed(1)
+    first = env.reset()
+    assert not np.array_equal(env.reset(), first)
+    env.seed(1)
+    np.testing.assert_array_equal(env.reset(), first)
+
+
+def test_nothing_returned_is_shared():
+    env = VecMonitor(SB3VecEnv(cartpoles()))
+    kept = [env.reset()]
+    copies = [kept[0].copy()]
+    last = {}
+    while len(last) < N:
+        obs, rewards, dones, infos = env.step(np.zeros(N, dtype=np.int64))
+        kept += [obs, rewards, dones]
+        copies += [obs.copy(), rewards.copy(), dones.copy()]
+        assert len({id(info) for info in infos}) == N
+        assert all(("episode" in info) == done for info, done in zip(infos, dones, strict=True))
+        for i in np.flatnonzero(dones):
+            last.setdefault(i, infos[i])
+            kept.append(infos[i]["terminal_observation"])
+            copies.append(kept[-1].copy())
+    for array, copy in zip(kept, copies, strict=True):
+        np.testing.assert_array_equal(array, copy)
+    assert not any(np.shares_memory(a, b) for i, a in enumerate(kept) for b in kept[:i])
+
+
+def test_last_info_is_plain():
+    env = SB3VecEnv(cartpoles(1))
+    env.reset()
+    done = [False]
+    while not done[0]:
+        _, _, done, (info,) = env.step(np.zeros(1, dtype=np.int64))
+    angle = float(info["terminal_observation"][2])
+    assert abs(angle) > 0.2  # it fell
+    assert type(info["angle"]) is float
+    assert info["angle"] == angle
+    assert info["terms"] == {"upright": 1 - angle**2}
+    assert not any(key.startswith(("_", "final_")) for key in info)
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
+def test_other_reset_modes_are_refused(mode):
+    with pytest.raises(ValueError, match=rf"needs autoreset_mode=AutoresetMode.SAME_STEP.*{mode}"):
+        SB3VecEnv(cartpoles(autoreset_mode=mode))
+
+
+def test_single_environment_is_refused():
+    with pytest.raises(TypeError, match=r"wraps a gymnasium\.vector\.VectorEnv, got Scored"):
+        SB3VecEnv(cartpole())
+
+
+def test_options_reach_every_copy():
+    env = SB3VecEnv(cartpoles())
+    env.set_options({"low": 0.03, "high": 0.04})
+    observations = env.reset()
+    assert observations.min() >= 0.03
+    assert observations.max() <= 0.04
+    assert env.reset().min() < 0  # used once
+    env.set_options([{"low": 0.03, "high": 0.04}, {}, {}])
+    with pytest.raises(ValueError, match="same options"):
+        env.reset()
+
+
+def test_attributes_and_methods_are_those_of_the_batch():
+    env = SB3VecEnv(cartpoles())
+    env.set_attr("colour", "red")
+    assert env.get_attr("colour", indices=[0, 2]) == ["red", "red"]
+    assert env.vector_env.colour == "red"
+    assert env.has_attr("colour")
+    assert not env.has_attr("taste")
+    with pytest.raises(ValueError, match=r"cannot set 'colour' for copies 1 only: all 3 copies"):
+        env.set_attr("colour", "blue", indices=1)
+    assert env.env_method("get_attr", "spec", indices=1)[0][0].id == "CartPole-v1"
+    assert env.env_is_wrapped(Scored) == [False] * N
+
+
+def test_render_tiles_the_copies_and_close_closes():
+    env = SB3VecEnv(cartpoles(render_mode="rgb_array"))
+    env.reset()
+    assert env.render().shape == (2 * 400, 2 * 600, 3)
+    assert SB3VecEnv(cartpoles()).render_mode is None
+    env.close()
+    assert env.vector_env.closed
+
+
+def test_make_sb3():
+    env = make_sb3("ScoredCartPole-v0", num_envs=2, seed=3)
+    assert isinstance(env, VecMonitor)
+    reference = DummyVecEnv([cartpole] * 2)
+    reference.seed(3)
+    np.testing.assert_array_equal(env.reset(), reference.reset())
+
+
+def test_sb3_trains_and_evaluates_on_it(tmp_path):
+    evaluation = EvalCallback(
+        make_sb3("ScoredCartPole-v0", 2, seed=9), n_eval_episodes=4, eval_freq=64, verbose=0,
+        log_path=str(tmp_path),
+    )  # fmt: skip
+    env = make_sb3("ScoredCartPole-v0", 2, seed=0)
+    model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, n_epochs=1, seed=0, device="cpu")
+    model.learn(256, callback=evaluation)
+    assert len(model.ep_info_buffer) == len(model.ep_success_buffer) > 0
+    assert np.load(tmp_path / "evaluations.npz")["successes"].shape == (2, 4)
+
+
+def test_without_sb3_the_error_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "stable_baselines3.common.vec_env", None)
+    spec = importlib.util.spec_from_file_location("fresh_copy", sb3.__file__)
+    with pytest.raises(ImportError, match=r'pip install "springgym\[agents\]"'):
+        spec.loader.exec_module(importlib.util.module_from_spec(spec))
