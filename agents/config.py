@@ -1,0 +1,164 @@
+"""Hyperparameters: YAML files keyed by environment id, read strictly.
+
+``configs/<algo>.yaml`` maps an environment id to the fields of one dataclass below. An unknown,
+duplicate, missing or mistyped key is a `ConfigError` naming the file, the line and the key.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from math import inf
+from pathlib import Path
+from typing import Any, Literal
+
+from springgym.strict_yaml import Tree, YamlError, build, parse_yaml, read_yaml
+
+ConfigError = YamlError
+CONFIG_FOLDER = Path(__file__).resolve().parent.parent / "configs"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """What every algorithm needs. ``env_kwargs`` go to the environment, in evaluation too, where
+    ``eval_env_kwargs`` are added. Rows of ``metrics.csv`` and checkpoints are written whenever
+    ``log_every`` and ``checkpoint_every`` environment steps have passed."""
+
+    total_timesteps: int
+    n_envs: int
+    batch_size: int
+    learning_rate: float
+    gamma: float
+    net_arch: list[int]
+    activation: Literal["tanh", "relu"]
+    normalize: bool = False
+    log_every: int = 4096
+    checkpoint_every: int = 32768
+    env_kwargs: dict[str, Any] = field(default_factory=dict)
+    eval_env_kwargs: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PPOConfig(Config):
+    """Proximal policy optimisation (Schulman et al. 2017, arXiv:1707.06347)."""
+
+    n_steps: int
+    n_epochs: int
+    gae_lambda: float
+    log_std_init: float
+    ent_coef: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SACConfig(Config):
+    """Soft actor-critic (Haarnoja et al. 2018, arXiv:1812.05905). ``gradient_steps`` follow each
+    step of all copies."""
+
+    tau: float
+    buffer_size: int
+    learning_starts: int
+    gradient_steps: int
+
+
+CONFIG_OF: dict[str, type[Config]] = {"ppo": PPOConfig, "sac": SACConfig}
+
+RANGES = {
+    "total_timesteps": (1, inf),
+    "n_envs": (1, inf),
+    "batch_size": (2, inf),
+    "learning_rate": (1e-8, 1.0),
+    "gamma": (0.0, 1.0),
+    "net_arch": (1, inf),
+    "log_every": (1, inf),
+    "checkpoint_every": (1, inf),
+    "n_steps": (1, inf),
+    "n_epochs": (1, inf),
+    "gae_lambda": (0.0, 1.0),
+    "log_std_init": (-10.0, 2.0),
+    "ent_coef": (0.0, 1.0),
+    "tau": (1e-6, 1.0),
+    "buffer_size": (1, inf),
+    "learning_starts": (0, inf),
+    "gradient_steps": (1, inf),
+}
+
+
+def load_config(algo: str, env_id: str, overrides: Iterable[str] = (), path: Path | None = None) -> Config:
+    """Read one environment's hyperparameters.
+
+    Parameters
+    ----------
+    algo
+        ``"ppo"`` or ``"sac"``.
+    env_id
+        A key of the file.
+    overrides
+        ``"key=value"`` texts; ``env_kwargs.key=value`` reaches inside.
+    path
+        The file; ``configs/<algo>.yaml`` if None.
+
+    Raises
+    ------
+    ConfigError
+        If the file, any entry of it, or an override is wrong.
+    """
+    path = path or CONFIG_FOLDER / f"{algo}.yaml"
+    tree = read_yaml(path)
+    if not isinstance(tree.value, dict):
+        raise ConfigError(f"{path}: the file must be a mapping of environment ids to hyperparameters")
+    for key in tree.value:
+        build_config(algo, tree, (key,))
+    if env_id not in tree.value:
+        raise ConfigError(f"{path}: no entry for {env_id!r}; it has {', '.join(tree.value)}")
+    for override in overrides:
+        _assign(tree, (env_id,), override)
+    return build_config(algo, tree, (env_id,))
+
+
+def build_config(algo: str, tree: Tree, path: tuple[str, ...]) -> Config:
+    """Make the configuration that stands at ``path`` of a document.
+
+    Raises
+    ------
+    ConfigError
+        If it is wrong.
+    """
+    config: Config = build(CONFIG_OF[algo], tree, path)
+    for key, (low, high) in RANGES.items():
+        value = getattr(config, key, low)
+        numbers = value if isinstance(value, list) else [value]
+        if not all(low <= number <= high for number in numbers):
+            here = tree.where[*path, key]
+            raise ConfigError(f"{here}: {key}: must lie between {low} and {high}, got {value!r}")
+    if isinstance(config, PPOConfig) and config.n_envs * config.n_steps % config.batch_size:
+        raise ConfigError(
+            f"{tree.where[*path, 'batch_size']}: batch_size {config.batch_size} must divide "
+            f"n_envs * n_steps = {config.n_envs * config.n_steps}"
+        )
+    return config
+
+
+def parse_assignments(assignments: Iterable[str]) -> dict[str, Any]:
+    """Read ``"key=value"`` texts, values as YAML, into a dict."""
+    tree = Tree({}, {})
+    for assignment in assignments:
+        _assign(tree, (), assignment)
+    return tree.value
+
+
+def _assign(tree: Tree, root: tuple[str, ...], assignment: str) -> None:
+    """Write one ``key=value`` into a document below ``root``; dots in the key reach deeper."""
+    source = f"--set {assignment}"
+    key, equals, text = assignment.partition("=")
+    path = (*root, *key.split("."))
+    if not equals or not all(path):
+        raise ConfigError(f"{source}: write it as key=value")
+    entry = tree.value
+    for i, part in enumerate(path[:-1], start=1):
+        tree.where.setdefault(path[:i], source)
+        entry = entry.setdefault(part, {})
+        if not isinstance(entry, dict):
+            raise ConfigError(f"{source}: {part} holds a value, not keys")
+    parsed = parse_yaml(text, source)
+    entry[path[-1]] = parsed.value
+    tree.where.update({path + inner: source for inner in parsed.where})

@@ -1,0 +1,279 @@
+"""Baselines without learning: ``zero``, ``random`` and a classical controller by environment.
+
+A classical controller reads the compact observation (``observation="frame"``) and nothing else.
+It maps a batch ``(n, d)`` to actions ``(n, a)`` in [-1, 1].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from config import ConfigError
+from gymnasium import spaces
+from runs import HELD_OUT_SEED, Policy
+
+from springgym.bodies.motion import axes
+from springgym.envs import detumble
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def top_moment(observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Moment (n, 3) in N·m that erects the pinned top, and the moment (n,) about its axis.
+
+    With the axis n, the angular velocity ω⊥ across it and the spin ω₃:
+    60 (z − n (n·z)) turns the angular momentum L ≈ I₃ω₃ n towards the vertical,
+    40 n×z carries part of the weight, −20 ω⊥ damps the nutation; 3 (50 − ω₃) keeps the spin.
+    """
+    axis, across, spin = _top_frame(observations)
+    upright = UP - axis * axis[:, 2:]
+    moment = 60.0 * upright + 40.0 * np.cross(axis, UP) - 20.0 * across
+    return moment, 3.0 * (50.0 - spin)
+
+
+def top_torque(observations: np.ndarray) -> np.ndarray:
+    """SpringTop with world torques x, y and an axis torque, each up to 15 N·m."""
+    moment, about_axis = top_moment(observations)
+    return _saturated(np.column_stack([moment[:, :2], about_axis]), 15.0)
+
+
+def top_impulse(observations: np.ndarray) -> np.ndarray:
+    """SpringTop with an impulse on its crown, up to 0.3 N·s a component.
+
+    An impulse J on the crown, 1 m from the tip along n, acts over a control period of 20 ms as the
+    moment n×J / 0.02 s; J = 0.02 s (τ×n) gives τ.
+    """
+    axis, _, _ = _top_frame(observations)
+    moment, _ = top_moment(observations)
+    return _saturated(0.02 * np.cross(moment, axis), 0.3)
+
+
+def gyroscope_moment(observations: np.ndarray) -> np.ndarray:
+    """Moment (n, 3) in N·m that turns the axis n of a gyroscope towards d.
+
+    60 sign(ω₃) (d − n (n·d)), cut at 20 N·m, turns the angular momentum I₃ω₃ n towards ±d;
+    −10 ω⊥ damps the nutation.
+    """
+    observations = np.asarray(observations, dtype=np.float64)
+    axis, across, wanted = observations[:, :3], observations[:, 3:6], observations[:, 7:10]
+    spin = 35.0 + 20.0 * observations[:, 6:7]
+    towards = wanted - axis * _dot(axis, wanted)
+    return np.clip(60.0 * np.sign(spin) * towards, -20.0, 20.0) - 10.0 * across
+
+
+def gyroscope_torque(observations: np.ndarray) -> np.ndarray:
+    """SpringGyroscope with world torques up to 20 N·m."""
+    return _saturated(gyroscope_moment(observations), 20.0)
+
+
+def gyroscope_impulse(observations: np.ndarray) -> np.ndarray:
+    """SpringGyroscope with an impulse on the head, 0.5 m from the pin, up to 0.8 N·s a component."""
+    axis = np.asarray(observations, dtype=np.float64)[:, :3]
+    return _saturated(0.02 * np.cross(gyroscope_moment(observations), axis) / 0.5, 0.8)
+
+
+def pendulum_torque(observations: np.ndarray) -> np.ndarray:
+    """SpringPendulum: pump energy until it is enough to stand upside down, then hold.
+
+    Far from the top, 4 N·m along or against ω⊥, as the energy ½ I₁ω² + Mgl n·z, with I₁ = 1.25 kg·m²
+    and Mgl = 8.5 N·m, is less or more than Mgl (Åström & Furuta 2000,
+    doi:10.1016/S0005-1098(99)00140-5), and −2 (ω·z) z against whirling. Within 0.6 rad of it
+    30 n×z − 8 ω⊥, of which the weight takes 8.5.
+    """
+    observations = np.asarray(observations, dtype=np.float64)
+    axis, across = observations[:, :3], 4.0 * observations[:, 3:6]
+    lift = 8.5
+    speed = np.linalg.norm(across, axis=1, keepdims=True)
+    sideways = np.cross(axis, np.where(axis[:, 2:] < -0.9999, [1.0, 0.0, 0.0], UP))
+    moving = np.where(speed > 0.05, across, sideways)
+    moving /= np.maximum(np.linalg.norm(moving, axis=1, keepdims=True), 1e-9)
+    short = lift - (0.5 * 1.25 * speed**2 + lift * axis[:, 2:])
+    pump = 4.0 * np.clip(2.0 * short, -1.0, 1.0) * moving - 2.0 * across[:, 2:] * UP
+    hold = 30.0 * np.cross(axis, UP) - 8.0 * across
+    return _saturated(np.where(axis[:, 2:] > np.cos(0.6), hold, pump), 4.25)
+
+
+def detumble_torque(observations: np.ndarray) -> np.ndarray:
+    """SpringDetumble with torques −10 H up to 0.35 N·m, H the angular momentum in the body's axes."""
+    return _saturated(-10.0 * np.asarray(observations, dtype=np.float64)[:, 3:6], 0.35)
+
+
+def detumble_thrusters(observations: np.ndarray) -> np.ndarray:
+    """SpringDetumble with thrusters, each against the speed u at which the rotation moves it along itself.
+
+    An impulse −J takes the energy J u away, so the body slows down as long as any thruster moves. Full
+    thrust from u = 0.1 m/s on.
+    """
+    speed = 4.0 * np.asarray(observations, dtype=np.float64)[:, :3] @ _thruster_arms().T
+    return _saturated(-speed, 0.1)
+
+
+@cache
+def _thruster_arms() -> np.ndarray:
+    """r × d of each thruster at r along d, in the body's axes: (thrusters, 3) [m]."""
+    body = detumble.SpringDetumble().body
+    triad = axes(body.positions, body.frame)
+    corners = [corner for corner, _ in detumble.THRUSTERS]
+    along = np.array([direction for _, direction in detumble.THRUSTERS], float)
+    return np.cross(body.positions[corners] - body.centre, along) @ triad
+
+
+def regulator(
+    drift: np.ndarray, control: np.ndarray, weights: np.ndarray, effort: float, period: float
+) -> np.ndarray:
+    """Gain K (m, n) of the linear-quadratic regulator u = −K x held over control periods.
+
+    For x' = drift x + control u it minimises Σ xᵀ diag(weights) x + effort uᵀu, by iterating the
+    Riccati equation (Åström & Wittenmark, Computer-Controlled Systems, 1997, section 11.2).
+    """
+    n, m = control.shape
+    both = np.block([[drift, control], [np.zeros((m, n + m))]]) * period
+    power, exponential = np.eye(n + m), np.eye(n + m)
+    for k in range(1, 20):
+        power = power @ both / k
+        exponential += power
+    a, b = exponential[:n, :n], exponential[:n, n:]
+    cost = np.diag(weights)
+    for _ in range(3000):
+        gain = np.linalg.solve(effort * np.eye(m) + b.T @ cost @ b, b.T @ cost @ a)
+        cost = np.diag(weights) + a.T @ cost @ (a - b @ gain)
+    return gain
+
+
+@cache
+def _rope_gain() -> np.ndarray:
+    """For x = load − target, trolley − load and both velocities, along one axis."""
+    pull = 9.81 / 4.05  # g over the length of the rope
+    drift = np.array([[0, 0, 1, 0], [0, 0, -1, 1], [0, pull, 0, 0], [0, 0, 0, 0]], float)
+    return regulator(drift, np.array([[0.0], [0], [0], [1]]), np.array([1.0, 0.1, 0.1, 0.1]), 0.1, 0.05)
+
+
+def rope_trolley(observations: np.ndarray) -> np.ndarray:
+    """SpringRope: a linear-quadratic regulator along x and y, up to 3 m/s²."""
+    observations = np.asarray(observations, dtype=np.float64)
+    x = observations.reshape(-1, 4, 2) * np.array([-2.0, 1.0, 2.0, 2.0])[:, None]
+    return _saturated(-np.einsum("k,nka->na", _rope_gain()[0], x), 3.0)
+
+
+@cache
+def _free_top_gain() -> np.ndarray:
+    """For x = n_x, n_y, ω_x, ω_y, and position and velocity of the centre of mass, near the upright.
+
+    The floor carries the weight at the tip, l below the centre of mass, and the crown is h − l above it:
+    I₁ω⊥' = Mgl n×z + (h − l) z×F − I₃ω₃ n',  n' = ω×n,  M X'' = F.
+    """
+    mass, low, high, moment = 10.0, 0.375, 0.125, 1.094
+    whirl, fall = 1.25 * 8.0 / moment, mass * 9.81 * low / moment
+    drift, control = np.zeros((8, 8)), np.zeros((8, 2))
+    drift[0, 3], drift[1, 2] = 1.0, -1.0
+    drift[2, [1, 3]] = -fall, -whirl
+    drift[3, [0, 2]] = fall, whirl
+    drift[4, 6] = drift[5, 7] = 1.0
+    control[2, 1], control[3, 0] = -high / moment, high / moment
+    control[6, 0] = control[7, 1] = 1 / mass
+    return regulator(drift, control, np.array([10.0, 10, 1, 1, 20, 20, 1, 1]), 1e-4, 0.02)
+
+
+def free_top_push(observations: np.ndarray) -> np.ndarray:
+    """SpringFreeTop: a linear-quadratic regulator of the push, up to 40 N; 4 (8 − ω₃) of 8 rad/s²."""
+    observations = np.asarray(observations, dtype=np.float64)
+    state = observations[:, [0, 1, 3, 4, 7, 8, 9, 10]] * np.array([1, 1, 1, 1, 0.5, 0.5, 0.5, 0.5])
+    push = -state @ _free_top_gain().T
+    return np.column_stack([_saturated(push, 40.0), _saturated(-4.0 * 4.0 * observations[:, 6:7], 8.0)])
+
+
+def tumble_wrench(observations: np.ndarray) -> np.ndarray:
+    """SpringTumble: turn the face down and push to the target, half lifted while on the way."""
+    observations = np.asarray(observations, dtype=np.float64)
+    offset, velocity = observations[:, :3].copy(), observations[:, 3:6]
+    normal, omega = observations[:, 6:9], 4.0 * observations[:, 9:12]
+    offset[:, 2] = 0.0
+    error = np.linalg.norm(offset, axis=1, keepdims=True)
+    axis = np.cross(normal, -UP)
+    behind = (normal[:, 2:] > 0) & (np.linalg.norm(axis, axis=1, keepdims=True) < 0.3)
+    axis = np.where(behind, np.cross(normal, [1.0, 0.0, 0.0]), axis)
+    sine = np.linalg.norm(axis, axis=1, keepdims=True)
+    angle = np.arctan2(sine, -normal[:, 2:])
+    torque = 30.0 * angle * axis / np.maximum(sine, 1e-9) - 3.0 * omega
+    force = -60.0 * offset - 30.0 * velocity
+    force[:, 2] = 0.0
+    way = np.clip((error - 0.05) / 0.05, 0.0, 1.0)
+    force += way * 20.0 * -offset / np.maximum(error, 1e-9) + way * 35.0 * UP
+    return np.column_stack([_saturated(force, 35.0), _saturated(torque, 9.0)])
+
+
+def _dot(u: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Scalar products (n, 1) of rows (n, 3)."""
+    return np.sum(u * w, axis=1, keepdims=True)
+
+
+def _top_frame(observations: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Axis n (n, 3), ω⊥ (n, 3) in rad/s and spin ω₃ (n,) in rad/s."""
+    observations = np.asarray(observations, dtype=np.float64)
+    return observations[:, :3], 2.0 * observations[:, 3:6], 50.0 + 20.0 * observations[:, 6]
+
+
+def _saturated(values: np.ndarray, limit: float) -> np.ndarray:
+    """Physical values (n, a) cut at ``limit`` and scaled to actions."""
+    return np.clip(values / limit, -1.0, 1.0).astype(np.float32)
+
+
+#: Environment id -> ``action`` keyword -> controller; the first is that of the default action.
+CLASSICAL: dict[str, dict[str, Policy]] = {
+    "SpringTop-v0": {"torque": top_torque, "impulse": top_impulse},
+    "SpringGyroscope-v0": {"torque": gyroscope_torque, "impulse": gyroscope_impulse},
+    "SpringPendulum-v0": {"torque": pendulum_torque},
+    "SpringDetumble-v0": {"torque": detumble_torque, "thrusters": detumble_thrusters},
+    "SpringRope-v0": {"trolley": rope_trolley},
+    "SpringTumble-v0": {"wrench": tumble_wrench},
+    "SpringFreeTop-v0": {"push": free_top_push},
+}
+
+
+def make_controller(
+    name: str, env_id: str, env_kwargs: Mapping[str, Any], action_space: spaces.Space[Any]
+) -> Policy:
+    """Make a baseline.
+
+    Parameters
+    ----------
+    name
+        ``"zero"``, ``"random"`` or ``"classical"``.
+    env_id, env_kwargs
+        The environment and its keyword arguments, of which ``action`` chooses the controller.
+    action_space
+        Of one copy.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such controller.
+    """
+    assert isinstance(action_space, spaces.Box)
+    if name == "zero":
+        return lambda observations: np.zeros((len(observations), *action_space.shape), np.float32)
+    if name == "random":
+        rng = np.random.default_rng(HELD_OUT_SEED)
+        low, high = action_space.low, action_space.high
+        return lambda observations: rng.uniform(low, high, (len(observations), *action_space.shape)).astype(
+            np.float32
+        )
+    if name != "classical":
+        raise ConfigError(f"unknown controller {name!r}: use zero, random or classical")
+    by_action = CLASSICAL.get(env_id, {})
+    action = env_kwargs.get("action", next(iter(by_action), None))
+    if action not in by_action:
+        known = [f"{e} ({a})" for e, actions in CLASSICAL.items() for a in actions]
+        raise ConfigError(
+            f"no classical controller for {env_id} with action={action!r}; "
+            f"there is one for: {', '.join(known)}"
+        )
+    return by_action[action]
+
+
+def controller_env_kwargs(name: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    """Keyword arguments of the environment a baseline runs in: classical ones need the frame."""
+    return {**env_kwargs, **({"observation": "frame"} if name == "classical" else {})}

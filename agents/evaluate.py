@@ -1,0 +1,219 @@
+"""Evaluate agents side by side on held-out seeds, one episode each, deterministically.
+
+    python agents/evaluate.py runs/SpringTop-v0-ppo-0 zero random classical
+    python agents/evaluate.py classical --env SpringTop-v0 --set action=impulse --episodes 200
+
+An agent is a run folder or the name of a baseline (zero, random, classical). Every agent meets
+the same episodes. The return is the sum of rewards over the time limit: the mean reward per step
+where an episode that ends early earns nothing for the rest. The other columns are means over the
+episodes of what the environment reports with each episode's last step.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from config import (
+    CONFIG_FOLDER,
+    Config,
+    ConfigError,
+    load_config,
+    parse_assignments,
+)
+from controllers import controller_env_kwargs, make_controller
+from runs import HELD_OUT_SEED, Policy, load_policy, open_run, write_atomically
+
+import springgym  # noqa: F401  (registers the environments)
+from springgym.envs.sb3 import make_sb3
+from springgym.strict_yaml import read_yaml
+
+#: Keyword arguments of an environment that belong to the agent and not to the task.
+INTERFACE = ("observation", "action")
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What one agent did, episode by episode (the seeds run upwards from ``first_seed``)."""
+
+    agent: str
+    first_seed: int
+    returns_per_step: list[float]
+    lengths: list[int]
+    successes: list[bool] | None
+    last_infos: dict[str, list[float]]
+
+    @property
+    def return_per_step(self) -> float:
+        """Mean over the episodes."""
+        return float(np.mean(self.returns_per_step))
+
+    @property
+    def success_rate(self) -> float | None:
+        """Fraction of the episodes; None if the environment does not say."""
+        return None if self.successes is None else float(np.mean(self.successes))
+
+
+def task_kwargs(config: Config) -> dict[str, Any]:
+    """Keyword arguments of the environment that a configuration's agents are evaluated in."""
+    return {**config.env_kwargs, **config.eval_env_kwargs}
+
+
+def find_task(
+    agents: Sequence[str], env_id: str | None, overrides: Sequence[str]
+) -> tuple[str, dict[str, Any]]:
+    """Environment and keyword arguments: those of the first run folder, or of configs/ppo.yaml."""
+    runs = [open_run(Path(agent)) for agent in agents if Path(agent).is_dir()]
+    if not runs and not env_id:
+        raise ConfigError("name the environment with --env, or give a run folder")
+    env_id = env_id or runs[0].env_id
+    if runs:
+        kwargs = task_kwargs(runs[0].config)
+    elif env_id in read_yaml(CONFIG_FOLDER / "ppo.yaml").value:
+        kwargs = task_kwargs(load_config("ppo", env_id))
+    else:
+        kwargs = {}
+    return env_id, {**kwargs, **parse_assignments(overrides)}
+
+
+def evaluate(
+    agent: str,
+    env_id: str,
+    env_kwargs: Mapping[str, Any],
+    episodes: int = 100,
+    first_seed: int = HELD_OUT_SEED,
+) -> Evaluation:
+    """Run one episode from each of ``episodes`` seeds, all at once, with one agent."""
+    if Path(agent).is_dir():
+        run = open_run(Path(agent))
+        if run.env_id != env_id:
+            raise ConfigError(f"{agent} was trained on {run.env_id}, not on {env_id}")
+        # The task is the one asked for, seen and acted upon the way the agent was trained.
+        task = {k: v for k, v in env_kwargs.items() if k not in INTERFACE}
+        own = {k: v for k, v in run.config.env_kwargs.items() if k in INTERFACE}
+        env = make_sb3(env_id, episodes, **task, **own)
+        policy = load_policy(run)
+    else:
+        env = make_sb3(env_id, episodes, **controller_env_kwargs(agent, env_kwargs))
+        policy = make_controller(agent, env_id, env_kwargs, env.action_space)
+    try:
+        last_infos = _run_one_episode_each(env, policy, first_seed)
+        spec = env.get_attr("spec")[0]
+    finally:
+        env.close()
+    lengths = [int(info["episode"]["l"]) for info in last_infos]
+    limit = spec.kwargs.get("max_episode_steps")
+    scalars = [
+        key
+        for key, value in last_infos[0].items()
+        if isinstance(value, (bool, int, float)) and key not in ("is_success", "TimeLimit.truncated")
+    ]
+    return Evaluation(
+        agent=agent,
+        first_seed=first_seed,
+        returns_per_step=[
+            float(info["episode"]["r"]) / (limit or length)
+            for info, length in zip(last_infos, lengths, strict=True)
+        ],
+        lengths=lengths,
+        successes=[bool(info["is_success"]) for info in last_infos]
+        if "is_success" in last_infos[0]
+        else None,
+        last_infos={key: [float(info[key]) for info in last_infos] for key in scalars},
+    )
+
+
+def _run_one_episode_each(env: Any, policy: Policy, first_seed: int) -> list[dict[str, Any]]:
+    """The last info of the first episode of every copy; copy i starts from first_seed + i."""
+    env.seed(first_seed)
+    observations = env.reset()
+    last_infos: list[dict[str, Any] | None] = [None] * env.num_envs
+    while any(info is None for info in last_infos):
+        observations, _, dones, infos = env.step(policy(observations))
+        for i in np.flatnonzero(dones).tolist():
+            if last_infos[i] is None:
+                last_infos[i] = infos[i]
+    return [info for info in last_infos if info is not None]
+
+
+def table(evaluations: Sequence[Evaluation]) -> str:
+    """The evaluations as lines of text, one agent a line; the JSON file has all there is."""
+    extra = [key for key in evaluations[0].last_infos if not key.startswith(("reward_", "energy"))]
+    header = ["agent", "return/step", "success", "steps", *extra]
+    rows = [header]
+    for e in evaluations:
+        spread = float(np.std(e.returns_per_step))
+        rows.append(
+            [
+                e.agent,
+                f"{e.return_per_step:.3f} ± {spread:.3f}",
+                "-" if e.success_rate is None else f"{100 * e.success_rate:.0f} %",
+                f"{np.mean(e.lengths):.0f}",
+                *(f"{np.mean(e.last_infos[key]):.3g}" for key in extra),
+            ]
+        )
+    widths = [max(len(row[i]) for row in rows) for i in range(len(header))]
+    return "\n".join(
+        "  ".join(
+            [
+                row[0].ljust(widths[0]),
+                *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True)),
+            ]
+        )
+        for row in rows
+    )
+
+
+def write_json(path: Path, evaluations: Sequence[Evaluation]) -> None:
+    """Write the evaluations, summary first."""
+    content = [
+        {"return_per_step": e.return_per_step, "success_rate": e.success_rate, **asdict(e)}
+        for e in evaluations
+    ]
+    write_atomically(path, json.dumps(content, indent=1) + "\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("agents", nargs="+", help="run folders; zero, random, classical")
+    parser.add_argument("--env", help="environment id, where no run folder tells it")
+    parser.add_argument("--episodes", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=HELD_OUT_SEED, help="the first of the seeds")
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="keyword arguments of the environment",
+    )
+    parser.add_argument("--json", type=Path, help="write the evaluations here")
+    options = parser.parse_args(arguments)
+    torch.set_num_threads(1)  # networks this small are fastest on one
+    try:
+        env_id, env_kwargs = find_task(options.agents, options.env, options.overrides)
+        evaluations = [
+            evaluate(agent, env_id, env_kwargs, options.episodes, options.seed) for agent in options.agents
+        ]
+    except (ConfigError, FileNotFoundError) as error:
+        print(f"evaluate.py: {error}", file=sys.stderr)
+        return 2
+    print(f"{env_id}: {options.episodes} episodes, seeds from {options.seed}\n{table(evaluations)}")
+    if options.json:
+        write_json(options.json, evaluations)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,111 @@
+"""Watch an agent: in a window, or as a GIF or MP4.
+
+    python agents/watch.py runs/SpringTop-v0-ppo-0
+    python agents/watch.py classical --env SpringTop-v0 --out top.gif --set action=impulse
+
+An agent is a run folder or the name of a baseline (zero, random, classical).
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import torch
+from config import ConfigError
+from controllers import controller_env_kwargs, make_controller
+from evaluate import find_task
+from runs import HELD_OUT_SEED, Policy, load_policy, open_run
+
+import springgym  # noqa: F401  (registers the environments)
+
+#: Frames per second of a GIF at most; browsers show many more at the wrong speed.
+GIF_FPS = 25
+
+
+def make_watched(
+    agent: str, env_id: str, env_kwargs: Mapping[str, Any], render_mode: str
+) -> tuple[gym.Env, Policy]:
+    """One environment and the agent that acts in it."""
+    if Path(agent).is_dir():
+        env = gym.make(env_id, render_mode=render_mode, **env_kwargs)
+        return env, load_policy(open_run(Path(agent)))
+    env = gym.make(env_id, render_mode=render_mode, **controller_env_kwargs(agent, env_kwargs))
+    return env, make_controller(agent, env_id, env_kwargs, env.action_space)
+
+
+def play_episode(env: gym.Env, policy: Policy, seed: int) -> list[Any]:
+    """Play one episode; return what ``render`` gave at its start and after every step."""
+    observation, _ = env.reset(seed=seed)
+    frames = [env.render()]
+    over = False
+    while not over:
+        observation, _, terminated, truncated, _ = env.step(policy(observation[None])[0])
+        frames.append(env.render())
+        over = terminated or truncated
+    return frames
+
+
+def record(
+    agent: str, env_id: str, env_kwargs: Mapping[str, Any], path: Path, seed: int = HELD_OUT_SEED
+) -> None:
+    """Save one episode as a video; the ending of ``path`` (.gif, .mp4) chooses the format."""
+    from springgym.rendering import save_video
+
+    env, policy = make_watched(agent, env_id, env_kwargs, "rgb_array")
+    try:
+        frames = play_episode(env, policy, seed)
+    finally:
+        env.close()
+    fps = env.metadata["render_fps"]
+    every = -(-fps // GIF_FPS) if path.suffix == ".gif" else 1
+    save_video(frames[::every], path, fps / every)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("agent", help="a run folder, zero, random or classical")
+    parser.add_argument("--env", help="environment id, where no run folder tells it")
+    parser.add_argument("--seed", type=int, default=HELD_OUT_SEED)
+    parser.add_argument("--out", type=Path, help="write this .gif or .mp4 and open no window")
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="keyword arguments of the environment",
+    )
+    options = parser.parse_args(arguments)
+    torch.set_num_threads(1)  # networks this small are fastest on one
+    try:
+        env_id, env_kwargs = find_task([options.agent], options.env, options.overrides)
+        if options.out:
+            record(options.agent, env_id, env_kwargs, options.out, options.seed)
+            print(f"wrote {options.out}")
+            return 0
+        env, policy = make_watched(options.agent, env_id, env_kwargs, "human")
+    except (ConfigError, FileNotFoundError) as error:
+        print(f"watch.py: {error}", file=sys.stderr)
+        return 2
+    try:
+        for seed in itertools.count(options.seed):
+            play_episode(env, policy, seed)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        env.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

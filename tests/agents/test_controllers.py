@@ -1,0 +1,79 @@
+"""The classical controllers: their laws, and that they do the task."""
+
+import config
+import controllers
+import evaluate
+import gymnasium as gym
+import numpy as np
+import pytest
+
+
+def frame(tilt, azimuth=0.7, across=(0.0, 0.0, 0.0), spin=50.0):
+    """The compact observation of SpringTop."""
+    axis = [np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)]
+    return np.array([[*axis, *(np.array(across) / 2), (spin - 50) / 20]], np.float32)
+
+
+def test_top_moment_by_hand():
+    """Axis along x: z − n (n·z) = z, n×z = −y. ω⊥ = (0, 1, 2) rad/s, 40 rad/s of spin."""
+    moment, about_axis = controllers.top_moment(frame(np.pi / 2, 0.0, (0, 1, 2), 40.0))
+    np.testing.assert_allclose(moment, [[0, -40 - 20, 60 - 40]], atol=1e-5)
+    np.testing.assert_allclose(about_axis, [30], rtol=1e-6)
+
+
+def test_upright_and_steady_needs_nothing():
+    for act in controllers.CLASSICAL["SpringTop-v0"].values():
+        np.testing.assert_array_equal(act(frame(0.0)), np.zeros((1, 3), np.float32))
+
+
+def test_actions_are_scaled_and_saturated():
+    small = frame(0.05, across=(0.02, 0.0, 0.0), spin=51.0)
+    moment, about_axis = controllers.top_moment(small)
+    expected = [*(moment[0, :2] / 15), about_axis[0] / 15]
+    np.testing.assert_allclose(controllers.top_torque(small)[0], expected, rtol=1e-5)
+    large = controllers.top_torque(frame(1.0, across=(-9.0, 9.0, 0.0), spin=10.0))
+    np.testing.assert_array_equal(large, [[1, -1, 1]])
+
+
+def test_impulse_gives_the_moment():
+    """Over 20 ms an impulse J at n, 1 m from the tip, is the moment n×J / 0.02 s, across the axis."""
+    small = frame(0.05, across=(0.02, -0.01, 0.0))
+    axis = small[0, :3].astype(float)
+    moment = controllers.top_moment(small)[0][0]
+    impulse = 0.3 * controllers.top_impulse(small)[0].astype(float)
+    across = moment - axis * (axis @ moment)
+    np.testing.assert_allclose(np.cross(axis, impulse) / 0.02, across, rtol=1e-5, atol=1e-5)
+    assert np.linalg.norm(across) > 1
+
+
+@pytest.mark.parametrize("action", ["torque", "impulse"])
+def test_erects_the_top(action):
+    kwargs = {"action": action}
+    classical, zero = (
+        evaluate.evaluate(name, "SpringTop-v0", kwargs, episodes=16) for name in ("classical", "zero")
+    )
+    assert classical.success_rate == 1.0
+    assert zero.success_rate == 0.0
+    assert classical.return_per_step > 0.75 > 0.2 > zero.return_per_step
+
+
+def test_zero_and_random():
+    space = gym.spaces.Box(np.array([-1, 2], np.float32), np.array([1, 3], np.float32))
+    observations = np.ones((500, 4), np.float32)
+    zero = controllers.make_controller("zero", "Any-v0", {}, space)(observations)
+    np.testing.assert_array_equal(zero, np.zeros((500, 2), np.float32))
+    policy = controllers.make_controller("random", "Any-v0", {}, space)
+    first, second = policy(observations), policy(observations)
+    for actions in (first, second):
+        assert actions.dtype == np.float32
+        assert all(space.contains(action) for action in actions)
+    np.testing.assert_allclose(first.mean(axis=0), [0, 2.5], atol=0.1)
+    assert not np.array_equal(first, second)
+    again = controllers.make_controller("random", "Any-v0", {}, space)(observations)
+    np.testing.assert_array_equal(again, first)
+
+
+def test_unknown_controller():
+    space = gym.spaces.Box(-1, 1, (3,))
+    with pytest.raises(config.ConfigError, match=r"SpringTop-v0 with action='force'; there is one"):
+        controllers.make_controller("classical", "SpringTop-v0", {"action": "force"}, space)

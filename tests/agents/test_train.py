@@ -1,0 +1,228 @@
+"""Training: what a run leaves, and that a stopped run goes on as if it had never stopped."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import runs
+import toy_env
+import train
+from conftest import AGENTS, HERE
+from stable_baselines3 import PPO
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+PYTHONPATH = os.pathsep.join([str(HERE), str(AGENTS.parent)])
+
+
+def start(folder, *options, algo="ppo", env_id="toy_env:Toy-v0"):
+    config = ["--config", str(HERE / f"toy_{algo}.yaml")]
+    return [env_id, "--algo", algo, "--run", str(folder), *config, *options]
+
+
+def rows(folder):
+    """metrics.csv without the clock."""
+    with open(folder / "metrics.csv", newline="") as file:
+        return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(file)]
+
+
+def weights(folder):
+    """Timesteps, and the weights and the second moments of every optimiser of a checkpoint."""
+    run = runs.open_run(folder)
+    model = runs.ALGORITHMS[run.algo].load(run.model, device="cpu")
+    values = {}
+    for part, parameters in model.get_parameters().items():
+        if part.endswith("optimizer"):
+            moments = {i: state["exp_avg_sq"] for i, state in parameters["state"].items()}
+            values |= {f"{part}.{i}": moment.numpy() for i, moment in moments.items()}
+        else:
+            values |= {f"{part}.{k}": value.numpy() for k, value in parameters.items()}
+    return model.num_timesteps, values
+
+
+def assert_same_run(folder, reference):
+    assert rows(folder) == rows(reference)
+    (steps, ours), (steps2, theirs) = weights(folder), weights(reference)
+    assert steps == steps2
+    assert ours.keys() == theirs.keys()
+    for key in ours:
+        np.testing.assert_array_equal(ours[key], theirs[key], err_msg=key)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A whole run, from the command line to the video."""
+    folder = tmp_path_factory.mktemp("runs") / "finished"
+    assert train.main(start(folder)) == 0
+    return folder
+
+
+def test_a_run_learns_and_leaves_everything(finished):
+    first, *_, last = rows(finished)
+    assert float(first["reward_per_step"]) < 0.6 < 0.85 < float(last["reward_per_step"])
+    assert int(last["timesteps"]) == 12288
+    trained, zero, random = json.loads((finished / "evaluation.json").read_text())
+    assert [e["agent"] for e in (trained, zero, random)] == [str(finished), "zero", "random"]
+    assert trained["success_rate"] > 0.9 > 0.5 > max(zero["success_rate"], random["success_rate"])
+    assert trained["return_per_step"] > 0.9
+    assert (finished / "learning_curve.png").read_bytes().startswith(b"\x89PNG")
+    assert (finished / "episode.gif").read_bytes().startswith(b"GIF8")
+    versions = json.loads((finished / "versions.json").read_text())
+    assert versions["packages"]["stable-baselines3"]
+    run = runs.open_run(finished)
+    assert (run.algo, run.env_id, run.seed) == ("ppo", "toy_env:Toy-v0", 0)
+    assert run.config.learning_rate == 3e-3
+    assert PPO.load(finished / "model.zip").num_timesteps == 12288
+    assert not list(finished.glob("*.tmp*"))
+
+
+def test_tensorboard_has_each_row_once(finished):
+    log = EventAccumulator(str(finished / "tensorboard"))
+    log.Reload()
+    logged = [(e.step, e.value) for e in log.Scalars("rollout/reward_per_step")]
+    expected = [(int(r["timesteps"]), float(r["reward_per_step"])) for r in rows(finished)]
+    np.testing.assert_allclose(logged, expected, rtol=1e-6)
+
+
+def test_killed_and_resumed_run_equals_one_in_one_go(finished, tmp_path):
+    """kill -9 in the middle of a rollout, after rows that the newest checkpoint does not know."""
+    folder = tmp_path / "killed"
+    process = subprocess.run(
+        [sys.executable, str(AGENTS / "train.py"), *start(folder)],
+        env=os.environ | {"PYTHONPATH": PYTHONPATH, "TOY_KILL_AT": "600"},
+        capture_output=True, check=False,
+    )  # fmt: skip
+    assert process.returncode == -signal.SIGKILL, process.stderr.decode()
+    assert weights(folder)[0] == 4096
+    assert int(rows(folder)[-1]["timesteps"]) == 4608  # 600 steps of 8 copies are 4800
+    with open(folder / "metrics.csv", "a") as file:
+        file.write("4700,0.5")  # a row cut short
+    time.sleep(1.1)  # TensorBoard orders its files by the second they were made in
+    assert train.main(["--resume", str(folder), "--episodes", "4"]) == 0
+    assert_same_run(folder, finished)
+    test_tensorboard_has_each_row_once(folder)
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_interrupted_run_with_normalisation(algo, tmp_path, monkeypatch, capsys):
+    """Ctrl-C, and running statistics; for SAC a replay buffer and several optimisers."""
+    options = ["--set", "normalize=true", f"total_timesteps={4096 if algo == 'ppo' else 1600}",
+               "--episodes", "4", "--seed", "3"]  # fmt: skip
+    assert train.main(start(tmp_path / "one", *options, algo=algo)) == 0
+    monkeypatch.setattr(toy_env, "interrupt_at", 300 if algo == "ppo" else 130)
+    folder = tmp_path / "two"
+    assert train.main(start(folder, *options, algo=algo)) == 130
+    assert f"--resume {folder}" in capsys.readouterr().out
+    monkeypatch.setattr(toy_env, "interrupt_at", None)
+    assert weights(folder)[0] < weights(tmp_path / "one")[0]
+    assert train.main(["--resume", str(folder), "--episodes", "4"]) == 0
+    assert_same_run(folder, tmp_path / "one")
+
+
+def test_stop_while_a_checkpoint_is_written(tmp_path, monkeypatch):
+    """The old checkpoint stays whole until the new one is."""
+    folder = tmp_path / "run"
+    options = ["--timesteps", "4096", "--episodes", "4"]
+    with monkeypatch.context() as patch:
+        done = []
+
+        def stop_at_the_second(temporary, path):
+            if path.name == "model.zip" and done:
+                temporary.write_bytes(temporary.read_bytes()[:1000])
+                raise KeyboardInterrupt
+            done.append(path.name == "model.zip")
+            os.replace(temporary, path)
+
+        patch.setattr(train, "replace_atomically", stop_at_the_second)
+        assert train.main(start(folder, *options)) == 130
+    assert weights(folder)[0] == 1024
+    assert train.main(["--resume", str(folder), "--episodes", "4"]) == 0
+    assert train.main(start(tmp_path / "reference", *options)) == 0
+    assert_same_run(folder, tmp_path / "reference")
+
+
+def test_stop_before_the_first_checkpoint(tmp_path, monkeypatch):
+    folder = tmp_path / "run"
+    monkeypatch.setattr(toy_env, "interrupt_at", 100)
+    options = ["--timesteps", "1024", "--episodes", "4"]
+    assert train.main(start(folder, *options)) == 130
+    assert len(rows(folder)) == 1
+    monkeypatch.setattr(toy_env, "interrupt_at", None)
+    assert train.main(["--resume", str(folder), "--episodes", "4"]) == 0
+    assert [row["timesteps"] for row in rows(folder)] == ["512", "1024"]
+
+
+def test_finished_run_trains_on_for_longer(tmp_path):
+    folder = tmp_path / "run"
+    assert train.main(start(folder, "--timesteps", "1024", "--episodes", "4")) == 0
+    assert train.main(["--resume", str(folder), "--timesteps", "2048", "--episodes", "4"]) == 0
+    assert [row["timesteps"] for row in rows(folder)] == ["512", "1024", "1536", "2048"]
+    assert runs.open_run(folder).config.total_timesteps == 2048
+
+
+def test_environment_without_state_resumes_with_new_episodes(tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "run"
+    options = ["--timesteps", "3072", "--episodes", "4"]
+    monkeypatch.setattr(toy_env, "interrupt_at", 200)
+    assert train.main(start(folder, *options, env_id="toy_env:ToyForgetful-v0")) == 130
+    monkeypatch.setattr(toy_env, "interrupt_at", None)
+    assert train.main(["--resume", str(folder), "--episodes", "4"]) == 0
+    assert "cannot save its state: the episodes under way start anew" in capsys.readouterr().out
+    assert [int(row["timesteps"]) for row in rows(folder)] == [512 * i for i in range(1, 7)]
+
+
+def test_a_run_is_not_overwritten(finished, capsys):
+    before = (finished / "model.zip").read_bytes()
+    assert train.main(start(finished)) == 2
+    assert f"continue it with --resume {finished}" in capsys.readouterr().err
+    assert (finished / "model.zip").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ([], "give an environment id, or --resume and a run folder"),
+        (["A-v0", "--resume", "x"], "give an environment id, or --resume and a run folder"),
+        (["--resume", "x", "--set", "a=1"], "own configuration"),
+        (["A-v0", "--seed", "1000000"], "--seed must lie in"),
+    ],
+)
+def test_contradicting_arguments(arguments, says, capsys):
+    with pytest.raises(SystemExit):
+        train.main(arguments)
+    assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["Absent-v0"], "no entry for 'Absent-v0'"),
+        (["toy_env:Toy-v0", "--config", str(HERE / "toy_ppo.yaml"), "--set", "lr=1"], "key 'lr'"),
+        (["--resume", "absent"], "absent/config.yaml: cannot read it"),
+    ],
+)
+def test_wrong_configuration(arguments, says, capsys):
+    assert train.main(arguments) == 2
+    assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("algo: ppo", "algo: a2c", r"config.yaml:1: algo: expected one of ppo, sac, got 'a2c'"),
+        ("seed: 0", "sed: 0", r"config.yaml:3: unknown key 'sed'; did you mean 'seed'"),
+        ("seed: 0", "seed: zero", r"config.yaml:3: seed: expected a whole number, got 'zero'"),
+        ("gamma: 0.95", "gamma: 95", r"config.yaml:9: gamma: must lie between"),
+    ],
+)
+def test_damaged_run_configuration(finished, tmp_path, old, new, says):
+    text = (finished / "config.yaml").read_text()
+    assert text.count(old) == 1
+    (tmp_path / "config.yaml").write_text(text.replace(old, new))
+    with pytest.raises(train.ConfigError, match=says):
+        runs.open_run(tmp_path)

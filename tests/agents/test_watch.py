@@ -1,0 +1,55 @@
+"""Films: the file asked for, at most 25 frames a second in a GIF, and the agent's own episode."""
+
+import controllers
+import gymnasium as gym
+import numpy as np
+import pytest
+import toy_env
+import watch
+from PIL import Image
+
+
+@pytest.fixture
+def right(monkeypatch):
+    act = lambda observations: np.ones((len(observations), 1), np.float32)  # noqa: E731
+    monkeypatch.setitem(controllers.CLASSICAL, "Toy-v0", {"push": act})
+
+
+def test_gif(right, tmp_path, capsys):
+    path = tmp_path / "toy.gif"
+    arguments = ["classical", "--env", "Toy-v0", "--seed", "5", "--out", str(path)]
+    assert watch.main([*arguments, "--set", "push=0.3"]) == 0
+    assert f"wrote {path}" in capsys.readouterr().out
+    env = gym.make("Toy-v0", render_mode="rgb_array", push=0.3)
+    frames = watch.play_episode(env, lambda o: np.ones((1, 1), np.float32), 5)
+    with Image.open(path) as film:
+        assert film.n_frames == len(frames) < toy_env.LIMIT
+        film.seek(film.n_frames - 1)
+        difference = np.asarray(film.convert("RGB")).astype(int) - frames[-1]
+        assert abs(difference).max() < 16
+        assert film.info["duration"] == 40
+    assert not np.array_equal(frames[0], frames[-1])
+
+
+def test_gif_drops_frames_above_25_a_second(right, tmp_path, monkeypatch):
+    monkeypatch.setitem(toy_env.ToyEnv.metadata, "render_fps", 50)
+    path = tmp_path / "toy.gif"
+    watch.record("classical", "Toy-v0", {"push": 0.3}, path, seed=5)
+    env = gym.make("Toy-v0", render_mode="rgb_array", push=0.3)
+    frames = watch.play_episode(env, lambda o: np.ones((1, 1), np.float32), 5)
+    with Image.open(path) as film:
+        assert film.n_frames == -(-len(frames) // 2)
+        assert film.info["duration"] == 40
+
+
+def test_mp4(right, tmp_path):
+    path = tmp_path / "toy.mp4"
+    watch.record("classical", "Toy-v0", {}, path)
+    assert b"ftyp" in path.read_bytes()[:16]
+
+
+def test_agent_must_be_known(capsys):
+    assert watch.main(["clasical", "--env", "Toy-v0", "--out", "toy.gif"]) == 2
+    assert "unknown controller 'clasical'" in capsys.readouterr().err
+    assert watch.main(["zero", "--out", "toy.gif"]) == 2
+    assert "name the environment with --env" in capsys.readouterr().err
