@@ -1,0 +1,165 @@
+"""Error against cost: the command ``springgym accuracy``, and the hard cases.
+
+=================  ====================================================================
+`problems`         scenes, and what rigid theory says of them
+`work_precision`   every method on every problem, over a ladder of steps
+`studies`          spin-down, rigid gap, crossover stiffness, rigid twin
+`peers`            MuJoCo and SciPy on the same scenes
+`figures`          the figures
+`hard_cases`       the cases where simulators break
+=================  ====================================================================
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import importlib.metadata
+import json
+import os
+import platform
+from pathlib import Path
+from typing import Any
+
+from springgym.accuracy.problems import PROBLEMS
+from springgym.accuracy.studies import STUDIES
+from springgym.accuracy.work_precision import TOLERANCES, cheapest, measure
+
+REPORT = "accuracy.json"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of ``springgym accuracy``."""
+    parser.add_argument(
+        "problems",
+        nargs="*",
+        metavar="PROBLEM",
+        help=f"any of {', '.join([*PROBLEMS, *STUDIES])}; all if none is given",
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer steps, and 5 timed runs in place of 20")
+    parser.add_argument("--no-peers", action="store_true", help="leave MuJoCo and SciPy out")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("accuracy"),
+        help=f"folder of {REPORT} and figures",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, print, and write a report and figures.
+
+    Raises
+    ------
+    ValueError
+        If there is no problem of a name.
+    """
+    names = args.problems or [*PROBLEMS, *STUDIES]
+    for name in names:
+        if name not in PROBLEMS and name not in STUDIES:
+            raise ValueError(f"unknown problem {name!r}; there are {', '.join([*PROBLEMS, *STUDIES])}")
+    args.out.mkdir(parents=True, exist_ok=True)
+    path = args.out / REPORT
+    report = json.loads(path.read_text()) if path.exists() else {}
+    for name in names:
+        result = (
+            STUDIES[name](args.quick) if name in STUDIES else measure(name, args.quick, not args.no_peers)
+        )
+        report[name] = result | {"measured": conditions()}
+        path.write_text(json.dumps(report, indent=1) + "\n")
+        print("\n".join(summary(name, result)), flush=True)
+    print(table(report))
+    from springgym.accuracy.figures import draw
+
+    for name in names:
+        draw(name, report[name], args.out / f"{name}.svg")
+    return 0
+
+
+def conditions() -> dict[str, Any]:
+    """Date, processor, and versions of what was measured."""
+    versions = {"python": platform.python_version()}
+    for package in ("springgym", "numpy", "numba", "scipy", "mujoco"):
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return {
+        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
+        "cpu": processor(),
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
+        "versions": versions,
+    }
+
+
+def processor() -> str:
+    """The model of the processor."""
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def summary(name: str, result: dict[str, Any]) -> list[str]:
+    """What to print of a result."""
+    lines = [f"{name}: {result['kind']}"]
+    if "agreement" in result:
+        lines.append(f"  reference: {result['reference']}, which agree to {result['agreement']:.1e}")
+    if "model" in result:
+        model = result["model"]
+        lines.append(f"  model error {model['errors'][0]:.2e} at k, ∝ k^{model['power']:.3f}")
+    if "rows" in result:
+        for tolerance in TOLERANCES:
+            lines.append(f"  {tolerance:.0e}: {told(cheapest(result, tolerance))}")
+    if result["kind"] == "spin-down":
+        first, second = result["theory_errors"]
+        lines.append(f"  implicit_euler within {first:.1e} of theory at 0.5 ms, {second:.1e} at 10 ms")
+        for curve in result["curves"]:
+            if "growth" in curve:
+                lines.append(
+                    f"  {curve['method']}, h = {curve['step']:g} s: "
+                    f"spin × {curve['spins'][24]:.3f} after 1 s, "
+                    f"size × {curve['growth']:.4f} after 2 s"
+                )
+    for body, power in result.get("powers", {}).items():
+        lines.append(f"  {body}: gap ∝ k^{power:.3f}, {result['gaps'][body][0]:.1e} at k = 1e5")
+    for body, found in result.get("bodies", {}).items():
+        lines.append(f"  {body}: implicit pays from k = {found['crossover'] or float('inf'):.1e} N/m")
+    return lines
+
+
+def table(report: dict[str, Any]) -> str:
+    """The cheapest method of each problem at each tolerance, and how much dearer verlet is, in Markdown."""
+    heads = " | ".join(f"{tolerance:.0e}" for tolerance in TOLERANCES)
+    lines = [f"| problem | {heads} |", "|---" * (1 + len(TOLERANCES)) + "|"]
+    for name in PROBLEMS:
+        cells = [name]
+        for tolerance in TOLERANCES:
+            best = cheapest(report.get(name, {"rows": []}), tolerance)
+            if best is None:
+                cells.append("none")
+                continue
+            cell = f"{best['method']}, {best['cost']:.3g} µs"
+            verlet = cheapest(report[name], tolerance, among="verlet")
+            if verlet and verlet is not best:
+                cell += f" (verlet × {verlet['cost'] / best['cost']:.1f})"
+            elif not verlet:
+                cell += " (verlet: none)"
+            cells.append(cell)
+        if name in report:
+            lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def told(row: dict[str, Any] | None) -> str:
+    """A row in words."""
+    if row is None:
+        return "none"
+    low, high = row["cost_quartiles"]
+    return (
+        f"{row['method']}, {row['step']:.3g}: error {row['error']:.1e}, "
+        f"{row['cost']:.4g} ({low:.4g} … {high:.4g}) µs/s, {row['evaluations']:.4g} evaluations/s"
+    )

@@ -1,0 +1,45 @@
+"""Every hard case passes, and its broken twin does not."""
+
+from __future__ import annotations
+
+import pytest
+
+from springgym.accuracy.hard_cases import CASES, Case
+from springgym.cli import main
+
+EACH = [
+    pytest.param(case, id=f"{case.number} {case.name}", marks=[pytest.mark.slow] * case.slow)
+    for case in CASES
+]
+
+
+def test_all_cases_are_there() -> None:
+    assert [case.number for case in CASES] == list(range(1, 24))
+
+
+@pytest.mark.parametrize("case", EACH)
+def test_case_passes(case: Case) -> None:
+    outcome = case.run(False)
+    assert outcome.passed is True, outcome.measured
+
+
+@pytest.mark.parametrize("case", EACH)
+def test_broken_twin_fails(case: Case) -> None:
+    outcome = case.run(True)
+    assert outcome.passed is False, outcome.measured
+
+
+def test_command_gives_1_if_a_case_fails(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["hard-cases", "23"]) == 0
+    assert "pass  degenerate input" in capsys.readouterr().out
+    broken = CASES[22].run(True)
+    assert not broken.passed
+    CASES.append(Case(24, "broken", "", "", lambda _: broken, False))
+    try:
+        assert main(["hard-cases", "24"]) == 1
+    finally:
+        CASES.pop()
+
+
+def test_command_refuses_a_case_that_is_not_there() -> None:
+    assert main(["hard-cases", "99"]) == 2
