@@ -1,0 +1,43 @@
+"""The documentation says what the code says."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+def page_writer() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("environments_page", DOCS / "environments.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_environments_page_is_current() -> None:
+    """Run ``python docs/environments.py`` after changing an environment's docstring."""
+    writer, page = page_writer(), (DOCS / "environments.md").read_text()
+    for row in writer.ENVIRONMENTS:
+        assert writer.describe(row) in page
+        assert f"| `{row.id}` |" in page
+
+
+def test_docstrings_have_gymnasiums_headings() -> None:
+    writer = page_writer()
+    headings = (
+        "Description",
+        "Action Space",
+        "Observation Space",
+        "Rewards",
+        "Starting State",
+        "Episode End",
+        "Arguments",
+        "Version History",
+    )
+    for row in writer.ENVIRONMENTS:
+        text = writer.describe(row)
+        assert [h for h in headings if f"### {h}\n" not in text] == [], row.id
