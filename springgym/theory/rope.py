@@ -157,7 +157,8 @@ def catenary(
         return (rest / tension + give)[:, None] * force, tension
 
     def root(gap: Callable[[float], float], low: float, high: float) -> float:
-        return float(brentq(gap, low, high, xtol=1e-300, rtol=1e-15))
+        # to the rounding of `high`: what a root near zero is added to is as large
+        return float(brentq(gap, low, high, xtol=1e-16 * high, rtol=1e-15, maxiter=1000))
 
     def lift(across: float) -> float:
         """V_0 that reaches the right height under a given H."""
@@ -178,7 +179,7 @@ def catenary(
         loose = int(np.argmin(edges(least, lift(least))[1]))
         raise ValueError(f"spring {loose} goes slack: no catenary with all in tension")
     while gap(most) < 0:
-        most *= 2
+        least, most = most, 2 * most
     across = root(gap, least, most)
     edge, tension = edges(across, lift(across))
     return Catenary(np.vstack([np.zeros(2), np.cumsum(edge, axis=0)]), tension)
