@@ -75,7 +75,8 @@ def livelier(recording):
 def heated(recording):
     m = recording.measures
     gain = np.linspace(0, 0.02, len(m.kinetic)) * m.kinetic.max()
-    return replace(recording, measures=m._replace(kinetic=m.kinetic + gain))
+    hotter = {name: getattr(m, name) + gain for name in ("kinetic", "energy", "balance")}
+    return replace(recording, measures=m._replace(**hotter))
 
 
 def pushed(recording):
