@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from springgym.theory._elliptic import complete_k, incomplete_f, jacobi, third_kind
+from springgym.theory._elliptic import Jacobi, complete_k, incomplete_f, jacobi, third_kind
 from springgym.theory.frames import Floats, euler_zxz
 
 
@@ -183,7 +183,7 @@ def motion(inertia: ArrayLike, omega: ArrayLike, t: ArrayLike, frame: ArrayLike 
         now = jacobi(solution.start + solution.rate * time, solution.m1)
         spin = solution.amplitudes * np.stack([now.cn, now.sn, now.dn], axis=-1)
         l_a, l_b, l_c = np.moveaxis(solution.moments * spin, -1, 0)
-        wind = side * third_kind(now, solution.m1, abs(p), abs(q)) / solution.rate
+        wind = side * _wound(solution, abs(p), abs(q), now, solution.rate * time) / solution.rate
         phi = momentum / ic * (time + wind)
         angles = euler_zxz(phi, np.arctan2(np.hypot(l_a, l_b), l_c), np.arctan2(l_a, l_b))
         return spin @ solution.turn, angles @ solution.turn
@@ -191,6 +191,23 @@ def motion(inertia: ArrayLike, omega: ArrayLike, t: ArrayLike, frame: ArrayLike 
     spin, turned = at(t)
     turned = first @ at(np.zeros(()))[1].T @ turned
     return FreeMotion(spin, np.einsum("...ij,...j->...i", turned, spin), turned)
+
+
+def _wound(solution: _Circulation, p: float, q: float, now: Jacobi, phase: Floats) -> Floats:
+    """Integral of du / (p cn^2 + q sn^2) from `start` to `start` + phase, where the functions are `now`.
+
+    Two integrals from 0 would cancel over a small phase; there it is Gauss's quadrature, whose error is
+    below round-off while the nearest pole, about sqrt(p/q) or sqrt(q/p) off, is ten times as far.
+    """
+    start, m1 = np.asarray(solution.start), solution.m1
+    wound = third_kind(now, m1, p, q) - third_kind(jacobi(start, m1), m1, p, q)
+    small = abs(phase) < 0.1 * math.sqrt(min(p / q, q / p))
+    if not small.any():
+        return wound
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    between = jacobi(start + np.where(small, phase, 0.0)[..., None] * (1 + nodes) / 2, m1)
+    mean = (1 / (p * between.cn**2 + q * between.sn**2)) @ weights / 2
+    return np.where(small, phase * mean, wound)
 
 
 def _checked(inertia: ArrayLike, omega: ArrayLike) -> tuple[Floats, Floats]:
