@@ -30,7 +30,7 @@ from springgym.integrators import integrator
 from springgym.integrators.record import ITERATIONS, REJECTIONS, STEPS
 from springgym.scene import Scene
 from springgym.simulator import Simulator
-from springgym.stability import SAFETY, largest_step
+from springgym.stability import automatic_step, largest_step, steps_in
 from springgym.surfaces import Contact
 
 SAMPLES = 4
@@ -87,7 +87,7 @@ def edge(problem: Problem, scene: Scene, name: str) -> int:
 
 def default_count(problem: Problem, scene: Scene) -> int:
     """Steps of the default method at its automatic step."""
-    step = SAFETY * largest_step(scene, integrator("verlet"))
+    step = automatic_step(scene, integrator("verlet"))
     return SAMPLES * math.ceil(problem.seconds / step / SAMPLES)
 
 
@@ -189,9 +189,9 @@ def model_error(problem: Problem) -> dict[str, Any]:
 def consistency(problem: Problem, scene: Scene, quick: bool) -> list[dict[str, Any]]:
     """Error over one control period by steps, each from the same states along a run."""
     assert problem.period is not None
-    limit = 0.98 * largest_step(scene, integrator("verlet"))
-    first = math.ceil(problem.period / limit)
-    automatic = math.ceil(problem.period / (SAFETY / 0.98 * limit))
+    method = integrator("verlet")
+    first = math.ceil(problem.period / (0.98 * largest_step(scene, method)))
+    automatic = steps_in(problem.period, automatic_step(scene, method, problem.period))
     counts = sorted({automatic, *(first * 2**n for n in range(4 if quick else 7))})
     finest = _simulator(scene, "verlet", problem.period / (8 * counts[-1]))
     states, ends = [], []
@@ -285,9 +285,8 @@ def measure(name: str, quick: bool = False, peers: bool = True) -> dict[str, Any
     problem = PROBLEMS[name]
     scene = problem.scene(problem.stiffness)
     result: dict[str, Any] = {"problem": name, "what": problem.what, "seconds": problem.seconds}
-    step = SAFETY * largest_step(scene, integrator("verlet"))
     if problem.period is not None:
-        step = problem.period / math.ceil(problem.period / step)
+        step = automatic_step(scene, integrator("verlet"), problem.period)
         return result | {
             "kind": f"consistency per {1e3 * problem.period:g} ms",
             "default": {"method": "verlet", "step": step},

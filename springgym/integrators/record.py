@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -40,6 +41,11 @@ class Integrator:
     """solves by Newton's method"""
     meets_surfaces: bool = False
     """moves particles by `springgym.forces.move`, as contact wants it"""
+
+    @property
+    def splits_dampers(self) -> bool:
+        """Whether each damper decays exactly, one after the other."""
+        return math.isinf(self.real_limit) and not self.implicit
 
     @property
     def controlled(self) -> bool:

@@ -1,0 +1,83 @@
+"""The step that is chosen when none is given."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from springgym import stability
+from springgym.bodies import Body, cube, rope
+from springgym.integrators import METHODS, integrator
+from springgym.scene import Scene
+from springgym.simulator import Simulator
+
+VERLET = integrator("verlet")
+
+
+def hung(damping: float) -> Scene:
+    return Scene(rope(damping=damping), pinned=(0,))
+
+
+def axial(scene: Scene) -> complex:
+    """The slowest mode along a hanging rope, −rate + i ω [1/s]: M z̈ + C ż + K z = 0."""
+    body = scene.body
+    stretch = np.eye(len(body.lengths)) - np.eye(len(body.lengths), k=-1)  # of springs, by the free particles
+    pull = stretch.T / body.masses[1:, None]
+    stiff, damped = pull * body.stiffness @ stretch, pull * body.damping @ stretch
+    nothing = np.zeros_like(stiff)
+    modes = np.linalg.eigvals(np.block([[nothing, np.eye(len(stiff))], [-stiff, -damped]]))
+    slow = modes[modes.imag > 0]
+    return complex(slow[np.argmin(slow.imag)])
+
+
+def lost(scene: Scene, step: float | None) -> float:
+    """Share of energy that a bounce along a rope loses in 0.25 s, over what theory has it lose."""
+    mode = axial(scene)
+    body = scene.body
+    down = np.linspace(0.0, 1e-4, len(body.masses))  # the weight is heavy: almost a straight line
+    positions = body.positions - np.outer(down, (0, 0, 1))
+    simulator = Simulator(scene.with_(positions=positions, gravity=None), step=step)
+    before = simulator.measure().energy[0]
+    simulator.advance(round(0.25 / simulator.step))
+    after = simulator.measure().energy[0]
+    return float(math.log(before / after) / (-2 * mode.real * simulator.time[0]))
+
+
+def test_it_is_a_share_of_the_stability_limit_and_a_whole_part_of_the_period() -> None:
+    scene = Scene(cube())
+    expected = stability.SAFETY * stability.largest_step(scene, VERLET)
+    assert stability.automatic_step(scene, VERLET) == expected
+    assert stability.automatic_step(scene, VERLET, 0.01) == 0.01 / math.ceil(0.01 / expected)
+
+
+def test_strong_dampers_lose_what_they_should() -> None:
+    scene = hung(1000.0)
+    assert lost(scene, None) == pytest.approx(1.0, abs=0.01)
+    # at the stability limit's share alone, c = 1000 acts like 300
+    assert lost(scene, stability.SAFETY * stability.largest_step(scene, VERLET)) < 0.5
+
+
+def test_only_methods_that_split_the_dampers_off_are_held_back() -> None:
+    scene = hung(1000.0)
+    rate = stability.highest_decay_rate(scene)
+    for name in METHODS:
+        method = integrator(name)
+        step = stability.automatic_step(scene, method)
+        if name in ("verlet", "symplectic_euler"):
+            assert step == stability.DECAY / rate
+        elif method.implicit:
+            assert step == 1e-3
+        else:
+            assert step == stability.SAFETY * stability.largest_step(scene, method)
+
+
+def test_weak_dampers_do_not_matter() -> None:
+    assert stability.automatic_step(hung(30.0), VERLET) == stability.automatic_step(hung(0.0), VERLET)
+
+
+def test_a_body_without_springs_has_no_frequency() -> None:
+    ball = Body("ball", np.zeros((1, 3)), np.ones(1), np.zeros((0, 2), int), 1.0, 0.0)
+    assert str(stability.highest_frequency(Scene(ball))) == "0.0"  # not −0.0
+    assert stability.automatic_step(Scene(ball), VERLET) == 1e-3
