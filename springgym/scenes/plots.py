@@ -81,13 +81,16 @@ def _legend(axes: Axes, below: bool = False) -> None:
 
 
 def _energies(recording: Recording, axes: Axes, change: bool = False) -> None:
-    """Where the energy is, and where it went; or how much of it moved since the start."""
+    """Where the energy is, and where it went; or how much of it moved since the start.
+
+    Those of gravity and of the springs count from their least.
+    """
     m, t = recording.measures, recording.times
     lost = m.damping_loss + m.contact_loss + m.friction_loss
     shown = {
         "kinetic": (m.kinetic, BLUE),
         "gravity": (m.gravity - m.gravity.min(), GREEN),
-        "springs": (m.elastic, GOLD),
+        "springs": (m.elastic - m.elastic.min(), GOLD),
         "contact": (m.contact, SLATE),
         "lost": (lost, ORANGE),
     }
@@ -166,10 +169,10 @@ def _space(recording: Recording, figure: Figure, place: Any, path: np.ndarray) -
     _draw_body(recording, x, space)
     space.plot(*path.T, color=ORANGE, linewidth=1.2)
     every = np.vstack([x, path])
-    low, high = every.min(axis=0), every.max(axis=0)
-    middle, half = (low + high) / 2, (high - low).max() / 2
-    space.set(**{f"{name}lim": (m - half, m + half) for name, m in zip("xyz", middle, strict=True)})
-    space.set_box_aspect((1, 1, 1), zoom=1.45)
+    middle = (every.min(axis=0) + every.max(axis=0)) / 2
+    reach = np.linalg.norm(every - middle, axis=1).max()
+    space.set(**{f"{name}lim": (m - reach, m + reach) for name, m in zip("xyz", middle, strict=True)})
+    space.set_box_aspect((1, 1, 1), zoom=1.5)
     space.view_init(elev=25, azim=-60)
     space.set_axis_off()
     return space
@@ -218,7 +221,10 @@ def rope(recording: Recording, figure: Figure) -> None:
     x, t = recording.positions, recording.times
     lengths = np.linalg.norm(np.diff(x, axis=1), axis=2).sum(axis=1)
     grid = figure.add_gridspec(3, 2, width_ratios=(1, 1.3))
-    side = _panel(figure, grid[:, 0], "every quarter of a second, later ones darker", "x [m]", "z [m]")
+    wide, high = np.ptp(x[..., 0]), np.ptp(x[..., 2])
+    narrow = 1e-6 * high < wide < 0.05 * high
+    title = "every quarter of a second, later ones darker" + (", x stretched" if narrow else "")
+    side = _panel(figure, grid[:, 0], title, "x [m]", "z [m]")
     every = max(1, round(0.25 / (t[1] - t[0])))
     shapes = x[::every][:24]
     for n, shape in enumerate(shapes):
@@ -226,7 +232,8 @@ def rope(recording: Recording, figure: Figure) -> None:
         side.plot(shape[:, 0], shape[:, 2], ".-", color=BLUE, alpha=shade, linewidth=1, markersize=3)
     side.plot(x[:, -1, 0], x[:, -1, 2], color=ORANGE, linewidth=0.8)
     side.plot(*x[0, 0, [0, 2]], "^", color=SLATE)
-    _square(side)
+    if not narrow:
+        _square(side)
     long = _panel(figure, grid[0, 1], "length of the rope", "", "[m]")
     long.plot(t, lengths, color=ORANGE)
     long.axhline(recording.plan.scene.body.lengths.sum(), color=SLATE, linestyle=":", linewidth=1)
@@ -255,8 +262,10 @@ def drop(recording: Recording, figure: Figure) -> None:
         lines, faces = (x[moment][corners][:, :, [0, 2]] for corners in (body.springs, body.triangles))
         side.add_collection(LineCollection(list(lines), colors=BLUE, alpha=0.6 * shade, linewidths=0.7))
         side.add_collection(PolyCollection(list(faces), facecolors=BLUE, alpha=0.06 * shade))
+        if not len(lines):
+            side.plot(*x[moment][:, [0, 2]].T, "o", color=BLUE, alpha=shade)
     side.plot(m.centre[:, 0], m.centre[:, 2], color=ORANGE, label="centre of mass")
-    if recording.plan.trace is not None:
+    if recording.plan.trace is not None and x.shape[1] > 1:
         traced = x[:, recording.plan.trace]
         side.plot(traced[:, 0], traced[:, 2], color=GREEN, linewidth=0.8, label="traced particle")
     side.axhline(0, color="k", linewidth=1)
@@ -272,18 +281,22 @@ def drop(recording: Recording, figure: Figure) -> None:
 
 
 def slide(recording: Recording, figure: Figure) -> None:
-    """Way and speed of the centre of mass; the path from above; the energies."""
+    """Way and speed of the centre of mass; the body from above; the energies."""
+    from matplotlib.collections import LineCollection
+
     t, m = recording.times, recording.measures
     way = np.linalg.norm(m.centre - m.centre[0], axis=1)
-    speed = np.linalg.norm(m.momentum, axis=1) / recording.plan.scene.body.mass
+    # by the way it makes: where friction holds it, half a step's pull is left in its velocity
+    speed = np.linalg.norm(np.gradient(m.centre, t, axis=0), axis=1)
     grid = figure.add_gridspec(2, 2)
     far = _panel(figure, grid[0, 0], "way of the centre of mass", "t [s]", "[m]")
     far.plot(t, way, color=ORANGE)
     fast = _panel(figure, grid[1, 0], "its speed", "t [s]", "[m/s]")
     fast.plot(t, speed, color=BLUE)
-    above = _panel(figure, grid[0, 1], "paths from above", "x [m]", "y [m]")
-    for i in range(recording.positions.shape[1]):
-        above.plot(*recording.positions[:, i, :2].T, color=PALE, linewidth=0.8)
+    above = _panel(figure, grid[0, 1], "from above, at the start and the end", "x [m]", "y [m]")
+    for shape, color in zip(recording.positions[[0, -1], :, :2], (PALE, BLUE), strict=True):
+        above.plot(*shape.T, "o", color=color, markersize=3)
+        above.add_collection(LineCollection(list(shape[recording.plan.scene.body.springs]), colors=color))
     above.plot(*m.centre[:, :2].T, color=ORANGE)
     _square(above)
     for axes in (far, fast):
@@ -300,7 +313,7 @@ def rotation(recording: Recording, figure: Figure) -> None:
     for n, (name, color) in enumerate({"ω₁": BLUE, "ω₂": ORANGE, "ω₃": GREEN}.items()):
         turning.plot(recording.times, _turning(recording)[:, n], color=color, label=name)
         if twin is not None:
-            label = "rigid" if n == 0 else None
+            label = "rigid" if n == 2 else None
             own = _turning(twin)[:, n]
             turning.plot(twin.times, own, "k", linestyle=DASHES, linewidth=0.7, label=label)
     turning.margins(x=0)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from springgym import cli, simulate
 from springgym.cli import main
@@ -218,6 +219,46 @@ def test_plot_of_the_top_has_the_cusps_and_the_rigid_twin():
     # a cusp: the speed all but vanishes
     speed = np.linalg.norm(np.diff(springs, axis=0), axis=1)
     assert speed.min() < 0.02 * speed.max()
+
+
+def panel(figure, title):
+    return next(axes for axes in figure.axes if axes.get_title(loc="left").startswith(title))
+
+
+@pytest.mark.slow
+def test_plot_of_a_plucked_rope_shows_the_pluck():
+    side = panel(draw(recorded("rope-pluck")), "every quarter of a second, later ones darker, x stretched")
+    shown = np.ptp(side.get_xlim())
+    assert shown < 0.01  # m, beside 5 m of rope
+    assert max(np.ptp(line.get_xdata()) for line in side.get_lines()) > 0.2 * shown
+
+
+@pytest.mark.slow
+def test_plot_of_a_particle_shows_it_at_many_moments():
+    side = panel(draw(recorded("bouncing-ball")), "every 0.22 s")
+    dots = [line for line in side.get_lines() if line.get_marker() == "o"]
+    assert len(dots) == 10
+    assert len({float(line.get_ydata()[0]) for line in dots}) == 10
+
+
+def test_plot_of_a_block_that_holds_shows_no_speed():
+    figure = draw(recorded("block-holds"))
+    (speed,) = panel(figure, "its speed").get_lines()
+    assert speed.get_ydata()[-1] < 1e-9
+    assert panel(figure, "from above").collections  # its outline, though it goes nowhere
+
+
+def test_bodies_in_space_are_not_cut_off():
+    """An upright top, as wide as it is high, lies within its panel."""
+    figure = draw(recorded("sleeping-top"))
+    space = next(axes for axes in figure.axes if axes.name == "3d")
+    figure.draw_without_rendering()
+    x = recorded("sleeping-top").positions[-1]
+    across, up, _ = proj_transform(*(x - x[13]).T, space.get_proj())
+    pixels = space.transData.transform(np.column_stack([across, up]))
+    box = space.get_window_extent()
+    assert (pixels.min(axis=0) >= box.min).all()
+    assert (pixels.max(axis=0) <= box.max).all()
 
 
 FILMED = ("top", "gyroscope", "rope-swing", "cube-drop", "unbalanced-top")
