@@ -14,12 +14,12 @@ from collections.abc import Sequence
 from gymnasium.error import DependencyNotInstalled
 
 COMMANDS = {
-    "simulate": ("springgym.simulate", "run a scene; plot it, film it, hold it against theory"),
-    "bench": ("springgym.bench", "measure the speed on this machine"),
-    "accuracy": ("springgym.accuracy", "measure error against cost of every integrator"),
-    "hard-cases": ("springgym.accuracy.hard_cases", "run the cases where simulators break"),
+    "simulate": ("springgym.simulate", "scenes", "run a scene; plot it, film it, hold it against theory"),
+    "bench": ("springgym.bench", "bench", "measure the speed on this machine"),
+    "accuracy": ("springgym.accuracy", "accuracy", "measure error against cost of every integrator"),
+    "hard-cases": ("springgym.accuracy.hard_cases", "accuracy", "run the cases where simulators break"),
 }
-"""Name of each subcommand, its module, and a line of help."""
+"""Name of each subcommand, its module, the extra that holds what it needs, and a line of help."""
 
 MENDABLE = (
     *(ValueError, KeyError, OSError, ArithmeticError, MemoryError, ImportError),
@@ -44,6 +44,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(importlib.import_module(COMMANDS[args.command][0]).run(args))
     except MENDABLE as error:
         message = error.args[0] if isinstance(error, KeyError) else error
+        if isinstance(error, ModuleNotFoundError):
+            message = f"{error}: pip install springgym[{COMMANDS[arguments[0]][1]}]"
         print(f"springgym: error: {message}", file=sys.stderr)
         return WRONG_USE
     except KeyboardInterrupt:
@@ -57,7 +59,7 @@ def _parser(given: str) -> argparse.ArgumentParser:
         prog="springgym", description="Mass-spring bodies: simulation, speed, accuracy."
     )
     commands = parser.add_subparsers(dest="command", metavar="command", required=True)
-    for name, (module, line) in COMMANDS.items():
+    for name, (module, _, line) in COMMANDS.items():
         command = commands.add_parser(name, help=line, description=line[0].upper() + line[1:] + ".")
         if name == given:
             importlib.import_module(module).add_arguments(command)

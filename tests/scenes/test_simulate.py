@@ -130,6 +130,13 @@ def test_missing_package_is_one_line(capsys, monkeypatch, tmp_path):
     assert "plots need matplotlib: pip install springgym[plot]" in capsys.readouterr().err
 
 
+def test_missing_package_names_the_extra_of_the_command(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
+    assert main(["simulate", "bungee"]) == 2
+    assert "scipy.optimize" in (error := capsys.readouterr().err)
+    assert error.endswith(": pip install springgym[scenes]\n")
+
+
 def test_interrupt_keeps_what_was_computed(capsys, monkeypatch, tmp_path):
     def bar(name):
         def wrap(items):
@@ -167,7 +174,7 @@ def test_every_command_has_help(capsys, name):
 def test_help_imports_no_command():
     code = "import sys; from springgym.cli import main\ntry: main(['--help'])\nfinally: print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    for name, (module, _) in cli.COMMANDS.items():
+    for name, (module, *_) in cli.COMMANDS.items():
         assert name in run.stdout
         assert f" {module} " not in run.stdout.splitlines()[-1]
 
