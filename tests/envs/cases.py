@@ -1,14 +1,18 @@
-"""Every environment × observation × action, read from the registry."""
+"""Every environment × observation × action × dynamics, read from the registry."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
 import gymnasium as gym
+import pytest
 
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS
+from springgym.simulator import DYNAMICS
 
 IDS = [row.id for row in ENVIRONMENTS]
 
@@ -18,13 +22,36 @@ def task_type(env_id: str) -> type[Task]:
     return getattr(import_module(f"springgym.envs.{row.module}"), row.name)
 
 
+TWINLESS = [env_id for env_id in IDS if task_type(env_id)().scene.body.floppy]
+"""Those whose body is meant to change shape: they have no rigid twin."""
+
 CASES = [
-    (row.id, {"observation": observation, "action": action})
-    for row in ENVIRONMENTS
-    for observation in task_type(row.id).observations
-    for action in task_type(row.id).actions
+    (env_id, {"observation": observation, "action": action, "dynamics": dynamics})
+    for env_id in IDS
+    for observation in task_type(env_id).observations
+    for action in task_type(env_id).actions
+    for dynamics in DYNAMICS
+    if dynamics == "springs" or env_id not in TWINLESS
 ]
-NAMES = [f"{env_id}-{'-'.join(options.values())}" for env_id, options in CASES]
+
+
+def each_case(quick: Callable[[int], bool] = lambda twin: False) -> pytest.MarkDecorator:
+    """Run a test on every case.
+
+    Compiling takes long for rigid twins: they are left to slow runs but for the n-th of an environment,
+    counted from 0, where ``quick(n)``.
+    """
+    params, twins = [], Counter[str]()
+    for env_id, options in CASES:
+        marks = ()
+        if options["dynamics"] == "rigid":
+            marks = () if quick(twins[env_id]) else (pytest.mark.slow,)
+            twins[env_id] += 1
+        params.append(pytest.param(env_id, options, marks=marks, id="-".join((env_id, *options.values()))))
+    return pytest.mark.parametrize(("env_id", "options"), params)
+
+
+each_id = pytest.mark.parametrize("env_id", IDS)
 
 
 def make(env_id: str, **options: Any) -> gym.Env:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 from typing import Any
 
@@ -13,20 +14,17 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
-from tests.envs.cases import CASES, IDS, NAMES, make, make_vec, task_type
-
-each_case = pytest.mark.parametrize(("env_id", "options"), CASES, ids=NAMES)
-each_id = pytest.mark.parametrize("env_id", IDS)
+from tests.envs.cases import IDS, TWINLESS, each_case, each_id, make, make_vec, task_type
 
 
-@each_case
+@each_case(quick=lambda twin: twin == 0)
 def test_checkers(env_id: str, options: dict[str, Any]) -> None:
     """Gymnasium's and SB3's checkers find nothing; pytest turns warnings into errors."""
     check_env(make(env_id, render_mode="rgb_array", **options).unwrapped)
     check_env_sb3(make(env_id, **options))
 
 
-@each_case
+@each_case()
 @pytest.mark.parametrize("policy", ["random", "bang-bang"])
 def test_values_stay_in_bounds(env_id: str, options: dict[str, Any], policy: str) -> None:
     envs = make_vec(env_id, 16, "native", "SameStep", **options)
@@ -48,6 +46,33 @@ def test_values_stay_in_bounds(env_id: str, options: dict[str, Any], policy: str
         seen.append(observation)
     spread = np.ptp(np.concatenate(seen), axis=0)
     assert (spread > 0).all(), f"constant entries: {np.flatnonzero(spread == 0)}"
+
+
+@pytest.mark.slow
+@each_id
+@pytest.mark.parametrize("policy", ["random", "bang-bang"])
+def test_values_stay_in_bounds_for_100000_steps(env_id: str, policy: str) -> None:
+    """In each action mode, of one environment: bang-bang holds a sign for five periods on average."""
+    for action_mode in task_type(env_id).actions:
+        env = make(env_id, action=action_mode)
+        rng = np.random.default_rng(0)
+        env.reset(seed=0)
+        action = np.ones(env.action_space.shape, np.float32)
+        ends = 0
+        for _ in range(100_000):
+            if policy == "random":
+                action = rng.uniform(-1, 1, action.shape).astype(np.float32)
+            else:
+                action = np.where(rng.uniform(size=action.shape) < 0.2, -action, action)
+            observation, reward, terminated, truncated, info = env.step(action)
+            assert env.observation_space.contains(observation)
+            assert 0 <= reward <= 1
+            assert all(math.isfinite(value) for value in info.values())
+            assert not info["diverged"]
+            if terminated or truncated:
+                env.reset()
+                ends += 1
+        assert ends >= 100_000 // env.spec.max_episode_steps
 
 
 def leaves(value: Any) -> list[np.ndarray]:
@@ -114,7 +139,7 @@ def compare_with_sync(env_id: str, autoreset: str, steps: int, copies: int, **op
     return ended
 
 
-@each_case
+@each_case()
 @pytest.mark.parametrize("autoreset", [mode.value for mode in AutoresetMode])
 def test_native_equals_sync(env_id: str, options: dict[str, Any], autoreset: str) -> None:
     """Observations, rewards, ends and infos are those of as many single environments, to the bit."""
@@ -224,6 +249,16 @@ def test_wrong_arguments(env_id: str) -> None:
         envs.reset(seed=[1, 2, 3])
     with pytest.raises(ValueError, match="reset_mask"):
         envs.reset(options={"reset_mask": np.ones(3, bool)})
+
+
+def test_no_rigid_twin() -> None:
+    """A body that is meant to change shape says so; every other environment has its twin among the cases."""
+    assert {"SpringRope-v0"} == set(TWINLESS)
+    for env_id in TWINLESS:
+        with pytest.raises(ValueError, match="is meant to change shape: it has no rigid twin"):
+            make(env_id, dynamics="rigid")
+    with pytest.raises(ValueError, match="dynamics='jelly' is unknown; it is one of 'springs', 'rigid'"):
+        make(IDS[0], dynamics="jelly")
 
 
 @each_id
