@@ -11,14 +11,13 @@ from datetime import date
 from importlib import import_module
 from pathlib import Path
 
-import gymnasium as gym
 import numba
 import numpy as np
 
 import springgym
+from springgym.bench.environments import FINER, error_per_step
 from springgym.registration import ENVIRONMENTS, Row
 
-FINER = 64
 EPISODES, STEPS = 10, 20
 PAGE = Path(__file__).with_name("environments.md")
 
@@ -28,31 +27,6 @@ def describe(row: Row) -> str:
     env = getattr(import_module(f"springgym.envs.{row.module}"), f"{row.name}Env")
     text = inspect.cleandoc(env.__doc__).replace("## ", "### ")
     return f"## {row.id}\n\n{text}\n"
-
-
-def error_per_step(row: Row) -> tuple[float, float, float]:
-    """Step h [s]; median and largest error of the particles after a control period, by the body's size.
-
-    Each control period starts from the same state and is repeated with steps of h/`FINER`: of second
-    order, that reference is `FINER`² times finer.
-    """
-    env = gym.make(row.id).unwrapped
-    step = env.episodes.simulator.step
-    fine = gym.make(row.id, step=step / FINER).unwrapped
-    size = float(np.ptp(env.episodes.task.scene.body.positions, axis=0).max())
-    rng = np.random.default_rng(0)
-    errors = []
-    for seed in range(EPISODES):
-        env.reset(seed=seed)
-        fine.reset(seed=seed)
-        for _ in range(STEPS):
-            fine.set_state(env.get_state())
-            action = rng.uniform(-1, 1, env.action_space.shape)
-            env.step(action)
-            fine.step(action)
-            apart = env.episodes.particles[0] - fine.episodes.particles[0]
-            errors.append(np.linalg.norm(apart, axis=-1).max() / size)
-    return step, float(np.median(errors)), float(np.max(errors))
 
 
 def main() -> None:
@@ -68,7 +42,7 @@ def main() -> None:
         "|---|---|---|---|",
     ]
     for row in ENVIRONMENTS:
-        step, median, largest = error_per_step(row)
+        step, median, largest = error_per_step(row.id, EPISODES, STEPS)
         lines.append(f"| `{row.id}` | {step * 1e3:.3g} ms | {median:.1e} | {largest:.1e} |")
     versions = f"springgym {springgym.__version__}, Python {platform.python_version()}, "
     versions += f"NumPy {np.__version__}, Numba {numba.__version__}"

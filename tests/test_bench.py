@@ -1,72 +1,189 @@
-"""`springgym bench` runs and compares; what it measures is not judged here."""
+"""`springgym bench` runs and compares; how fast it finds things is not judged here."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from springgym.bench.peers import compiled_cpp
-from springgym.bench.sections import H, ratios, top_scene
-from springgym.bench.timing import rates
+from springgym import bench
+from springgym.bench import peers
+from springgym.bench.problem import distance, error, exact_positions, paper_top, rounding, stepping
+from springgym.bench.ratios import ratios
+from springgym.bench.sections import SECTIONS
+from springgym.bench.timing import Case, Row, measured
 from springgym.cli import main
+from springgym.simulator import PAPER_STEP, Simulator
 
 
 def test_rates_are_units_over_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a clock that the pieces themselves move on: 5 units in 0.01 s, and in 0.02 s."""
+    """By a clock that the cases move on: 5 units in 0.01 s and in 0.02 s, however long they begin."""
     now = [0.0]
 
     def take(seconds: float) -> None:
         now[0] += seconds
 
     monkeypatch.setattr("springgym.bench.timing.time.perf_counter", lambda: now[0])
-    found = rates({"a": (lambda: take(0.01), 5.0), "b": (lambda: take(0.02), 5.0)}, rounds=3)
-    assert found["a"] == pytest.approx((500, 500, 500))
-    assert found["b"] == pytest.approx((250, 250, 250))
+    cases = [
+        Case({"name": "a"}, lambda: take(0.01), 5.0),
+        Case({"name": "b"}, lambda: take(0.02), 5.0, begin=lambda: take(3.0), facts={"error": 0.1}),
+    ]
+    a, b = measured(cases, rounds=3, unit="steps/s")
+    assert (a.median, a.low, a.high) == pytest.approx((500, 500, 500))
+    speeds = {name: pytest.approx(250) for name in ("median", "low", "high")}
+    assert b.flat() == {"name": "b", "unit": "steps/s", "error": 0.1} | speeds
+    assert str(b).split() == ["b", "250", "steps/s", "(250", "…", "250)", "error", "0.1"]
 
 
-def test_section_to_json_and_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sections_are_those_of_the_command() -> None:
+    assert tuple(SECTIONS) == bench.NAMES
+
+
+def test_section_to_json_and_figure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The rows of every section that a figure shows, of two cases."""
+    scene = paper_top()
+
+    def sizes(rounds: int) -> list[Row]:
+        """Two sizes."""
+        cases = [stepping({"ring": 12, "copies": n}, scene, copies=n, facts=error(scene)) for n in (1, 8)]
+        return [row._replace(facts={"ns_a_spring": 1.0}) for row in measured(cases, rounds, "steps/s", 1e-3)]
+
+    def against(rounds: int) -> list[Row]:
+        """Two programs."""
+        cases = [
+            stepping({"program": name, "precision": "float64", "copies": 1}, scene, facts=error(scene))
+            for name in ("springgym rk4", "C++")
+        ]
+        return measured(cases, rounds, "steps/s", 1e-3)
+
+    monkeypatch.setitem(SECTIONS, "sizes", sizes)
+    monkeypatch.setitem(SECTIONS, "peers", against)
     out, figure = tmp_path / "bench.json", tmp_path / "bench.svg"
-    arguments = ["bench", "--only", "features", "--rounds", "1", "--out", str(out), "--figure", str(figure)]
+    arguments = ["bench", "--only", "sizes", "peers", "--quick", "--out", str(out), "--figure", str(figure)]
     assert main(arguments) == 0
     report = json.loads(out.read_text())
     assert report["conditions"]["cpu"]
-    assert all(rate[0] > 0 for rate in report["features"].values())
-    assert "+ damping" in capsys.readouterr().out
+    assert [row["copies"] for row in report["sizes"]["rows"]] == [1, 8]
+    assert all(row["median"] > 0 for row in report["sizes"]["rows"])
+    assert report["ratios"]["rk4 float64, 1 copies: springgym / C++"] > 0
+    assert "Two sizes." in capsys.readouterr().out
     assert figure.exists()
 
 
 def test_unknown_section(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "--only", "smell"]) == 2
-    assert "no section 'smell'" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["bench", "--only", "smell"])
+    assert "invalid choice: 'smell'" in capsys.readouterr().err
+
+
+def report(section: str, *rows: dict[str, Any]) -> dict[str, Any]:
+    return {section: {"rows": rows}}
 
 
 def test_ratios_come_from_what_was_measured() -> None:
-    results = {"peers": {"springgym rk4 float64 8": (3.0, 2, 4), "C++ rk4 float64 8": (2.0, 1, 3)}}
-    assert ratios(results) == {"rk4 float64 8: springgym / C++": 1.5}
+    what = {"precision": "float64", "copies": 8}
+    rows = ({"program": name, "median": n} | what for name, n in (("springgym rk4", 3.0), ("C++", 2.0)))
+    assert ratios(report("peers", *rows)) == {"rk4 float64, 8 copies: springgym / C++": 1.5}
 
 
-def test_reference_steps_as_the_package_does() -> None:
+def test_equal_error_is_against_the_fastest() -> None:
+    own = {"program": "springgym default", "precision": "float64", "copies": 1, "median": 12.0}
+    others = ({"program": f"MuJoCo {n}", "median": n} for n in (2.0, 3.0))
+    (ratio,) = ratios(report("equal-error", own, *others)).values()
+    assert ratio == 4.0
+
+
+def test_time_outside_of_the_control_period() -> None:
+    top = {"environment": "SpringTop-v0"}
+    single = top | {"how": "single", "median": 1e4}
+    alone = top | {"how": "compiled alone", "copies": 1, "median": 2e4}
+    (outside,) = ratios(report("environments", single, alone)).values()
+    assert outside == pytest.approx(50.0)
+
+
+def test_where_cost_stops_being_linear() -> None:
+    rows = ({"ring": 12, "copies": n, "median": rate} for n, rate in ((1, 90.0), (2, 100.0), (4, 70.0)))
+    found = ratios(report("sizes", *rows))
+    assert found["cost is linear up to copies, ring of 12"] == 2
+
+
+def test_error_falls_with_the_square_of_the_step() -> None:
+    """So it is the time error of verlet, and not of what it is compared with."""
+    scene = paper_top()
+    coarse, fine = (error(scene, step=PAPER_STEP / n)["error"] for n in (2, 4))
+    assert coarse / fine == pytest.approx(4.0, rel=0.05)
+
+
+def test_rounding_is_that_of_single_precision() -> None:
+    found = rounding(paper_top(), step=PAPER_STEP)
+    assert 6e-8 < found["rounding_after_1_s"] < 1e-4
+    assert found["rounding_after_1_s"] < found["rounding_after_10_s"] < 1e-2
+
+
+@pytest.mark.parametrize("method", ["RK4", "Euler", "implicit", "implicitfast"])
+def test_mujoco_steps_the_same_springs(method: str) -> None:
+    pytest.importorskip("mujoco")
+    scene = paper_top()
+    peer = peers.mujoco_springs(scene, method, PAPER_STEP / 4)
+    assert peer is not None
+    assert distance(peer.positions, exact_positions(scene, 1.0), scene) < 5e-4
+
+
+def test_mujoco_turns_the_same_rigid_body() -> None:
+    pytest.importorskip("mujoco")
+    scene = paper_top()
+    peer = peers.mujoco_rigid(scene, "RK4", 1e-3)
+    assert peer is not None
+    assert distance(peer.positions, exact_positions(scene, 1.0, "rigid"), scene) < 1e-5
+
+
+def test_scipy_steps_the_same_springs() -> None:
+    pytest.importorskip("scipy")
+    scene = paper_top()
+    peer = peers.scipy_rk45(scene, PAPER_STEP)
+    assert peer is not None
+    assert distance(peer.positions, exact_positions(scene, 1.0), scene) < 1e-4
+
+
+def test_jax_steps_the_same_springs() -> None:
+    pytest.importorskip("jax")
+    scene = paper_top()
+    peer = peers.jax_batch(scene, PAPER_STEP, 2)
+    assert peer is not None
+    assert distance(peer.positions, exact_positions(scene, 1.0), scene) < 5e-4
+
+
+@pytest.mark.parametrize(("precision", "copies"), [("float64", 1), ("float64", 8), ("float32", 16)])
+def test_reference_steps_as_the_package_does(precision: str, copies: int) -> None:
     """The yardstick computes the same motion, so the comparison is of like with like."""
-    from springgym.simulator import Simulator
-
-    scene = top_scene()
-    piece = compiled_cpp(scene, H, 1, np.float64)
-    if piece is None:
+    scene = paper_top()
+    peer = peers.cpp(scene, PAPER_STEP, copies, precision)
+    if peer is None:
         pytest.skip("no C++ compiler")
-    run, steps = piece
-    run()
-    positions = run.__defaults__[0][0][0]
-    simulator = Simulator(scene, integrator="rk4", step=H)
-    simulator.advance(int(steps))
-    np.testing.assert_allclose(positions[0, :, :, 0], simulator.positions[0], atol=1e-9)
+    simulator = Simulator(scene, integrator="rk4", step=PAPER_STEP)
+    simulator.advance(2000)
+    tolerance = 1e-9 if precision == "float64" else 1e-4
+    np.testing.assert_allclose(peer.positions, simulator.positions[0], atol=tolerance)
     assert np.abs(simulator.positions[0] - scene.positions).max() > 0.1
 
 
 def test_reference_leaves_arithmetic_alone() -> None:
     """Loading code linked with -ffast-math would flush subnormal numbers to zero in the whole process."""
-    if compiled_cpp(top_scene(), H, 1, np.float64) is None:
+    if peers.cpp(paper_top(), PAPER_STEP, 1, "float64") is None:
         pytest.skip("no C++ compiler")
     assert np.array([5e-324])[0] * 1.0 > 0
+
+
+@pytest.mark.slow
+def test_every_row_has_a_speed_and_sections_their_error() -> None:
+    """All of it, in one round."""
+    for name, section in SECTIONS.items():
+        rows = section(1)
+        assert all(row.low > 0 for row in rows), name
+        stated = "o error" in str(section.__doc__) or all("error" in row.facts for row in rows)
+        assert stated, f"{name} states no error, and not why"

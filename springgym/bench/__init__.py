@@ -1,13 +1,29 @@
-"""``springgym bench``: how fast it is on this machine, beside what else is installed."""
+"""``springgym bench``: how fast it is on this machine, beside what else is installed, and how exact.
+
+================  ====================================================================
+`sections`        what is measured: a function each, which gives rows
+`environments`    environment steps, also through Stable-Baselines3
+`problem`         the paper's top, and how far a program is from its exact motion
+`peers`           C++, MuJoCo, JAX and SciPy on the same top
+`timing`          cases, measured in turn
+`ratios`          the comparisons that matter
+`figures`         the figure
+================  ====================================================================
+"""
 
 from __future__ import annotations
 
 import argparse
+import inspect
 import json
+import time
 from pathlib import Path
 from typing import Any
 
 from springgym.accuracy import conditions
+
+NAMES = ("kernel", "environments", "features", "startup", "peers", "equal-error", "sizes")
+"""Of the sections; known without importing them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,46 +31,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only",
         nargs="+",
+        choices=NAMES,
         metavar="SECTION",
-        help="kernel, environments, features, startup, peers, equal-error, sizes",
+        help=f"measure only these, out of {', '.join(NAMES)}",
     )
     parser.add_argument("--rounds", type=int, default=21, help="rounds that medians are taken over (21)")
-    parser.add_argument("--out", type=Path, help="write the results to this JSON file")
+    parser.add_argument("--quick", action="store_true", help="3 rounds")
+    parser.add_argument("--out", type=Path, help="write the results to this JSON file, see docs/speed.md")
     parser.add_argument("--figure", type=Path, help="draw peers and sizes to this file (needs matplotlib)")
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure, print, and write JSON."""
-    from springgym.bench.sections import SECTIONS, ratios
+    from springgym.bench.ratios import ratios
+    from springgym.bench.sections import SECTIONS
 
-    names = args.only or list(SECTIONS)
-    if unknown := [name for name in names if name not in SECTIONS]:
-        raise ValueError(f"there is no section {unknown[0]!r}; there are {', '.join(SECTIONS)}")
     report: dict[str, Any] = {"conditions": conditions()}
     print(json.dumps(report["conditions"]))
-    for name in names:
-        print(f"\n{name}: {SECTIONS[name].__doc__}\n", flush=True)
-        report[name] = SECTIONS[name](args.rounds)
-        for what, found in report[name].items():
-            print(f"  {what:48}{told(found)}", flush=True)
+    for name in args.only or NAMES:
+        what = inspect.cleandoc(SECTIONS[name].__doc__ or "")
+        print(f"\n{name}: {what}\n", flush=True)
+        started = time.perf_counter()
+        rows = SECTIONS[name](3 if args.quick else args.rounds)
+        print("\n".join(f"  {row}" for row in rows))
+        took = time.perf_counter() - started
+        print(f"  (took {took:.0f} s)", flush=True)
+        report[name] = {"what": what, "took": took, "rows": [row.flat() for row in rows]}
     report["ratios"] = ratios(report)
-    if report["ratios"]:
-        print("\nratios\n")
-        for what, ratio in report["ratios"].items():
-            print(f"  {what:56}{ratio:8.2f}")
+    print("\nratios\n")
+    for what, ratio in report["ratios"].items():
+        print(f"  {what:76}{ratio:8.3g}")
     if args.out:
         args.out.parent.mkdir(parents=True, exist_ok=True)
-        args.out.write_text(json.dumps(report, indent=1) + "\n")
+        args.out.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n")
     if args.figure:
         from springgym.bench.figures import draw
 
         draw(report, args.figure)
     return 0
-
-
-def told(found: Any) -> str:
-    """A rate, or seconds, with its spread."""
-    if isinstance(found, dict):
-        return f"{found['median']:9.2f} s   ({found['low']:.2f} … {found['high']:.2f})"
-    middle, low, high = found
-    return f"{middle:14,.0f} /s ({low:,.0f} … {high:,.0f})"

@@ -14,24 +14,24 @@ def draw(report: dict[str, Any], path: Path) -> None:
 
     figure = Figure(figsize=(11, 4.6), layout="constrained")
     left, right = figure.subplots(1, 2)
-    bars = {name: rate[0] for name, rate in report.get("peers", {}).items() if "float32" not in name}
-    names = sorted(bars, key=bars.__getitem__)
-    colors = [BLUE if name.startswith("springgym") else GREY for name in names]
-    left.barh([name.replace(" float64", ",") for name in names], [bars[name] for name in names], color=colors)
+    rows = [row for row in report.get("peers", {}).get("rows", ()) if row["precision"] == "float64"]
+    rows.sort(key=lambda row: row["median"])
+    colors = [BLUE if row["program"].startswith("springgym") else GREY for row in rows]
+    names = [f"{row['program']}, {row['copies']} (error {row['error']:.0e})" for row in rows]
+    left.barh(names, [row["median"] for row in rows], color=colors)
     left.set(
-        xscale="log", xlabel="steps a second, one core", title="The paper's top: 14 particles, 37 springs"
+        xscale="log",
+        xlabel="steps a second, one core",
+        title="The paper's top, by program and copies",
     )
     left.tick_params(axis="y", labelsize=7)
-    for label, pattern in (
-        ("copies of a ring of 12", "ring 12, "),
-        ("particles in the ring, 64 copies", ", 64 copies"),
+    rows = report.get("sizes", {}).get("rows", ())
+    for axis, rest, label in (
+        ("copies", {"ring": 12}, "copies of a ring of 12"),
+        ("ring", {"copies": 64}, "particles in the ring, 64 copies"),
+        ("ring", {"copies": 1}, "particles in the ring, 1 copy"),
     ):
-        points = []
-        for name, rate in report.get("sizes", {}).items():
-            ring, copies = (int("".join(filter(str.isdigit, part))) for part in name.split(","))
-            if pattern in name:
-                points.append((copies if "copies of" in label else ring, 1e9 / rate[0]))
-        points.sort()
+        points = sorted((row[axis], row["ns_a_spring"]) for row in rows if rest.items() <= row.items())
         if points:
             right.plot(*zip(*points, strict=True), "o-", label=label)
     right.set(

@@ -7,23 +7,34 @@ import importlib.util
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from springgym.accuracy.peers import derivative, mujoco_model
-from springgym.bench.timing import Piece
 from springgym.scene import Scene
+from springgym.simulator import Simulator
 
 
-def compiled_cpp(scene: Scene, step: float, copies: int, dtype: Any) -> Piece | None:
+class Peer(NamedTuple):
+    """Another program: what it runs, how many steps of all copies that is, and where it has the particles."""
+
+    run: Callable[[], object]
+    steps: int
+    positions: np.ndarray
+    """(N, 3) [m] after 1 s from the scene's start, of one copy"""
+
+
+def cpp(scene: Scene, step: float, copies: int, precision: str) -> Peer | None:
     """RK4 steps of the hand-written reference, compiled with -O3 -march=native -ffast-math."""
     compiler = shutil.which("c++") or shutil.which("g++")
     if compiler is None:
         return None
-    width = 1 if copies == 1 else {np.float64: 8, np.float32: 16}[dtype]
-    real, number = {np.float64: ("double", ctypes.c_double), np.float32: ("float", ctypes.c_float)}[dtype]
+    dtype = np.dtype(precision)
+    width = 1 if copies == 1 else 64 // dtype.itemsize
+    real, number = ("double", ctypes.c_double) if precision == "float64" else ("float", ctypes.c_float)
     with tempfile.TemporaryDirectory() as folder:
         library, compiled = Path(folder) / "reference.so", Path(folder) / "reference.o"
         source = Path(__file__).with_name("reference.cpp")
@@ -31,85 +42,80 @@ def compiled_cpp(scene: Scene, step: float, copies: int, dtype: Any) -> Piece | 
         subprocess.run([compiler, *flags, "-c", str(source), "-o", str(compiled)], check=True)
         # Linked apart: linking with -ffast-math would switch off subnormal numbers in this whole process.
         subprocess.run([compiler, "-shared", str(compiled), "-o", str(library)], check=True)
-        advance = ctypes.CDLL(str(library)).advance
+        compiled_advance = ctypes.CDLL(str(library)).advance
     body, blocks = scene.body, -(-copies // width)
     shape = (blocks, *body.positions.shape, width)
-    inverse = scene.free / body.masses
-    arrays = [np.array(np.broadcast_to(a[..., None], shape), dtype, order="C") for a in start_of(scene)]
+    state = [
+        np.array(np.broadcast_to(a[..., None], shape), dtype, order="C")
+        for a in (scene.positions, scene.velocities)
+    ]
     fixed = [np.array(a, np.int32) for a in body.springs.T]
-    fixed += [np.array(a, dtype) for a in (body.lengths, body.stiffness, inverse)]
+    fixed += [np.array(a, dtype) for a in (body.lengths, body.stiffness, scene.free / body.masses)]
+
+    def advance(blocks: int, steps: int) -> None:
+        x, v, *rest = (ctypes.c_void_p(a.ctypes.data) for a in (*state, *fixed))
+        compiled_advance(x, v, blocks, steps, number(step), len(body.masses), len(body.springs), *rest)
+
+    advance(1, round(1 / step))
+    positions = state[0][0, ..., 0].astype(float)
     steps = 2000 if copies == 1 else max(20, 4000 // blocks)
-    pointers = [ctypes.c_void_p(a.ctypes.data) for a in (*arrays, *fixed)]
-    sizes = (len(body.masses), len(body.springs))
-
-    def run(kept: Any = (arrays, fixed)) -> None:
-        advance(*pointers[:2], blocks, steps, number(step), *sizes, *pointers[2:])
-
-    return run, steps * copies
+    return Peer(lambda: advance(blocks, steps), steps * copies, positions)
 
 
-def start_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities (N, 3) a scene starts with."""
-    return scene.positions, scene.velocities
-
-
-def mujoco_springs(scene: Scene, integrator: str, step: float) -> Piece | None:
+def mujoco_springs(scene: Scene, integrator: str, step: float) -> Peer | None:
     """Steps of MuJoCo with the particles on slide joints and the springs as tendons."""
     if importlib.util.find_spec("mujoco") is None:
         return None
     import mujoco
 
+    mujoco.set_mju_user_warning(lambda message: None)  # a step too long shows in the error
     model = mujoco_model(scene, integrator, step)
-    data = mujoco.MjData(model)
-    steps = 400
-
-    def run() -> None:
-        mujoco.mj_resetData(model, data)
-        data.qvel[:] = scene.velocities[scene.free].ravel()
-        mujoco.mj_step(model, data, steps)
-
-    return run, steps
-
-
-def mujoco_axes(
-    scene: Scene, integrator: str, step: float, seconds: float, samples: int
-) -> np.ndarray | None:
-    """The body's third axis as MuJoCo has it, at times over ``seconds``, (samples, 3)."""
-    if importlib.util.find_spec("mujoco") is None:
-        return None
-    import mujoco
-
-    model = mujoco_model(scene, integrator, step)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT  # there are none, and it is faster so
     data = mujoco.MjData(model)
     data.qvel[:] = scene.velocities[scene.free].ravel()
-    tail, head, _ = scene.body.frame
-    axes = []
-    for _ in range(samples):
-        mujoco.mj_step(model, data, round(seconds / samples / step))
-        x = scene.positions.copy()
-        x[scene.free] += data.qpos.reshape(-1, 3)
-        axes.append((x[head] - x[tail]) / np.linalg.norm(x[head] - x[tail]))
-    return np.array(axes)
+    mujoco.mj_step(model, data, round(1 / step))
+    positions = scene.positions.copy()
+    positions[scene.free] += data.qpos.reshape(-1, 3)
+    return Peer(lambda: mujoco.mj_step(model, data, 400), 400, positions)
 
 
-def mujoco_rigid(integrator: str) -> Piece | None:
-    """Steps of MuJoCo with the top as one rigid body on a ball joint."""
+def mujoco_rigid(scene: Scene, integrator: str, step: float) -> Peer | None:
+    """Steps of MuJoCo with the particles as one rigid body on a ball joint at the pin."""
     if importlib.util.find_spec("mujoco") is None:
         return None
     import mujoco
 
+    start = Simulator(scene, dynamics="rigid")
+    x, masses = start.positions[0] - scene.positions[scene.pivot], scene.body.masses
+    centre = masses @ x / masses.sum()
+    turn = inertia(x, masses)
+    about = inertia(x - centre, masses)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
+    def text(values: Any) -> str:
+        return " ".join(repr(float(value)) for value in values)
+
     model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><option timestep="0.001" integrator="{integrator}"/><worldbody>'
-        '<body euler="0 20 0"><joint type="ball"/>'
-        '<inertial pos="0 0 .75" mass="12" diaginertia="3 3 1.5"/></body></worldbody></mujoco>'
+        f'<mujoco><option timestep="{step!r}" integrator="{integrator}" '
+        f'gravity="{text(scene.gravity or (0, 0, 0))}">'
+        '<flag constraint="disable"/></option><worldbody><body><joint type="ball"/>'
+        f'<inertial pos="{text(centre)}" mass="{float(masses.sum())!r}" fullinertia="{text(about)}"/>'
+        "</body></worldbody></mujoco>"
     )
     data = mujoco.MjData(model)
-    data.qvel[2] = 50.0
-    steps = 1000
-    return lambda: mujoco.mj_step(model, data, steps), steps
+    data.qvel[:] = np.linalg.solve(turn, masses @ np.cross(x, start.velocities[0]))
+    mujoco.mj_step(model, data, round(1 / step))
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, data.qpos)
+    positions = scene.positions[scene.pivot] + x @ matrix.reshape(3, 3).T
+    return Peer(lambda: mujoco.mj_step(model, data, 1000), 1000, positions)
 
 
-def jax_batch(scene: Scene, step: float, copies: int) -> Piece | None:
+def inertia(x: np.ndarray, masses: np.ndarray) -> np.ndarray:
+    """Tensor of inertia (3, 3) about the origin [kg m²]."""
+    return np.asarray(np.eye(3) * (masses @ (x * x).sum(axis=1)) - (masses[:, None] * x).T @ x)
+
+
+def jax_batch(scene: Scene, step: float, copies: int) -> Peer | None:
     """RK4 steps of the same equations in JAX on the CPU, mapped over copies."""
     if importlib.util.find_spec("jax") is None:
         return None
@@ -139,22 +145,29 @@ def jax_batch(scene: Scene, step: float, copies: int) -> Piece | None:
             s + step / 6 * (p + 2 * q + 2 * r + t) for s, p, q, r, t in zip(state, a, b, c, d, strict=True)
         )
 
-    steps = 100
-    advance = jax.jit(jax.vmap(lambda x, v: jax.lax.fori_loop(0, steps, rk4, (x, v))))
-    start = tuple(jnp.broadcast_to(jnp.array(a), (copies, *a.shape)) for a in start_of(scene))
-    return lambda: jax.block_until_ready(advance(*start)), steps * copies  # type: ignore[no-untyped-call, unused-ignore]
+    def advance(copies: int, steps: int) -> Callable[[], Any]:
+        mapped = jax.jit(jax.vmap(lambda x, v: jax.lax.fori_loop(0, steps, rk4, (x, v))))
+        start = [
+            jnp.broadcast_to(jnp.array(a), (copies, *a.shape)) for a in (scene.positions, scene.velocities)
+        ]
+        return lambda: jax.block_until_ready(mapped(*start))  # type: ignore[no-untyped-call, unused-ignore]
+
+    positions = np.array(advance(1, round(1 / step))()[0][0])
+    return Peer(advance(copies, 100), 100 * copies, positions)
 
 
-def scipy_rk45(scene: Scene, step: float) -> Piece | None:
+def scipy_rk45(scene: Scene, step: float) -> Peer | None:
     """Steps of SciPy's RK45 over equations in NumPy, its step held at ``step``."""
     if importlib.util.find_spec("scipy") is None:
         return None
     from scipy.integrate import solve_ivp
 
-    slope, steps = derivative(scene), 20
-    state = np.concatenate([a.ravel() for a in start_of(scene)])
+    slope = derivative(scene)
+    state = np.concatenate([scene.positions.ravel(), scene.velocities.ravel()])
 
-    def run() -> None:
-        solve_ivp(slope, (0.0, steps * step), state, max_step=step, first_step=step, rtol=1e9, atol=1e9)
+    def advance(steps: int) -> Any:
+        span = (0.0, steps * step)
+        return solve_ivp(slope, span, state, max_step=step, first_step=step, rtol=1e9, atol=1e9)
 
-    return run, steps
+    positions = advance(round(1 / step)).y[: scene.positions.size, -1].reshape(-1, 3)
+    return Peer(lambda: advance(20), 20, positions)

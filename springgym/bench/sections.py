@@ -1,4 +1,5 @@
-"""What `springgym bench` measures, a function each. A step is the integrator's unless it says otherwise."""
+"""What `springgym bench` measures, a function each that gives rows. A step is the integrator's unless it
+says otherwise."""
 
 from __future__ import annotations
 
@@ -6,154 +7,104 @@ import os
 import subprocess
 import sys
 import tempfile
-from typing import Any
+from collections.abc import Callable, Mapping
+from statistics import median
+from typing import Any, NamedTuple
 
-import gymnasium as gym
 import numpy as np
 
 from springgym.bench import peers
-from springgym.bench.timing import Piece, Rate, rates
-from springgym.bodies import start, top
-from springgym.registration import ENVIRONMENTS
-from springgym.scene import Scene, WrenchActuator
-from springgym.simulator import Simulator
-from springgym.surfaces import floor
+from springgym.bench.environments import environments
+from springgym.bench.problem import distance, error, exact_positions, paper_top, rounding, stepping
+from springgym.bench.timing import Case, Row, measured
+from springgym.bodies import start
+from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
+from springgym.simulator import PAPER_STEP, Simulator
+from springgym.surfaces import Contact, Dish, floor
 
-PAPER = (14_000, 18_000)
-"""Steps a second the paper reports, on processors of 800 MHz."""
-H = 5e-4
-"""Step of the paper [s]."""
+PRECISIONS = ("float64", "float32")
 
 
-def top_scene(damping: float = 0.0, ring: int = 12, **options: Any) -> Scene:
-    """The paper's top, tilted and spinning at 50 rad/s."""
-    body = top(ring=ring, damping=damping)
-    tip = body.parts["tip"]
-    return Scene(body, *start(body, tilt=0.3, spin=50.0, pinned=tip), pinned=tip, **options)
+def kernel(rounds: int) -> list[Row]:
+    """Steps a second of the paper's top, undamped: RK4 at the paper's step, verlet at its automatic one.
 
-
-def advance(scene: Scene, copies: int = 1, steps: int | None = None, **options: Any) -> Piece:
-    """Steps of a simulator without a ledger: (run, number of steps of all copies)."""
-    simulator = Simulator(scene, copies=copies, **({"step": H, "ledger": False} | options))
-    count = steps or max(100, 4000 // copies)
-    start = simulator.state()
-
-    def run() -> None:
-        simulator.restore(start)
-        simulator.advance(count, check=False)
-
-    return run, count * copies
-
-
-def kernel(rounds: int) -> dict[str, Rate]:
-    """Steps a second of the top's 37 undamped springs: method × copies × precision × threads."""
-    pieces = {}
-    scene = top_scene()
-    for method in ("rk4", "verlet"):
-        for dtype in (np.float64, np.float32):
+    Error: root mean square distance of the particles from the exact motion of the springs after 1 s, over
+    the body's size; the same for any number of copies and threads. Rounding: float32 from float64.
+    """
+    scene = paper_top()
+    cases = []
+    for method, step in (("rk4", PAPER_STEP), ("verlet", None)):
+        for precision in PRECISIONS:
+            options: dict[str, Any] = {"integrator": method, "step": step}
+            facts = error(scene, dtype=precision, **options)
+            if precision == "float32":
+                facts |= rounding(scene, **options)
+            options["dtype"] = precision
             for copies in (1, 8, 16, 64, 1024, 4096):
                 for threads in (1, 2) if copies >= 1024 else (1,):
-                    name = f"{method} {dtype.__name__} {copies} copies {threads} threads"
-                    pieces[name] = advance(scene, copies, integrator=method, dtype=dtype, threads=threads)
-    return rates(pieces, rounds)
+                    number = {"copies": copies, "threads": threads}
+                    what = {"method": method, "precision": precision} | number
+                    cases.append(stepping(what, scene, facts=facts, **options, **number))
+    return measured(cases, rounds, "steps/s")
 
 
-def environments(rounds: int) -> dict[str, Rate]:
-    """Environment steps a second; one is 40 integrator steps for SpringTop-v0."""
-    pieces = {}
-    for row in ENVIRONMENTS:
-        pieces[f"{row.id} single"] = _env_piece(row.id, None)
-        pieces[f"{row.id} native 1024"] = _env_piece(row.id, 1024, vectorization_mode="vector_entry_point")
-    for copies in (64, 1024):
-        native = {"vectorization_mode": "vector_entry_point"}
-        pieces[f"SpringTop-v0 native {copies} of 1 thread"] = _env_piece("SpringTop-v0", copies, **native)
-        two = native | {"threads": 2}
-        pieces[f"SpringTop-v0 native {copies} of 2 threads"] = _env_piece("SpringTop-v0", copies, **two)
-    pieces["SpringTop-v0 SyncVectorEnv 64"] = _env_piece("SpringTop-v0", 64, vectorization_mode="sync")
-    for copies in (1, 64, 1024):
-        pieces[f"SpringTop-v0 kernel alone {copies}"] = _control_kernel(copies)
-    pieces |= _sb3_pieces(64)
-    return rates(pieces, rounds)
+class Feature(NamedTuple):
+    """A scene without something and with it; the options are of the simulator that has it."""
+
+    off: Scene
+    on: Scene
+    options: Mapping[str, Any] = {}
 
 
-def _env_piece(env_id: str, copies: int | None, **options: Any) -> Piece:
-    env: Any = gym.make(env_id).unwrapped
-    if copies is not None:
-        env = gym.make_vec(env_id, num_envs=copies, **options)
-    action, count = np.zeros(env.action_space.shape, np.float32), 20 if copies is None else 2
-    env.reset(seed=0)
-
-    def run() -> None:
-        for _ in range(count):
-            env.step(action)
-
-    return run, count * (copies or 1)
-
-
-def _control_kernel(copies: int) -> Piece:
-    """The compiled control step of SpringTop-v0 alone."""
-    env: Any = gym.make_vec("SpringTop-v0", num_envs=copies, vectorization_mode="vector_entry_point")
-    env.reset(seed=0)
-    episodes = env.unwrapped.episodes
-    simulator, steps = episodes.simulator, episodes.steps
-    start = simulator.state()
-    count = 20 if copies == 1 else 2
-
-    def run() -> None:
-        simulator.restore(start)
-        for _ in range(count):
-            simulator.advance(steps, check=False)
-
-    return run, count * copies
-
-
-def _sb3_pieces(copies: int) -> dict[str, Piece]:
-    """Steps through Stable-Baselines3's interface, and what its PPO collects; none if it is not installed."""
-    try:
-        from stable_baselines3 import PPO
-
-        from springgym.envs.sb3 import make_sb3
-    except ImportError:
-        return {}
-    envs = make_sb3("SpringTop-v0", num_envs=copies, seed=0)
-    envs.reset()
-    action, count = np.zeros((copies, 3), np.float32), 32
-
-    def run() -> None:
-        for _ in range(2):
-            envs.step(action)
-
-    learner = PPO("MlpPolicy", make_sb3("SpringTop-v0", num_envs=copies, seed=0), n_steps=count, device="cpu")
-    _, callback = learner._setup_learn(total_timesteps=10**9)
-
-    def collect() -> None:
-        assert learner.env is not None
-        learner.collect_rollouts(learner.env, callback, learner.rollout_buffer, count)
-
-    return {
-        f"SpringTop-v0 SB3 adapter {copies}": (run, 2 * copies),
-        f"SpringTop-v0 PPO collects {copies}": (collect, count * copies),
+def all_features() -> dict[str, Feature]:
+    """What a scene may have, on the paper's top; where there are surfaces, loose."""
+    plain, damped = paper_top(), paper_top(damping=100.0)
+    crown, tip = (plain.body.particle(name) for name in ("crown", "tip"))
+    body = plain.body
+    x, v = start(body, tilt=0.3, spin=50.0)
+    aloft = Scene(body, x + np.array([0.0, 0.0, 0.01 - x[:, 2].min()]), v)
+    floating = aloft.with_(gravity=None)
+    dish = Dish((0.0, 0.0, 10.0), 10.0)
+    standing = aloft.with_(surfaces=(floor(),))
+    features = {
+        "gravity": Feature(plain.with_(gravity=None), plain),
+        "damping": Feature(plain, damped),
+        "wrench": Feature(plain, plain.with_(wrench=WrenchActuator(axial=False))),
+        "thrust": Feature(plain, plain.with_(thrust=ThrustActuator((crown,), turns=True))),
+        "drive": Feature(plain, plain.with_(drive=DriveActuator(tip, speed=3.0))),
+        "ledger": Feature(damped, damped, {"ledger": True}),
+        "plane out of reach": Feature(floating, floating.with_(surfaces=(floor(-10.0),))),
+        "plane": Feature(aloft, standing),
+        "dish": Feature(aloft, aloft.with_(surfaces=(dish,))),
+        "friction": Feature(standing, standing.with_(contact=Contact(friction=0.3))),
+        "restitution": Feature(standing, standing.with_(contact=Contact(restitution=0.5))),
     }
+    for names in (("stiffness",), ("masses", "stiffness", "lengths", "gravity")):
+        features[f"varying {', '.join(names)}"] = Feature(plain, plain, {"varying": names})
+    return features
 
 
-def features(rounds: int) -> dict[str, Rate]:
-    """Steps a second of 64 tops by the default method as features are added one at a time."""
-    plain, damped = top_scene(), top_scene(100.0)
-    acted = damped.with_(wrench=WrenchActuator(axial=False))
-    high = (floor(-10.0),)
-    pieces = {
-        "springs and gravity": advance(plain, 64),
-        "− gravity": advance(plain.with_(gravity=None), 64),
-        "+ damping": advance(damped, 64),
-        "+ damping, ledger": advance(damped, 64, ledger=True),
-        "+ damping, ledger, torque": advance(acted, 64, ledger=True),
-        "+ a floor out of reach": advance(plain.with_(surfaces=high), 64),
-    }
-    return rates(pieces, rounds)
+def features(rounds: int) -> list[Row]:
+    """Steps a second, and µs a step of one copy, without and with each thing that a scene may have.
+
+    The paper's top by verlet at 0.5 ms, undamped and without a ledger but where it says so. No error is
+    stated: the scenes differ, and the method and step are one.
+    """
+    cases = []
+    for name, feature in all_features().items():
+        for copies in (1, 64):
+            for state, scene, options in (("off", feature.off, {}), ("on", feature.on, feature.options)):
+                what = {"feature": name, "is": state, "copies": copies}
+                cases.append(stepping(what, scene, copies=copies, step=PAPER_STEP, **options))
+    rows = measured(cases, rounds, "steps/s")
+    return [row._replace(facts={"µs_a_step": 1e6 / row.median}) for row in rows]
 
 
-def startup(rounds: int) -> dict[str, dict[str, float]]:
-    """Seconds to import, and to the first step of SpringTop-v0 with an empty and a filled cache."""
+def startup(rounds: int) -> list[Row]:
+    """Seconds from the start of Python's work to `import springgym`, and to the first step of SpringTop-v0.
+
+    Cold is with an empty cache of compiled code. There is no error to state.
+    """
     program = (
         "import time; t = time.perf_counter(); import springgym; i = time.perf_counter() - t\n"
         "import gymnasium; e = gymnasium.make('SpringTop-v0'); e.reset(seed=0)\n"
@@ -168,92 +119,115 @@ def startup(rounds: int) -> dict[str, dict[str, float]]:
         imported, stepped = map(float, run.stdout.split())
         return imported, stepped
 
-    imports, cold, warm = [], [], []
+    seen: dict[str, list[float]] = {"import": [], "cold first step": [], "warm first step": []}
     for _ in range(min(rounds, 3)):
         with tempfile.TemporaryDirectory() as folder:
-            cold.append(seconds(folder)[1])
-            imported, stepped = seconds(folder)
-            imports.append(imported)
-            warm.append(stepped)
-    named = {"import springgym": imports, "cold first step": cold, "warm first step": warm}
-    return {name: {"median": float(np.median(v)), "low": min(v), "high": max(v)} for name, v in named.items()}
+            seen["cold first step"].append(seconds(folder)[1])
+            for _ in range(3):
+                imported, stepped = seconds(folder)
+                seen["import"].append(imported)
+                seen["warm first step"].append(stepped)
+    return [Row({"start": name}, median(own), min(own), max(own), "s", {}) for name, own in seen.items()]
 
 
-def against_peers(rounds: int) -> dict[str, Rate]:
-    """Steps a second of the same 37 springs, by springgym and by others."""
-    scene = top_scene()
-    found: dict[str, Piece | None] = {}
-    for dtype in (np.float64, np.float32):
+def against_peers(rounds: int) -> list[Row]:
+    """Steps a second of the paper's top on one core, by springgym and by others; RK4 where nothing is said.
+
+    At 0.5 ms, rigid bodies at 1 ms. Error as for the kernel, of rigid bodies from the exact rigid motion.
+    """
+    scene = paper_top()
+    cases = []
+
+    def own(
+        program: str, dtype: str = "float64", copies: int = 1, step: float = PAPER_STEP, **how: str
+    ) -> None:
+        options: dict[str, Any] = {"step": step, "dtype": dtype} | how
+        what = {"program": f"springgym {program}", "precision": dtype, "copies": copies}
+        cases.append(stepping(what, scene, facts=error(scene, **options), copies=copies, **options))
+
+    def other(
+        program: str,
+        peer: peers.Peer | None,
+        copies: int = 1,
+        precision: str = "float64",
+        dynamics: str = "springs",
+        **facts: Any,
+    ) -> None:
+        if peer is not None:
+            facts["error"] = distance(peer.positions, exact_positions(scene, 1.0, dynamics), scene)
+            what = {"program": program, "precision": precision, "copies": copies}
+            cases.append(Case(what, peer.run, peer.steps, facts=facts))
+
+    for dtype in PRECISIONS:
         for copies in (1, 8, 16, 1024):
-            name = f"rk4 {dtype.__name__} {copies}"
-            found[f"springgym {name}"] = advance(scene, copies, integrator="rk4", dtype=dtype)
-            found[f"C++ {name}"] = peers.compiled_cpp(scene, H, copies, dtype)
+            own("rk4", dtype, copies, integrator="rk4")
+            other("C++", peers.cpp(scene, PAPER_STEP, copies, dtype), copies, dtype)
+    other("JAX", peers.jax_batch(scene, PAPER_STEP, 1024), 1024, note="may use all cores")
+    other("SciPy RK45", peers.scipy_rk45(scene, PAPER_STEP))
     for method in ("RK4", "Euler", "implicitfast"):
-        found[f"MuJoCo {method}, springs"] = peers.mujoco_springs(scene, method, H)
-    for method in ("RK4", "Euler"):
-        found[f"MuJoCo {method}, rigid"] = peers.mujoco_rigid(method)
-    found["springgym verlet float64 1"] = advance(scene)
-    found["springgym verlet float64 1024"] = advance(scene, 1024)
-    found["springgym rigid float64 1"] = advance(scene, dynamics="rigid", step=1e-3)
-    found["springgym rigid float64 1024"] = advance(scene, 1024, dynamics="rigid", step=1e-3)
-    found["JAX rk4 float64 1024"] = peers.jax_batch(scene, H, 1024)
-    found["SciPy RK45 1"] = peers.scipy_rk45(scene, H)
-    return rates({name: piece for name, piece in found.items() if piece is not None}, rounds)
-
-
-def equal_error(rounds: int) -> dict[str, Rate]:
-    """Simulated seconds a second, with the step at which the axis errs as the default's does at 0.5 ms."""
-    scene = top_scene()
-    wanted = _axis_error(scene, _axes(scene, integrator="verlet"))
-    pieces: dict[str, Piece] = {}
+        other(f"MuJoCo {method}", peers.mujoco_springs(scene, method, PAPER_STEP))
     for copies in (1, 1024):
-        run, steps = advance(scene, copies)
-        pieces[f"springgym verlet {copies}"] = (run, H * steps)
-    for method in ("RK4", "Euler", "implicitfast"):
-        for halvings in range(-1, 12):
-            step = H / 2**halvings
-            axes = peers.mujoco_axes(scene, method, step, SECONDS, SAMPLES)
-            if axes is None or _axis_error(scene, axes) <= wanted:
+        own("verlet", copies=copies)
+        own("rigid", copies=copies, dynamics="rigid", step=1e-3)
+    for method in ("RK4", "Euler"):
+        other(f"MuJoCo rigid {method}", peers.mujoco_rigid(scene, method, 1e-3), dynamics="rigid")
+    return measured(cases, rounds, "steps/s")
+
+
+MUJOCO = ("RK4", "Euler", "implicit", "implicitfast")
+
+
+def equal_error(rounds: int) -> list[Row]:
+    """Simulated seconds a second on one core, at the error of the default method at its automatic step.
+
+    MuJoCo steps the same springs, by each of its integrators at the longest step, to 4 %, whose error is
+    no larger.
+    """
+    scene = paper_top()
+    wanted = error(scene)
+    step = 1e-3 * wanted["step_ms"]
+    cases = []
+    for precision in PRECISIONS:
+        facts = error(scene, dtype=precision)
+        for copies in (1, 1024):
+            what = {"program": "springgym default", "precision": precision, "copies": copies}
+            cases.append(stepping(what, scene, per_step=step, facts=facts, copies=copies, dtype=precision))
+    for method in MUJOCO:
+        for n in range(160):
+            step = 1 / round(1000 * 2 ** (n / 16))
+            peer = peers.mujoco_springs(scene, method, step)
+            if peer is None:
                 break
-        if axes is not None and (piece := peers.mujoco_springs(scene, method, step)) is not None:
-            run, steps = piece
-            pieces[f"MuJoCo {method}, {1e3 * step:.2g} ms"] = (run, step * steps)
-    return rates(pieces, rounds)
+            found = distance(peer.positions, exact_positions(scene, 1.0), scene)
+            if found <= wanted["error"]:
+                facts = {"step_ms": 1e3 * step, "error": found}
+                what = {"program": f"MuJoCo {method}", "precision": "float64", "copies": 1}
+                cases.append(Case(what, peer.run, peer.steps * step, facts=facts))
+                break
+    return measured(cases, rounds, "simulated s/s")
 
 
-SECONDS, SAMPLES = 0.5, 10
+def sizes(rounds: int) -> list[Row]:
+    """Spring steps a second (steps × springs) of tops by the default method, against ring size and copies.
+
+    Beside it the memory that a block of copies is stepped in. No error is stated: it is that of the kernel
+    for a ring of 12, and the automatic step follows the stiffest vibration of the others.
+    """
+    cases = []
+    rings = [(ring, copies) for copies in (1, 64) for ring in (6, 12, 24, 48, 96, 192, 384)]
+    for ring, copies in rings + [(12, 2**n) for n in range(1, 15) if n != 6]:
+        scene = paper_top(ring=ring)
+        simulator = Simulator(scene, copies=copies, ledger=False)
+        memory = simulator.state()["x"][0].nbytes * (2 + simulator.integrator.workspace - 1)
+        what = {"ring": ring, "copies": copies}
+        springs = len(scene.body.springs)
+        facts = {"kB_a_block": memory / 1024}
+        cases.append(stepping(what, scene, per_step=springs, facts=facts, copies=copies))
+    rows = measured(cases, rounds, "spring steps/s")
+    return [row._replace(facts={"ns_a_spring": 1e9 / row.median} | dict(row.facts)) for row in rows]
 
 
-def _axes(scene: Scene, step: float = H, **options: Any) -> np.ndarray:
-    """The top's axis at `SAMPLES` times over `SECONDS`, (samples, 3)."""
-    simulator = Simulator(scene, step=step, ledger=False, **options)
-    axes = []
-    for _ in range(SAMPLES):
-        simulator.advance(round(SECONDS / SAMPLES / step))
-        axes.append(simulator.measure().axis[0])
-    return np.array(axes)
-
-
-def _axis_error(scene: Scene, axes: np.ndarray) -> float:
-    """Largest distance from the axis of a method of fourth order with a sixteenth of the step."""
-    return float(np.abs(axes - _axes(scene, H / 16, integrator="blanes_moan")).max())
-
-
-def sizes(rounds: int) -> dict[str, Rate]:
-    """Spring steps a second (steps × springs) by the default method against ring size and copies."""
-    pieces = {}
-    for ring in (6, 12, 24, 48, 96, 192, 384):
-        scene = top_scene(ring=ring)
-        run, steps = advance(scene, 64, steps=max(2, 600 // ring), step=None)
-        pieces[f"ring {ring}, 64 copies"] = (run, steps * len(scene.body.springs))
-    scene = top_scene()
-    for copies in (1, 2, 4, 8, 16, 64, 256, 1024, 4096, 16384):
-        run, steps = advance(scene, copies)
-        pieces[f"ring 12, {copies} copies"] = (run, steps * len(scene.body.springs))
-    return rates(pieces, rounds)
-
-
-SECTIONS = {
+SECTIONS: dict[str, Callable[[int], list[Row]]] = {
     "kernel": kernel,
     "environments": environments,
     "features": features,
@@ -262,57 +236,4 @@ SECTIONS = {
     "equal-error": equal_error,
     "sizes": sizes,
 }
-
-
-def ratios(results: dict[str, Any]) -> dict[str, float]:
-    """The comparisons that matter, from what was measured."""
-
-    def rate(section: str, name: str) -> float | None:
-        found = results.get(section, {}).get(name)
-        return None if found is None else found[0]
-
-    wanted: dict[str, tuple[tuple[str, str], tuple[str, str]]] = {}
-    for dtype in ("float64", "float32"):
-        for copies in (1, 8, 16, 1024):
-            name = f"rk4 {dtype} {copies}"
-            wanted[f"{name}: springgym / C++"] = (("peers", f"springgym {name}"), ("peers", f"C++ {name}"))
-    single = ("peers", "springgym rk4 float64 1")
-    wanted["single rk4 / MuJoCo RK4, same springs"] = (single, ("peers", "MuJoCo RK4, springs"))
-    batch = ("peers", "springgym verlet float64 1024")
-    wanted["batch verlet / MuJoCo Euler, same springs and step"] = (batch, ("peers", "MuJoCo Euler, springs"))
-    wanted["batch rk4 / JAX"] = (("peers", "springgym rk4 float64 1024"), ("peers", "JAX rk4 float64 1024"))
-    for method in ("rk4", "verlet"):
-        name = f"{method} float64 1024 copies"
-        wanted[f"{method} 1024, 2 threads / 1"] = (
-            ("kernel", f"{name} 2 threads"),
-            ("kernel", f"{name} 1 threads"),
-        )
-    native = ("environments", "SpringTop-v0 native 64 of 1 thread")
-    wanted["native / SyncVectorEnv, 64 copies"] = (native, ("environments", "SpringTop-v0 SyncVectorEnv 64"))
-    found = {}
-    for name, (above, below) in wanted.items():
-        a, b = rate(*above), rate(*below)
-        if a and b:
-            found[name] = a / b
-    simulated = results.get("equal-error", {})
-    if others := [found[0] for name, found in simulated.items() if name.startswith("MuJoCo")]:
-        best = max(others)
-        for copies in (1, 1024):
-            ratio = simulated[f"springgym verlet {copies}"][0] / best
-            found[f"verlet {copies} / MuJoCo's best, same springs and error"] = ratio
-    alone, whole = (
-        rate("environments", "SpringTop-v0 kernel alone 1024"),
-        rate(*(native[0], "SpringTop-v0 native 1024 of 1 thread")),
-    )
-    if alone and whole:
-        found["native 1024: share of time outside the kernel"] = 1 - whole / alone
-    alone, whole = (
-        rate("environments", "SpringTop-v0 kernel alone 1"),
-        rate("environments", "SpringTop-v0 single"),
-    )
-    if alone and whole:
-        found["single env.step: µs outside the kernel"] = 1e6 / whole - 1e6 / alone
-    return found
-
-
-__all__ = ["SECTIONS", "ratios"]
+"""What can be measured, by name."""

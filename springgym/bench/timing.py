@@ -3,40 +3,79 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from statistics import median
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
-class Rate(NamedTuple):
-    """Units of work a second."""
+class Case(NamedTuple):
+    """Something to measure."""
 
+    what: Mapping[str, Any]
+    """what it is: together these name it"""
+    run: Callable[[], object]
+    units: float
+    """of work in a run"""
+    begin: Callable[[], object] = lambda: None
+    """called before each run, in no one's time"""
+    facts: Mapping[str, Any] = {}
+    """what is to stand beside its speed, the error above all"""
+
+
+class Row(NamedTuple):
+    """What was measured of a case."""
+
+    what: Mapping[str, Any]
     median: float
     low: float
     high: float
+    unit: str
+    facts: Mapping[str, Any]
+
+    def flat(self) -> dict[str, Any]:
+        """All of it in one dict, for JSON."""
+        speed = {"median": self.median, "low": self.low, "high": self.high, "unit": self.unit}
+        return {**self.what, **speed, **self.facts}
+
+    def __str__(self) -> str:
+        parts = [value if isinstance(value, str) else f"{value} {name}" for name, value in self.what.items()]
+        number = ",.0f" if self.median >= 100 else ",.3g"
+        text = f"{', '.join(parts):46} {self.median:>13{number}} {self.unit}"
+        text += f" ({self.low:{number}} … {self.high:{number}})"
+        facts = [
+            value if isinstance(value, str) else f"{name.replace('_', ' ')} {value:.3g}"
+            for name, value in self.facts.items()
+        ]
+        return f"{text}  {', '.join(facts)}"
 
 
-Piece = tuple[Callable[[], object], float]
-"""What is run, and how many units of work that is."""
+def measured(cases: Iterable[Case], rounds: int, unit: str, seconds: float = 0.02) -> list[Row]:
+    """Median, lowest and highest rate of each case over ``rounds`` rounds, taken in turn.
 
-
-def rates(pieces: Mapping[str, Piece], rounds: int, seconds: float = 0.02) -> dict[str, Rate]:
-    """Median, lowest and highest rate of each piece over ``rounds`` rounds, taken in turn.
-
-    On a shared machine speeds drift: what is to be compared runs side by side. Each piece runs once
-    before it counts, and is repeated within a round until ``seconds`` have passed.
+    On a shared machine speeds drift: what is to be compared runs side by side. Each case runs once
+    before it counts, and is repeated within a round until about ``seconds`` have passed.
     """
-    repeats = {}
-    for name, (run, _) in pieces.items():
-        run()
-        started = time.perf_counter()
-        run()
-        repeats[name] = max(1, round(seconds / (time.perf_counter() - started)))
-    seen: dict[str, list[float]] = {name: [] for name in pieces}
+    cases = list(cases)
+    repeats = []
+    for case in cases:
+        _spent(case, 1)
+        repeats.append(max(1, round(seconds / _spent(case, 1))))
+    seen: list[list[float]] = [[] for _ in cases]
     for _ in range(rounds):
-        for name, (run, units) in pieces.items():
-            started = time.perf_counter()
-            for _ in range(repeats[name]):
-                run()
-            seen[name].append(units * repeats[name] / (time.perf_counter() - started))
-    return {name: Rate(median(values), min(values), max(values)) for name, values in seen.items()}
+        for case, times, own in zip(cases, repeats, seen, strict=True):
+            own.append(case.units * times / _spent(case, times))
+    return [
+        Row(case.what, median(own), min(own), max(own), unit, case.facts)
+        for case, own in zip(cases, seen, strict=True)
+    ]
+
+
+def _spent(case: Case, times: int) -> float:
+    """Seconds that this many runs take."""
+    spent = 0.0
+    for _ in range(times):
+        case.begin()
+        started = time.perf_counter()
+        case.run()
+        spent += time.perf_counter() - started
+    return spent

@@ -1,0 +1,151 @@
+"""Environment steps: single, in batches, through Stable-Baselines3, and collected by its PPO."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from springgym.bench.timing import Case, Row, measured
+from springgym.registration import ENVIRONMENTS
+
+NATIVE = {"vectorization_mode": "vector_entry_point"}
+FINER = 64
+"""Steps of the reference in a step."""
+COLLECTED = 32
+"""Steps of each copy in a rollout of PPO's."""
+
+
+def environments(rounds: int) -> list[Row]:
+    """Environment steps a second by random actions, resets included.
+
+    One is ``substeps`` steps of the integrator. Error: median over 30 control periods of the largest
+    distance of a particle from where steps 64 times finer take it, over the body's size; ``worst`` is
+    the largest. "compiled alone" is the control period without the environment around it. "PPO
+    collects" is a rollout by Stable-Baselines3: policy, environments and buffer, without learning.
+    """
+    return measured([case for row in ENVIRONMENTS for case in _cases(row.id)], rounds, "env steps/s")
+
+
+def _cases(env_id: str) -> Iterator[Case]:
+    episodes = gym.make(env_id).unwrapped.episodes  # type: ignore[attr-defined]
+    _, median, worst = error_per_step(env_id, 3, 10)
+    facts = {"substeps": episodes.steps, "error": median, "worst": worst}
+
+    def case(how: str, run: Callable[[], object], units: int, **what: int) -> Case:
+        return Case({"environment": env_id, "how": how} | what, run, units, facts=facts)
+
+    yield case("single", _single(env_id), 20)
+    sync = gym.make_vec(env_id, num_envs=64, vectorization_mode="sync")
+    yield case("SyncVectorEnv", _stepping(sync), 128, copies=64)
+    top = env_id == "SpringTop-v0"
+    for copies in (64, 1024):
+        for threads in (1, 2) if top else (1,):
+            env = gym.make_vec(env_id, num_envs=copies, threads=threads, **NATIVE)  # type: ignore[arg-type]
+            yield case("native", _stepping(env), 2 * copies, copies=copies, threads=threads)
+    for copies in (1, 64, 1024) if top else ():
+        yield case("compiled alone", _compiled_alone(env_id, copies), 2 * copies, copies=copies)
+    try:
+        from springgym.envs.sb3 import make_sb3
+    except ImportError:
+        return
+    envs = make_sb3(env_id, num_envs=64, seed=0)
+    envs.reset()
+    actions = _actions(envs.action_space, 64)
+    yield case("SB3 adapter", lambda: [envs.step(action) for action in actions[:2]], 128, copies=64)
+    if top:
+        from stable_baselines3.common.env_util import make_vec_env
+        from stable_baselines3.common.vec_env import SubprocVecEnv
+
+        yield case("PPO collects, adapter", _collecting(make_sb3(env_id, 64, 0)), 64 * COLLECTED, copies=64)
+        looped = make_vec_env(env_id, 64)
+        yield case("PPO collects, DummyVecEnv", _collecting(looped), 64 * COLLECTED, copies=64)
+        processes = make_vec_env(env_id, 8, vec_env_cls=SubprocVecEnv)
+        yield case("PPO collects, SubprocVecEnv", _collecting(processes), 8 * COLLECTED, copies=8)
+
+
+def _actions(space: Any, copies: int | None = None) -> np.ndarray:
+    """20 random actions, of so many copies."""
+    shape = space.shape if copies is None else (copies, *space.shape)
+    return np.random.default_rng(0).uniform(-1, 1, (20, *shape)).astype(np.float32)
+
+
+def _single(env_id: str) -> Callable[[], None]:
+    """20 steps of an environment as `gymnasium.make` gives it."""
+    env = gym.make(env_id)
+    env.reset(seed=0)
+    actions = _actions(env.action_space)
+
+    def run() -> None:
+        for action in actions:
+            _, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated:
+                env.reset()
+
+    return run
+
+
+def _stepping(env: Any) -> Callable[[], None]:
+    """2 steps of a vector environment."""
+    env.reset(seed=0)
+    actions = _actions(env.action_space)
+    turn = iter(range(10**9))
+
+    def run() -> None:
+        for _ in range(2):
+            env.step(actions[next(turn) % len(actions)])
+
+    return run
+
+
+def _compiled_alone(env_id: str, copies: int) -> Callable[[], None]:
+    """2 control periods of an environment's simulator, with what is read off then."""
+    env: Any = gym.make_vec(env_id, num_envs=copies, **NATIVE)  # type: ignore[arg-type]
+    env.reset(seed=0)
+    simulator, steps = env.episodes.simulator, env.episodes.steps
+    began = simulator.state()
+
+    def run() -> None:
+        simulator.restore(began)
+        for _ in range(2):
+            simulator.advance(steps, check=False, read=True)
+
+    return run
+
+
+def _collecting(envs: Any) -> Callable[[], object]:
+    """A rollout of Stable-Baselines3's PPO: policy, environments and buffer, without learning."""
+    import torch
+    from stable_baselines3 import PPO
+
+    torch.set_num_threads(1)  # the policy is small: threads cost more than they bring
+    learner = PPO("MlpPolicy", envs, n_steps=COLLECTED, device="cpu", seed=0)
+    _, callback = learner._setup_learn(total_timesteps=10**9)
+    return lambda: learner.collect_rollouts(envs, callback, learner.rollout_buffer, COLLECTED)
+
+
+def error_per_step(env_id: str, episodes: int, steps: int) -> tuple[float, float, float]:
+    """Step h [s]; median and largest error of the particles after a control period, by the body's size.
+
+    Each control period, with a random action, starts from the same state and is repeated with steps of
+    h/`FINER`: of second order, that reference is `FINER`² times finer.
+    """
+    env: Any = gym.make(env_id).unwrapped
+    step = env.episodes.simulator.step
+    fine: Any = gym.make(env_id, step=step / FINER).unwrapped
+    size = float(np.ptp(env.episodes.task.scene.body.positions, axis=0).max())
+    rng = np.random.default_rng(0)
+    errors = []
+    for seed in range(episodes):
+        env.reset(seed=seed)
+        fine.reset(seed=seed)
+        for _ in range(steps):
+            fine.set_state(env.get_state())
+            action = rng.uniform(-1, 1, env.action_space.shape)
+            env.step(action)
+            fine.step(action)
+            apart = env.episodes.particles[0] - fine.episodes.particles[0]
+            errors.append(np.linalg.norm(apart, axis=-1).max() / size)
+    return step, float(np.median(errors)), float(np.max(errors))

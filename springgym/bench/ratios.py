@@ -1,0 +1,97 @@
+"""The comparisons that matter, from what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from springgym.registration import ENVIRONMENTS
+
+
+def ratios(report: Mapping[str, Any]) -> dict[str, float]:
+    """Ratios by name, of those whose both sides are in the report."""
+    found = {}
+    for name, (section, above, below) in _wanted().items():
+        a, b = (speed(report, section, **which) for which in (above, below))
+        if a and b:
+            found[name] = a / b
+    return found | _equal_error(report) | _outside(report) | _linear(report)
+
+
+def speed(report: Mapping[str, Any], section: str, **which: Any) -> float | None:
+    """The median of the row that is ``which``, or None."""
+    for row in report.get(section, {}).get("rows", ()):
+        if all(row.get(name) == value for name, value in which.items()):
+            return float(row["median"])
+    return None
+
+
+def _wanted() -> dict[str, tuple[str, dict[str, Any], dict[str, Any]]]:
+    """By name: a section, and what is divided by what in it."""
+    wanted: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {}
+    for precision in ("float64", "float32"):
+        for copies in (1, 8, 16, 1024):
+            same: dict[str, Any] = {"precision": precision, "copies": copies}
+            own, other = ({"program": program} | same for program in ("springgym rk4", "C++"))
+            wanted[f"rk4 {precision}, {copies} copies: springgym / C++"] = ("peers", own, other)
+    for name, program, peer, copies in (
+        ("single rk4 / MuJoCo RK4, same springs and step", "springgym rk4", "MuJoCo RK4", 1),
+        ("batch verlet / MuJoCo Euler, same springs and step", "springgym verlet", "MuJoCo Euler", 1024),
+        ("batch rk4 / JAX", "springgym rk4", "JAX", 1024),
+    ):
+        above = {"program": program, "precision": "float64", "copies": copies}
+        wanted[name] = ("peers", above, {"program": peer})
+    for method in ("rk4", "verlet"):
+        for precision in ("float64", "float32"):
+            same = {"method": method, "precision": precision, "copies": 1024}
+            two, one = ({"threads": threads} | same for threads in (2, 1))
+            wanted[f"{method} {precision}, 1024 copies: 2 threads / 1"] = ("kernel", two, one)
+    for row in ENVIRONMENTS:
+        same = {"environment": row.id, "copies": 64}
+        own, other = {"how": "native", "threads": 1} | same, {"how": "SyncVectorEnv"} | same
+        wanted[f"{row.id}, 64 copies: native / SyncVectorEnv"] = ("environments", own, other)
+    own, other = ({"how": f"PPO collects, {how}"} for how in ("adapter", "DummyVecEnv"))
+    wanted["PPO collects, 64 copies: adapter / DummyVecEnv"] = ("environments", own, other)
+    return wanted
+
+
+def _equal_error(report: Mapping[str, Any]) -> dict[str, float]:
+    """The default against the fastest of MuJoCo's integrators."""
+    rows = report.get("equal-error", {}).get("rows", ())
+    others = [row["median"] for row in rows if row["program"].startswith("MuJoCo")]
+    return {
+        f"default {row['precision']}, {row['copies']} copies / MuJoCo's best, same springs and error": (
+            row["median"] / max(others)
+        )
+        for row in rows
+        if others and row["program"].startswith("springgym")
+    }
+
+
+def _outside(report: Mapping[str, Any]) -> dict[str, float]:
+    """What SpringTop-v0 spends outside of its compiled control period."""
+    found = {}
+    for copies, which in ((1, {"how": "single"}), (1024, {"how": "native", "copies": 1024, "threads": 1})):
+        whole = speed(report, "environments", environment="SpringTop-v0", **which)
+        alone = speed(report, "environments", how="compiled alone", copies=copies)
+        if whole and alone and copies == 1:
+            found["single env.step: µs outside of the control period"] = 1e6 / whole - 1e6 / alone
+        elif whole and alone:
+            found["native 1024: share of time outside of the control period"] = 1 - whole / alone
+    return found
+
+
+def _linear(report: Mapping[str, Any]) -> dict[str, float]:
+    """The largest ring, and number of copies, up to which a spring costs at most 1.25 times the least."""
+    rows = report.get("sizes", {}).get("rows", ())
+    found = {}
+    for axis, rest, name in (
+        ("ring", {"copies": 1}, "cost is linear up to a ring of, 1 copy"),
+        ("ring", {"copies": 64}, "cost is linear up to a ring of, 64 copies"),
+        ("copies", {"ring": 12}, "cost is linear up to copies, ring of 12"),
+    ):
+        line = sorted((row[axis], row["median"]) for row in rows if rest.items() <= row.items())
+        good = [size for size, rate in line if rate * 1.25 >= max(rate for _, rate in line)]
+        if good:
+            found[name] = float(good[-1])
+    return found

@@ -1,0 +1,71 @@
+"""A scene pays for what it has, and what it has at zero strength changes no bit of the motion.
+
+The features of `springgym bench`, each absent and then present with nothing to do.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.bench.sections import all_features
+from springgym.integrators import integrator
+from springgym.integrators.record import refusal
+from springgym.scene import Scene
+from springgym.simulator import PAPER_STEP, Simulator
+from springgym.surfaces import Dish
+
+FEATURES = all_features()
+PLAIN, STANDING = FEATURES["damping"].off, FEATURES["friction"].off
+FLOATING = FEATURES["plane out of reach"].off
+STEPS = 200
+
+ABSENT_AND_IDLE: dict[str, tuple[Scene, Scene, dict[str, Any], dict[str, Any]]] = {
+    "gravity": (FEATURES["gravity"].off, PLAIN.with_(gravity=(0.0, 0.0, 0.0)), {}, {}),
+    "damping": (PLAIN, PLAIN, {"varying": ("damping",)}, {"damping": 0.0 * PLAIN.body.damping}),
+    "wrench": (*FEATURES["wrench"][:2], {}, {}),
+    "thrust": (*FEATURES["thrust"][:2], {}, {}),
+    "drive": (*FEATURES["drive"][:2], {}, {}),
+    "ledger": (*FEATURES["ledger"], {}),
+    "plane": (*FEATURES["plane out of reach"][:2], {}, {}),
+    "dish": (FLOATING, FLOATING.with_(surfaces=(Dish((0.0, 0.0, 0.0), 10.0),)), {}, {}),
+    "friction": (STANDING, STANDING, {"varying": ("friction",)}, {"friction": 0.0}),
+    "restitution": (STANDING, STANDING, {"varying": ("restitution",)}, {"restitution": 1.0}),
+    "varying": (PLAIN, PLAIN, {"varying": ("masses", "stiffness", "lengths", "gravity")}, {}),
+}
+"""By name: the scene without it, with it, the simulator's options, and values to set to zero."""
+
+
+def moved(scene: Scene, method: str, values: dict[str, Any] | None = None, **options: Any) -> np.ndarray:
+    """Positions and velocities after `STEPS` steps."""
+    simulator = Simulator(
+        scene, **({"ledger": False, "integrator": method, "step": PAPER_STEP / 2} | options)
+    )
+    if values:
+        simulator.vary(np.arange(1), **{name: np.array([value]) for name, value in values.items()})
+    simulator.advance(STEPS)
+    return np.array([simulator.positions, simulator.velocities])
+
+
+CASES = [
+    pytest.param(name, method, marks=[pytest.mark.slow] if method != "verlet" else [])
+    for method in ("verlet", "rk4", "pefrl")
+    for name, (_, on, options, _) in ABSENT_AND_IDLE.items()
+    if refusal(integrator(method), on, options.get("varying", ())) is None
+]
+
+
+@pytest.mark.parametrize(("name", "method"), CASES)
+def test_idle_is_absent_to_the_bit(name: str, method: str) -> None:
+    off, on, options, values = ABSENT_AND_IDLE[name]
+    without, idle = moved(off, method), moved(on, method, values, **options)
+    np.testing.assert_array_equal(idle, without)
+    assert np.abs(without[0] - off.positions).max() > 0.01
+
+
+def test_bits_tell_features_apart() -> None:
+    """What the test above compares differs where a feature does something."""
+    without, present = moved(PLAIN, "verlet"), moved(FEATURES["damping"].on, "verlet")
+    assert not np.array_equal(present, without)
