@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from springgym.integrators.record import Integrator
-from springgym.measures import SIZE, Measures, Readout, view
+from springgym.measures import SIZE, Measures, view
 from springgym.scenes.plan import Plan
 from springgym.simulator import SimulationDivergedError, Simulator
 
@@ -48,12 +48,13 @@ def record(
     Parameters
     ----------
     plan
-        What to simulate. Its interval becomes a whole number of steps if its step is given, and the other
-        way round if not.
+        What to simulate. Its interval, at the most the duration, becomes a whole number of steps if its step
+        is given, and the other way round if not.
     dynamics
         "springs", or "rigid" for the rigid twin, whose method and step are its own.
     progress
-        What to wrap the count of states in, to show it. Ctrl-C ends the simulation and keeps what is there.
+        What to wrap the count of states in, to show it. Ctrl-C ends the simulation and keeps what is there,
+        from two states on.
 
     Raises
     ------
@@ -62,6 +63,7 @@ def record(
     ValueError
         If the integrator or the step does not fit the scene.
     """
+    plan = replace(plan, interval=min(plan.interval, plan.duration))
     simulator = _simulator(plan, dynamics)
     steps = max(1, round(plan.interval / simulator.step))
     count = 1 + max(1, round(plan.duration / (steps * simulator.step)))
@@ -73,13 +75,14 @@ def record(
         for n in progress(range(count)):
             if n > 0:
                 simulator.advance(steps, check=not plan.scene.body.floppy)  # a cord may double its length
-            now = slice(n, n + 1)
-            simulator.read(Readout(rows[now], positions[now], velocities[now]))
+            simulator.read()
+            for array, values in zip((rows, positions, velocities), simulator.readout, strict=True):
+                array[n] = values[0]
             if not np.isfinite(velocities[n]).all():
                 raise SimulationDivergedError(f"{plan.name} diverged before t = {simulator.time[0]:g} s")
             done = n + 1
     except KeyboardInterrupt:
-        if done == 0:
+        if done < 2:
             raise
     return Recording(
         plan=plan,

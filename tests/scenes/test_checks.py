@@ -11,6 +11,7 @@ from springgym.scenes import load, names
 from springgym.scenes.checks import CHECKS
 from springgym.scenes.checks.basis import crossings, peaks, period, spread
 from springgym.scenes.recording import record
+from springgym.simulate import table
 from tests.scenes.conftest import marked, recorded
 
 
@@ -149,6 +150,17 @@ def test_every_check_has_its_broken_twin():
 @pytest.mark.parametrize("name", marked(sorted(set(names()) - {"block-holds"})))  # which has none to speak of
 def test_energy_that_appears_is_noticed(name):
     assert not results(heated(recorded(name)), "energy")["change of energy"].passed
+
+
+@pytest.mark.parametrize("name", marked(names()))
+def test_run_too_short_to_see_anything_raises_nothing(name):
+    plan = load(name)
+    for duration in (plan.interval / 4, 4 * plan.interval):
+        recording = record(replace(plan, duration=duration))
+        found = [result for check in plan.checks for result in CHECKS[check](recording)]
+        assert table(found).count("\n") == len(found)
+        if {"nutation", "bounces", "pendulum"} & set(plan.checks):  # of which nothing happened
+            assert not all(result.passed for result in found)
 
 
 def test_block_that_creeps_is_noticed():

@@ -49,10 +49,17 @@ def test_interrupted_keeps_what_was_computed():
     assert recording.positions[3].tolist() == record(PLAN).positions[3].tolist()
 
 
-def test_interrupted_at_once_is_an_interrupt():
+def test_interval_is_at_most_the_duration():
+    recording = record(replace(PLAN, interval=1.0, duration=0.1))
+    assert len(recording.times) == 2
+    assert recording.times[-1] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("states", [0, 1])
+def test_interrupted_at_once_is_an_interrupt(states):
     def interrupted(items):
+        yield from range(states)
         raise KeyboardInterrupt
-        yield
 
     with pytest.raises(KeyboardInterrupt):
         record(PLAN, progress=interrupted)

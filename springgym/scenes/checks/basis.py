@@ -57,7 +57,7 @@ def turning_rate(recording: Recording) -> float:
 
 
 def crossings(times: np.ndarray, values: np.ndarray, rising: bool | None = None) -> np.ndarray:
-    """Times at which samples pass through zero, by cubics through four of them.
+    """Times at which samples pass through zero, by cubics through four of them; none if there are fewer.
 
     Parameters
     ----------
@@ -66,6 +66,8 @@ def crossings(times: np.ndarray, values: np.ndarray, rising: bool | None = None)
     rising
         Only upwards, or only downwards; both if None.
     """
+    if len(times) < 4:
+        return np.zeros(0)
     up, down = (values[:-1] < 0) & (values[1:] >= 0), (values[:-1] > 0) & (values[1:] <= 0)
     wanted = up | down if rising is None else up if rising else down
     found = []

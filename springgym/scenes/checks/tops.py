@@ -55,7 +55,7 @@ def nutation(recording: Recording) -> list[Check]:
     tilt, azimuth = angles(recording)
     times, lowest = peaks(recording.times, tilt)
     _, highest = peaks(recording.times, -tilt)
-    around = np.interp(times, recording.times, azimuth)
+    around = np.interp(times[[0, -1]], recording.times, azimuth) if len(times) > 1 else np.full(2, math.nan)
 
     def turning(n: int) -> Callable[[HeavyTop], float]:
         return lambda top: math.acos(min(1.0, theory.turning_points(top, state)[n]))
@@ -74,8 +74,7 @@ def nutation(recording: Recording) -> list[Check]:
         low._replace(tolerance=low.tolerance + between),
         high._replace(tolerance=high.tolerance + between),
         _compared("nutation period", duration, top, passed / max(len(times) - 1, 1), by, "s"),
-        _compared("mean precession", precession, top, float(np.ptp(around[[0, -1]])) / passed
-                  * np.sign(around[-1] - around[0]), by, "rad/s"),
+        _compared("mean precession", precession, top, float(around[1] - around[0]) / passed, by, "rad/s"),
     ]  # fmt: skip
 
 
