@@ -138,14 +138,18 @@ def inertia(x: Any, mass: Any, about: Any) -> Any:
 
 @compiled
 def solve_symmetric(tensor: Any, b: Any) -> Any:
-    """Solution of A u = b for a symmetric 3×3 matrix (xx, yy, zz, xy, xz, yz), by cofactors.
+    """Solution of A u = b for the inertia A (xx, yy, zz, xy, xz, yz) of particles, by cofactors.
 
-    Zero where the matrix is singular, as the inertia of a straight rope is.
+    Of particles on a line n, A = λ (1 − n nᵀ) is singular: the smallest solution, b/λ without its part along
+    n; in a point, zero.
     """
     xx, yy, zz, xy, xz, yz = tensor
     first = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
     second = (first[1], xx * zz - xz * xz, xy * xz - xx * yz)
     third = (first[2], second[2], xx * yy - xy * xy)
     determinant = dot((xx, xy, xz), first)
-    inverse = select(determinant > 0.0, 1.0 / determinant, 0.0)
-    return times(inverse, (dot(first, b), dot(second, b), dot(third, b)))
+    u = (dot(first, b), dot(second, b), dot(third, b))  # on a line λ² n nᵀ b
+    size = 0.5 * (xx + yy + zz)
+    straight = minus(b, times(1.0 / (first[0] + second[1] + third[2] + TINY), u))
+    flat = determinant <= 1e-13 * size * size * size  # round-off, or less
+    return choose(flat, times(1.0 / (size + TINY), straight), times(1.0 / determinant, u))

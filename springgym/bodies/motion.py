@@ -117,7 +117,10 @@ def start(
     if hanging:
         if not pinned:
             raise ValueError(f"body {body.name!r} is not pinned: it cannot hang")
-        place = _aligning(body.centre - body.positions[pinned[0]], np.array([0.0, 0.0, -1.0]))
+        arm = body.centre - body.positions[pinned[0]]
+        if not np.linalg.norm(arm) > 1e-9 * np.ptp(body.positions, axis=0).max():
+            raise ValueError(f"body {body.name!r} is pinned at its centre of mass: it hangs in no one way")
+        place = _aligning(arm, np.array([0.0, 0.0, -1.0]))
     elif tilt is not None:
         place = _rotating((0, 0, azimuth)) @ _rotating((0, tilt, 0)) @ _rotating((0, 0, roll)) @ own.T
     else:

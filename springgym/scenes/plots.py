@@ -308,7 +308,8 @@ def rotation(recording: Recording, figure: Figure) -> None:
     """Angular velocity in the body's axes, beside the rigid twin's; a particle's path; the energies."""
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.4))
     _space(recording, figure, grid[:, 0], _path(recording))
-    turning = _panel(figure, grid[0, 1], "angular velocity in the body's axes", "t [s]", "[rad/s]")
+    where = "the world's" if _straight(recording) else "the body's"
+    turning = _panel(figure, grid[0, 1], f"angular velocity in {where} axes", "t [s]", "[rad/s]")
     twin = rigid_twin(recording)
     for n, (name, color) in enumerate({"ω₁": BLUE, "ω₂": ORANGE, "ω₃": GREEN}.items()):
         turning.plot(recording.times, _turning(recording)[:, n], color=color, label=name)
@@ -321,9 +322,16 @@ def rotation(recording: Recording, figure: Figure) -> None:
     _energies(recording, _panel(figure, grid[1, 1], "energy", "t [s]", "[J]"))
 
 
+def _straight(recording: Recording) -> bool:
+    """Whether the particles of the body's triad lie on a line, so that it has a third axis alone."""
+    return bool((np.linalg.norm(recording.measures.side, axis=1) < 0.5).any())
+
+
 def _turning(recording: Recording) -> np.ndarray:
-    """Angular velocity along the body's triad, (T, 3)."""
+    """Angular velocity along the body's triad, (T, 3); along the world's if the body's is a line."""
     m = recording.measures
+    if _straight(recording):
+        return m.angular_velocity
     triad = np.stack([m.side, np.cross(m.axis, m.side), m.axis], axis=1)
     return np.einsum("tki,ti->tk", triad, m.angular_velocity)
 

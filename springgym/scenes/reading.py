@@ -50,7 +50,7 @@ def load(scene: str) -> Plan:
     path = Path(scene)
     if path.suffix in (".yaml", ".yml") or path.is_file():
         return read(path)
-    raise ValueError(f"no file is called {scene}, and there is no scene {scene!r}{suggestion(scene, names())}")
+    raise ValueError(f"no such file, and there is no scene {scene!r}{suggestion(scene, names())}")
 
 
 def _folder() -> Any:

@@ -110,6 +110,15 @@ def test_hanging_puts_the_centre_below_the_pin(body, pin):
         start(body, hanging=True)
 
 
+def test_body_pinned_at_its_centre_cannot_hang():
+    three = Body(
+        "three", np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0]]), 1.0, [(0, 1), (0, 2)], 1e3, 0.0, floppy=True
+    )
+    for body in (three, Body("one", np.zeros((1, 3)), 1.0, np.zeros((0, 2), int), 1e3, 0.0)):
+        with pytest.raises(ValueError, match="pinned at its centre of mass: it hangs in no one way"):
+            start(body, pinned=(0,), hanging=True)
+
+
 def test_rope_to_the_side_carries_the_weight_along_itself():
     body = rope()
     x, _ = start(body, pinned=(0,), hanging=True, turn=(0, np.pi / 3, 0), gravity=G)

@@ -12,7 +12,7 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from springgym import cli, simulate
 from springgym.cli import main
 from springgym.scenes import load, names
-from springgym.scenes.checks import Check
+from springgym.scenes.checks import CHECKS, Check
 from springgym.scenes.film import camera, frames, look, scenery
 from springgym.scenes.plots import draw
 from springgym.scenes.recording import record
@@ -253,6 +253,14 @@ def test_plot_of_a_block_that_holds_shows_no_speed():
     (speed,) = panel(figure, "its speed").get_lines()
     assert speed.get_ydata()[-1] < 1e-9
     assert panel(figure, "from above").collections  # its outline, though it goes nowhere
+
+
+@pytest.mark.slow
+def test_plot_of_a_line_shows_it_turn_as_theory_says():
+    recording = recorded("spun-pair")
+    lines = panel(draw(recording), "angular velocity in the world's axes").get_lines()
+    expected = CHECKS["spun_length"](recording)[1].theory
+    assert [float(line.get_ydata()[-1]) for line in lines] == pytest.approx([0, 0, expected], abs=1e-3)
 
 
 def test_bodies_in_space_are_not_cut_off():
