@@ -1,4 +1,4 @@
-"""Watch an agent: in a window, or as a GIF or MP4.
+"""Watch an agent: in a window, until it is closed or Ctrl-C is pressed, or as a GIF or MP4.
 
     python agents/watch.py runs/SpringTop-v0-ppo-0
     python agents/watch.py classical --env SpringTop-v0 --out top.gif --set action=impulse
@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,16 +39,28 @@ def make_watched(
     return env, make_controller(agent, env_id, env_kwargs, env.action_space)
 
 
-def play_episode(env: gym.Env, policy: Policy, seed: int) -> list[Any]:
-    """Play one episode; return what ``render`` gave at its start and after every step."""
+def play_episode(env: gym.Env, policy: Policy, seed: int) -> Iterator[Any]:
+    """Play one episode: a picture of its start and one of every step, or None where a window shows it."""
     observation, _ = env.reset(seed=seed)
-    frames = [env.render()]
     over = False
-    while not over:
+    while True:
+        yield (
+            None if env.render_mode == "human" else env.render()
+        )  # a window draws each step, and waits for it
+        if over:
+            return
         observation, _, terminated, truncated, _ = env.step(policy(observation[None])[0])
-        frames.append(env.render())
         over = terminated or truncated
-    return frames
+
+
+def show(env: gym.Env, policy: Policy, seed: int) -> None:
+    """Play episodes in a window, one after the other, until its close button is pressed."""
+    import pygame
+
+    for episode in itertools.count(seed):
+        for _ in play_episode(env, policy, episode):
+            if pygame.event.peek(pygame.QUIT):
+                return
 
 
 def record(
@@ -59,7 +71,7 @@ def record(
 
     env, policy = make_watched(agent, env_id, env_kwargs, "rgb_array")
     try:
-        frames = play_episode(env, policy, seed)
+        frames = list(play_episode(env, policy, seed))
     finally:
         env.close()
     fps = env.metadata["render_fps"]
@@ -98,8 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"watch.py: {error}", file=sys.stderr)
         return 2
     try:
-        for seed in itertools.count(options.seed):
-            play_episode(env, policy, seed)
+        show(env, policy, options.seed)
     except KeyboardInterrupt:
         pass
     finally:

@@ -21,7 +21,7 @@ def test_gif(right, tmp_path, capsys):
     assert watch.main([*arguments, "--set", "push=0.3"]) == 0
     assert f"wrote {path}" in capsys.readouterr().out
     env = gym.make("Toy-v0", render_mode="rgb_array", push=0.3)
-    frames = watch.play_episode(env, lambda o: np.ones((1, 1), np.float32), 5)
+    frames = list(watch.play_episode(env, lambda o: np.ones((1, 1), np.float32), 5))
     with Image.open(path) as film:
         assert film.n_frames == len(frames) < toy_env.LIMIT
         film.seek(film.n_frames - 1)
@@ -36,7 +36,7 @@ def test_gif_drops_frames_above_25_a_second(right, tmp_path, monkeypatch):
     path = tmp_path / "toy.gif"
     watch.record("classical", "Toy-v0", {"push": 0.3}, path, seed=5)
     env = gym.make("Toy-v0", render_mode="rgb_array", push=0.3)
-    frames = watch.play_episode(env, lambda o: np.ones((1, 1), np.float32), 5)
+    frames = list(watch.play_episode(env, lambda o: np.ones((1, 1), np.float32), 5))
     with Image.open(path) as film:
         assert film.n_frames == -(-len(frames) // 2)
         assert film.info["duration"] == 40
@@ -46,6 +46,27 @@ def test_mp4(right, tmp_path):
     path = tmp_path / "toy.mp4"
     watch.record("classical", "Toy-v0", {}, path)
     assert b"ftyp" in path.read_bytes()[:16]
+
+
+def test_window_is_drawn_once_a_step_until_it_is_closed(monkeypatch):
+    pygame = pytest.importorskip("pygame")
+    drawn, acted = [], []
+
+    class Clock:
+        def tick(self, fps):
+            drawn.append(fps)
+            if len(drawn) == 30:
+                pygame.event.post(pygame.event.Event(pygame.QUIT))
+
+    def counted(*arguments):
+        zero = controllers.make_controller(*arguments)
+        return lambda observations: acted.append(1) or zero(observations)
+
+    monkeypatch.setattr(pygame.time, "Clock", Clock)
+    monkeypatch.setattr(watch, "make_controller", counted)
+    assert watch.main(["zero", "--env", "SpringTop-v0"]) == 0
+    assert len(drawn) == 30 == len(acted) + 1
+    assert not pygame.display.get_init()
 
 
 def test_agent_must_be_known(capsys):
