@@ -7,7 +7,7 @@ It maps a batch ``(n, d)`` to actions ``(n, a)`` in [-1, 1].
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from gymnasium import spaces
 from runs import HELD_OUT_SEED, Policy
 
 from springgym.bodies.motion import axes
-from springgym.envs import detumble
+from springgym.envs import detumble, tumble
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -34,10 +34,10 @@ def top_moment(observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return moment, 3.0 * (50.0 - spin)
 
 
-def top_torque(observations: np.ndarray) -> np.ndarray:
-    """SpringTop with world torques x, y and an axis torque, each up to 15 N·m."""
+def top_torque(observations: np.ndarray, limit: float = 15.0) -> np.ndarray:
+    """SpringTop with world torques x, y and an axis torque, each up to ``limit`` [N·m]."""
     moment, about_axis = top_moment(observations)
-    return _saturated(np.column_stack([moment[:, :2], about_axis]), 15.0)
+    return _saturated(np.column_stack([moment[:, :2], about_axis]), limit)
 
 
 def top_impulse(observations: np.ndarray) -> np.ndarray:
@@ -75,8 +75,8 @@ def gyroscope_impulse(observations: np.ndarray) -> np.ndarray:
     return _saturated(0.02 * np.cross(gyroscope_moment(observations), axis) / 0.5, 0.8)
 
 
-def pendulum_torque(observations: np.ndarray) -> np.ndarray:
-    """SpringPendulum: pump energy until it is enough to stand upside down, then hold.
+def pendulum_moment(observations: np.ndarray) -> np.ndarray:
+    """Moment (n, 3) in N·m that pumps energy into the cube until it can stand upside down, then holds it.
 
     Far from the top, 4 N·m along or against ω⊥, as the energy ½ I₁ω² + Mgl n·z, with I₁ = 1.25 kg·m²
     and Mgl = 8.5 N·m, is less or more than Mgl (Åström & Furuta 2000,
@@ -93,7 +93,18 @@ def pendulum_torque(observations: np.ndarray) -> np.ndarray:
     short = lift - (0.5 * 1.25 * speed**2 + lift * axis[:, 2:])
     pump = 4.0 * np.clip(2.0 * short, -1.0, 1.0) * moving - 2.0 * across[:, 2:] * UP
     hold = 30.0 * np.cross(axis, UP) - 8.0 * across
-    return _saturated(np.where(axis[:, 2:] > np.cos(0.6), hold, pump), 4.25)
+    return np.where(axis[:, 2:] > np.cos(0.6), hold, pump)
+
+
+def pendulum_torque(observations: np.ndarray) -> np.ndarray:
+    """SpringPendulum with world torques up to 4.25 N·m."""
+    return _saturated(pendulum_moment(observations), 4.25)
+
+
+def pendulum_impulse(observations: np.ndarray) -> np.ndarray:
+    """SpringPendulum with an impulse on the far corner, √3 m from the pin, up to 0.1 N·s a component."""
+    axis = np.asarray(observations, dtype=np.float64)[:, :3]
+    return _saturated(0.04 * np.cross(pendulum_moment(observations), axis) / np.sqrt(3.0), 0.1)
 
 
 def detumble_torque(observations: np.ndarray) -> np.ndarray:
@@ -185,8 +196,11 @@ def free_top_push(observations: np.ndarray) -> np.ndarray:
     return np.column_stack([_saturated(push, 40.0), _saturated(-4.0 * 4.0 * observations[:, 6:7], 8.0)])
 
 
-def tumble_wrench(observations: np.ndarray) -> np.ndarray:
-    """SpringTumble: turn the face down and push to the target, half lifted while on the way."""
+def tumble_push(observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Force [N] and torque [N·m], (n, 3) each, that turn the face down and the body to the target.
+
+    It is half lifted while on the way.
+    """
     observations = np.asarray(observations, dtype=np.float64)
     offset, velocity = observations[:, :3].copy(), observations[:, 3:6]
     normal, omega = observations[:, 6:9], 4.0 * observations[:, 9:12]
@@ -202,7 +216,44 @@ def tumble_wrench(observations: np.ndarray) -> np.ndarray:
     force[:, 2] = 0.0
     way = np.clip((error - 0.05) / 0.05, 0.0, 1.0)
     force += way * 20.0 * -offset / np.maximum(error, 1e-9) + way * 35.0 * UP
-    return np.column_stack([_saturated(force, 35.0), _saturated(torque, 9.0)])
+    return force, torque
+
+
+def tumble_wrench(observations: np.ndarray, force: float = 35.0, torque: float = 9.0) -> np.ndarray:
+    """SpringTumble with a force and a torque up to these [N], [N·m]."""
+    push, twist = tumble_push(observations)
+    return np.column_stack([_saturated(push, force), _saturated(twist, torque)])
+
+
+def tumble_impulses(observations: np.ndarray, force: float = 35.0, torque: float = 9.0) -> np.ndarray:
+    """SpringTumble with impulses on its corners: the smallest forces f_i of Σ f_i = F and Σ r_i×f_i = τ.
+
+    F and τ go up to ``force`` [N] and ``torque`` [N·m], each component of f_i to a quarter of the force;
+    what one corner cannot give is asked of the others.
+    """
+    push, twist = (
+        np.clip(values, -limit, limit)
+        for values, limit in zip(tumble_push(observations), (force, torque), strict=True)
+    )
+    first, third = np.asarray(observations, dtype=np.float64)[:, 12:].reshape(-1, 2, 3).swapaxes(0, 1)
+    triad = np.stack([first, np.cross(third, first), third], axis=1)
+    arms = _corner_arms() @ triad
+    moments = np.cross(arms[:, :, None], np.eye(3)).swapaxes(2, 3)  # of the unit forces, (n, corners, 3, 3)
+    shares = np.concatenate([np.broadcast_to(np.eye(3), moments.shape), moments], axis=2)
+    shares = shares.swapaxes(1, 2).reshape(len(arms), 6, -1)
+    inverse, wanted = np.linalg.pinv(shares), np.column_stack([push, twist])[:, :, None]
+    forces = inverse @ wanted
+    for _ in range(4):
+        forces = np.clip(forces, -force / 4, force / 4)
+        forces += inverse @ (wanted - shares @ forces)
+    return _saturated(forces[:, :, 0], force / 4)
+
+
+@cache
+def _corner_arms() -> np.ndarray:
+    """Corners of the tumbling body from its centre of mass, in its axes: (corners, 3) [m]."""
+    body = tumble.SpringTumble().body
+    return (body.positions[:4] - body.centre) @ axes(body.positions, body.frame)
 
 
 def _dot(u: np.ndarray, w: np.ndarray) -> np.ndarray:
@@ -225,11 +276,20 @@ def _saturated(values: np.ndarray, limit: float) -> np.ndarray:
 CLASSICAL: dict[str, dict[str, Policy]] = {
     "SpringTop-v0": {"torque": top_torque, "impulse": top_impulse},
     "SpringGyroscope-v0": {"torque": gyroscope_torque, "impulse": gyroscope_impulse},
-    "SpringPendulum-v0": {"torque": pendulum_torque},
+    "SpringPendulum-v0": {"torque": pendulum_torque, "impulse": pendulum_impulse},
     "SpringDetumble-v0": {"torque": detumble_torque, "thrusters": detumble_thrusters},
     "SpringRope-v0": {"trolley": rope_trolley},
-    "SpringTumble-v0": {"wrench": tumble_wrench},
+    "SpringTumble-v0": {"wrench": tumble_wrench, "impulses": tumble_impulses},
     "SpringFreeTop-v0": {"push": free_top_push},
+}
+
+#: The same where ``hard=True`` weakens the actuators.
+HARD: dict[str, dict[str, Policy]] = {
+    "SpringTop-v0": {"torque": partial(top_torque, limit=10.0)},
+    "SpringTumble-v0": {
+        "wrench": partial(tumble_wrench, force=28.0, torque=7.5),
+        "impulses": partial(tumble_impulses, force=28.0, torque=7.5),
+    },
 }
 
 
@@ -243,7 +303,7 @@ def make_controller(
     name
         ``"zero"``, ``"random"`` or ``"classical"``.
     env_id, env_kwargs
-        The environment and its keyword arguments, of which ``action`` chooses the controller.
+        The environment and its keyword arguments, of which ``action`` and ``hard`` choose the controller.
     action_space
         Of one copy.
 
@@ -271,6 +331,8 @@ def make_controller(
             f"no classical controller for {env_id} with action={action!r}; "
             f"there is one for: {', '.join(known)}"
         )
+    if env_kwargs.get("hard"):
+        return HARD.get(env_id, {}).get(action, by_action[action])
     return by_action[action]
 
 

@@ -16,10 +16,12 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.rewards import gaussian, spinning, thrift
 from springgym.envs.task import Particles, Start, Task, chosen, number
 from springgym.measures import Measures
-from springgym.rendering import Camera, Look, Marks, Scenery, two_tone
-from springgym.scene import Scene, WrenchActuator
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 4.25  # [N·m], half of the weight's largest moment
+IMPULSE = 0.1  # largest component a control period [N·s]: 4.3 N·m at the arm of the far corner
+FAR = 6  # the corner opposite to the pin
 TOO_FAST = 8.0  # angular velocity that ends an episode [rad/s]
 
 
@@ -54,7 +56,7 @@ def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) 
 class SpringPendulum(Task):
     """The MDP of `SpringPendulumEnv`, where it is described."""
 
-    actions: ClassVar = {"torque": 3}
+    actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("raised", "held")
     metrics = ("tilt", "speed", "spin")
     frame_size = 7
@@ -78,7 +80,14 @@ class SpringPendulum(Task):
     @cached_property
     def scene(self) -> Scene:
         hanging = start(self.body, tilt=math.pi, omega=(TOO_FAST, 0.0, 0.0), pinned=(0,))
-        return Scene(self.body, *hanging, pinned=(0,), wrench=WrenchActuator(axial=False))
+        impulse = self.action == "impulse"
+        return Scene(
+            self.body,
+            *hanging,
+            pinned=(0,),
+            wrench=None if impulse else WrenchActuator(axial=False),
+            thrust=ThrustActuator((FAR,)) if impulse else None,
+        )
 
     @cached_property
     def particles(self) -> Particles:
@@ -99,6 +108,8 @@ class SpringPendulum(Task):
         return Start(factors["scale"] * placed, np.zeros_like(placed))
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        if self.action == "impulse":
+            return {"thrust": action[:, None] * (IMPULSE / self.period)}
         return {"torque": TORQUE * action}
 
     def look(self) -> Look:
@@ -106,7 +117,7 @@ class SpringPendulum(Task):
             triangles=self.body.triangles,
             triangle_colors=two_tone(len(self.body.triangles), blocks=len(self.body.triangles) // 2),
             springs=self.body.springs,
-            trace=6,
+            trace=FAR,
         )
 
     def camera(self) -> Camera:
@@ -120,7 +131,11 @@ class SpringPendulum(Task):
         tilt = math.degrees(math.acos(np.clip(m.axis[2], -1, 1)))
         speed = float(np.linalg.norm(m.angular_velocity))
         top = (0.0, 0.0, float(self.body.lengths.max()))
-        return Marks(balls=[(top, 0.04)], text=(f"tilt {tilt:5.1f}°", f"turning {speed:4.1f} rad/s"))
+        return Marks(
+            balls=[(top, 0.04)],
+            arrows=[Arrow(x[FAR], 0.4 * action)] if self.action == "impulse" else [],
+            text=(f"tilt {tilt:5.1f}°", f"turning {speed:4.1f} rad/s"),
+        )
 
 
 class SpringPendulumEnv(SpringEnv):
@@ -130,9 +145,15 @@ class SpringPendulumEnv(SpringEnv):
     would lift it. The cube is the one of McDonald's paper: 8 particles, every pair joined by a spring.
 
     ## Action Space
-    `Box(-1, 1, (3,), float32)`, held for a control period of 40 ms: torque about the world's x, y, z, at ±1
-    ±4.25 N·m, half of the weight's largest moment. Its part along the diagonal through the pin is removed,
-    so that the cube cannot be spun up into a sleeping top. Actions outside of ±1 are clipped.
+    `Box(-1, 1, (3,), float32)`, held for a control period of 40 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"torque"` | 0–2 | torque about the world's x, y, z, its part along the diagonal removed | ±4.25 N·m |
+    | `"impulse"` | 0–2 | impulse on the far corner along x, y, z, spread evenly over the period | ±0.1 N·s |
+
+    The diagonal is that through the pin and the far corner: neither mode can spin the cube about it, up
+    into a sleeping top. The weight's largest moment is 8.5 N·m. Actions outside of ±1 are clipped.
 
     ## Observation Space
     `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
@@ -151,8 +172,7 @@ class SpringPendulumEnv(SpringEnv):
     R = ((1 + n_z)/2)² E / 4: from 0 to 1. Its terms are `reward_raised` and `reward_held` in `info`.
 
     ## Starting State
-    At rest, turned at random about the vertical and the diagonal, within U(0, 0.3) rad of hanging. With
-    `start="mixed"`, half of the episodes start at any tilt U(0, π) instead: the easier way to learn.
+    At rest, turned at random about the vertical and the diagonal, U(0, 0.3) rad from hanging.
     `reset(options={"tilt": …})` sets the tilt from the upright.
 
     ## Episode End
@@ -164,7 +184,9 @@ class SpringPendulumEnv(SpringEnv):
     `tilt` θ [rad], `speed` |ω| and `spin` ω₃ [rad/s], `energy` and `energy_drift` [J], `strain`.
 
     ## Arguments
-    - `observation`, `start`: above.
+    - `observation`, `action`: above.
+    - `start="mixed"`: half of the episodes start at any tilt U(0, π), the others near hanging: the easier
+      way to learn.
     - `body`: arguments of `springgym.bodies.cube`.
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `render_mode`: see `springgym.envs.base.SpringEnv`.

@@ -18,7 +18,7 @@ from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.task import Particles, Start, Task, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
-from springgym.scene import Scene, WrenchActuator
+from springgym.scene import Scene, ThrustActuator, WrenchActuator
 from springgym.surfaces import Contact, floor
 
 CORNERS = ((0.26, 0.0, -0.09), (-0.14, 0.24, -0.08), (-0.12, -0.23, -0.10), (0.03, 0.02, 0.27))  # [m]
@@ -79,6 +79,8 @@ def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) 
             observation[c, 3 + axis] = m.centre_velocity[c, axis]
             observation[c, 6 + axis] = normal[axis]
             observation[c, 9 + axis] = m.angular_velocity[c, axis] / 4
+            observation[c, 12 + axis] = m.side[c, axis]
+            observation[c, 15 + axis] = m.axis[c, axis]
 
 
 def any_rotation(rng: Generator) -> np.ndarray:
@@ -91,10 +93,10 @@ def any_rotation(rng: Generator) -> np.ndarray:
 class SpringTumble(Task):
     """The MDP of `SpringTumbleEnv`, where it is described."""
 
-    actions: ClassVar = {"wrench": 6}
+    actions: ClassVar = {"wrench": 6, "impulses": 3 * len(CORNERS)}
     terms = ("near", "placed", "still")
     metrics = ("error", "angle", "speed")
-    frame_size = 12
+    frame_size = 18
     goal_size = 4
     finest = 5e-4
     hold = 25
@@ -120,7 +122,8 @@ class SpringTumble(Task):
         return Scene(
             self.body,
             self._shape + np.array([0.0, 0.0, 0.7]),
-            wrench=WrenchActuator(),
+            wrench=WrenchActuator() if self.action == "wrench" else None,
+            thrust=ThrustActuator(tuple(range(len(CORNERS)))) if self.action == "impulses" else None,
             surfaces=(floor(),),
             contact=self.contact,
         )
@@ -146,6 +149,8 @@ class SpringTumble(Task):
         return Start(arm + np.array([0.0, 0.0, height]), velocities, goal)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        if self.action == "impulses":
+            return {"thrust": self.force / len(CORNERS) * action.reshape(-1, len(CORNERS), 3)}
         return {"force": self.force * action[:, :3], "torque": self.torque * action[:, 3:]}
 
     def look(self) -> Look:
@@ -167,10 +172,13 @@ class SpringTumble(Task):
         corner = int(goal[3])
         error = math.hypot(m.centre[0] - goal[0], m.centre[1] - goal[1])
         place = (float(goal[0]), float(goal[1]), 0.0)
+        arrows = [Arrow(m.centre, 0.4 * action[:3])]
+        if self.action == "impulses":
+            arrows = [Arrow(x[n], 0.2 * push) for n, push in enumerate(action.reshape(-1, 3))]
         return Marks(
             rings=[(place, 0.1), (place, 0.3)],
             balls=[(x[corner], 0.05)],
-            arrows=[Arrow(m.centre, 0.4 * action[:3])],
+            arrows=arrows,
             text=(f"off target {error:4.2f} m", "marked corner up"),
         )
 
@@ -184,12 +192,13 @@ class SpringTumbleEnv(SpringEnv):
     pair joined by a spring.
 
     ## Action Space
-    `Box(-1, 1, (6,), float32)`, held for a control period of 20 ms, world axes.
+    `Box(-1, 1, (k,), float32)`, held for a control period of 20 ms, world axes.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
     | `"wrench"` | 0–2 | force, shared by all particles by their mass | ±35 N |
     | | 3–5 | torque about the centre of mass | ±9 N·m |
+    | `"impulses"` | 0–11 | impulses on corners 0–3 along x, y, z, spread over the period | ±0.175 N·s |
 
     The weight is 69 N. Actions outside of ±1 are clipped.
 
@@ -205,6 +214,8 @@ class SpringTumbleEnv(SpringEnv):
     | | 3–5 | its velocity | 1 m/s |
     | | 6–8 | outward normal of the face that is to lie down | 1 |
     | | 9–11 | angular velocity | 4 rad/s |
+    | | 12–14 | first axis of the body, across the third towards corner 1 | 1 |
+    | | 15–17 | third axis of the body, from the centre particle to corner 0 | 1 |
 
     ## Rewards
     With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the horizontal distance
@@ -230,9 +241,10 @@ class SpringTumbleEnv(SpringEnv):
     `energy_drift` [J], `strain`.
 
     ## Arguments
-    - `observation`: above.
-    - `friction` (0.6) of the floor.
-    - `hard=True`: forces up to 28 N and torques up to 7.5 N·m, the target U(0.5, 2) m away.
+    - `observation`, `action`: above.
+    - `friction` (0.6): of the floor.
+    - `hard=True`: forces up to 28 N, torques up to 7.5 N·m and impulses up to 0.14 N·s, the target
+      U(0.5, 2) m away.
     - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `render_mode`: see `springgym.envs.base.SpringEnv`.
 

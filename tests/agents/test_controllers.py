@@ -1,11 +1,15 @@
 """The classical controllers: their laws, and that they do the task."""
 
+import inspect
+
 import config
 import controllers
 import evaluate
 import gymnasium as gym
 import numpy as np
 import pytest
+
+from tests.envs.cases import IDS, task_type
 
 
 def frame(tilt, azimuth=0.7, across=(0.0, 0.0, 0.0), spin=50.0):
@@ -55,6 +59,56 @@ def test_erects_the_top(action):
     assert classical.success_rate == 1.0
     assert zero.success_rate == 0.0
     assert classical.return_per_step > 0.75 > 0.2 > zero.return_per_step
+
+
+HARD = [
+    (env_id, action)
+    for env_id in IDS
+    if "hard" in inspect.signature(task_type(env_id)).parameters
+    for action in task_type(env_id).actions
+]
+
+
+@pytest.mark.parametrize(("env_id", "action"), HARD)
+def test_weaker_actuators_are_asked_for_the_same(env_id, action):
+    """Where nothing saturates, what the actuators do is the same with ``hard=True``."""
+    tasks, controller = [], []
+    for hard in (False, True):
+        kwargs = {"action": action, "hard": hard}
+        env = gym.make(env_id, observation="frame", **kwargs)
+        tasks.append(env.unwrapped.episodes.task)
+        controller.append(controllers.make_controller("classical", env_id, kwargs, env.action_space))
+    compared = 0
+    env = gym.make(env_id, observation="frame", action=action)
+    seen, _ = env.reset(seed=0)
+    ended = False
+    while not ended:
+        actions = [act(seen[None]) for act in controller]
+        if max(np.abs(action).max() for action in actions) < 0.7:  # the weaker is at 2/3 of the other
+            done = [task.actuate(action.astype(float)) for task, action in zip(tasks, actions, strict=True)]
+            for name, value in done[0].items():
+                np.testing.assert_allclose(done[1][name], value, rtol=1e-5, atol=1e-6)
+            compared += int(np.abs(actions[0]).max() > 1e-3)
+        seen, _, terminated, truncated, _ = env.step(actions[0][0])
+        ended = terminated or truncated
+    assert compared > 20
+
+
+def test_corner_impulses_add_up():
+    """Σ f_i = F and Σ r_i×f_i = τ of the wrench that the same controller asks for."""
+    env = gym.make("SpringTumble-v0", action="impulses", observation="frame")
+    task = env.unwrapped.episodes.task
+    for seed in range(20):
+        seen = 0.05 * env.reset(seed=seed)[0]
+        seen[6:9] = (0.05, 0.02, -1.0)  # the face is nearly down
+        seen[12:] *= 20
+        wanted = controllers.tumble_wrench(seen[None]) * np.repeat([35.0, 9.0], 3)
+        forces = task.actuate(controllers.tumble_impulses(seen[None]).astype(float))["thrust"][0]
+        m, (x, _) = env.unwrapped.episodes.measures, env.unwrapped.episodes.particles
+        arms = x[0, :4] - m.centre[0]
+        np.testing.assert_allclose(forces.sum(axis=0), wanted[0, :3], atol=1e-4)
+        np.testing.assert_allclose(np.cross(arms, forces).sum(axis=0), wanted[0, 3:], atol=1e-4)
+        assert np.abs(wanted).max() > 0.5
 
 
 def test_zero_and_random():

@@ -10,6 +10,7 @@ import pytest
 from tests.envs.cases import make, make_vec
 
 PERIOD = 0.02
+WEIGHT = np.array([0, 0, -7 * 9.81])  # of the tumbling body [N]
 
 
 def particles_of(env):
@@ -60,9 +61,29 @@ def test_wrench_in_flight() -> None:
     before = m.momentum[0].copy(), m.angular_momentum[0].copy()
     action = np.array([1.0, -1.0, 0.5, 0.2, -0.4, 1.0])
     env.step(action)
-    gain = (35 * action[:3] + [0, 0, -7 * 9.81]) * PERIOD
+    gain = (35 * action[:3] + WEIGHT) * PERIOD
     np.testing.assert_allclose(m.momentum[0] - before[0], gain, rtol=1e-9)
     np.testing.assert_allclose(m.angular_momentum[0] - before[1], 9 * action[3:] * PERIOD, atol=1e-9)
+
+
+def test_impulses_on_corners_in_flight() -> None:
+    """M ΔV = Σ J + Mg Δt; ΔL = ∫ Σ r×F, by the trapezoidal rule over a turn of less than 0.15 rad."""
+    env = make("SpringTumble-v0", action="impulses")
+    env.reset(seed=0)
+    m = env.unwrapped.episodes.measures
+    action = np.random.default_rng(0).uniform(-1, 1, 12)
+    impulses = 0.175 * action.reshape(4, 3)
+    before, moments = (m.momentum[0].copy(), m.angular_momentum[0].copy()), []
+    for step in range(2):
+        positions, _ = particles_of(env)
+        moments.append(np.cross(positions[:4] - m.centre[0], impulses).sum(axis=0))
+        if step == 0:
+            env.step(action)
+    gain = m.momentum[0] - before[0]
+    np.testing.assert_allclose(gain, impulses.sum(axis=0) + WEIGHT * PERIOD, rtol=1e-9)
+    twist = m.angular_momentum[0] - before[1]
+    np.testing.assert_allclose(twist, np.mean(moments, axis=0), atol=2e-4)
+    assert np.abs(twist).max() > 0.02
 
 
 @pytest.mark.parametrize("corner", range(4))
