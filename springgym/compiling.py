@@ -18,6 +18,7 @@ import pickle
 import platform
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -61,6 +62,28 @@ def kernel(function: Callable[..., Any]) -> Any:
     return dispatcher
 
 
+class SameTypes:
+    """A function that is always called with arguments of the types of the first call.
+
+    If it is a kernel, it asks for the types once. Numba does at every call, which for a simulator's sixty
+    arrays takes five times as long as the call itself. Nobody checks afterwards: arguments of other types
+    are read as if they were of the first, so this is for callers who made all the arrays themselves.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+        self._code: Callable[..., Any] | None = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        if self._code is None:
+            self._code = self._function
+            if isinstance(self._function, Dispatcher):
+                types = tuple(map(numba.typeof, arguments))
+                self._function.compile(types)
+                self._code = self._function.get_overload(types)
+        return self._code(*arguments)
+
+
 def cache_directory() -> Path:
     """Folder of compiled code: ``$SPRINGGYM_CACHE_DIR``, else the user's cache folder."""
     if chosen := os.environ.get("SPRINGGYM_CACHE_DIR"):
@@ -76,6 +99,9 @@ def cache_directory() -> Path:
 
 class SourceKeyedCache(NullCache):
     """Numba's cache interface over one file an entry, named by a hash of all it depends on."""
+
+    imported = time.time_ns()
+    """when this module was [ns]: before all others that hold compiled functions"""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
@@ -118,7 +144,7 @@ class SourceKeyedCache(NullCache):
 
 
 def _source_digest(function: Callable[..., Any]) -> bytes:
-    """Hash of what a function is compiled from; empty if a part of that has no source file.
+    """Hash of what a function is compiled from; empty if a part of that is in no file, or edited since.
 
     These are the modules it reaches in its own package and in this one, those of compiled functions
     elsewhere, the constants that they hold, wherever from, and what its closure binds.
@@ -143,8 +169,8 @@ def _source_digest(function: Callable[..., Any]) -> bytes:
     for name in sorted(modules):
         module = sys.modules[name]
         source = getattr(module, "__file__", None)
-        if source is None:
-            return b""
+        if source is None or os.stat(source).st_mtime_ns > SourceKeyedCache.imported:
+            return b""  # what was imported is not what the file says by now
         digest.update(name.encode() + Path(source).read_bytes())
         for key, value in sorted(vars(module).items()):
             if isinstance(value, (int, float, complex, np.ndarray)):

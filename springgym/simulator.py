@@ -12,12 +12,13 @@ import numpy as np
 
 from springgym import integrators, measures, rigid, stability
 from springgym.blocks import WIDTH, aligned_zeros, block_array, numbers, set_all, set_copies, to_copies
+from springgym.compiling import SameTypes
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.contact import Bowl, Planes
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.paper_contact import PaperLaw
-from springgym.forces.springs import Dampers, Decay, Springs, half_step_decay
+from springgym.forces.springs import Dampers, Decay, Springs, half_step_decay, interleaved
 from springgym.integrators.record import COUNTS, Control, Integrator, refusal, workspace
 from springgym.measures import Measures, Readout
 from springgym.scene import Scene
@@ -149,12 +150,15 @@ class Simulator:
         self._ledger = self._blocks(ENTRIES) if ledger else None
         self._workspace = [workspace(self.integrator, scene, self._x.dtype) for _ in range(threads)]
         self._control = self._controlled(tolerance)
-        self._readout = self.readout()
+        rows, shape = np.zeros((copies, measures.SIZE)), (copies, particles, 3)
+        self.readout = Readout(rows, np.zeros(shape), np.zeros(shape))
+        """what was read off the copies last, see `read`: one row a copy, of no use to write to"""
         self._space = aligned_zeros((threads, measures.SIZE), self._x.dtype)
         self._frame = np.array(scene.body.frame, np.uint32)
+        self._order = interleaved(scene.body.springs, particles)
         self._twin: tuple[Any, ...] = ()
         self._terms = self._build(frozenset(varying))
-        self._advance = method.advance_kernel(self.integrator.name, measures.read)
+        self._advance = self._kernel()
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
             numbers(array)[:] = start[..., None]  # the padding of the last block, too
         self._settle(np.arange(self.copies))
@@ -185,6 +189,10 @@ class Simulator:
             contact = PaperContact(contact.friction, 0.0, contact.strength, contact.reach)
         return cls(scene.with_(contact=contact), integrator="rk4", step=PAPER_STEP, **options)
 
+    def _kernel(self) -> SameTypes:
+        method = DYNAMICS[self.dynamics]
+        return SameTypes(method.advance_kernel(self.integrator.name, measures.read))
+
     # --- Building ---------------------------------------------------------------------------------
 
     def _blocks(self, *shape: int) -> np.ndarray:
@@ -206,7 +214,8 @@ class Simulator:
         if unknown := varying - set(VARYING):
             raise ValueError(f"{sorted(unknown)[0]!r} cannot vary; {', '.join(VARYING)} can")
         scene, body = self.scene, self.scene.body
-        springs = body.springs.astype(np.uint32)
+        order = self._order
+        first, second = body.springs[order].T.astype(np.uint32)
 
         def parameter(names: set[str], value: np.ndarray) -> np.ndarray:
             if not names & varying:
@@ -234,13 +243,13 @@ class Simulator:
         return Terms(
             Particles(parameter({"masses"}, body.masses), parameter({"masses"}, free / body.masses), free),
             Springs(
-                np.ascontiguousarray(springs[:, 0]),
-                np.ascontiguousarray(springs[:, 1]),
-                parameter({"lengths"}, body.lengths),
-                parameter({"stiffness"}, body.stiffness),
+                np.ascontiguousarray(first),
+                np.ascontiguousarray(second),
+                parameter({"lengths"}, body.lengths[order]),
+                parameter({"stiffness"}, body.stiffness[order]),
             ),
             Dampers(
-                parameter({"damping"}, body.damping),
+                parameter({"damping"}, body.damping[order]),
                 *(
                     parameter({"damping", "masses"}, value)
                     for value in self._decay(body.damping, body.masses)
@@ -286,10 +295,13 @@ class Simulator:
         return planes, bowl, friction, damping, law
 
     def _decay(self, damping: np.ndarray, masses: np.ndarray) -> Decay:
+        """For damping of the springs in the body's order."""
         inverse = 1 / masses
         inverse[..., list(self.scene.pinned)] = 0.0
-        first, second = self.scene.body.springs.T
-        return half_step_decay(damping, inverse[..., first], inverse[..., second], self.step)
+        first, second = self.scene.body.springs[self._order].T
+        return half_step_decay(
+            damping[..., self._order], inverse[..., first], inverse[..., second], self.step
+        )
 
     # --- State ------------------------------------------------------------------------------------
 
@@ -343,7 +355,7 @@ class Simulator:
         placed[row, index % width] = True
         before = [numbers(array)[blocks] for array in (self._x, self._v)]
         for first, last in self._block_ranges(index):
-            self._run(0, first, last, 0, None)
+            self._run(0, first, last, 0, False)
         for array, others in zip((self._x, self._v), before, strict=True):
             lanes = numbers(array)
             lanes[blocks] = np.where(placed[:, None, None], lanes[blocks], others)
@@ -378,13 +390,15 @@ class Simulator:
                 value = impact_damping(value, self.scene.contact.impact_speed)
             if name in ("friction", "restitution", "strength"):
                 value = np.reshape(value, (-1, 1))
+            elif name in ("stiffness", "damping", "lengths"):
+                value = np.asarray(value)[..., self._order]
             set_copies(place[name], index, value)
         if "masses" in values:
             set_copies(terms.particles.inverse_mass, index, terms.particles.free / values["masses"])
             if self._twin:
                 rigid.set_masses(self._twin, self.scene, index, values["masses"])
         if terms.dampers and values.keys() & {"masses", "damping"}:
-            damping = values.get("damping", self.scene.body.damping)
+            damping = np.asarray(values.get("damping", self.scene.body.damping))
             masses = np.array(values.get("masses", self.scene.body.masses), float)
             for name, value in self._decay(damping, masses)._asdict().items():
                 set_copies(getattr(terms.dampers, name), index, value)
@@ -424,7 +438,7 @@ class Simulator:
 
     # --- Time -------------------------------------------------------------------------------------
 
-    def advance(self, steps: int = 1, *, check: bool = True, into: Readout | None = None) -> None:
+    def advance(self, steps: int = 1, *, check: bool = True, read: bool = False) -> None:
         """Take all copies ``steps`` steps further.
 
         Parameters
@@ -433,23 +447,19 @@ class Simulator:
             How many; none is one of them.
         check
             Whether it is checked that no copy has diverged.
-        into
-            Where to write what is read off the copies then: all is done in one compiled call.
+        read
+            Whether the copies are read off then, see `read`: all is done in one compiled call.
 
         Raises
         ------
         SimulationDivergedError
             If ``check`` and a copy has diverged. The other copies are not touched by it.
         """
-        readout = self._readout if into is None and check else into
-
-        def part(thread: int, first: int, last: int) -> None:
-            self._run(thread, first, last, steps, readout)
-
-        self._share(part, work=steps)
+        reads = check or read
+        self._share(steps, reads)
         self.time += steps * self.step
-        if check and readout:
-            strain = readout.rows[:, measures.STRAIN]
+        if check:
+            strain = self.readout.rows[:, measures.STRAIN]
             diverged = ~(strain <= STRAIN_LIMIT)
             if diverged.any():
                 n = int(np.argmax(diverged))
@@ -458,8 +468,8 @@ class Simulator:
                     f"{STRAIN_LIMIT}; step {self.step:g} s, stability limit {self.largest_step:g} s"
                 )
 
-    def _run(self, thread: int, first: int, last: int, steps: int, readout: Readout | None) -> None:
-        """Take blocks ``first`` to ``last`` further, if ``steps`` is not negative, and read them off."""
+    def _run(self, thread: int, first: int, last: int, steps: int, reads: bool) -> None:
+        """Take blocks ``first`` to ``last`` ``steps`` further (to the rigid shape even by 0, not by −1)."""
         self._advance(
             self._x,
             self._v,
@@ -470,8 +480,8 @@ class Simulator:
             self._control,
             steps,
             (*self._twin, *self._terms),
-            readout is not None,
-            self._readout if readout is None else readout,
+            reads,
+            self.readout,
             self._space[thread],
             self.scene.pivot,
             self._frame,
@@ -491,24 +501,19 @@ class Simulator:
 
     def measure(self) -> Measures:
         """Energies, momenta, orientation and strain of all copies."""
-        self.read(self._readout)
-        return measures.view(self._readout.rows.copy())
+        self.read()
+        return measures.view(self.readout.rows.copy())
 
-    def readout(self) -> Readout:
-        """Arrays to read the copies into."""
-        particles = (self.copies, *self.scene.positions.shape)
-        return Readout(np.zeros((self.copies, measures.SIZE)), np.zeros(particles), np.zeros(particles))
+    def read(self, copies: np.ndarray | None = None) -> None:
+        """Write measures, positions and velocities of some copies (all) to their rows of `readout`.
 
-    def read(self, readout: Readout, copies: np.ndarray | None = None) -> None:
-        """Write measures, positions and velocities to arrays with a row a copy.
-
-        Given ``copies`` (k,), only the blocks they are in are read.
+        Those of the others in the same blocks are written, too.
         """
         if copies is None:
-            self._share(lambda thread, first, last: self._run(thread, first, last, -1, readout), work=1)
+            self._share(-1, True)
         else:
             for first, last in self._block_ranges(copies):
-                self._run(0, first, last, -1, readout)
+                self._run(0, first, last, -1, True)
 
     def _block_ranges(self, copies: np.ndarray) -> list[tuple[int, int]]:
         """Ranges of blocks that together hold the copies and no other block."""
@@ -516,17 +521,17 @@ class Simulator:
         parts = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1)
         return [(int(part[0]), int(part[-1]) + 1) for part in parts]
 
-    def _share(self, part: Callable[[int, int, int], None], work: int) -> None:
-        """Run ``part(thread, first, last)`` over all blocks, on several threads where that pays."""
+    def _share(self, steps: int, reads: bool) -> None:
+        """`_run` all blocks, on several threads where that pays."""
         blocks = self._x.shape[0]
         threads = min(self.threads, blocks)
-        if threads == 1 or blocks * work * len(self.scene.body.springs) < WORTH_A_THREAD:
-            part(0, 0, blocks)
+        if threads == 1 or blocks * abs(steps) * len(self.scene.body.springs) < WORTH_A_THREAD:
+            self._run(0, 0, blocks, steps, reads)
             return
         edges = [blocks * n // threads for n in range(threads + 1)]
         pool = _pool(os.getpid(), self.threads)
-        rest = [pool.submit(part, n, edges[n], edges[n + 1]) for n in range(1, threads)]
-        part(0, edges[0], edges[1])
+        rest = [pool.submit(self._run, n, edges[n], edges[n + 1], steps, reads) for n in range(1, threads)]
+        self._run(0, edges[0], edges[1], steps, reads)
         for future in rest:
             future.result()
 
@@ -542,7 +547,7 @@ class Simulator:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self._advance = DYNAMICS[self.dynamics].advance_kernel(self.integrator.name, measures.read)
+        self._advance = self._kernel()
 
     def _checked_step(self, step: float | None) -> float:
         if step is None:

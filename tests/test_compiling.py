@@ -6,11 +6,14 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numba import typeof
 
 from springgym.bodies import cube
+from springgym.compiling import SameTypes, kernel
 from springgym.integrators import advance_kernel
 from springgym.measures import read
 from springgym.scene import Scene, WrenchActuator
@@ -55,9 +58,9 @@ def package(tmp_path: Path) -> Path:
     return folder
 
 
-def start(package: Path, cache: Path) -> subprocess.Popen[str]:
+def start(package: Path, cache: Path, run: str = RUN) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-B", "-c", RUN.format(folder=str(package.parent))],
+        [sys.executable, "-B", "-c", run.format(folder=str(package.parent))],
         env={**os.environ, "SPRINGGYM_CACHE_DIR": str(cache)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -150,3 +153,38 @@ def test_inner_functions_refuse_python() -> None:
     Simulator(Scene(cube(), pinned=(0,), wrench=WrenchActuator())).advance()
     with pytest.raises(TypeError, match="plus is compiled for kernels only"):
         plus((1.0, 2.0, 3.0), (1.0, 2.0, 3.0))
+
+
+LATE = """
+import sys, pathlib
+sys.path.insert(0, {folder!r})
+from user.outer import double_sum
+inner = pathlib.Path({folder!r}, "user", "inner.py")
+inner.write_text(inner.read_text().replace("a + OFFSET", "a - OFFSET"))
+print(double_sum(3.0), sum(double_sum.stats.cache_hits.values()))
+"""
+"""Edits a file after it was imported, and before the kernel is compiled."""
+
+
+def test_what_was_edited_since_it_was_imported_is_not_cached(package: Path, tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    assert finish(start(package, cache, LATE)) == (8.0, 0)
+    assert finish(start(package, cache)) == (4.0, 0)
+
+
+@kernel
+def total(a: Any) -> float:
+    return np.float64(a[0] + a[1])
+
+
+def test_same_types_asks_once() -> None:
+    """The second call would fail to compile if its types were asked for."""
+    same = SameTypes(total)
+    assert same(np.array([1.0, 2.0])) == same(np.array([0.5, 2.5])) == 3.0
+    with pytest.raises(TypeError):
+        same("ab")
+    assert list(total.signatures) == [(typeof(np.zeros(2)),)]
+
+
+def test_same_types_leaves_plain_functions_alone() -> None:
+    assert SameTypes(lambda *a: len(a))(1, "b", None) == 3

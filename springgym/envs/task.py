@@ -18,7 +18,7 @@ from gymnasium import spaces
 from numpy.random import Generator
 
 from springgym import measures
-from springgym.compiling import compiled, kernel
+from springgym.compiling import SameTypes, compiled, kernel
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene
@@ -228,9 +228,9 @@ class Episodes:
         self.action = np.zeros((copies, task.action_space.shape[0]))
         self.out = np.zeros((copies, columns))
         self.diverged = np.zeros(copies, bool)
-        self._readout = self.simulator.readout()
-        self.measures = measures.view(self._readout.rows)
+        self.measures = measures.view(self.simulator.readout.rows)
         self._columns = self._observed_columns()
+        self._use_kernels()
 
     def _step(self, scene: Scene, dynamics: str, integrator: str | None, step: float | None) -> float:
         """The step: given, or automatic for the stiffest and lightest body of the randomisation."""
@@ -300,7 +300,7 @@ class Episodes:
         self.action[copies] = 0.0
         self.out[copies] = 0.0
         self.diverged[copies] = False
-        self.simulator.read(self._readout, copies)
+        self.simulator.read(copies)
         self.balance[copies] = self.measures.balance[copies]
 
     def step(self, action: np.ndarray) -> Step:
@@ -308,11 +308,11 @@ class Episodes:
         task, simulator = self.task, self.simulator
         np.maximum(np.minimum(action, 1.0), -1.0, out=self.action)
         simulator.actuate(**task.actuate(self.action * self.strength))
-        simulator.advance(self.steps, check=False, into=self._readout)
-        task.evaluate(self.measures, *self.particles, self.action, self.goal, self.parameters, self.out)
+        simulator.advance(self.steps, check=False, read=True)
+        self._evaluate(self.measures, *self.particles, self.action, self.goal, self.parameters, self.out)
         result = Step(np.empty(self.copies), np.empty(self.copies, bool), np.empty(self.copies, bool))
-        finish(
-            self._readout.rows,
+        self._finish(
+            simulator.readout.rows,
             self.out,
             len(task.terms),
             self.held,
@@ -327,10 +327,10 @@ class Episodes:
         """The observations of all copies, (n, D), float32, freshly made."""
         observation = np.empty((self.copies, self.task.observation_size), np.float32)
         if self.task.observation == "frame":
-            self.task.frame(self.measures, *self.particles, self.goal, self.parameters, observation)
+            self._observe(self.measures, *self.particles, self.goal, self.parameters, observation)
         else:
-            observe_particles(*self._readout, self.goal, *self._columns, observation)
-        bound(observation, self.diverged)
+            self._observe(*self.simulator.readout, self.goal, *self._columns, observation)
+        self._bound(observation, self.diverged)
         return observation
 
     # --- Randomisation ----------------------------------------------------------------------------
@@ -387,19 +387,32 @@ class Episodes:
             for copy, row in enumerate(self.factors):
                 drawn = dict(zip(self.ranges, row.tolist(), strict=True))
                 self._vary(copy, dict.fromkeys(RANDOMIZABLE, 1.0) | drawn)
-        self.simulator.read(self._readout)
+        self.simulator.read()
+
+    def _use_kernels(self) -> None:
+        compact = self.task.observation == "frame"
+        self._evaluate, self._finish = SameTypes(self.task.evaluate), SameTypes(finish)
+        self._observe, self._bound = (
+            SameTypes(self.task.frame if compact else observe_particles),
+            SameTypes(bound),
+        )
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "measures"}
+        return {
+            name: value
+            for name, value in vars(self).items()
+            if name != "measures" and not isinstance(value, SameTypes)
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self.measures = measures.view(self._readout.rows)  # views do not survive being copied
+        self.measures = measures.view(self.simulator.readout.rows)  # views do not survive being copied
+        self._use_kernels()
 
     @property
     def particles(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities after the last step or start, (n, N, 3) each; do not change them."""
-        return self._readout.positions, self._readout.velocities
+        return self.simulator.readout.positions, self.simulator.readout.velocities
 
 
 # --- Compiled ---------------------------------------------------------------------------------------

@@ -64,6 +64,30 @@ def half_step_decay(damping: Any, inverse_first: Any, inverse_second: Any, step:
     return Decay(impulse, impulse * inverse_first, impulse * inverse_second, loss)
 
 
+def interleaved(springs: np.ndarray, particles: int) -> np.ndarray:
+    """An order of the springs (S, 2) in which neighbours share no particle, as far as there is one.
+
+    A spring waits for the springs before it that act on the same particles: dampers one after another take
+    up to a third longer. Particles with many springs have theirs spread over the whole order.
+    """
+    if not len(springs):
+        return np.arange(0)
+    left = np.bincount(springs.ravel(), minlength=particles)
+    apart = -(-len(springs) // int(left.max()))
+    last = np.full(particles, -apart)
+    waiting, order = np.arange(len(springs)), []
+    for n in range(len(springs)):
+        ends = springs[waiting]
+        waited = np.minimum(n - last[ends].max(axis=1), apart)
+        chosen = np.argmax(waited * len(springs) + left[ends].max(axis=1))
+        spring = waiting[chosen]
+        order.append(spring)
+        last[springs[spring]] = n
+        left[springs[spring]] -= 1
+        waiting = np.delete(waiting, chosen)
+    return np.array(order)
+
+
 @compiled
 def add_spring_forces(
     x: Any, v: Any, force: Any, direction: Any, springs: Any, dampers: Any, ledger: Any, weight: Any
