@@ -6,16 +6,28 @@ duplicate, missing or mistyped key is a `ConfigError` naming the file, the line 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
 from typing import Any, Literal
 
+import gymnasium as gym
+
 from springgym.strict_yaml import Tree, YamlError, build, parse_yaml, read_yaml
 
 ConfigError = YamlError
 CONFIG_FOLDER = Path(__file__).resolve().parent.parent / "configs"
+
+
+@contextmanager
+def making(env_id: str) -> Iterator[None]:
+    """Where an environment is made: its complaint about its name or its arguments is a `ConfigError`."""
+    try:
+        yield
+    except (TypeError, ValueError, gym.error.Error) as error:
+        raise ConfigError(f"{env_id}: {error}") from error
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,6 +26,7 @@ from config import (
     Config,
     ConfigError,
     load_config,
+    making,
     parse_assignments,
 )
 from controllers import controller_env_kwargs, make_controller
@@ -98,10 +99,12 @@ def evaluate(
         # The task is the one asked for, seen and acted upon the way the agent was trained.
         task = {k: v for k, v in env_kwargs.items() if k not in INTERFACE}
         own = {k: v for k, v in run.config.env_kwargs.items() if k in INTERFACE}
-        env = make_sb3(env_id, episodes, **task, **own)
+        with making(env_id):
+            env = make_sb3(env_id, episodes, **task, **own)
         policy = load_policy(run)
     else:
-        env = make_sb3(env_id, episodes, **controller_env_kwargs(agent, env_kwargs))
+        with making(env_id):
+            env = make_sb3(env_id, episodes, **controller_env_kwargs(agent, env_kwargs))
         policy = make_controller(agent, env_id, env_kwargs, env.action_space)
     try:
         last_infos = _run_one_episode_each(env, policy, first_seed)

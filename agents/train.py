@@ -27,7 +27,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 import torch
-from config import CONFIG_OF, ConfigError, PPOConfig, SACConfig, load_config
+from config import CONFIG_OF, ConfigError, PPOConfig, SACConfig, load_config, making
 from controllers import CLASSICAL
 from evaluate import Evaluation, evaluate, table, task_kwargs, write_json
 from runs import (
@@ -73,7 +73,8 @@ COLUMNS = (
 
 def make_training_env(run: Run) -> VecMonitor:
     """The copies the agent learns in."""
-    return make_sb3(run.env_id, run.config.n_envs, seed=run.seed, **run.config.env_kwargs)
+    with making(run.env_id):
+        return make_sb3(run.env_id, run.config.n_envs, seed=run.seed, **run.config.env_kwargs)
 
 
 def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
@@ -369,21 +370,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if options.resume:
             run = open_run(options.resume)
-            if options.timesteps:
+            if options.timesteps is not None:
                 run = run._replace(config=replace(run.config, total_timesteps=options.timesteps))
                 write_config(run)
+            env = make_training_env(run)
         else:
-            if options.timesteps:
+            if options.timesteps is not None:
                 options.overrides.append(f"total_timesteps={options.timesteps}")
             config = load_config(options.algo, options.env_id, options.overrides, options.config)
             name = f"{options.env_id.rpartition(':')[2]}-{options.algo}-{options.seed}"
             folder = options.run or Path("runs") / name
-            run = create_run(Run(folder, options.algo, options.env_id, options.seed, config))
+            run = Run(folder, options.algo, options.env_id, options.seed, config)
+            env = make_training_env(run)  # before the folder: no run is left of a mistyped argument
+            create_run(run)
     except (ConfigError, FileExistsError) as error:
         print(f"train.py: {error}", file=sys.stderr)
         return 2
 
-    env = make_training_env(run)
     recorder = Recorder(run, env)
     if run.model.exists():
         model = load_checkpoint(run, env, recorder)

@@ -17,7 +17,7 @@ from typing import Any
 
 import gymnasium as gym
 import torch
-from config import ConfigError
+from config import ConfigError, making
 from controllers import controller_env_kwargs, make_controller
 from evaluate import find_task
 from runs import HELD_OUT_SEED, Policy, load_policy, open_run
@@ -33,9 +33,12 @@ def make_watched(
 ) -> tuple[gym.Env, Policy]:
     """One environment and the agent that acts in it."""
     if Path(agent).is_dir():
-        env = gym.make(env_id, render_mode=render_mode, **env_kwargs)
+        with making(env_id):
+            env = gym.make(env_id, render_mode=render_mode, **env_kwargs)
         return env, load_policy(open_run(Path(agent)))
-    env = gym.make(env_id, render_mode=render_mode, **controller_env_kwargs(agent, env_kwargs))
+    kwargs = controller_env_kwargs(agent, env_kwargs)
+    with making(env_id):
+        env = gym.make(env_id, render_mode=render_mode, **kwargs)
     return env, make_controller(agent, env_id, env_kwargs, env.action_space)
 
 
@@ -75,7 +78,7 @@ def record(
     finally:
         env.close()
     fps = env.metadata["render_fps"]
-    every = -(-fps // GIF_FPS) if path.suffix == ".gif" else 1
+    every = -(-fps // GIF_FPS) if path.suffix.lower() == ".gif" else 1
     save_video(frames[::every], path, fps / every)
 
 
@@ -98,6 +101,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="keyword arguments of the environment",
     )
     options = parser.parse_args(arguments)
+    if options.out and options.out.suffix.lower() not in (".gif", ".mp4"):
+        parser.error(f"--out {options.out}: the name must end in .gif or .mp4")
     torch.set_num_threads(1)  # networks this small are fastest on one
     try:
         env_id, env_kwargs = find_task([options.agent], options.env, options.overrides)

@@ -204,11 +204,16 @@ def test_contradicting_arguments(arguments, says, capsys):
         (["Absent-v0"], "no entry for 'Absent-v0'"),
         (["toy_env:Toy-v0", "--config", str(HERE / "toy_ppo.yaml"), "--set", "lr=1"], "key 'lr'"),
         (["--resume", "absent"], "absent/config.yaml: cannot read it"),
+        (["SpringTop-v0", "--timesteps", "0"], "total_timesteps: must lie between 1 and inf, got 0"),
+        (["SpringTop-v0", "--set", "env_kwargs.obs=frame"], "SpringTop-v0: "),
+        (["SpringTop-v0", "--set", "env_kwargs.observation=fram"], "observation='fram' is unknown"),
     ],
 )
-def test_wrong_configuration(arguments, says, capsys):
+def test_wrong_configuration(arguments, says, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
     assert train.main(arguments) == 2
     assert says in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())  # so that the next attempt starts afresh
 
 
 @pytest.mark.parametrize(

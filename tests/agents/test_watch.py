@@ -74,3 +74,8 @@ def test_agent_must_be_known(capsys):
     assert "unknown controller 'clasical'" in capsys.readouterr().err
     assert watch.main(["zero", "--out", "toy.gif"]) == 2
     assert "name the environment with --env" in capsys.readouterr().err
+    assert watch.main(["zero", "--env", "SpringTop-v9", "--out", "toy.gif"]) == 2
+    assert "SpringTop-v9: " in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        watch.main(["zero", "--env", "Toy-v0", "--out", "toy.avi"])
+    assert "--out toy.avi: the name must end in .gif or .mp4" in capsys.readouterr().err
