@@ -33,7 +33,10 @@ ABOUT = ("origin", "centre", "goal")
 ABOUT_CENTRE, ABOUT_GOAL = 1, 2
 
 RANDOMIZABLE = ("masses", "stiffness", "damping", "scale", "gravity", "friction", "restitution", "actuator")
-"""What `randomize` may give a range of factors for; friction and restitution where there are surfaces."""
+"""What `randomize` may give a range of factors for, where the scene has it."""
+
+OF_SPRINGS = ("stiffness", "damping", "scale")
+"""Those of them that a rigid body does not have; ``scale`` is of the springs' lengths."""
 
 
 class Start(NamedTuple):
@@ -203,8 +206,8 @@ class Episodes:
         self.copies = copies
         self.parameters = task.parameters
         self.max_episode_steps = max_episode_steps if max_episode_steps is not None else -1
-        self.ranges = _checked_ranges(randomize or {})
         chosen("dynamics", dynamics, tuple(DYNAMICS))
+        self.ranges = _checked_ranges(randomize or {}, dynamics)
         scene = task.scene
         self.simulator = Simulator(
             scene,
@@ -558,11 +561,15 @@ def number(options: dict[str, Any], name: str, otherwise: float, low: float, hig
     return value
 
 
-def _checked_ranges(randomize: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
+def _checked_ranges(
+    randomize: Mapping[str, Sequence[float]], dynamics: str
+) -> dict[str, tuple[float, float]]:
     ranges = {}
     for name, given in randomize.items():
         if name not in RANDOMIZABLE:
             raise ValueError(f"cannot randomize {name!r}; {', '.join(RANDOMIZABLE)} can be")
+        if dynamics == "rigid" and name in OF_SPRINGS:
+            raise ValueError(f"cannot randomize {name!r}: a rigid body has no springs")
         try:
             low, high = map(float, given)
         except (TypeError, ValueError):
@@ -579,13 +586,14 @@ def _varying(ranges: Mapping[str, Any], scene: Scene) -> set[str]:
     Raises
     ------
     ValueError
-        If a range asks for a restitution above 1.
+        If a range asks for a restitution above 1, or for a gravity that the scene does not have.
     """
-    if isinstance(scene.contact, Contact) and "restitution" in ranges:
+    if scene.surfaces and isinstance(scene.contact, Contact) and "restitution" in ranges:
         highest = scene.contact.restitution * ranges["restitution"][1]
         if highest > 1:
             raise ValueError(
                 f"randomize['restitution'] makes the restitution {highest:g}; it must be at most 1"
             )
-    varying = {"lengths" if name == "scale" else name for name in ranges} - {"actuator"}
-    return varying - (set() if scene.gravity is not None else {"gravity"})
+    if "gravity" in ranges and scene.gravity is None:
+        raise ValueError("cannot randomize 'gravity': the scene has no gravity")
+    return {"lengths" if name == "scale" else name for name in ranges} - {"actuator"}

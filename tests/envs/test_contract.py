@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import math
 import pickle
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -14,6 +16,10 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
+from springgym.envs.task import RANDOMIZABLE
+from springgym.scene import Scene
+from springgym.simulator import Simulator
+from springgym.surfaces import scales
 from tests.envs.cases import IDS, TWINLESS, each_case, each_id, make, make_vec, task_type
 
 
@@ -261,10 +267,43 @@ def test_no_rigid_twin() -> None:
         make(IDS[0], dynamics="jelly")
 
 
+def with_contact(scene: Scene, **changes: float) -> Scene:
+    return scene.with_(contact=replace(scene.contact, **changes))
+
+
+def with_own_floor(scene: Scene) -> Scene:
+    """With surfaces that are as hard as they are, whatever the body weighs."""
+    if not scene.surfaces:
+        return scene
+    strength, reach = scales(scene.contact, scene.body)
+    return with_contact(scene, strength=strength, reach=reach)
+
+
+SCALED: dict[str, Callable[[Scene, float], Scene]] = {
+    "masses": lambda scene, f: scene.with_(body=scene.body.with_(masses=scene.body.masses * f)),
+    "stiffness": lambda scene, f: scene.with_(body=scene.body.with_(stiffness=scene.body.stiffness * f)),
+    "damping": lambda scene, f: scene.with_(body=scene.body.with_(damping=scene.body.damping * f)),
+    "scale": lambda scene, f: scene.with_(body=scene.body.with_(lengths=scene.body.lengths * f)),
+    "gravity": lambda scene, f: scene.with_(gravity=tuple(np.array(scene.gravity) * f)),
+    "friction": lambda scene, f: with_contact(scene, friction=scene.contact.friction * f),
+    "restitution": lambda scene, f: with_contact(scene, restitution=scene.contact.restitution * f),
+    "actuator": lambda scene, f: scene,
+}
+"""What a factor means."""
+
+
+def answered(env_id: str) -> dict[str, tuple[float, float]]:
+    """Ranges of all the factors that something in the scene answers to."""
+    scene = task_type(env_id)().scene
+    absent = {"gravity": scene.gravity is None}
+    absent |= dict.fromkeys(("friction", "restitution"), not scene.surfaces)
+    return {name: (0.9, 1.2) for name in RANDOMIZABLE if not absent.get(name)}
+
+
 @each_id
 def test_randomisation(env_id: str) -> None:
-    """Factors are drawn per copy and episode, reported, settable, and change the motion."""
-    ranges = {"masses": (0.9, 1.1), "stiffness": (0.8, 1.2), "actuator": (0.5, 1.0)}
+    """Factors are drawn per copy and episode from its seed, reported, and settable."""
+    ranges = answered(env_id)
     pair = [make_vec(env_id, 3, mode, "SameStep", randomize=ranges) for mode in ("native", "sync")]
     for a, b in zip(*(envs.reset(seed=2) for envs in pair), strict=True):
         same(a, b)
@@ -273,15 +312,65 @@ def test_randomisation(env_id: str) -> None:
         for a, b in zip(*(envs.step(action) for envs in pair), strict=True):
             same(a, b)
     _, info = pair[0].reset(seed=2)
+    _, later = pair[0].reset()
+    _, again = pair[0].reset(seed=2)
+    same(info, again)
+    assert {name for name in info["randomization"] if name[0] != "_"} == set(ranges)
     for name, (low, high) in ranges.items():
-        drawn = info["randomization"][name]
+        drawn = np.concatenate([info["randomization"][name], later["randomization"][name]])
         assert ((low <= drawn) & (drawn <= high)).all()
-        assert len(set(drawn)) == 3
+        assert len(set(drawn)) == 6
     env = make(env_id, randomize=ranges)
     _, info = env.reset(seed=2, options={"randomize": {"masses": 1.05}})
     assert info["randomization"]["masses"] == 1.05
+    assert info["randomization"]["stiffness"] == again["randomization"]["stiffness"][0]
     with pytest.raises(ValueError, match="outside"):
         env.reset(options={"randomize": {"masses": 3.0}})
+    with pytest.raises(ValueError, match="cannot set the factor of 'masses'"):
+        make(env_id).reset(options={"randomize": {"masses": 1.0}})
+
+
+@each_id
+def test_randomised_copy_is_another_scene(env_id: str) -> None:
+    """A copy with one factor off 1 moves, to the bit, as the scene with that parameter; one with all at 1,
+    as if nothing could vary."""
+    ranges, factor = answered(env_id), 1.1
+    envs = make_vec(env_id, 2, "native", "Disabled", randomize=ranges)
+    episodes = envs.unwrapped.episodes
+    task, step = episodes.task, episodes.simulator.step
+    actions = np.random.default_rng(0).uniform(-1, 1, (40, *envs.single_action_space.shape))
+    for name in ranges:
+        ones = dict.fromkeys(ranges, 1.0)
+        envs.reset(seed=[4, 4], options={"randomize": ones})
+        given = {"randomize": ones | {name: factor}, "reset_mask": np.array([False, True])}
+        _, info = envs.reset(seed=[None, 4], options=given)
+        assert info["randomization"][name][1] == factor
+        scene = with_own_floor(task.scene)
+        scenes = (scene, SCALED[name](scene, factor))
+        own = [Simulator(scene, step=step) for scene in scenes]
+        for n, simulator in enumerate(own):
+            simulator.place(*(values[n] for values in episodes.particles))
+        push = np.array([[1.0], [factor if name == "actuator" else 1.0]])
+        for action in actions:
+            episodes.step(np.tile(action, (2, 1)))
+            for n, simulator in enumerate(own):
+                simulator.actuate(**task.actuate(push[n] * action[None]))
+                simulator.advance(episodes.steps, check=False)
+                np.testing.assert_array_equal(
+                    episodes.particles[0][n], simulator.positions[0], err_msg=f"{name}, copy {n}"
+                )
+        assert (episodes.particles[0][0] != episodes.particles[0][1]).any(), f"{name} changes nothing"
+
+
+@each_id
+def test_ranges_nothing_answers_to_are_refused(env_id: str) -> None:
+    for name in set(RANDOMIZABLE) - set(answered(env_id)):
+        with pytest.raises(ValueError, match=f"{name}.*(no surfaces|no gravity)"):
+            make(env_id, randomize={name: (0.9, 1.2)})
+    if env_id not in TWINLESS:
+        for name in ("stiffness", "damping", "scale"):
+            with pytest.raises(ValueError, match=f"'{name}': a rigid body has no springs"):
+                make(env_id, randomize={name: (0.9, 1.2)}, dynamics="rigid")
 
 
 @each_id
