@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from typing import Any
 
 import gymnasium as gym
@@ -26,10 +27,13 @@ def environments(rounds: int) -> list[Row]:
     the largest. "compiled alone" is the control period without the environment around it. "PPO
     collects" is a rollout by Stable-Baselines3: policy, environments and buffer, without learning.
     """
-    return measured([case for row in ENVIRONMENTS for case in _cases(row.id)], rounds, "env steps/s")
+    with ExitStack() as stack:
+        cases = [case for row in ENVIRONMENTS for case in _cases(row.id, stack)]
+        return measured(cases, rounds, "env steps/s")
 
 
-def _cases(env_id: str) -> Iterator[Case]:
+def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
+    """What is measured of an environment; what must be closed goes on the stack."""
     episodes = gym.make(env_id).unwrapped.episodes  # type: ignore[attr-defined]
     _, median, worst = error_per_step(env_id, 3, 10)
     facts = {"substeps": episodes.steps, "error": median, "worst": worst}
@@ -63,6 +67,7 @@ def _cases(env_id: str) -> Iterator[Case]:
         looped = make_vec_env(env_id, 64)
         yield case("PPO collects, DummyVecEnv", _collecting(looped), 64 * COLLECTED, copies=64)
         processes = make_vec_env(env_id, 8, vec_env_cls=SubprocVecEnv)
+        stack.callback(processes.close)
         yield case("PPO collects, SubprocVecEnv", _collecting(processes), 8 * COLLECTED, copies=8)
 
 

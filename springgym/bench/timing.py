@@ -38,15 +38,15 @@ class Row(NamedTuple):
         return {**self.what, **speed, **self.facts}
 
     def __str__(self) -> str:
-        parts = [value if isinstance(value, str) else f"{value} {name}" for name, value in self.what.items()]
+        parts = [value if isinstance(value, str) else f"{name} {value}" for name, value in self.what.items()]
         number = ",.0f" if self.median >= 100 else ",.3g"
-        text = f"{', '.join(parts):46} {self.median:>13{number}} {self.unit}"
+        text = f"{', '.join(parts):58} {self.median:>13{number}} {self.unit}"
         text += f" ({self.low:{number}} … {self.high:{number}})"
         facts = [
             value if isinstance(value, str) else f"{name.replace('_', ' ')} {value:.3g}"
             for name, value in self.facts.items()
         ]
-        return f"{text}  {', '.join(facts)}"
+        return f"{text}  {', '.join(facts)}".rstrip()
 
 
 def measured(cases: Iterable[Case], rounds: int, unit: str, seconds: float = 0.02) -> list[Row]:
