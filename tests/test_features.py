@@ -24,7 +24,7 @@ STEPS = 200
 
 ABSENT_AND_IDLE: dict[str, tuple[Scene, Scene, dict[str, Any], dict[str, Any]]] = {
     "gravity": (FEATURES["gravity"].off, PLAIN.with_(gravity=(0.0, 0.0, 0.0)), {}, {}),
-    "damping": (PLAIN, PLAIN, {"varying": ("damping",)}, {"damping": 0.0 * PLAIN.body.damping}),
+    "damping": (PLAIN, PLAIN, {"varying": ("damping",)}, {"damping": PLAIN.body.damping}),
     "wrench": (*FEATURES["wrench"][:2], {}, {}),
     "thrust": (*FEATURES["thrust"][:2], {}, {}),
     "drive": (*FEATURES["drive"][:2], {}, {}),

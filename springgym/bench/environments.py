@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from itertools import cycle
 from typing import Any
 
 import gymnasium as gym
@@ -41,32 +42,36 @@ def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
     def case(how: str, run: Callable[[], object], units: int, **what: int) -> Case:
         return Case({"environment": env_id, "how": how} | what, run, units, facts=facts)
 
-    yield case("single", _single(env_id), 20)
-    sync = gym.make_vec(env_id, num_envs=64, vectorization_mode="sync")
-    yield case("SyncVectorEnv", _stepping(sync), 128, copies=64)
     top = env_id == "SpringTop-v0"
+    yield case("single", _single(env_id), 20)
+    if top:
+        yield case("compiled alone", _compiled_alone(env_id, 1), 2, copies=1)
+    sync = gym.make_vec(env_id, num_envs=64, vectorization_mode="sync")
+    sync.reset(seed=0)
+    yield case("SyncVectorEnv", _stepping(sync, _actions(sync.action_space)), 128, copies=64)
     for copies in (64, 1024):
         for threads in (1, 2) if top else (1,):
             env = gym.make_vec(env_id, num_envs=copies, threads=threads, **NATIVE)  # type: ignore[arg-type]
-            yield case("native", _stepping(env), 2 * copies, copies=copies, threads=threads)
-    for copies in (1, 64, 1024) if top else ():
-        yield case("compiled alone", _compiled_alone(env_id, copies), 2 * copies, copies=copies)
+            env.reset(seed=0)
+            run = _stepping(env, _actions(env.action_space))
+            yield case("native", run, 2 * copies, copies=copies, threads=threads)
+        if top:
+            yield case("compiled alone", _compiled_alone(env_id, copies), 2 * copies, copies=copies)
     try:
         from springgym.envs.sb3 import make_sb3
     except ImportError:
         return
     envs = make_sb3(env_id, num_envs=64, seed=0)
     envs.reset()
-    actions = _actions(envs.action_space, 64)
-    yield case("SB3 adapter", lambda: [envs.step(action) for action in actions[:2]], 128, copies=64)
+    yield case("SB3 adapter", _stepping(envs, _actions(envs.action_space, 64)), 128, copies=64)
     if top:
         from stable_baselines3.common.env_util import make_vec_env
         from stable_baselines3.common.vec_env import SubprocVecEnv
 
         yield case("PPO collects, adapter", _collecting(make_sb3(env_id, 64, 0)), 64 * COLLECTED, copies=64)
-        looped = make_vec_env(env_id, 64)
+        looped = make_vec_env(env_id, 64, seed=0)
         yield case("PPO collects, DummyVecEnv", _collecting(looped), 64 * COLLECTED, copies=64)
-        processes = make_vec_env(env_id, 8, vec_env_cls=SubprocVecEnv)
+        processes = make_vec_env(env_id, 8, seed=0, vec_env_cls=SubprocVecEnv)
         stack.callback(processes.close)
         yield case("PPO collects, SubprocVecEnv", _collecting(processes), 8 * COLLECTED, copies=8)
 
@@ -92,15 +97,13 @@ def _single(env_id: str) -> Callable[[], None]:
     return run
 
 
-def _stepping(env: Any) -> Callable[[], None]:
-    """2 steps of a vector environment."""
-    env.reset(seed=0)
-    actions = _actions(env.action_space)
-    turn = iter(range(10**9))
+def _stepping(envs: Any, actions: np.ndarray) -> Callable[[], None]:
+    """2 steps of many copies that have been reset, by actions in turn."""
+    turn = cycle(actions)
 
     def run() -> None:
-        for _ in range(2):
-            env.step(actions[next(turn) % len(actions)])
+        envs.step(next(turn))
+        envs.step(next(turn))
 
     return run
 
