@@ -47,7 +47,7 @@ def camera(recording: Recording) -> Camera:
     x, view = recording.positions, recording.plan.view
     low, high = x.min(axis=(0, 1)), x.max(axis=(0, 1))
     reach = float(np.linalg.norm(x - (low + high) / 2, axis=2).max())
-    return Camera.framing((low + high) / 2, 2.05 * reach, azimuth=view.azimuth, elevation=view.elevation)
+    return Camera.framing((low + high) / 2, 2.2 * reach, azimuth=view.azimuth, elevation=view.elevation)
 
 
 def scenery(recording: Recording) -> Scenery:
@@ -71,7 +71,7 @@ def look(body: Body, trace: int | None) -> Look:
     drawn = {"top": _top, "gyroscope": _gyroscope, "rope": _rope}.get(body.name)
     if drawn is None:
         drawn = _faces if len(body.triangles) else _balls
-    return Look(springs=body.springs, trace=trace, **drawn(body, size if size > 0 else 0.1))
+    return Look(springs=body.springs, trace=trace, **drawn(body, size if size > 0 else 0.5))
 
 
 def _faces(body: Body, size: float) -> dict[str, Any]:
