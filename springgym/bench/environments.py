@@ -69,11 +69,17 @@ def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
         from stable_baselines3.common.vec_env import SubprocVecEnv
 
         yield case("PPO collects, adapter", _collecting(make_sb3(env_id, 64, 0)), 64 * COLLECTED, copies=64)
-        looped = make_vec_env(env_id, 64, seed=0)
+        single = {"env_id": env_id}
+        looped = make_vec_env(_made, 64, seed=0, env_kwargs=single)
         yield case("PPO collects, DummyVecEnv", _collecting(looped), 64 * COLLECTED, copies=64)
-        processes = make_vec_env(env_id, 8, seed=0, vec_env_cls=SubprocVecEnv)
+        processes = make_vec_env(_made, 8, seed=0, env_kwargs=single, vec_env_cls=SubprocVecEnv)
         stack.callback(processes.close)
         yield case("PPO collects, SubprocVecEnv", _collecting(processes), 8 * COLLECTED, copies=8)
+
+
+def _made(env_id: str) -> gym.Env[Any, Any]:
+    """An environment, also in another process, which finds it by importing this module."""
+    return gym.make(env_id)
 
 
 def _actions(space: Any, copies: int | None = None) -> np.ndarray:
