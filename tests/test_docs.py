@@ -6,6 +6,8 @@ import importlib.util
 from pathlib import Path
 from types import ModuleType
 
+import gymnasium as gym
+
 DOCS = Path(__file__).parents[1] / "docs"
 
 
@@ -24,6 +26,15 @@ def test_environments_page_is_current() -> None:
     for row in writer.ENVIRONMENTS:
         assert writer.describe(row) in page
         assert f"| `{row.id}` |" in page
+
+
+def test_every_variant_of_the_page_can_be_made() -> None:
+    writer, page = page_writer(), (DOCS / "environments.md").read_text()
+    found = [(row.id, variant) for row in writer.ENVIRONMENTS for variant in writer.variants(row)]
+    assert {"hard", "start", "surface", "body"} <= {name for _, v in found for name in v.arguments}
+    for env_id, variant in found:
+        assert f"{variant.written} | {variant.change} |" in page
+        gym.make(env_id, **variant.arguments).reset(seed=0)
 
 
 def test_docstrings_have_gymnasiums_headings() -> None:

@@ -11,7 +11,9 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.bench.timing import Case, Row, measured
+from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS
+from springgym.simulator import Simulator
 
 NATIVE = {"vectorization_mode": "vector_entry_point"}
 FINER = 64
@@ -36,7 +38,7 @@ def environments(rounds: int) -> list[Row]:
 def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
     """What is measured of an environment; what must be closed goes on the stack."""
     episodes = gym.make(env_id).unwrapped.episodes  # type: ignore[attr-defined]
-    _, median, worst = error_per_step(env_id, 3, 10)
+    _, median, worst, _ = error_per_step(env_id, 3, 10)
     facts = {"substeps": episodes.steps, "error": median, "worst": worst}
 
     def case(how: str, run: Callable[[], object], units: int, **what: int) -> Case:
@@ -140,26 +142,43 @@ def _collecting(envs: Any) -> Callable[[], object]:
     return lambda: learner.collect_rollouts(envs, callback, learner.rollout_buffer, COLLECTED)
 
 
-def error_per_step(env_id: str, episodes: int, steps: int) -> tuple[float, float, float]:
-    """Step h [s]; median and largest error of the particles after a control period, by the body's size.
+def finer(task: Task, step: float) -> tuple[Simulator, ...]:
+    """The scene with steps of h/`FINER`: of second order, that is `FINER`² times finer."""
+    return (Simulator(task.scene, step=step / FINER),)
 
-    Each control period, with a random action, starts from the same state and is repeated with steps of
-    h/`FINER`: of second order, that reference is `FINER`² times finer.
+
+def error_per_step(
+    env_id: str,
+    episodes: int,
+    steps: int,
+    references: Callable[[Task, float], tuple[Simulator, ...]] = finer,
+) -> tuple[float, float, float, float]:
+    """Step h [s]; median and largest error of the particles after a control period, by the body's size,
+    and how far the other references are from the first at the most.
+
+    Each control period, with a random action, is repeated by the references from the same state. Episodes
+    are left after so many steps.
     """
-    env: Any = gym.make(env_id).unwrapped
-    step = env.episodes.simulator.step
-    fine: Any = gym.make(env_id, step=step / FINER).unwrapped
-    size = float(np.ptp(env.episodes.task.scene.body.positions, axis=0).max())
+    env: Any = gym.make(env_id)
+    at = env.unwrapped.episodes
+    task, step = at.task, at.simulator.step
+    size = float(np.ptp(task.scene.body.positions, axis=0).max())
+    simulators = references(task, step)
     rng = np.random.default_rng(0)
-    errors = []
+    errors, apart = [], [0.0]
     for seed in range(episodes):
         env.reset(seed=seed)
-        fine.reset(seed=seed)
         for _ in range(steps):
-            fine.set_state(env.get_state())
+            start = [values[0].copy() for values in at.particles]
             action = rng.uniform(-1, 1, env.action_space.shape)
-            env.step(action)
-            fine.step(action)
-            apart = env.episodes.particles[0] - fine.episodes.particles[0]
-            errors.append(np.linalg.norm(apart, axis=-1).max() / size)
-    return step, float(np.median(errors)), float(np.max(errors))
+            _, _, terminated, truncated, _ = env.step(action)
+            for simulator in simulators:
+                simulator.place(*start)
+                simulator.actuate(**task.actuate(action[None]))
+                simulator.advance(round(task.period / simulator.step))
+            exact, *others = (simulator.positions for simulator in simulators)
+            errors.append(float(np.linalg.norm(at.particles[0] - exact, axis=-1).max() / size))
+            apart += [float(np.linalg.norm(other - exact, axis=-1).max() / size) for other in others]
+            if terminated or truncated:
+                break
+    return step, float(np.median(errors)), max(errors), max(apart)

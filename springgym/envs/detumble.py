@@ -194,8 +194,7 @@ class SpringDetumbleEnv(SpringEnv):
 
     ## Starting State
     In any orientation, at |ω| = U(2, 6) rad/s; in half of the episodes in any direction, in the others
-    within about 0.1 rad of the middle principal axis. With `start="flat"`, near the axis of the largest
-    moment: the flat spin that dissipation leaves. `reset(options={"speed": …})` sets |ω|.
+    within about 0.1 rad of the middle principal axis. `reset(options={"speed": …})` sets |ω|.
 
     ## Episode End
     Termination: only if the simulation diverged (`info["diverged"]`; reward 0). Truncation: 300 steps, 6 s.
@@ -205,7 +204,9 @@ class SpringDetumbleEnv(SpringEnv):
     `speed` |ω| [rad/s], `energy` and `energy_drift` [J], `strain`.
 
     ## Arguments
-    - `observation`, `action`, `start`: above.
+    - `observation`, `action`: above.
+    - `start="flat"`: turning about the axis of the largest moment, within about 0.1 rad: the flat spin that
+      dissipation leaves.
     - `body`: arguments of `springgym.bodies.box`.
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `render_mode`: see `springgym.envs.base.SpringEnv`.

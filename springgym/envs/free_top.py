@@ -233,7 +233,8 @@ class SpringFreeTopEnv(SpringEnv):
     ## Arguments
     - `observation`: above.
     - `surface="dish"`: in a spherical dish of 4 m radius instead of on a floor.
-    - `friction` (0.02): from about 0.05 on, the tip sticks and the top has to be balanced differently.
+    - `friction=0.1`: instead of 0.02; from about 0.05 on, the tip sticks and the top has to be balanced
+      differently.
     - `hard=True`: tilt U(0.02, 0.16) rad, spin U(4, 7) rad/s, within 0.6 m.
     - `body`: arguments of `springgym.bodies.top`.
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,

@@ -183,7 +183,7 @@ class SpringRopeEnv(SpringEnv):
 
     ## Arguments
     - `observation`: above.
-    - `hard=True`: sway U(0, 0.6) rad, U(−0.8, 0.8) rad/s, target up to 6 m away.
+    - `hard=True`: sway U(0, 0.6) rad, U(−0.8, 0.8) rad/s, target U(1.5, 6) m away.
     - `body`: arguments of `springgym.bodies.rope`.
     - `integrator` ("verlet"), `step`, `dtype`, `randomize`, `render_mode`: see
       `springgym.envs.base.SpringEnv`. A rope has no rigid twin.

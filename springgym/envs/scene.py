@@ -131,9 +131,16 @@ class SceneTask(Task):
         return Particles(moving, np.full(count, self._scales[0]), np.full(count, self._scales[1]))
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        if self._start is None:
-            return Start(self._scene.positions, self._scene.velocities)
-        return Start(*self._start(rng))
+        scene = self._scene
+        x, v = (scene.positions, scene.velocities) if self._start is None else self._start(rng)
+        if factors["scale"] != 1:
+            x, v = (self._middle(u) + factors["scale"] * (u - self._middle(u)) for u in (x, v))
+        return Start(x, v)
+
+    def _middle(self, values: np.ndarray) -> np.ndarray:
+        """Values (N, 3) at the pivot, or their mean by mass: what a scale leaves."""
+        scene = self._scene
+        return values[scene.pivot] if scene.pivot >= 0 else np.average(values, 0, scene.body.masses)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         values, at = {}, 0

@@ -207,8 +207,10 @@ class SpringTopEnv(SpringEnv):
     ## Arguments
     - `observation`, `action`: above.
     - `hard=True`: spin U(20, 60) rad/s and torques up to 10 N·m.
-    - `body`: arguments of `springgym.bodies.top`, e.g. `{"scaled": {0: 2.0}}` for an unbalanced top, or
-      `{"height": 1.5, "radius": 0.35}` for an elongated one.
+    - `body={"scaled": {0: 1.1}}`: an unbalanced top, a particle of its ring 10 % heavier; from some 20 % on
+      it wobbles more than success allows.
+    - `body={"height": 1.25}`: an elongated top (1 m): a larger moment of the weight for the same spin.
+    - `body`: any other arguments of `springgym.bodies.top`.
     - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `render_mode`: see `springgym.envs.base.SpringEnv`.
 

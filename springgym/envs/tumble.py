@@ -242,7 +242,7 @@ class SpringTumbleEnv(SpringEnv):
 
     ## Arguments
     - `observation`, `action`: above.
-    - `friction` (0.6): of the floor.
+    - `friction=0.3`: a floor half as rough as the usual one (0.6), on which the body slides.
     - `hard=True`: forces up to 28 N, torques up to 7.5 N·m and impulses up to 0.14 N·s, the target
       U(0.5, 2) m away.
     - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,

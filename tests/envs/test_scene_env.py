@@ -76,3 +76,17 @@ def test_wrong_actuators() -> None:
         make(actuators={"wind": 1.0})
     with pytest.raises(ValueError, match="nothing that 'acceleration' could drive"):
         make(actuators={"acceleration": 1.0})
+
+
+def test_scaled_scene_starts_unstrained() -> None:
+    """The start is scaled with the springs, about the centre of mass, which moves as it did."""
+    env = make(randomize={"scale": (0.5, 2.0)})
+    starts = []
+    for scale in (1.0, 1.5):
+        _, info = env.reset(seed=3, options={"randomize": {"scale": scale}})
+        assert info["strain"] < 1e-12
+        starts.append((*(values[0].copy() for values in env.unwrapped.episodes.particles),))
+    (x, v), (scaled_x, scaled_v) = starts
+    centre = x.mean(axis=0)  # its masses are equal
+    np.testing.assert_allclose(scaled_x - centre, 1.5 * (x - centre), atol=1e-12)
+    np.testing.assert_allclose(scaled_v, v, atol=1e-12)  # it flies without turning
