@@ -142,7 +142,7 @@ def write_atomically(path: Path, text: str) -> None:
 
 def replace_atomically(temporary: Path, path: Path) -> None:
     """Put a finished file in another's place, once its content is on the disk."""
-    with open(temporary, "rb") as file:
+    with open(temporary, "rb+") as file:  # Windows syncs what may be written
         os.fsync(file.fileno())
     os.replace(temporary, path)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import sys
 from collections.abc import Sequence
 
@@ -38,6 +39,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     diverges) is told in one line on stderr, with status 2; Ctrl-C gives 130.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a Greek letter that it lacks becomes a question mark
+            stream.reconfigure(errors="replace")
     try:
         parser = _parser(arguments[0] if arguments else "")
         args = parser.parse_args(arguments)

@@ -1,6 +1,7 @@
 """The command line, plots and films."""
 
 import csv
+import io
 import subprocess
 import sys
 from dataclasses import replace
@@ -42,6 +43,15 @@ def test_summary(capsys):
         "unaccounted",
     ):
         assert word in out
+
+
+def test_summary_where_there_are_no_greek_letters(monkeypatch):
+    """As when the output goes to a file on Windows."""
+    written = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="cp1252"))
+    assert main(SHORT) == 0
+    sys.stdout.flush()
+    assert "?_max 2443.6 rad/s" in written.getvalue().decode("cp1252")
 
 
 def test_check_prints_theory_beside_measurement(capsys):
