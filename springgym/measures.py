@@ -136,9 +136,8 @@ def write(out: Any, n: Any, u: Any) -> None:
 
 
 @compiled
-def measure_block(
-    x: Any, v: Any, ledger: Any, out: Any, pivot: Any, frame: Any, particles: Any, *terms: Any
-) -> None:
+def measure_block(x: Any, v: Any, ledger: Any, out: Any, pivot: Any, frame: Any, terms: Any) -> None:
+    particles = terms.particles
     mass = particles.mass
     kinetic = 0.0 * load(x, (0, 0))
     total = load(mass, 0)
@@ -147,7 +146,7 @@ def measure_block(
             total = total + load(mass, i)
         if particles.free[i]:
             kinetic = kinetic + 0.5 * load(mass, i) * dot(row(v, i), row(v, i))
-    gravity, elastic, contact, strain = potential_energy(x, particles, *terms)
+    gravity, elastic, contact, strain = potential_energy(x, terms)
     store(out, KINETIC, kinetic)
     store(out, GRAVITY, gravity)
     store(out, ELASTIC, elastic)
@@ -177,13 +176,13 @@ def measure_block(
 
 @compiled
 def read(
-    block: Any, x: Any, v: Any, ledger: Any, readout: Any, space: Any, pivot: Any, frame: Any, *terms: Any
+    block: Any, x: Any, v: Any, ledger: Any, readout: Any, space: Any, pivot: Any, frame: Any, terms: Any
 ) -> None:
     """Write measures, positions and velocities of the copies of a block to their rows.
 
     ``space`` (`SIZE`,) is workspace for one block.
     """
-    measure_block(x, v, ledger, space, pivot, frame, *terms)
+    measure_block(x, v, ledger, space, pivot, frame, terms)
     width = len(space[0].lanes)
     for copy in range(block * width, min((block + 1) * width, readout.rows.shape[0])):
         lane = copy - block * width

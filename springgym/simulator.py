@@ -479,7 +479,7 @@ class Simulator:
             last,
             self._control,
             steps,
-            (*self._twin, *self._terms),
+            (*self._twin, self._terms) if self._twin else self._terms,
             reads,
             self.readout,
             self._space[thread],

@@ -55,7 +55,7 @@ class _Common:
         Raises
         ------
         ValueError
-            If it has another shape, or holds what is not a finite number.
+            If it has another shape, or holds what is not a number.
         """
         try:
             checked = np.asarray(action, np.float64)
@@ -63,8 +63,6 @@ class _Common:
             raise ValueError(f"action {action!r} is not an array of numbers") from None
         if checked.shape != shape:
             raise ValueError(f"action has shape {checked.shape}; it must be {shape}")
-        if not np.isfinite(checked).all():
-            raise ValueError(f"action holds a value that is not finite: {checked}")
         return checked
 
     def _always(self, copies: Any) -> dict[str, Any]:

@@ -229,6 +229,8 @@ class Episodes:
         self.balance = np.zeros(copies)
         """energy balance at the start of the episode [J]"""
         self.action = np.zeros((copies, task.action_space.shape[0]))
+        """clipped to ±1"""
+        self._given, self._driven = np.zeros_like(self.action), np.zeros_like(self.action)
         self.out = np.zeros((copies, columns))
         self.diverged = np.zeros(copies, bool)
         self.measures = measures.view(self.simulator.readout.rows)
@@ -307,10 +309,18 @@ class Episodes:
         self.balance[copies] = self.measures.balance[copies]
 
     def step(self, action: np.ndarray) -> Step:
-        """One control period of all copies. ``action`` (n, A) is clipped to [−1, 1]."""
+        """One control period of all copies. ``action`` (n, A) is clipped to [−1, 1].
+
+        Raises
+        ------
+        ValueError
+            If it holds a value that is not finite.
+        """
         task, simulator = self.task, self.simulator
-        np.maximum(np.minimum(action, 1.0), -1.0, out=self.action)
-        simulator.actuate(**task.actuate(self.action * self.strength))
+        self._given[:] = action
+        if not self._take(self._given, self.strength, self.action, self._driven):
+            raise ValueError(f"action holds a value that is not finite: {action}")
+        simulator.actuate(**task.actuate(self._driven))
         simulator.advance(self.steps, check=False, read=True)
         self._evaluate(self.measures, *self.particles, self.action, self.goal, self.parameters, self.out)
         result = Step(np.empty(self.copies), np.empty(self.copies, bool), np.empty(self.copies, bool))
@@ -393,6 +403,7 @@ class Episodes:
         self.simulator.read()
 
     def _use_kernels(self) -> None:
+        self._take = SameTypes(take)
         compact = self.task.observation == "frame"
         self._evaluate, self._finish = SameTypes(self.task.evaluate), SameTypes(finish)
         self._observe, self._bound = (
@@ -419,6 +430,20 @@ class Episodes:
 
 
 # --- Compiled ---------------------------------------------------------------------------------------
+
+
+@kernel
+def take(given: Any, strength: Any, action: Any, driven: Any) -> bool:
+    """Clip the given actions, and scale what they drive; False if one is not finite, and nothing is taken."""
+    for c in range(given.shape[0]):
+        for n in range(given.shape[1]):
+            if not math.isfinite(given[c, n]):
+                return False
+    for c in range(given.shape[0]):
+        for n in range(given.shape[1]):
+            action[c, n] = min(max(given[c, n], -1.0), 1.0)
+            driven[c, n] = action[c, n] * strength[c, 0]
+    return True
 
 
 @kernel

@@ -81,6 +81,8 @@ class SpringTop(Task):
         super().__init__(observation, action)
         self.body: Body = top(**(body or {}))
         self.torque = 10.0 if hard else 15.0
+        self._across = self.torque * np.array([1.0, 1.0, 0.0])
+        self._along = self.torque * np.array([0.0, 0.0, 1.0])
         slowest = 40.0 if action == "impulse" else 30.0
         self.spins = (20.0 if hard else slowest, 60.0)
         self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["tip"])
@@ -124,10 +126,7 @@ class SpringTop(Task):
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulse":
             return {"thrust": action[:, None] * (IMPULSE / self.period)}
-        world, body = self.torque * action, self.torque * action
-        world[:, 2] = 0.0
-        body[:, :2] = 0.0
-        return {"torque": world, "body_torque": body}
+        return {"torque": action * self._across, "body_torque": action * self._along}
 
     def look(self) -> Look:
         ring = len(self.body.parts["ring"])

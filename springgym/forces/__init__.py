@@ -1,9 +1,9 @@
 """Everything that acts on the particles. `Terms` is the one list of it.
 
-A scene has some of the terms and None for the others; every compiled function takes them as separate
-arguments (``*terms``), and what is None is removed when it is compiled: a scene pays for what it has.
-To add a force: its file, its field at the end of `Terms`, its line in the functions below that it
-takes part in. A function names the terms up to the last it needs; ``*rest`` are the others.
+A scene has some of the terms and None for the others. A function that acts for a term takes it as an
+argument and asks whether it is None; such tests are removed, with what they guard, when it is compiled: a
+scene pays for what it has. To add a force: its file, its field in `Terms`, its line in the functions below
+that it takes part in.
 """
 
 from __future__ import annotations
@@ -17,30 +17,16 @@ from springgym.forces.actuators import (
     Drive,
     Thrust,
     Wrench,
-    add_thrust,
-    drive_acceleration,
+    add_actuation,
+    drive_on,
+    hold,
     move_drive,
     push,
-    set_wrench,
+    set_actuation,
 )
-from springgym.forces.contact import (
-    Bowl,
-    Planes,
-    bowl_energy,
-    move_above_planes,
-    move_in_bowl,
-    planes_energy,
-)
-from springgym.forces.ledger import WORK, record
+from springgym.forces.contact import Bowl, Planes, bowl_energy, move_above_planes, move_in_bowl, planes_energy
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
-from springgym.forces.springs import (
-    Dampers,
-    Springs,
-    add_spring_forces,
-    damp,
-    pull_on,
-    spring_energy,
-)
+from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
 from springgym.lanes import load
 from springgym.vectors import add_row, add_scaled, dot, row, set_row, times, vector
 
@@ -78,47 +64,41 @@ class Terms(NamedTuple):
 
 
 @compiled
-def accelerate(
-    x: Any,
-    a: Any,
-    direction: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    gravity: Any,
-    *rest: Any,
-) -> None:
+def accelerate(x: Any, a: Any, direction: Any, terms: Any) -> None:
     """Set ``a`` (N, 3) to the accelerations that follow from the positions, actuators apart.
 
     ``direction`` (springs, 3) receives the springs' unit vectors if there are dampers.
     """
-    set_weights(a, particles, gravity)
-    if springs is not None:
-        if dampers is not None:
-            add_spring_forces(x, None, a, direction, springs, None, None, 0.0)
-        else:
-            add_spring_forces(x, None, a, None, springs, None, None, 0.0)
-    divide_by_mass(a, particles)
+    set_weights(a, terms.particles, terms.gravity)
+    add_spring_forces(x, None, a, direction, terms.springs, terms.dampers, None, 0.0)
+    divide_by_mass(a, terms.particles)
 
 
 @compiled
-def accelerate_and_damp(
-    x: Any,
-    v: Any,
-    a: Any,
-    weight: Any,
-    ledger: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    gravity: Any,
-    *rest: Any,
-) -> None:
+def accelerate_and_damp(x: Any, v: Any, a: Any, weight: Any, ledger: Any, terms: Any) -> None:
     """`accelerate` with the dampers; ``weight`` [s] times their power goes to the ledger."""
-    set_weights(a, particles, gravity)
-    if springs is not None:
-        add_spring_forces(x, v, a, None, springs, dampers, ledger, weight)
+    set_weights(a, terms.particles, terms.gravity)
+    add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
+    divide_by_mass(a, terms.particles)
+
+
+@compiled
+def derivative(x: Any, v: Any, a: Any, b: Any, weight: Any, ledger: Any, terms: Any) -> None:
+    """Set ``a`` (N, 3) to the accelerations by everything, for methods that split nothing.
+
+    ``weight`` [s] times the power of what is not conservative is added to the ledger; ``b`` is
+    workspace.
+    """
+    particles = terms.particles
+    set_weights(a, particles, terms.gravity)
+    add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
+    hold(v, a, terms.drive, ledger, weight)
+    add_paper_forces(
+        x, v, a, particles, terms.planes, terms.bowl, terms.friction, terms.paper_law, ledger, weight
+    )
     divide_by_mass(a, particles)
+    add_actuation(x, v, a, b, particles, terms.wrench, terms.thrust, ledger, weight)
+    drive_on(v, a, terms.drive)
 
 
 @compiled
@@ -139,215 +119,80 @@ def divide_by_mass(force: Any, particles: Any) -> None:
 
 
 @compiled
-def actuate(
-    x: Any,
-    b: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    gravity: Any,
-    wrench: Any,
-    thrust: Any,
-    drive: Any,
-    *rest: Any,
-) -> None:
+def actuate(x: Any, b: Any, terms: Any) -> None:
     """Set ``b`` (N, 3) to the accelerations by actuators, if the scene has any.
 
     The row of a driven particle is the force [N] that holds it against its springs.
     """
-    if wrench is not None or thrust is not None:
-        if wrench is not None:
-            set_wrench(x, b, particles, wrench)
-        else:
-            set_weights(b, particles, None)
-        if thrust is not None:
-            add_thrust(x, b, particles, thrust)
-    if drive is not None:
-        set_row(b, drive.particle, times(-1.0, pull_on(x, drive.particle, springs)))
+    set_actuation(x, b, terms.particles, terms.springs, terms.wrench, terms.thrust, terms.drive)
 
 
 @compiled
-def kick(v: Any, a: Any, tau: Any, particles: Any, *rest: Any) -> None:
+def kick(v: Any, a: Any, tau: Any) -> None:
     """Let the accelerations ``a`` act for ``tau`` seconds."""
-    for i in range(particles.mass.size):
+    for i in range(v.shape[0]):
         add_scaled(v, i, tau, row(a, i))
 
 
 @compiled
-def act(
-    v: Any,
-    b: Any,
-    tau: Any,
-    ledger: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    gravity: Any,
-    wrench: Any,
-    thrust: Any,
-    drive: Any,
-    *rest: Any,
-) -> None:
+def act(v: Any, b: Any, tau: Any, ledger: Any, terms: Any) -> None:
     """Let the actuators, with their accelerations ``b``, act for ``tau`` seconds."""
-    if wrench is not None or thrust is not None:
-        push(v, b, tau, particles, ledger)
-    if drive is not None:
-        move_drive(v, b, tau, drive, ledger)
+    push(v, b, tau, terms.particles, terms.wrench, terms.thrust, ledger)
+    move_drive(v, b, tau, terms.drive, ledger)
 
 
 @compiled
-def relax(
-    v: Any,
-    direction: Any,
-    backward: Any,
-    ledger: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    gravity: Any,
-    wrench: Any,
-    thrust: Any,
-    drive: Any,
-    *rest: Any,
-) -> None:
+def relax(v: Any, direction: Any, backward: Any, ledger: Any, terms: Any) -> None:
     """Let the dampers act for half a step."""
-    if dampers is not None:
-        damp(v, direction, springs, dampers, drive, ledger, backward)
+    damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward)
 
 
 @compiled
-def drift(x: Any, v: Any, tau: Any, ledger: Any, particles: Any, *rest: Any) -> None:
+def drift(x: Any, v: Any, tau: Any) -> None:
     """Let the particles move for ``tau`` seconds, with nothing in their way."""
-    for i in range(particles.mass.size):
+    for i in range(x.shape[0]):
         add_row(x, i, times(tau, row(v, i)))  # rounded as above a surface
 
 
 @compiled
-def move(
-    x: Any,
-    v: Any,
-    a: Any,
-    tau: Any,
-    ledger: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    gravity: Any,
-    wrench: Any,
-    thrust: Any,
-    drive: Any,
-    planes: Any,
-    bowl: Any,
-    friction: Any,
-    impact_damping: Any,
-    *rest: Any,
-) -> None:
+def drift_without(planes: Any, bowl: Any, x: Any, v: Any, tau: Any) -> None:
+    """`drift`, if there are no surfaces."""
+    if planes is None and bowl is None:
+        drift(x, v, tau)
+
+
+@compiled
+def move(x: Any, v: Any, a: Any, tau: Any, ledger: Any, terms: Any) -> None:
     """Let the particles move for ``tau`` seconds, and meet the surfaces.
 
     ``a`` are the accelerations that acted for ``tau`` seconds since the last move.
     """
-    if planes is not None:
-        move_above_planes(x, v, a, tau, ledger, particles, planes, friction, impact_damping)
-    if bowl is not None:
-        move_in_bowl(x, v, a, tau, ledger, particles, bowl, friction, impact_damping)
-    if planes is None and bowl is None:
-        drift(x, v, tau, ledger, particles)
+    particles, friction, damping = terms.particles, terms.friction, terms.impact_damping
+    move_above_planes(x, v, a, tau, ledger, particles, terms.planes, friction, damping)
+    move_in_bowl(x, v, a, tau, ledger, particles, terms.bowl, friction, damping)
+    drift_without(terms.planes, terms.bowl, x, v, tau)
 
 
 @compiled
-def settle(
-    x: Any,
-    v: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    gravity: Any,
-    wrench: Any,
-    thrust: Any,
-    drive: Any,
-    planes: Any,
-    bowl: Any,
-    friction: Any,
-    impact_damping: Any,
-    paper_law: Any,
-    *rest: Any,
-) -> None:
+def settle(x: Any, v: Any, terms: Any) -> None:
     """What methods that split nothing do after a step: the paper's clamp."""
-    if paper_law is not None:
-        clamp(x, v, particles, planes, bowl)
+    clamp(x, v, terms.particles, terms.planes, terms.bowl, terms.paper_law)
 
 
 @compiled
-def derivative(
-    x: Any,
-    v: Any,
-    a: Any,
-    b: Any,
-    weight: Any,
-    ledger: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    gravity: Any,
-    wrench: Any,
-    thrust: Any,
-    drive: Any,
-    planes: Any,
-    bowl: Any,
-    friction: Any,
-    impact_damping: Any,
-    paper_law: Any,
-    *rest: Any,
-) -> None:
-    """Set ``a`` (N, 3) to the accelerations by everything, for methods that split nothing.
-
-    ``weight`` [s] times the power of what is not conservative is added to the ledger; ``b`` is
-    workspace.
-    """
-    set_weights(a, particles, gravity)
-    if springs is not None:
-        add_spring_forces(x, v, a, None, springs, dampers, ledger, weight)
-    if drive is not None:  # it holds its particle, which has no weight here, against springs and dampers
-        record(ledger, WORK, -weight * dot(row(a, drive.particle), row(v, drive.particle)))
-    if paper_law is not None:
-        add_paper_forces(x, v, a, particles, planes, bowl, friction, paper_law, ledger, weight)
-    divide_by_mass(a, particles)
-    if wrench is not None or thrust is not None:
-        actuate(x, b, particles, springs, dampers, gravity, wrench, thrust, None)
-        for i in range(particles.mass.size):
-            add_row(a, i, row(b, i))
-            if ledger is not None:
-                power = load(particles.mass, i) * dot(row(b, i), row(v, i))
-                record(ledger, WORK, weight * power)
-    if drive is not None:
-        set_row(a, drive.particle, drive_acceleration(v, drive))
-
-
-@compiled
-def potential_energy(
-    x: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    gravity: Any,
-    wrench: Any,
-    thrust: Any,
-    drive: Any,
-    planes: Any,
-    bowl: Any,
-    *rest: Any,
-) -> Any:
+def potential_energy(x: Any, terms: Any) -> Any:
     """Energies [J] of gravity (0 at the origin), springs and contact, and the largest |L/L₀ − 1|²."""
-    weight = 0.0 * load(x, (0, 0))
-    elastic, contact, strain = weight, weight, weight
+    weight = gravity_energy(x, terms.particles, terms.gravity)
+    elastic, strain = spring_energy(x, terms.springs)
+    on_planes = planes_energy(x, terms.particles, terms.planes)
+    return weight, elastic, on_planes + bowl_energy(x, terms.particles, terms.bowl), strain
+
+
+@compiled
+def gravity_energy(x: Any, particles: Any, gravity: Any) -> Any:
+    energy = 0.0 * load(x, (0, 0))
     if gravity is not None:
         for i in range(particles.mass.size):
             if particles.free[i]:
-                weight = weight - load(particles.mass, i) * dot(vector(gravity), row(x, i))
-    if springs is not None:
-        elastic, strain = spring_energy(x, springs)
-    if planes is not None:
-        contact = planes_energy(x, particles, planes)
-    if bowl is not None:
-        contact = bowl_energy(x, particles, bowl)
-    return weight, elastic, contact, strain
+                energy = energy - load(particles.mass, i) * dot(vector(gravity), row(x, i))
+    return energy

@@ -13,6 +13,7 @@ import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces.ledger import WORK, record
+from springgym.forces.springs import pull_on
 from springgym.lanes import load, maximum, minimum, select, store
 from springgym.vectors import (
     add_row,
@@ -75,6 +76,40 @@ class Drive(NamedTuple):
 
 
 @compiled
+def set_actuation(x: Any, b: Any, particles: Any, springs: Any, wrench: Any, thrust: Any, drive: Any) -> None:
+    """Set ``b`` (N, 3) to the accelerations by actuators, if there are any.
+
+    The row of a driven particle is the force [N] that holds it against its springs.
+    """
+    if wrench is not None:
+        set_wrench(x, b, particles, wrench)
+    if thrust is not None:
+        if wrench is None:
+            for i in range(particles.mass.size):
+                set_row(b, i, (0.0, 0.0, 0.0))
+        add_thrust(x, b, particles, thrust)
+    if drive is not None:
+        set_row(b, drive.particle, times(-1.0, pull_on(x, drive.particle, springs)))
+
+
+@compiled
+def add_actuation(
+    x: Any, v: Any, a: Any, b: Any, particles: Any, wrench: Any, thrust: Any, ledger: Any, weight: Any
+) -> None:
+    """Add the accelerations by wrench and thrust to ``a`` (N, 3); ``b`` is workspace.
+
+    ``weight`` [s] times their power goes to the ledger.
+    """
+    if wrench is not None or thrust is not None:
+        set_actuation(x, b, particles, None, wrench, thrust, None)
+        for i in range(particles.mass.size):
+            add_row(a, i, row(b, i))
+            if ledger is not None:
+                power = load(particles.mass, i) * dot(row(b, i), row(v, i))
+                record(ledger, WORK, weight * power)
+
+
+@compiled
 def set_wrench(x: Any, acceleration: Any, particles: Any, wrench: Any) -> None:
     mass = particles.mass
     about = row(x, wrench.pivot) if wrench.pivot >= 0 else mass_centre(x, mass)
@@ -107,17 +142,32 @@ def add_thrust(x: Any, acceleration: Any, particles: Any, thrust: Any) -> None:
 
 
 @compiled
-def push(v: Any, acceleration: Any, tau: Any, particles: Any, ledger: Any) -> None:
-    """Let the actuators' accelerations act for ``tau`` seconds; their exact work goes to the ledger."""
-    work = 0.0 * load(v, (0, 0))
-    for i in range(particles.mass.size):
-        if particles.free[i]:
-            before = row(v, i)
-            change = times(tau, row(acceleration, i))
-            after = plus(before, change)
-            set_row(v, i, after)
-            work = work + load(particles.mass, i) * dot(change, plus(before, after))
-    record(ledger, WORK, 0.5 * work)
+def push(v: Any, acceleration: Any, tau: Any, particles: Any, wrench: Any, thrust: Any, ledger: Any) -> None:
+    """Let wrench and thrust act for ``tau`` seconds; their exact work goes to the ledger."""
+    if wrench is not None or thrust is not None:
+        work = 0.0 * load(v, (0, 0))
+        for i in range(particles.mass.size):
+            if particles.free[i]:
+                before = row(v, i)
+                change = times(tau, row(acceleration, i))
+                after = plus(before, change)
+                set_row(v, i, after)
+                work = work + load(particles.mass, i) * dot(change, plus(before, after))
+        record(ledger, WORK, 0.5 * work)
+
+
+@compiled
+def hold(v: Any, force: Any, drive: Any, ledger: Any, weight: Any) -> None:
+    """Record the power of the drive, ``weight`` [s] times: it holds its particle against ``force`` (N, 3)."""
+    if drive is not None:
+        record(ledger, WORK, -weight * dot(row(force, drive.particle), row(v, drive.particle)))
+
+
+@compiled
+def drive_on(v: Any, acceleration: Any, drive: Any) -> None:
+    """Set the driven particle's row of ``acceleration`` (N, 3)."""
+    if drive is not None:
+        set_row(acceleration, drive.particle, drive_acceleration(v, drive))
 
 
 @compiled
@@ -143,10 +193,11 @@ def move_drive(v: Any, force: Any, tau: Any, drive: Any, ledger: Any) -> None:
 
     Its row of ``force`` (N, 3) [N] is what the drive holds it with; the work of that goes to the ledger.
     """
-    for axis in range(3):
-        before = load(v, (drive.particle, axis))
-        speed = before + tau * load(drive.acceleration, axis)
-        speed = select(speed > drive.speed, drive.speed, speed)
-        speed = select(speed < -drive.speed, -drive.speed, speed)
-        store(v, (drive.particle, axis), speed)
-        record(ledger, WORK, 0.5 * tau * load(force, (drive.particle, axis)) * (before + speed))
+    if drive is not None:
+        for axis in range(3):
+            before = load(v, (drive.particle, axis))
+            speed = before + tau * load(drive.acceleration, axis)
+            speed = select(speed > drive.speed, drive.speed, speed)
+            speed = select(speed < -drive.speed, -drive.speed, speed)
+            store(v, (drive.particle, axis), speed)
+            record(ledger, WORK, 0.5 * tau * load(force, (drive.particle, axis)) * (before + speed))

@@ -243,11 +243,12 @@ def barrier_energy(h: Any, strength: Any, reach: Any) -> Any:
 def planes_energy(x: Any, particles: Any, planes: Any) -> Any:
     """Energy of the particles in the planes' barriers [J]."""
     energy = 0.0 * load(x, (0, 0))
-    for i in range(particles.mass.size):
-        if particles.free[i]:
-            for k in range(planes.offset.size):
-                h = height(row(x, i), planes, k)
-                energy = energy + barrier_energy(h, load(planes.strength, 0), planes.reach)
+    if planes is not None:
+        for i in range(particles.mass.size):
+            if particles.free[i]:
+                for k in range(planes.offset.size):
+                    h = height(row(x, i), planes, k)
+                    energy = energy + barrier_energy(h, load(planes.strength, 0), planes.reach)
     return energy
 
 
@@ -264,20 +265,21 @@ def move_above_planes(
     damping: Any,
 ) -> None:
     """Let the particles move for ``tau`` seconds, above planes."""
-    for i in range(particles.mass.size):
-        start = row(x, i)
-        move = times(tau, row(v, i))
-        if particles.free[i]:
-            margin = 1.0 + 0.0 * start[0]
-            for k in range(planes.offset.size):
-                h = height(start, planes, k)
-                lowest = minimum(h, h + dot(row(planes.normal, k), move))
-                margin = minimum(margin, lowest - planes.reach)
-            if any_lane(margin < 0.0):
-                move = push_off_planes(
-                    i, start, move, margin, v, a, tau, ledger, particles, planes, friction, damping
-                )
-        set_row(x, i, plus(start, move))
+    if planes is not None:
+        for i in range(particles.mass.size):
+            start = row(x, i)
+            move = times(tau, row(v, i))
+            if particles.free[i]:
+                margin = 1.0 + 0.0 * start[0]
+                for k in range(planes.offset.size):
+                    h = height(start, planes, k)
+                    lowest = minimum(h, h + dot(row(planes.normal, k), move))
+                    margin = minimum(margin, lowest - planes.reach)
+                if any_lane(margin < 0.0):
+                    move = push_off_planes(
+                        i, start, move, margin, v, a, tau, ledger, particles, planes, friction, damping
+                    )
+            set_row(x, i, plus(start, move))
 
 
 @compiled
@@ -357,11 +359,12 @@ def push_off_planes(
 def bowl_energy(x: Any, particles: Any, bowl: Any) -> Any:
     """Energy of the particles in the bowl's barrier [J]."""
     energy = 0.0 * load(x, (0, 0))
-    for i in range(particles.mass.size):
-        if particles.free[i]:
-            from_centre = minus(row(x, i), vector(bowl.centre))
-            h = bowl.radius - sqrt(dot(from_centre, from_centre))
-            energy = energy + barrier_energy(h, load(bowl.strength, 0), bowl.reach)
+    if bowl is not None:
+        for i in range(particles.mass.size):
+            if particles.free[i]:
+                from_centre = minus(row(x, i), vector(bowl.centre))
+                h = bowl.radius - sqrt(dot(from_centre, from_centre))
+                energy = energy + barrier_energy(h, load(bowl.strength, 0), bowl.reach)
     return energy
 
 
@@ -378,19 +381,20 @@ def move_in_bowl(
     damping: Any,
 ) -> None:
     """Let the particles move for ``tau`` seconds, in a bowl."""
-    free = bowl.radius - bowl.reach
-    for i in range(particles.mass.size):
-        start = row(x, i)
-        move = times(tau, row(v, i))
-        if particles.free[i]:
-            here = minus(start, vector(bowl.centre))
-            there = plus(here, move)
-            near = maximum(dot(here, here), dot(there, there)) > free * free
-            if any_lane(near):
-                move = push_off_bowl(
-                    i, here, move, near, v, a, tau, ledger, particles, bowl, friction, damping
-                )
-        set_row(x, i, plus(start, move))
+    if bowl is not None:
+        free = bowl.radius - bowl.reach
+        for i in range(particles.mass.size):
+            start = row(x, i)
+            move = times(tau, row(v, i))
+            if particles.free[i]:
+                here = minus(start, vector(bowl.centre))
+                there = plus(here, move)
+                near = maximum(dot(here, here), dot(there, there)) > free * free
+                if any_lane(near):
+                    move = push_off_bowl(
+                        i, here, move, near, v, a, tau, ledger, particles, bowl, friction, damping
+                    )
+            set_row(x, i, plus(start, move))
 
 
 @compiled

@@ -48,16 +48,17 @@ def add_paper_forces(
 
     ``weight`` [s] times the power that they lose goes to the ledger.
     """
-    for i in range(particles.mass.size):
-        if particles.free[i]:
-            if planes is not None:
-                for k in range(planes.offset.size):
-                    n = row(planes.normal, k)
-                    h = height(row(x, i), planes, k)
-                    add_paper_force(i, n, h, v, force, particles, planes, friction, law, ledger, weight)
-            if bowl is not None:
-                n, h = above_bowl(row(x, i), bowl)
-                add_paper_force(i, n, h, v, force, particles, bowl, friction, law, ledger, weight)
+    if law is not None:
+        for i in range(particles.mass.size):
+            if particles.free[i]:
+                if planes is not None:
+                    for k in range(planes.offset.size):
+                        n = row(planes.normal, k)
+                        h = height(row(x, i), planes, k)
+                        add_paper_force(i, n, h, v, force, particles, planes, friction, law, ledger, weight)
+                if bowl is not None:
+                    n, h = above_bowl(row(x, i), bowl)
+                    add_paper_force(i, n, h, v, force, particles, bowl, friction, law, ledger, weight)
 
 
 @compiled
@@ -98,17 +99,18 @@ def add_paper_force(
 
 
 @compiled
-def clamp(x: Any, v: Any, particles: Any, planes: Any, bowl: Any) -> None:
+def clamp(x: Any, v: Any, particles: Any, planes: Any, bowl: Any, law: Any) -> None:
     """Put particles that are too near a surface back to the least height, and stop them along its normal."""
-    for i in range(particles.mass.size):
-        if particles.free[i]:
-            if planes is not None:
-                for k in range(planes.offset.size):
-                    n = row(planes.normal, k)
-                    clamp_one(x, v, i, n, CLAMP * planes.reach - height(row(x, i), planes, k))
-            if bowl is not None:
-                n, h = above_bowl(row(x, i), bowl)
-                clamp_one(x, v, i, n, CLAMP * bowl.reach - h)
+    if law is not None:
+        for i in range(particles.mass.size):
+            if particles.free[i]:
+                if planes is not None:
+                    for k in range(planes.offset.size):
+                        n = row(planes.normal, k)
+                        clamp_one(x, v, i, n, CLAMP * planes.reach - height(row(x, i), planes, k))
+                if bowl is not None:
+                    n, h = above_bowl(row(x, i), bowl)
+                    clamp_one(x, v, i, n, CLAMP * bowl.reach - h)
 
 
 @compiled

@@ -92,29 +92,30 @@ def interleaved(springs: np.ndarray, particles: int) -> np.ndarray:
 def add_spring_forces(
     x: Any, v: Any, force: Any, direction: Any, springs: Any, dampers: Any, ledger: Any, weight: Any
 ) -> None:
-    """Add the springs' forces [N], and those of ``dampers`` if given, to ``force`` (N, 3).
+    """Add the springs' forces [N] to ``force`` (N, 3).
 
-    ``direction``, None or of shape (springs, 3), receives û: the dampers' share of the square root where
-    they are split off. ``weight`` [s] times the dampers' power goes to the ledger.
+    Given ``v`` (N, 3), those of the dampers too; ``weight`` [s] times their power goes to the ledger. Given
+    ``direction`` (springs, 3), it receives û: the dampers' share of the square root where they are split off.
     """
-    power = 0.0 * load(x, (0, 0))
-    for s in range(springs.first.size):
-        i, j = springs.first[s], springs.second[s]
-        apart = minus(row(x, j), row(x, i))
-        inverse_length = 1.0 / sqrt(dot(apart, apart) + TINY)
-        k = load(springs.stiffness, s)
-        pull = k - k * load(springs.length, s) * inverse_length
-        if dampers is not None:
-            speed = inverse_length * dot(minus(row(v, j), row(v, i)), apart)
-            damping = load(dampers.coefficient, s) * speed
-            pull = pull + damping * inverse_length
-            power = power + damping * speed
-        add_scaled(force, i, pull, apart)
-        add_scaled(force, j, -pull, apart)
-        if direction is not None:
-            set_row(direction, s, times(inverse_length, apart))
-    if dampers is not None:
-        record(ledger, DAMPING, weight * power)
+    if springs is not None:
+        power = 0.0 * load(x, (0, 0))
+        for s in range(springs.first.size):
+            i, j = springs.first[s], springs.second[s]
+            apart = minus(row(x, j), row(x, i))
+            inverse_length = 1.0 / sqrt(dot(apart, apart) + TINY)
+            k = load(springs.stiffness, s)
+            pull = k - k * load(springs.length, s) * inverse_length
+            if v is not None and dampers is not None:
+                speed = inverse_length * dot(minus(row(v, j), row(v, i)), apart)
+                damping = load(dampers.coefficient, s) * speed
+                pull = pull + damping * inverse_length
+                power = power + damping * speed
+            add_scaled(force, i, pull, apart)
+            add_scaled(force, j, -pull, apart)
+            if direction is not None and dampers is not None:
+                set_row(direction, s, times(inverse_length, apart))
+        if v is not None and dampers is not None:
+            record(ledger, DAMPING, weight * power)
 
 
 @compiled
@@ -122,13 +123,14 @@ def spring_energy(x: Any, springs: Any) -> Any:
     """Σ k (L − L₀)²/2 [J] and the largest |L/L₀ − 1|² [1]."""
     energy = 0.0 * load(x, (0, 0))
     largest = energy
-    for s in range(springs.first.size):
-        apart = minus(row(x, springs.second[s]), row(x, springs.first[s]))
-        rest = load(springs.length, s)
-        stretch = sqrt(dot(apart, apart)) - rest
-        energy = energy + 0.5 * load(springs.stiffness, s) * stretch * stretch
-        strain = stretch / rest
-        largest = maximum(largest, strain * strain)
+    if springs is not None:
+        for s in range(springs.first.size):
+            apart = minus(row(x, springs.second[s]), row(x, springs.first[s]))
+            rest = load(springs.length, s)
+            stretch = sqrt(dot(apart, apart)) - rest
+            energy = energy + 0.5 * load(springs.stiffness, s) * stretch * stretch
+            strain = stretch / rest
+            largest = maximum(largest, strain * strain)
     return energy, largest
 
 
@@ -195,21 +197,22 @@ def damp(v: Any, direction: Any, springs: Any, dampers: Any, drive: Any, ledger:
     A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so
     that the pair around a step is symmetric, hence of second order.
     """
-    count = springs.first.size
-    energy = 0.0 * load(v, (0, 0))
-    for n in range(count):
-        s = count - 1 - n if backward else n
-        i, j = springs.first[s], springs.second[s]
-        along = row(direction, s)
-        speed = dot(minus(row(v, j), row(v, i)), along)
-        energy = energy + load(dampers.loss, s) * speed * speed
-        if drive is not None:
-            impulse = load(dampers.impulse, s) * speed
-            if i == drive.particle:
-                record(ledger, WORK, -1.0 * impulse * dot(along, row(v, i)))
-            if j == drive.particle:
-                record(ledger, WORK, impulse * dot(along, row(v, j)))
-        # what needs the speed comes last: each spring waits for the velocities of the one before
-        add_scaled(v, i, speed, times(load(dampers.first, s), along))
-        add_scaled(v, j, -speed, times(load(dampers.second, s), along))
-    record(ledger, DAMPING, energy)
+    if dampers is not None:
+        count = springs.first.size
+        energy = 0.0 * load(v, (0, 0))
+        for n in range(count):
+            s = count - 1 - n if backward else n
+            i, j = springs.first[s], springs.second[s]
+            along = row(direction, s)
+            speed = dot(minus(row(v, j), row(v, i)), along)
+            energy = energy + load(dampers.loss, s) * speed * speed
+            if drive is not None:
+                impulse = load(dampers.impulse, s) * speed
+                if i == drive.particle:
+                    record(ledger, WORK, -1.0 * impulse * dot(along, row(v, i)))
+                if j == drive.particle:
+                    record(ledger, WORK, impulse * dot(along, row(v, j)))
+            # what needs the speed comes last: each spring waits for the velocities of the one before
+            add_scaled(v, i, speed, times(load(dampers.first, s), along))
+            add_scaled(v, j, -speed, times(load(dampers.second, s), along))
+        record(ledger, DAMPING, energy)

@@ -69,8 +69,8 @@ def advance_kernel(name: str, read: Callable[..., None]) -> Callable[..., None]:
         for block in range(first, last):
             xb, vb, entries, own = x[block], v[block], at(ledger, block), at(terms, block)
             if steps > 0:
-                integrate(xb, vb, entries, workspace, at(h, block), steps, *own)
+                integrate(xb, vb, entries, workspace, at(h, block), steps, own)
             if reads:
-                read(block, xb, vb, entries, readout, space, pivot, frame, *own)
+                read(block, xb, vb, entries, readout, space, pivot, frame, own)
 
     return advance

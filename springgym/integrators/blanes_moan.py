@@ -29,7 +29,7 @@ DRIFTS = (*A, 1 - 2 * sum(A), *A[::-1])
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *terms: Any) -> None:
+def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
     """Twelve kicks with eleven drifts between; the last kick of a step is one with the next step's first.
 
     On the stability interval of the oscillator lie two needles, ω h within 0.0005 of 3.1419 and 0.0008 of
@@ -40,10 +40,10 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *
     a, b, direction = workspace[0], workspace[1], workspace[2]
     last = STAGES * steps
     for n in range(last + 1):
-        accelerate(x, a, direction, *terms)
-        actuate(x, b, *terms)
+        accelerate(x, a, direction, terms)
+        actuate(x, b, terms)
         stage = n % STAGES
         weight = 2 * KICKS[0] if stage == 0 and 0 < n < last else KICKS[stage]
-        kick_and_act(v, a, b, h * weight, ledger, *terms)
+        kick_and_act(v, a, b, h * weight, ledger, terms)
         if n < last:
-            drift(x, v, h * DRIFTS[stage], ledger, *terms)
+            drift(x, v, h * DRIFTS[stage])

@@ -49,7 +49,7 @@ SHRINK, GROW, SAFETY, SMALLEST = 0.2, 5.0, 0.9, 1e-10
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *terms: Any) -> None:
+def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
     """Go ``steps`` × h ahead in steps of at most h, each copy of the block in its own.
 
     Powers are integrated for the ledger by the same weights. The next step is 0.9 e_n^(−3/16) e_(n−1)^(1/16)
@@ -57,11 +57,11 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *
     roots only. A copy that finds no step is set to NaN.
     """
     if ledger is None:
-        advance(x, v, None, None, workspace, h, steps, *terms)
+        advance(x, v, None, None, workspace, h, steps, terms)
     else:
         accounts = workspace[17:]
         power = accounts.reshape(accounts.shape[0] * accounts.shape[1] * 3)
-        advance(x, v, ledger, power, workspace, h, steps, *terms)
+        advance(x, v, ledger, power, workspace, h, steps, terms)
 
 
 @compiled
@@ -73,20 +73,17 @@ def advance(
     workspace: Any,
     control: Any,
     steps: Any,
-    particles: Any,
-    springs: Any,
-    *rest: Any,
+    terms: Any,
 ) -> None:
     """`integrate` with the ``power`` of each stage, entry by entry, None if there is no ledger."""
-    terms = (particles, springs, *rest)
     xs, vs, b = workspace[14], workspace[15], workspace[16]
-    length = longest_spring(x, springs)
+    length = longest_spring(x, terms.springs)
     nothing = 0.0 * length
     remaining = nothing + steps * control.step
     trial = nothing + control.step
     last_error = nothing + 1.0
     after_rejection = nothing
-    evaluate(x, v, 0, workspace, b, power, *terms)
+    evaluate(x, v, 0, workspace, b, power, terms)
     while any_lane(remaining > 0.0):
         tau = select(trial < remaining, select(2.0 * trial > remaining, 0.5 * remaining, trial), remaining)
         for stage in range(1, STAGES):
@@ -97,7 +94,7 @@ def advance(
                     dv = plus(dv, times(A[stage, j], row(workspace[j], i)))
                 set_row(xs, i, plus(row(x, i), times(tau, dx)))
                 set_row(vs, i, plus(row(v, i), times(tau, dv)))
-            evaluate(xs, vs, stage, workspace, b, power, *terms)
+            evaluate(xs, vs, stage, workspace, b, power, terms)
         error = error_norm(v, vs, tau, length, workspace, control)
         active = remaining > 0.0
         # a copy that has arrived has no error to accept: it stays as it is, to the bit
@@ -127,14 +124,14 @@ def advance(
 
 
 @compiled
-def evaluate(x: Any, v: Any, stage: Any, workspace: Any, b: Any, power: Any, *terms: Any) -> None:
+def evaluate(x: Any, v: Any, stage: Any, workspace: Any, b: Any, power: Any, terms: Any) -> None:
     """Set the derivatives of v, ``workspace[stage]``, and x, ``workspace[7 + stage]``, and the power."""
     if power is None:
-        derivative(x, v, workspace[stage], b, 1.0, None, *terms)
+        derivative(x, v, workspace[stage], b, 1.0, None, terms)
     else:
         for entry in range(ENTRIES):
             store(power, ENTRIES * stage + entry, 0.0)
-        derivative(x, v, workspace[stage], b, 1.0, power[ENTRIES * stage :], *terms)
+        derivative(x, v, workspace[stage], b, 1.0, power[ENTRIES * stage :], terms)
     for i in range(x.shape[0]):
         set_row(workspace[7 + stage], i, row(v, i))
 

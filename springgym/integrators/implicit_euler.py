@@ -25,16 +25,16 @@ RECORD = Integrator(
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, control: Any, steps: Any, *terms: Any) -> None:
+def integrate(x: Any, v: Any, ledger: Any, workspace: Any, control: Any, steps: Any, terms: Any) -> None:
     """v₁ = v₀ + h a(x₁, v₁), x₁ = x₀ + h v₁. A spin Ω loses h Ω³ a second."""
     h = control.step
     space, matrix = workspace
     a, b, change, x0, v0 = space[0], space[1], space[2], space[3], space[4]
     for n in range(steps + 1):
-        actuate(x, b, *terms)
-        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, *terms)
+        actuate(x, b, terms)
+        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, terms)
         if n < steps:
             copy_rows(x, x0)
             copy_rows(v, v0)
-            solve_stage(x0, v0, x, v, h, matrix, (a, change), control, *terms)
-            record_losses(x, v, a, h, ledger, *terms)
+            solve_stage(x0, v0, x, v, h, matrix, (a, change), control, terms)
+            record_losses(x, v, a, h, ledger, terms)

@@ -24,21 +24,17 @@ def record_losses(
     a: Any,
     weight: Any,
     ledger: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    *rest: Any,
+    terms: Any,
 ) -> None:
     """Add ``weight`` [s] times the power lost at a state to the ledger."""
-    if dampers is not None and ledger is not None:
-        accelerate_and_damp(x, v, a, weight, ledger, particles, springs, dampers, *rest)
+    if ledger is not None:
+        accelerate_and_damp(x, v, a, weight, ledger, terms)
 
 
 @compiled
-def assemble(
-    matrix: Any, x: Any, v: Any, tau: Any, particles: Any, springs: Any, dampers: Any, *rest: Any
-) -> None:
+def assemble(matrix: Any, x: Any, v: Any, tau: Any, terms: Any) -> None:
     """Set the matrix to M − τ ∂F/∂v − τ² ∂F/∂x and factorise it; pinned particles are left to themselves."""
+    particles = terms.particles
     nothing = 0.0 * load(x, (0, 0))
     zero = (nothing, nothing, nothing)
     for n in range(matrix.lower.shape[0]):
@@ -51,6 +47,15 @@ def assemble(
             matrix.start[i] + i,
             ((m, nothing, nothing), (nothing, m, nothing), (nothing, nothing, m)),
         )
+    subtract_jacobian(matrix, x, v, tau, particles, terms.springs, terms.dampers)
+    factorise(matrix, terms.dampers)
+
+
+@compiled
+def subtract_jacobian(
+    matrix: Any, x: Any, v: Any, tau: Any, particles: Any, springs: Any, dampers: Any
+) -> None:
+    """Subtract τ ∂F/∂v + τ² ∂F/∂x, F the forces of springs and dampers."""
     if springs is not None:
         for s in range(springs.first.size):
             ends = np.intp(springs.first[s]), np.intp(springs.second[s])
@@ -63,7 +68,6 @@ def assemble(
                 at = matrix.start[max(ends)] + min(ends)
                 set_block(matrix.lower, at, subtract(block(matrix.lower, at), pull))
                 set_block(matrix.upper, at, subtract(block(matrix.upper, at), pull))
-    factorise(matrix, dampers)
 
 
 @compiled
@@ -76,24 +80,21 @@ def solve_stage(
     matrix: Any,
     space: Any,
     control: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    *rest: Any,
+    terms: Any,
 ) -> None:
     """Find v = v₀ + τ a(x, v) with x = x₀ + τ v, from the v given, by Newton's method.
 
     A copy that does not converge is set to NaN. ``space`` holds two arrays.
     """
     a, change = space
-    terms = (particles, springs, dampers, *rest)
-    bound = (control.absolute + control.relative * longest_spring(x, springs)) / tau
+    particles = terms.particles
+    bound = (control.absolute + control.relative * longest_spring(x, terms.springs)) / tau
     bound = bound * bound
     largest = 2.0 * bound + 1.0
     for _ in range(ITERATION_LIMIT):
         move(x, x0, v, tau)
-        accelerate_and_damp(x, v, a, 0.0, None, *terms)
-        assemble(matrix, x, v, tau, *terms)
+        accelerate_and_damp(x, v, a, 0.0, None, terms)
+        assemble(matrix, x, v, tau, terms)
         for i in range(particles.mass.size):
             lacking = plus(minus(row(v0, i), row(v, i)), times(tau, row(a, i)))
             set_row(change, i, times(load(particles.mass, i), lacking))

@@ -27,13 +27,13 @@ KICKS = (0.5 - LAMBDA, LAMBDA, LAMBDA, 0.5 - LAMBDA)
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *terms: Any) -> None:
+def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
     """Drifts ξ, χ, 1 − 2(χ + ξ), χ, ξ with kicks ½ − λ, λ, λ, ½ − λ between; neighbouring drifts are one."""
     a, b, direction = workspace[0], workspace[1], workspace[2]
     for n in range(4 * steps):
         stage = n % 4
-        drift(x, v, h * (2 * XI if stage == 0 and n > 0 else DRIFTS[stage]), ledger, *terms)
-        accelerate(x, a, direction, *terms)
-        actuate(x, b, *terms)
-        kick_and_act(v, a, b, h * KICKS[stage], ledger, *terms)
-    drift(x, v, h * XI, ledger, *terms)
+        drift(x, v, h * (2 * XI if stage == 0 and n > 0 else DRIFTS[stage]))
+        accelerate(x, a, direction, terms)
+        actuate(x, b, terms)
+        kick_and_act(v, a, b, h * KICKS[stage], ledger, terms)
+    drift(x, v, h * XI)

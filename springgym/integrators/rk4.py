@@ -23,12 +23,12 @@ RECORD = Integrator(
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *terms: Any) -> None:
+def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
     """Four derivatives a step, weighted 1, 2, 2, 1; the ledger's powers are integrated alike."""
     a, b = workspace[0], workspace[1]
     xs, vs, dx, dv = workspace[2], workspace[3], workspace[4], workspace[5]
     for _ in range(steps):
-        derivative(x, v, a, b, h / 6.0, ledger, *terms)
+        derivative(x, v, a, b, h / 6.0, ledger, terms)
         for i in range(x.shape[0]):
             velocity, acceleration = row(v, i), row(a, i)
             set_row(dx, i, velocity)
@@ -37,15 +37,15 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *
             set_row(vs, i, plus_scaled(velocity, 0.5 * h, acceleration))
         for stage in range(2):
             ahead = 0.5 * h if stage == 0 else h
-            derivative(xs, vs, a, b, h / 3.0, ledger, *terms)
+            derivative(xs, vs, a, b, h / 3.0, ledger, terms)
             for i in range(x.shape[0]):
                 velocity, acceleration = row(vs, i), row(a, i)
                 add_scaled(dx, i, 2.0, velocity)
                 add_scaled(dv, i, 2.0, acceleration)
                 set_row(xs, i, plus_scaled(row(x, i), ahead, velocity))
                 set_row(vs, i, plus_scaled(row(v, i), ahead, acceleration))
-        derivative(xs, vs, a, b, h / 6.0, ledger, *terms)
+        derivative(xs, vs, a, b, h / 6.0, ledger, terms)
         for i in range(x.shape[0]):
             add_scaled(x, i, h / 6.0, plus(row(dx, i), row(vs, i)))
             add_scaled(v, i, h / 6.0, plus(row(dv, i), row(a, i)))
-        settle(x, v, *terms)
+        settle(x, v, terms)

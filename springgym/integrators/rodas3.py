@@ -36,7 +36,7 @@ M = np.array([2, 0, 1, 1], float)
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *terms: Any) -> None:
+def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
     """Stage i solves (1/(γh) − J) k_i = f(y + Σ A_ij k_j) + Σ (C_ij/h) k_j; then y gains Σ M_i k_i.
 
     With k = (p, q) and the stage's velocity and acceleration u and a this is
@@ -48,12 +48,12 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *
     xs, vs, ahead, q, p = space[2], space[3], space[4], space[5:9], space[9:13]
     tau = GAMMA * h
     for n in range(steps + 1):
-        actuate(x, b, *terms)
-        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, *terms)
+        actuate(x, b, terms)
+        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, terms)
         if n == steps:
             break
-        assemble(matrix, x, v, tau, *terms)
-        record_losses(x, v, a, 0.5 * h, ledger, *terms)
+        assemble(matrix, x, v, tau, terms)
+        record_losses(x, v, a, 0.5 * h, ledger, terms)
         for stage in range(STAGES):
             for i in range(x.shape[0]):
                 u, w = row(x, i), row(v, i)
@@ -63,7 +63,7 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *
                 set_row(xs, i, u)
                 set_row(vs, i, w)
             if stage != 1:  # the second stage is where the first is
-                accelerate_and_damp(xs, vs, a, 0.0, None, *terms)
+                accelerate_and_damp(xs, vs, a, 0.0, None, terms)
             for i in range(x.shape[0]):
                 u, w = row(vs, i), row(a, i)
                 for j in range(stage):
@@ -71,8 +71,8 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *
                     w = plus(w, times(C[stage, j] / h, row(q[j], i)))
                 set_row(ahead, i, u)
                 set_row(q[stage], i, w)
-            weigh(q[stage], tau, *terms)
-            add_stiffness(x, v, ahead, q[stage], tau * tau, *terms)
+            weigh(q[stage], tau, terms.particles)
+            add_stiffness(x, v, ahead, q[stage], tau * tau, terms.particles, terms.springs, terms.dampers)
             solve(matrix, q[stage])
             for i in range(x.shape[0]):
                 set_row(p[stage], i, times(tau, plus(row(ahead, i), row(q[stage], i))))
@@ -80,11 +80,11 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *
             for j in range(STAGES):
                 add_row(x, i, times(M[j], row(p[j], i)))
                 add_row(v, i, times(M[j], row(q[j], i)))
-        record_losses(x, v, a, 0.5 * h, ledger, *terms)
+        record_losses(x, v, a, 0.5 * h, ledger, terms)
 
 
 @compiled
-def weigh(u: Any, factor: Any, particles: Any, *rest: Any) -> None:
+def weigh(u: Any, factor: Any, particles: Any) -> None:
     """u ← factor × M u."""
     for i in range(particles.mass.size):
         set_row(u, i, times(factor * load(particles.mass, i), row(u, i)))
@@ -100,7 +100,6 @@ def add_stiffness(
     particles: Any,
     springs: Any,
     dampers: Any,
-    *rest: Any,
 ) -> None:
     """Add factor × ∂F/∂x u to the free particles of ``out``."""
     if springs is not None:

@@ -9,28 +9,18 @@ from springgym.forces import act, kick
 
 
 @compiled
-def kick_and_act(
-    v: Any,
-    a: Any,
-    b: Any,
-    tau: Any,
-    ledger: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
-    gravity: Any,
-    wrench: Any,
-    thrust: Any,
-    drive: Any,
-    *rest: Any,
-) -> None:
+def kick_and_act(v: Any, a: Any, b: Any, tau: Any, ledger: Any, terms: Any) -> None:
     """Let forces ``a`` and actuators ``b`` act for ``tau`` seconds, at once: with half of the kick on either
     side the actuators' work is that of the exact flow, so that the ledger closes to the method's order."""
-    terms = (particles, springs, dampers, gravity, wrench, thrust, drive, *rest)
+    kick_amid(v, a, b, tau, ledger, terms, terms.wrench, terms.thrust)
+
+
+@compiled
+def kick_amid(v: Any, a: Any, b: Any, tau: Any, ledger: Any, terms: Any, wrench: Any, thrust: Any) -> None:
     if wrench is None and thrust is None:
-        kick(v, a, tau, *terms)
-        act(v, b, tau, ledger, *terms)
+        kick(v, a, tau)
+        act(v, b, tau, ledger, terms)
     else:
-        kick(v, a, 0.5 * tau, *terms)
-        act(v, b, tau, ledger, *terms)
-        kick(v, a, 0.5 * tau, *terms)
+        kick(v, a, 0.5 * tau)
+        act(v, b, tau, ledger, terms)
+        kick(v, a, 0.5 * tau)

@@ -40,28 +40,28 @@ FORWARD = 1 / (GAMMA * (2 - GAMMA))
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, control: Any, steps: Any, *terms: Any) -> None:
+def integrate(x: Any, v: Any, ledger: Any, workspace: Any, control: Any, steps: Any, terms: Any) -> None:
     """The trapezoidal rule for γ h, then the backward difference formula through both for (1 − γ) h."""
     h = control.step
     space, matrix = workspace
     a, b, change = space[0], space[1], space[2]
     x0, v0, x_start, v_start = space[3], space[4], space[5], space[6]
     for n in range(steps + 1):
-        actuate(x, b, *terms)
-        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, *terms)
+        actuate(x, b, terms)
+        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, terms)
         if n == steps:
             break
-        accelerate_and_damp(x, v, a, OUTER * h, ledger, *terms)
+        accelerate_and_damp(x, v, a, OUTER * h, ledger, terms)
         for i in range(x.shape[0]):
             set_row(x_start, i, row(x, i))
             set_row(v_start, i, row(v, i))
             set_row(x0, i, plus(row(x, i), times(TAU * h, row(v, i))))
             set_row(v0, i, plus(row(v, i), times(TAU * h, row(a, i))))
-        solve_stage(x0, v0, x, v, TAU * h, matrix, (a, change), control, *terms)
-        record_losses(x, v, a, OUTER * h, ledger, *terms)
+        solve_stage(x0, v0, x, v, TAU * h, matrix, (a, change), control, terms)
+        record_losses(x, v, a, OUTER * h, ledger, terms)
         for i in range(x.shape[0]):
             x_past, v_past = row(x_start, i), row(v_start, i)
             set_row(x0, i, plus(x_past, times(FORWARD, minus(row(x, i), x_past))))
             set_row(v0, i, plus(v_past, times(FORWARD, minus(row(v, i), v_past))))
-        solve_stage(x0, v0, x, v, TAU * h, matrix, (a, change), control, *terms)
-        record_losses(x, v, a, TAU * h, ledger, *terms)
+        solve_stage(x0, v0, x, v, TAU * h, matrix, (a, change), control, terms)
+        record_losses(x, v, a, TAU * h, ledger, terms)

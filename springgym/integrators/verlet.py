@@ -23,7 +23,7 @@ RECORD = Integrator(
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *terms: Any) -> None:
+def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
     """Damp h/2, kick h/2, drift h, kick h/2, damp h/2; the actuators act amid the damping.
 
     What loses or adds energy does so where velocities and positions are of the same time: half a kick
@@ -32,13 +32,13 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, *
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
     for n in range(steps + 1):
-        accelerate(x, a, direction, *terms)
-        actuate(x, b, *terms)
+        accelerate(x, a, direction, terms)
+        actuate(x, b, terms)
         if n > 0:
-            kick(v, a, 0.5 * h, *terms)
-            relax(v, direction, True, ledger, *terms)
-        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, *terms)
+            kick(v, a, 0.5 * h)
+            relax(v, direction, True, ledger, terms)
+        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, terms)
         if n < steps:
-            relax(v, direction, False, ledger, *terms)
-            kick(v, a, 0.5 * h, *terms)
-            move(x, v, a, h, ledger, *terms)
+            relax(v, direction, False, ledger, terms)
+            kick(v, a, 0.5 * h)
+            move(x, v, a, h, ledger, terms)

@@ -146,17 +146,13 @@ def move(
     rigid: Any,
     asymmetry: Any,
     particles: Any,
-    springs: Any,
-    dampers: Any,
     gravity: Any,
     wrench: Any,
     thrust: Any,
-    drive: Any,
     planes: Any,
     bowl: Any,
     friction: Any,
     impact_damping: Any,
-    *rest: Any,
 ) -> None:
     """Take the particles of one block through ``steps`` steps; none only makes them rigid."""
     axes = orientation(x, rigid)
@@ -239,7 +235,7 @@ def move(
 
 @cache
 def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
-    """As the kernels of springs; ``terms`` begins with `Rigid` and the asymmetry.
+    """As the kernels of springs; ``terms`` are `Rigid`, the asymmetry, and the scene's `Terms`.
 
     Copies are put into the rigid shape even if they take no step, but not if ``steps`` is negative.
     """
@@ -262,10 +258,28 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
         frame: Any,
     ) -> None:
         for block in range(first, last):
-            xb, vb, entries, own = x[block], v[block], at(ledger, block), at(terms, block)
+            xb, vb, entries = x[block], v[block], at(ledger, block)
+            rigid, asymmetry, own = at(terms, block)
             if steps >= 0:
-                move(xb, vb, entries, workspace, h, steps, *own)
+                move(
+                    xb,
+                    vb,
+                    entries,
+                    workspace,
+                    h,
+                    steps,
+                    rigid,
+                    asymmetry,
+                    own.particles,
+                    own.gravity,
+                    own.wrench,
+                    own.thrust,
+                    own.planes,
+                    own.bowl,
+                    own.friction,
+                    own.impact_damping,
+                )
             if reads:
-                read(block, xb, vb, entries, readout, space, pivot, frame, *own[2:])
+                read(block, xb, vb, entries, readout, space, pivot, frame, own)
 
     return advance

@@ -16,8 +16,8 @@ from tests.integrators.problems import accelerations, simulator, tetrahedron
 
 
 @numba.njit(error_model="numpy", _nrt=False)
-def assemble_and_solve(matrix: Any, x: Any, v: Any, tau: Any, y: Any, *terms: Any) -> None:
-    assemble(matrix, x, v, tau, *terms)
+def assemble_and_solve(matrix: Any, x: Any, v: Any, tau: Any, y: Any, terms: Any) -> None:
+    assemble(matrix, x, v, tau, terms)
     solve(matrix, y)
 
 
@@ -49,7 +49,7 @@ def test_matrix_is_the_derivative_of_the_forces(damping: float) -> None:
         numbers(block)[0, ..., 0] = values
     tau = 0.1  # long enough that stiffness and damping rule
     room = envelope(4, made.scene.body.springs, blocks[0].dtype)
-    assemble_and_solve(room, blocks[0][0], blocks[1][0], tau, blocks[2][0], *made._terms)
+    assemble_and_solve(room, blocks[0][0], blocks[1][0], tau, blocks[2][0], made._terms)
     expected = np.linalg.solve(dense(made, x, v, tau), right.ravel()).reshape(4, 3)
     np.testing.assert_allclose(numbers(blocks[2])[0, ..., 0], expected, rtol=1e-6, atol=1e-8)
     without = right / made.scene.body.masses[:, None]
