@@ -13,7 +13,7 @@ import numpy as np
 
 from springgym.cli import INTERRUPTED
 from springgym.integrators import METHODS
-from springgym.scenes.checks import CHECKS, Check
+from springgym.scenes.checks import Check, check
 from springgym.scenes.plan import Plan
 from springgym.scenes.reading import load
 from springgym.scenes.reading import names as scene_names
@@ -160,12 +160,12 @@ def save_trace(recording: Recording, path: Path) -> None:
 
 def _report(recording: Recording) -> int:
     """Print the checks of a scene; exit status 1 if one fails."""
-    checks = [check for name in recording.plan.checks for check in CHECKS[name](recording)]
+    checks = check(recording)
     if not checks:
         print("this scene has no checks")
         return 0
     print(table(checks))
-    failed = sum(not check.passed for check in checks)
+    failed = sum(not result.passed for result in checks)
     if failed:
         print(f"{failed} of {len(checks)} checks failed")
     return 1 if failed else 0
@@ -174,7 +174,7 @@ def _report(recording: Recording) -> int:
 def table(checks: list[Check]) -> str:
     """Checks as lines of text; differences are relative, or absolute where theory says 0."""
     head = ("", "theory", "measured", "", "difference", "tolerance", "")
-    rows = [head, *(_row(check) for check in checks)]
+    rows = [head, *(_row(each) for each in checks)]
     widths = [max(len(row[n]) for row in rows) for n in range(len(head))]
     return "\n".join(
         "  ".join(
@@ -185,15 +185,15 @@ def table(checks: list[Check]) -> str:
     )
 
 
-def _row(check: Check) -> tuple[str, ...]:
-    scale = abs(check.theory) or 1.0
-    relative = "" if check.theory else f" {check.unit}"
+def _row(result: Check) -> tuple[str, ...]:
+    scale = abs(result.theory) or 1.0
+    relative = "" if result.theory else f" {result.unit}"
     return (
-        check.quantity,
-        f"{check.theory:.6g}",
-        f"{check.measured:.6g}",
-        check.unit,
-        f"{(check.measured - check.theory) / scale:+.1e}{relative}",
-        f"{check.tolerance / scale:.1e}{relative}",
-        "ok" if check.passed else "FAILED",
+        result.quantity,
+        f"{result.theory:.6g}",
+        f"{result.measured:.6g}",
+        result.unit,
+        f"{(result.measured - result.theory) / scale:+.1e}{relative}",
+        f"{result.tolerance / scale:.1e}{relative}",
+        "ok" if result.passed else "FAILED",
     )

@@ -47,7 +47,9 @@ def camera(recording: Recording) -> Camera:
     x, view = recording.positions, recording.plan.view
     low, high = x.min(axis=(0, 1)), x.max(axis=(0, 1))
     reach = float(np.linalg.norm(x - (low + high) / 2, axis=2).max())
-    return Camera.framing((low + high) / 2, 2.2 * reach, azimuth=view.azimuth, elevation=view.elevation)
+    return Camera.framing(
+        (low + high) / 2, 2.2 * reach or 1.0, azimuth=view.azimuth, elevation=view.elevation
+    )
 
 
 def scenery(recording: Recording) -> Scenery:

@@ -105,7 +105,7 @@ def _energies(recording: Recording, axes: Axes, change: bool = False) -> None:
             axes.plot(t, values, color=color, label=name)
     axes.plot(t, everything, "k--", linewidth=1, label="sum")
     if not change:
-        axes.set_ylim(0, 1.06 * scale)
+        axes.set_ylim(0, 1.06 * scale or 1.0)
     axes.margins(x=0)
     _legend(axes, below=change)
 
@@ -170,7 +170,7 @@ def _space(recording: Recording, figure: Figure, place: Any, path: np.ndarray) -
     space.plot(*path.T, color=ORANGE, linewidth=1.2)
     every = np.vstack([x, path])
     middle = (every.min(axis=0) + every.max(axis=0)) / 2
-    reach = np.linalg.norm(every - middle, axis=1).max()
+    reach = np.linalg.norm(every - middle, axis=1).max() or 1.0
     space.set(**{f"{name}lim": (m - reach, m + reach) for name, m in zip("xyz", middle, strict=True)})
     space.set_box_aspect((1, 1, 1), zoom=1.5)
     space.view_init(elev=25, azim=-60)
@@ -183,7 +183,10 @@ def _draw_body(recording: Recording, x: np.ndarray, axes: Any) -> None:
     from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
     body = recording.plan.scene.body
-    axes.add_collection3d(Line3DCollection(x[body.springs], colors=BLUE, linewidths=0.6, alpha=0.55))
+    if len(body.springs):
+        axes.add_collection3d(Line3DCollection(x[body.springs], colors=BLUE, linewidths=0.6, alpha=0.55))
+    else:
+        axes.plot(*x.T, "o", color=BLUE)
     if len(body.triangles):
         faces = Poly3DCollection(x[body.triangles], facecolors=BLUE, edgecolors="none", alpha=0.13)
         axes.add_collection3d(faces)
@@ -193,7 +196,7 @@ def pendulum(recording: Recording, figure: Figure) -> None:
     """The path from in front and from above; the swing in time, beside the rigid twin's; the energies."""
     path, twin = _path(recording), rigid_twin(recording)
     sideways = path[np.argmax(np.hypot(path[:, 0], path[:, 1])), :2]
-    sideways = sideways / np.linalg.norm(sideways)
+    sideways = sideways / (np.linalg.norm(sideways) or 1.0)
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.4))
     front = _panel(figure, grid[0, 0], "path from the side", "along the swing [m]", "z [m]")
     front.plot(path[:, :2] @ sideways, path[:, 2], color=ORANGE)

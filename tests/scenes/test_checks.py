@@ -1,6 +1,7 @@
 """Theory beside measurement: every scene agrees, and would not if the physics were off."""
 
 from dataclasses import replace
+from functools import cache
 from importlib import resources
 
 import numpy as np
@@ -8,11 +9,16 @@ import pytest
 import yaml
 
 from springgym.scenes import load, names
-from springgym.scenes.checks import CHECKS
+from springgym.scenes.checks import CHECKS, check
 from springgym.scenes.checks.basis import crossings, peaks, period, spread
 from springgym.scenes.recording import record
 from springgym.simulate import table
 from tests.scenes.conftest import marked, recorded
+
+
+@cache
+def recorded_box():
+    return record(replace(load("flipping-box"), duration=1.0))
 
 
 def results(recording, name):
@@ -22,11 +28,10 @@ def results(recording, name):
 @pytest.mark.parametrize("name", marked(names()))
 def test_scene_agrees_with_theory(name):
     recording = recorded(name)
-    for check in recording.plan.checks:
-        for result in CHECKS[check](recording):
-            assert result.passed, result
-            # a tolerance that explains a tenth of a quantity explains everything
-            assert result.theory == 0 or result.tolerance < 0.1 * abs(result.theory), result
+    for result in check(recording):
+        assert result.passed, result
+        # a tolerance that explains a tenth of a quantity explains everything
+        assert result.theory == 0 or result.tolerance < 0.1 * abs(result.theory), result
 
 
 @pytest.mark.parametrize("name", marked(names()))
@@ -157,10 +162,26 @@ def test_run_too_short_to_see_anything_raises_nothing(name):
     plan = load(name)
     for duration in (plan.interval / 4, 4 * plan.interval):
         recording = record(replace(plan, duration=duration))
-        found = [result for check in plan.checks for result in CHECKS[check](recording)]
+        found = check(recording)
         assert table(found).count("\n") == len(found)
         if {"nutation", "bounces", "pendulum"} & set(plan.checks):  # of which nothing happened
             assert not all(result.passed for result in found)
+
+
+@pytest.mark.parametrize(
+    ("check_name", "why"),
+    [
+        ("pendulum", "nothing is pinned"),
+        ("slope", "it has no surface"),
+        ("nutation", "'box' is no heavy top"),
+    ],
+)
+def test_check_that_does_not_fit_is_named(check_name, why):
+    recording = recorded_box()
+    misfit = replace(recording, plan=replace(recording.plan, checks=("energy", check_name)))
+    with pytest.raises(ValueError, match=f"check '{check_name}' does not fit scene 'flipping-box': .*{why}"):
+        check(misfit)
+    assert check(replace(recording, plan=replace(recording.plan, checks=("energy",))))[0].passed
 
 
 def test_block_that_creeps_is_noticed():

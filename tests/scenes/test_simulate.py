@@ -11,11 +11,13 @@ import pytest
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from springgym import cli, simulate
+from springgym.bodies import Body
 from springgym.cli import main
+from springgym.scene import Scene
 from springgym.scenes import load, names
 from springgym.scenes.checks import CHECKS, Check
 from springgym.scenes.film import camera, frames, look, scenery
-from springgym.scenes.plots import draw
+from springgym.scenes.plots import PLOTS, draw
 from springgym.scenes.recording import record
 from tests.scenes.conftest import marked, recorded
 
@@ -263,6 +265,19 @@ def test_plot_of_a_block_that_holds_shows_no_speed():
     (speed,) = panel(figure, "its speed").get_lines()
     assert speed.get_ydata()[-1] < 1e-9
     assert panel(figure, "from above").collections  # its outline, though it goes nowhere
+
+
+@pytest.mark.parametrize("name", ["flipping-box", "one particle at rest"])
+@pytest.mark.parametrize("kind", PLOTS)
+def test_every_kind_of_plot_and_a_film_of_any_body(name, kind):
+    if name != "flipping-box":
+        ball = Body("ball", np.zeros((1, 3)), 1.0, np.zeros((0, 2), int), 1.0, 0.0)
+        plan = replace(load("flipping-box"), scene=Scene(ball, gravity=None), trace=None, duration=0.1)
+    else:
+        plan = replace(load(name), duration=0.1)
+    recording = record(replace(plan, plot=kind))
+    draw(recording).draw_without_rendering()
+    assert len(list(frames(recording, fps=20.0))) == 3
 
 
 @pytest.mark.slow

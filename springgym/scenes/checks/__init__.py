@@ -27,8 +27,8 @@ from springgym.scenes.checks.tops import nutation, sleep, steady_precession
 from springgym.scenes.recording import Recording
 
 CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
-    check.__name__: check
-    for check in (
+    function.__name__: function
+    for function in (
         bounces,
         bungee,
         dish_period,
@@ -53,4 +53,22 @@ CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
     )
 }
 
-__all__ = ["CHECKS", "Check"]
+
+def check(recording: Recording) -> list[Check]:
+    """All that a scene file asks to check.
+
+    Raises
+    ------
+    ValueError
+        Naming the check that has nothing to say of such a scene.
+    """
+    found: list[Check] = []
+    for name in recording.plan.checks:
+        try:
+            found += CHECKS[name](recording)
+        except (ValueError, ArithmeticError, LookupError) as error:
+            raise ValueError(f"check {name!r} does not fit scene {recording.plan.name!r}: {error}") from error
+    return found
+
+
+__all__ = ["CHECKS", "Check", "check"]

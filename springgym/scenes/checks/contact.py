@@ -18,7 +18,7 @@ def _met(recording: Recording) -> tuple[Contact | PaperContact, float, float, fl
     """The contact of a scene, its c [N·m²] and Δ [m], and g [m/s²]."""
     scene = recording.plan.scene
     if not scene.surfaces:
-        raise ValueError(f"scene {recording.plan.name!r} has no surface: leave its checks of contact out")
+        raise ValueError("it has no surface")
     return scene.contact, *scales(scene.contact, scene.body), float(np.linalg.norm(scene.gravity or 0.0))
 
 
@@ -54,7 +54,7 @@ def restitution(recording: Recording) -> list[Check]:
     """
     contact, _, reach, g = _met(recording)
     if not isinstance(contact, Contact):
-        raise ValueError(f"scene {recording.plan.name!r}: the paper's contact has no restitution to check")
+        raise ValueError("the paper's contact has no restitution")
     height = recording.positions[:, 0, 2]
     damping = theory.damping_for_restitution(contact.restitution, contact.impact_speed)
     _, tops = peaks(recording.times, height)
@@ -109,7 +109,7 @@ def slope(recording: Recording) -> list[Check]:
     contact, _, _, g = _met(recording)
     surface = recording.plan.scene.surfaces[0]
     if not isinstance(surface, Plane):
-        raise ValueError(f"scene {recording.plan.name!r} has no slope")
+        raise ValueError("it has no slope")
     angle = math.acos(surface.normal[2])
     down = np.array([surface.normal[0], surface.normal[1], 0.0])
     down = np.cross(np.cross(surface.normal, down / np.linalg.norm(down)), surface.normal)
@@ -139,7 +139,7 @@ def dish_period(recording: Recording) -> list[Check]:
     _, c, reach, g = _met(recording)
     dish = recording.plan.scene.surfaces[0]
     if not isinstance(dish, Dish):
-        raise ValueError(f"scene {recording.plan.name!r} has no dish")
+        raise ValueError("it has no dish")
     weight = recording.plan.scene.body.mass * g
     arm = recording.positions[:, 0] - np.array(dish.centre)
     angle = np.arctan2(arm[:, 0], -arm[:, 2])

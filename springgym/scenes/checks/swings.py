@@ -16,10 +16,17 @@ def _gravity(recording: Recording) -> float:
     return float(np.linalg.norm(recording.plan.scene.gravity or 0.0))
 
 
+def _pin(recording: Recording) -> np.ndarray:
+    """Where the body is pinned, (3,) [m]."""
+    scene = recording.plan.scene
+    if not scene.pinned:
+        raise ValueError("nothing is pinned")
+    return np.asarray(scene.positions[scene.pinned[0]])
+
+
 def pendulum(recording: Recording) -> list[Check]:
     """Period of a body swinging in a plane about its pin, released at rest."""
-    scene = recording.plan.scene
-    pin = scene.positions[scene.pinned[0]]
+    scene, pin = recording.plan.scene, _pin(recording)
     arm = recording.measures.centre - pin
     sideways = arm[0] * (1, 1, 0)
     sideways = sideways / np.linalg.norm(sideways)
@@ -43,8 +50,7 @@ def small_swings(recording: Recording) -> list[Check]:
 
     Rotated by a small vector φ from hanging, I φ̈ = −K φ with K = M g l (1 − ẑ ẑᵀ), I about the pin.
     """
-    scene = recording.plan.scene
-    body, pin = scene.body, scene.positions[scene.pinned[0]]
+    body, pin = recording.plan.scene.body, _pin(recording)
     hanging = _hanging(recording)
     r = hanging - pin
     inertia = np.sum(body.masses * (r * r).sum(axis=1)) * np.eye(3) - (body.masses * r.T) @ r
@@ -68,8 +74,10 @@ def _hanging(recording: Recording) -> np.ndarray:
     from springgym.bodies import start
 
     scene = recording.plan.scene
-    pin = scene.positions[scene.pinned[0]]
-    return start(scene.body, pinned=scene.pinned, position=pin, hanging=True, gravity=scene.gravity).positions
+    pin = _pin(recording)
+    return start(
+        scene.body, pinned=scene.pinned, position=pin.tolist(), hanging=True, gravity=scene.gravity
+    ).positions
 
 
 def _rotations(shape: np.ndarray, placed: np.ndarray, masses: np.ndarray) -> np.ndarray:
