@@ -16,6 +16,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numba
 import numpy as np
 
@@ -26,6 +27,8 @@ from springgym.registration import ENVIRONMENTS, Row
 from springgym.simulator import Simulator
 
 PAGE = Path(__file__).with_name("environments.md")
+PICTURE = PAGE.parent / "figures" / "environments.png"
+PIXELS, SEED, MOMENT = 280, 8, 60
 EPISODES, STEPS = 10, 50
 SEEDS = 200
 BASELINES = ("zero", "random", "classical")
@@ -124,6 +127,30 @@ def table_of_errors() -> list[str]:
     return lines
 
 
+# --- The picture ------------------------------------------------------------------------------------
+
+
+def draw() -> None:
+    """Every environment side by side, some time after its start, under classical control."""
+    from controllers import controller_env_kwargs, make_controller
+    from PIL import Image
+
+    frames = []
+    for row in ENVIRONMENTS:
+        options = controller_env_kwargs("classical", {})
+        env = gym.make(row.id, render_mode="rgb_array", **options)
+        control = make_controller("classical", row.id, options, env.action_space)
+        observation, _ = env.reset(seed=SEED)
+        for _ in range(MOMENT):
+            observation, *_ = env.step(control(observation[None])[0])
+        frames.append(Image.fromarray(env.render()).resize((PIXELS, PIXELS), Image.Resampling.LANCZOS))
+        env.close()
+    sheet = Image.new("RGB", (PIXELS * len(frames), PIXELS))
+    for n, frame in enumerate(frames):
+        sheet.paste(frame, (n * PIXELS, 0))
+    sheet.save(PICTURE, optimize=True)
+
+
 # --- The page ---------------------------------------------------------------------------------------
 
 RANDOMISATION = f"""## Randomisation
@@ -140,13 +167,15 @@ compiled as a constant of all copies, and costs nothing.
 
 
 def main() -> None:
-    """Write the page."""
+    """Draw the picture, measure, and write the page."""
     sys.path.insert(0, str(PAGE.parents[1] / "agents"))
+    draw()
     versions = f"springgym {springgym.__version__}, Python {platform.python_version()}, "
     versions += f"NumPy {np.__version__}, Numba {numba.__version__}"
     lines = [
         "# Environments\n",
         "Written by `python docs/environments.py` from the docstrings of the environments.\n",
+        "![The seven environments in the order of this page](figures/environments.png)\n",
         *table_of_variants(),
         "",
         RANDOMISATION,
