@@ -183,7 +183,7 @@ def main() -> None:
         f"\nMeasured {date.today()}, {versions}.\n",
         *(describe(row) for row in ENVIRONMENTS),
     ]
-    PAGE.write_text("\n".join(lines))
+    PAGE.write_text("\n".join(lines), encoding="utf-8")
 
 
 if __name__ == "__main__":

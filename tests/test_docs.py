@@ -22,14 +22,14 @@ def page_writer() -> ModuleType:
 
 def test_environments_page_is_current() -> None:
     """Run ``python docs/environments.py`` after changing an environment's docstring."""
-    writer, page = page_writer(), (DOCS / "environments.md").read_text()
+    writer, page = page_writer(), (DOCS / "environments.md").read_text(encoding="utf-8")
     for row in writer.ENVIRONMENTS:
         assert writer.describe(row) in page
         assert f"| `{row.id}` |" in page
 
 
 def test_every_variant_of_the_page_can_be_made() -> None:
-    writer, page = page_writer(), (DOCS / "environments.md").read_text()
+    writer, page = page_writer(), (DOCS / "environments.md").read_text(encoding="utf-8")
     found = [(row.id, variant) for row in writer.ENVIRONMENTS for variant in writer.variants(row)]
     assert {"hard", "start", "surface", "body"} <= {name for _, v in found for name in v.arguments}
     for env_id, variant in found:

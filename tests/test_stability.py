@@ -55,9 +55,9 @@ def test_strong_dampers_lose_what_they_should() -> None:
     scene = hung(1000.0)
     step = Simulator(scene).step
     amiss, less = (abs(1 - lost(scene, h)) for h in (step, step / 2))
-    assert amiss < 0.02
+    assert amiss < 0.01
     assert less < 0.4 * amiss  # second order
-    # at the stability limit's share alone, c = 1000 acts like 230
+    # at the stability limit's share alone, c = 1000 acts like 300
     assert lost(scene, stability.SAFETY * stability.largest_step(scene, VERLET)) < 0.5
 
 

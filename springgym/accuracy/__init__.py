@@ -60,13 +60,13 @@ def run(args: argparse.Namespace) -> int:
             raise ValueError(f"unknown problem {name!r}; there are {', '.join([*PROBLEMS, *STUDIES])}")
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / REPORT
-    report = json.loads(path.read_text()) if path.exists() else {}
+    report = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     for name in names:
         result = (
             STUDIES[name](args.quick) if name in STUDIES else measure(name, args.quick, not args.no_peers)
         )
         report[name] = result | {"measured": conditions()}
-        path.write_text(json.dumps(report, indent=1) + "\n")
+        path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
         print("\n".join(summary(name, result)), flush=True)
     print(table(report))
     from springgym.accuracy.figures import draw

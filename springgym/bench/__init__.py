@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"  {what:76}{ratio:8.3g}")
     if args.out:
         args.out.parent.mkdir(parents=True, exist_ok=True)
-        args.out.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n")
+        args.out.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     if args.figure:
         from springgym.bench.figures import draw
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from springgym.bodies import Body, cube, rotation, spinning
@@ -176,6 +176,7 @@ def test_restitution_at_another_speed() -> None:
 
 
 @settings(max_examples=60, deadline=None)
+@example(speed=1.0, restitution=0.28125, strength=17.0, step=1 / 256, start=1.0, up=False)
 @given(
     speed=st.floats(0.01, 50),
     restitution=st.floats(0, 1),
