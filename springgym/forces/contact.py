@@ -35,7 +35,7 @@ CONVERGED = 5e-4
 """Relative change at which Newton's method, which squares it each time, has the impulse."""
 
 ITERATIONS = 40
-"""More than Newton's method takes: some 30 at most in 100 000 impacts drawn over ten decades of c, d and v."""
+"""More than Newton's method takes: some 30 at most in 100 000 impacts over ten decades of c, d and v."""
 
 NORMALS = 3
 """How often the normal of a curved surface is found."""

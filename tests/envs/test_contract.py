@@ -160,7 +160,9 @@ def test_native_equals_sync_for_10000_steps(env_id: str, autoreset: str) -> None
 
 
 @each_id
-@pytest.mark.parametrize("variant", [{"threads": 2}, {"threads": 1}, {"dtype": "float32"}])
+@pytest.mark.parametrize(
+    "variant", [{"threads": 2}, {"threads": 1}, pytest.param({"dtype": "float32"}, marks=pytest.mark.slow)]
+)
 def test_copies_do_not_depend_on_each_other(env_id: str, variant: dict[str, int]) -> None:
     """Copy 0 of 1, 2 and 40 copies, on one or two threads, lives the same life."""
     lives = []
