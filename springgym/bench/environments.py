@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from itertools import cycle
 from typing import Any
@@ -47,7 +47,7 @@ def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
     top = env_id == "SpringTop-v0"
     yield case("single", _single(env_id), 20)
     if top:
-        yield case("compiled alone", _compiled_alone(env_id, 1), 2, copies=1)
+        yield _compiled_alone(env_id, 1, facts)
     sync = gym.make_vec(env_id, num_envs=64, vectorization_mode="sync")
     sync.reset(seed=0)
     yield case("SyncVectorEnv", _stepping(sync, _actions(sync.action_space)), 128, copies=64)
@@ -58,7 +58,7 @@ def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
             run = _stepping(env, _actions(env.action_space))
             yield case("native", run, 2 * copies, copies=copies, threads=threads)
         if top:
-            yield case("compiled alone", _compiled_alone(env_id, copies), 2 * copies, copies=copies)
+            yield _compiled_alone(env_id, copies, facts)
     try:
         from springgym.envs.sb3 import make_sb3
     except ImportError:
@@ -116,19 +116,19 @@ def _stepping(envs: Any, actions: np.ndarray) -> Callable[[], None]:
     return run
 
 
-def _compiled_alone(env_id: str, copies: int) -> Callable[[], None]:
-    """2 control periods of an environment's simulator, with what is read off then."""
+def _compiled_alone(env_id: str, copies: int, facts: Mapping[str, Any]) -> Case:
+    """2 control periods of an environment's simulator from its start, with what is read off then."""
     env: Any = gym.make_vec(env_id, num_envs=copies, **NATIVE)  # type: ignore[arg-type]
     env.reset(seed=0)
     simulator, steps = env.episodes.simulator, env.episodes.steps
     began = simulator.state()
 
     def run() -> None:
-        simulator.restore(began)
         for _ in range(2):
             simulator.advance(steps, check=False, read=True)
 
-    return run
+    what = {"environment": env_id, "how": "compiled alone", "copies": copies}
+    return Case(what, run, 2 * copies, lambda: simulator.restore(began), facts)
 
 
 def _collecting(envs: Any) -> Callable[[], object]:

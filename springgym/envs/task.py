@@ -403,13 +403,12 @@ class Episodes:
         self.simulator.read()
 
     def _use_kernels(self) -> None:
-        self._take = SameTypes(take)
         compact = self.task.observation == "frame"
-        self._evaluate, self._finish = SameTypes(self.task.evaluate), SameTypes(finish)
-        self._observe, self._bound = (
-            SameTypes(self.task.frame if compact else observe_particles),
-            SameTypes(bound),
-        )
+        self._take = SameTypes(take)
+        self._evaluate = SameTypes(self.task.evaluate)
+        self._finish = SameTypes(finish)
+        self._observe = SameTypes(self.task.frame if compact else observe_particles)
+        self._bound = SameTypes(bound)
 
     def __getstate__(self) -> dict[str, Any]:
         return {

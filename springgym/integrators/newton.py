@@ -27,7 +27,12 @@ def record_losses(
     terms: Any,
 ) -> None:
     """Add ``weight`` [s] times the power lost at a state to the ledger."""
-    if ledger is not None:
+    record_damping(x, v, a, weight, ledger, terms, terms.dampers)
+
+
+@compiled
+def record_damping(x: Any, v: Any, a: Any, weight: Any, ledger: Any, terms: Any, dampers: Any) -> None:
+    if dampers is not None and ledger is not None:
         accelerate_and_damp(x, v, a, weight, ledger, terms)
 
 
