@@ -108,7 +108,7 @@ class SameTypes:
 
 
 def cache_directory() -> Path | None:
-    """Folder of compiled code: ``$SPRINGGYM_CACHE_DIR``, else the user's cache folder, None if there is none."""
+    """Folder of compiled code: ``$SPRINGGYM_CACHE_DIR``, else the user's cache folder; None if homeless."""
     if chosen := os.environ.get("SPRINGGYM_CACHE_DIR"):
         return Path(chosen)
     if sys.platform == "win32":
