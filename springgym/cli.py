@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import io
+import os
 import sys
 from collections.abc import Sequence
 
@@ -30,13 +31,16 @@ MENDABLE = (
 
 WRONG_USE = 2
 INTERRUPTED = 130
+NO_READER = 141
+"""Exit statuses; the last two are those of Ctrl-C and of a closed pipe, 128 and the number of the signal."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit status.
 
     What the user can mend (a wrong argument or file, a package that is missing, a simulation that
-    diverges) is told in one line on stderr, with status 2; Ctrl-C gives 130.
+    diverges) is told in one line on stderr, with status 2; Ctrl-C gives 130, an output that is read no
+    further 141.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     for stream in (sys.stdout, sys.stderr):
@@ -45,16 +49,37 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         parser = _parser(arguments[0] if arguments else "")
         args = parser.parse_args(arguments)
-        return int(importlib.import_module(COMMANDS[args.command][0]).run(args))
+        status = int(importlib.import_module(COMMANDS[args.command][0]).run(args))
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:
+        _give_up_stdout()
+        return NO_READER
     except MENDABLE as error:
-        message = error.args[0] if isinstance(error, KeyError) else error
-        if isinstance(error, ModuleNotFoundError):
-            message = f"{error}: pip install springgym[{COMMANDS[arguments[0]][1]}]"
-        print(f"springgym: error: {message}", file=sys.stderr)
+        _give_up_stdout()
+        print(f"springgym: error: {_told(error, arguments)}", file=sys.stderr)
         return WRONG_USE
     except KeyboardInterrupt:
         print("springgym: interrupted", file=sys.stderr)
         return INTERRUPTED
+
+
+def _told(error: BaseException, arguments: Sequence[str]) -> str:
+    """An error in a line."""
+    message: object = error.args[0] if isinstance(error, KeyError) and error.args else error
+    if isinstance(error, ModuleNotFoundError):
+        message = f"{error}: pip install springgym[{COMMANDS[arguments[0]][1]}]"
+    if isinstance(error, MemoryError):
+        message = str(error) or "not enough memory"
+    return " ".join(str(message).split()) or type(error).__name__
+
+
+def _give_up_stdout() -> None:
+    """Drop what cannot be written, on a full disk or where nobody reads: Python would try again at exit."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser(given: str) -> argparse.ArgumentParser:

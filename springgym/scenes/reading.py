@@ -11,10 +11,11 @@ import numpy as np
 
 from springgym.bodies import Body, box, cube, from_mesh, from_points, gyroscope, rope, start, top, union
 from springgym.bodies.motion import Start
+from springgym.checks import shown
 from springgym.integrators import METHODS
 from springgym.scene import GRAVITY, Scene
 from springgym.scenes.checks import CHECKS
-from springgym.scenes.plan import Plan, Plot, Vector, View, heavy_top
+from springgym.scenes.plan import SHORTEST, Plan, Plot, Vector, View, heavy_top
 from springgym.strict_yaml import Tree, YamlError, build, read_yaml, suggestion
 from springgym.surfaces import Contact, Dish, PaperContact, Plane, Surface, floor, incline, scales
 from springgym.theory.contact import rest_height
@@ -78,9 +79,9 @@ def read(path: Path) -> Plan:
         checks: Sequence[str] = (),
         view: Any = None,
     ) -> Plan:
-        for name, value in {"duration": duration, "interval": interval}.items():
-            if not 0 < value < np.inf:
-                raise _error(tree, name, f"{name} is {value} s; it must be positive and finite")
+        for name, value in {"duration": duration, "interval": interval, "step": step}.items():
+            if value is not None and value < SHORTEST:
+                raise _error(tree, name, f"{name} is {value:g} s; it must be at least {SHORTEST:g} s")
         if integrator not in METHODS:
             raise _error(
                 tree, "integrator", f"unknown method {integrator!r}{suggestion(integrator, METHODS)}"
@@ -114,7 +115,7 @@ def read(path: Path) -> Plan:
             )
         except YamlError:
             raise
-        except ValueError as error:
+        except (ValueError, TypeError, ArithmeticError) as error:
             raise YamlError(f"{path}: {error}") from error
         for n, name in enumerate(checks):
             if name not in CHECKS:
@@ -255,9 +256,11 @@ SURFACES: dict[str, Callable[..., Surface]] = {
 
 
 def _surfaces(tree: Tree) -> tuple[Surface, ...]:
-    given = tree.value.get("surfaces") or []
+    given = tree.value.get("surfaces")
+    if given is None:
+        return ()
     if not isinstance(given, list):
-        raise _error(tree, "surfaces", f"expected a list of surfaces, got {given!r}")
+        raise _error(tree, "surfaces", f"expected a list of surfaces, got {shown(given)}")
     made = []
     for n, entries in enumerate(given):
         path = ("surfaces", str(n))
