@@ -11,9 +11,10 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
+from agent import Policy
 from config import ConfigError
 from gymnasium import spaces
-from runs import HELD_OUT_SEED, Policy
+from runs import HELD_OUT_SEED
 
 from springgym.bodies.motion import axes
 from springgym.envs import detumble, tumble

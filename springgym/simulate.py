@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from springgym.cli import INTERRUPTED
+from springgym.cli import INTERRUPTED, whole_file
 from springgym.integrators import METHODS
 from springgym.scenes.checks import Check, check, fitting
 from springgym.scenes.plan import SHORTEST, Plan
@@ -70,17 +68,17 @@ def run(args: argparse.Namespace) -> int:
         print(f"interrupted; what follows ends at t = {recording.times[-1]:g} s", file=sys.stderr)
     print(_summary(recording))
     if args.trace:
-        with _whole(args.trace) as path:
+        with whole_file(args.trace) as path:
             save_trace(recording, path)
     if args.plot:
         from springgym.scenes.plots import draw
 
-        with _whole(args.plot) as path:
+        with whole_file(args.plot) as path:
             draw(recording).savefig(path)
     if args.video:
         from springgym.scenes.film import save_film
 
-        with _whole(args.video) as path:
+        with whole_file(args.video) as path:
             save_film(recording, path)
     for path in filter(None, (args.trace, args.plot, args.video)):
         print(f"wrote {path}")
@@ -100,19 +98,6 @@ def _check_files(args: argparse.Namespace) -> None:
             raise ValueError(f"--{option} {path}: the name must end in {' or '.join(suffixes)}")
         if path is not None and not path.absolute().parent.is_dir():
             raise ValueError(f"--{option} {path}: there is no folder {path.absolute().parent}")
-
-
-@contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """A file beside another, which takes its place when it is written; none is left if that fails."""
-    temporary = path.with_name(f"{path.stem}.part{path.suffix}")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    except OSError as error:
-        raise OSError(f"{path}: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _changed(plan: Plan, args: argparse.Namespace) -> Plan:

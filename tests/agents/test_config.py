@@ -56,7 +56,7 @@ def test_values_arrive_with_their_types(load):
         ("learning_rate: 3e-4", "learning_rate: .nan", 7, "learning_rate: expected a number of size"),
         ("n_envs: 4", "n_envs: 4.0", 3, "n_envs: expected a whole number, got 4.0"),
         ("n_envs: 4", "n_envs: true", 3, "Task-v0.n_envs: expected a whole number, got True"),
-        ("n_envs: 4", "n_envs: 0", 3, "n_envs: must lie between 1 and inf, got 0"),
+        ("n_envs: 4", "n_envs: 0", 3, "n_envs: must lie between 1 and 1000000, got 0"),
         ("n_envs: 4", "n_envs:", 3, "n_envs: expected a whole number, got None"),
         ("[32, 16]", "[32, many]", 10, "net_arch.1: expected a whole number, got 'many'"),
         ("[32, 16]", "64", 10, "net_arch: expected a list, got"),

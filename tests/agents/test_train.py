@@ -132,13 +132,14 @@ def test_stop_while_a_checkpoint_is_written(tmp_path, monkeypatch):
         done = []
 
         def stop_at_the_second(temporary, path):
-            if path.name == "model.zip" and done:
+            if path.name == "model.zip" and True in done:
                 temporary.write_bytes(temporary.read_bytes()[:1000])
                 raise KeyboardInterrupt
             done.append(path.name == "model.zip")
-            os.replace(temporary, path)
+            replace(temporary, path)
 
-        patch.setattr(train, "replace_atomically", stop_at_the_second)
+        replace = os.replace
+        patch.setattr(os, "replace", stop_at_the_second)
         assert train.main(start(folder, *options)) == 130
     assert weights(folder)[0] == 1024
     assert train.main(["--resume", str(folder), "--episodes", "4"]) == 0
@@ -188,8 +189,10 @@ def test_a_run_is_not_overwritten(finished, capsys):
     [
         ([], "give an environment id, or --resume and a run folder"),
         (["A-v0", "--resume", "x"], "give an environment id, or --resume and a run folder"),
-        (["--resume", "x", "--set", "a=1"], "own configuration"),
-        (["A-v0", "--seed", "1000000"], "--seed must lie in"),
+        (["--resume", "x", "--set", "a=1"], "own configuration: drop --set"),
+        (["--resume", "x", "--seed", "0", "--algo", "ppo"], "own configuration: drop --algo, --seed"),
+        (["A-v0", "--seed", "1000000"], "--seed: '1000000' must be a whole number from 0 to 999999"),
+        (["A-v0", "--episodes", "0"], "--episodes: '0' must be a whole number from 1"),
     ],
 )
 def test_contradicting_arguments(arguments, says, capsys):
