@@ -206,7 +206,7 @@ def _cpu_model() -> str:
 
 def _git_revision() -> str | None:
     """Revision of the source tree, ``-dirty`` if it was changed since; None outside git."""
-    command = ["git", "describe", "--always", "--dirty", "--abbrev=40"]
+    command = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=40"]
     try:
         result = subprocess.run(
             command, cwd=Path(__file__).parent, capture_output=True, text=True, check=True

@@ -17,7 +17,9 @@ import argparse
 import csv
 import json
 import math
+import os
 import pickle
+import platform
 import random
 import sys
 import time
@@ -50,7 +52,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, filter_excluded_keys
 from stable_baselines3.common.utils import safe_mean
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
-from torch.utils.tensorboard import SummaryWriter
+from tensorboard.compat.proto.event_pb2 import Event, SessionLog
+from tensorboard.compat.proto.summary_pb2 import Summary
+from tensorboard.summary.writer.record_writer import RecordWriter
 from tqdm import tqdm
 from watch import record
 
@@ -254,23 +258,37 @@ def native_env(env: VecMonitor) -> Any:
 
 
 class TensorBoard(KVWriter):
-    """TensorBoard scalars, hiding what a stopped run wrote beyond ``timesteps``."""
+    """TensorBoard scalars, hiding what a stopped run wrote beyond ``timesteps``.
+
+    They are written at once; PyTorch's writer does that in a thread, where nobody hears of a full disk.
+    """
 
     def __init__(self, folder: Path, timesteps: int) -> None:
-        self.writer = SummaryWriter(str(folder), purge_step=timesteps + 1)
+        folder.mkdir(parents=True, exist_ok=True)
+        self.path = folder / f"events.out.tfevents.{time.time_ns()}.{platform.node()}.{os.getpid()}"
+        start = SessionLog(status=SessionLog.START)
+        self._append(Event(file_version="brain.Event:2"), Event(step=timesteps + 1, session_log=start))
 
     def write(
         self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
     ) -> None:
         """Write what is a number and not excluded."""
-        for key, value in filter_excluded_keys(key_values, key_excluded, "tensorboard").items():
-            if isinstance(value, (int, float, np.number)):
-                self.writer.add_scalar(key, value, step)
-        self.writer.flush()
+        shown = filter_excluded_keys(key_values, key_excluded, "tensorboard")
+        scalars = [
+            Summary.Value(tag=key, simple_value=float(value))
+            for key, value in shown.items()
+            if isinstance(value, (int, float, np.number))
+        ]
+        self._append(Event(step=step, summary=Summary(value=scalars)))
+
+    def _append(self, *events: Any) -> None:
+        with open(self.path, "ab") as file:
+            for event in events:
+                event.wall_time = time.time()
+                RecordWriter(file).write(event.SerializeToString())
 
     def close(self) -> None:
-        """Close the file."""
-        self.writer.close()
+        """Nothing is left open."""
 
 
 def make_logger(run: Run, timesteps: int) -> Logger:
@@ -532,6 +550,10 @@ def finish(run: Run, env: VecMonitor, model: BaseAlgorithm, recorder: Recorder, 
     except KeyboardInterrupt:
         print(f"\nstopped; go on with: python agents/train.py --resume {run.folder}")
         return INTERRUPTED
+    except OSError as error:
+        if str(run.folder) in str(error):
+            raise
+        raise OSError(f"{run.folder}: {error.strerror or error}") from error
     except ValueError as error:
         if all(bool(tensor.isfinite().all()) for tensor in model.policy.parameters()):
             raise
