@@ -122,9 +122,14 @@ def parse_yaml(text: str, source: str) -> Tree:
         finally:
             loader.dispose()
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = mark.line + 1 if mark else 1
-        raise YamlError(f"{source}:{line}: not valid YAML: {getattr(error, 'problem', error)}") from error
+        if isinstance(error, yaml.reader.ReaderError):
+            line = text.count("\n", 0, error.position) + 1
+            problem = f"the character {chr(error.character)!r} is not allowed"
+        else:
+            mark = getattr(error, "problem_mark", None)
+            line = mark.line + 1 if mark else 1
+            problem = " ".join(str(getattr(error, "problem", None) or error).split())
+        raise YamlError(f"{source}:{line}: not valid YAML: {problem}") from error
     except RecursionError:
         raise YamlError(f"{source}: nested too deeply, or an alias that refers to itself") from None
 

@@ -83,7 +83,7 @@ def test_every_way_to_write_a_number(number):
         ("count: !!python/object:os.system x", "not valid YAML: could not determine a constructor"),
         ("count: 2001-99-99", "file.yaml:1: '2001-99-99' is no timestamp: 'month must be"),
         ("anything: &a [*a]", "an alias that refers to itself"),
-        ("count: \x01", "not valid YAML"),
+        ("count: 1\nsize: \x01", "file.yaml:2: not valid YAML: the character '\\x01' is not allowed"),
         ("count: 010", "file.yaml:1: count: expected a whole number, got '010'"),
         ("count: 1:30", "file.yaml:1: count: expected a whole number, got '1:30'"),
         ("count: 1\nsize: 1:30.5", "file.yaml:2: size: expected a number, got '1:30.5'"),
@@ -104,6 +104,7 @@ def test_error_names_file_line_and_key(text, message):
         made(text)
     assert message in str(error.value)
     assert len(str(error.value)) < 400
+    assert "\n" not in str(error.value)
 
 
 def test_aliases_repeat_a_few_values_and_no_more():
