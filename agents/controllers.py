@@ -313,7 +313,8 @@ def make_controller(
     ConfigError
         If there is no such controller.
     """
-    assert isinstance(action_space, spaces.Box)
+    if not isinstance(action_space, spaces.Box):
+        raise ConfigError(f"{env_id} has no continuous actions: its action space is {action_space}")
     if name == "zero":
         return lambda observations: np.zeros((len(observations), *action_space.shape), np.float32)
     if name == "random":
