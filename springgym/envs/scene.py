@@ -193,13 +193,13 @@ def _acted_on(scene: Scene, actuators: Mapping[str, float]) -> Scene:
     return scene
 
 
-class SceneEnv(SpringEnv):
+class SceneEnv(SpringEnv, gym.Env):
     """One environment over a scene: see `make_scene_env`."""
 
     task_type = SceneTask
 
 
-class SceneVectorEnv(SpringVectorEnv):
+class SceneVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch over a scene: see `make_scene_env`."""
 
     task_type = SceneTask
