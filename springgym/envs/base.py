@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
+from os import PathLike
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -106,9 +107,17 @@ class _Common:
             raise gym.error.ResetNeeded("Cannot call env.render() before calling env.reset()")
         episodes = self.episodes
         positions, _ = episodes.particles
+        if not episodes.diverged[copy]:
+            renderer.camera = renderer.camera.keeping(positions[copy], renderer.size)
         m = Measures(*(values[copy] for values in episodes.measures))
         marks = episodes.task.marks(m, positions[copy], episodes.action[copy], episodes.goal[copy])
         return renderer.frame(positions[copy], marks)
+
+    def _restart(self, renderer: Renderer, copy: int) -> None:
+        """Show the new episode of a copy."""
+        renderer.reset()
+        renderer.follow(self.episodes.particles[0][copy])
+        renderer.camera = self.episodes.task.camera()
 
     def _renderer(self, mode: Any) -> Renderer:
         task = self.episodes.task
@@ -174,7 +183,7 @@ class SpringEnv(_Common, gym.Env):
             raise
         self._ready = True
         if self._canvas:
-            self._canvas.reset()
+            self._restart(self._canvas, 0)
         if self.render_mode == "human":
             self.render()
         return self.episodes.observe()[0], self._info()
@@ -182,6 +191,8 @@ class SpringEnv(_Common, gym.Env):
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
         result = self.episodes.step(checked[None])
+        if self._canvas:
+            self._canvas.follow(self.episodes.particles[0][0])
         if self.render_mode == "human":
             self.render()
         return (
@@ -240,7 +251,7 @@ class SpringEnv(_Common, gym.Env):
         self._np_random, self._np_random_seed = generator, state["seed"]
         self._ready = bool(state["ready"])
         if self._canvas:
-            self._canvas.reset()
+            self._restart(self._canvas, 0)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_canvas": None}  # pictures do not travel
@@ -326,7 +337,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         self._generators, self._seeds = generators, known
         self._ready = True
         self._ended[mask] = False
-        self._forget_traces(started)
+        self._show_new(started)
         infos: dict[str, Any] = {}
         _add(infos, self._info(), mask)
         return self.episodes.observe(), infos
@@ -341,6 +352,8 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
                 "reset it with options={'reset_mask': …}"
             )
         reward, terminated, truncated = result = episodes.step(checked)
+        for canvas, positions in zip(self._canvases, episodes.particles[0], strict=False):
+            canvas.follow(positions)
         if mode is AutoresetMode.NEXT_STEP and self._ended.any():
             fresh = self._ended.copy()
             self._begin(fresh)
@@ -370,11 +383,11 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
     def _begin(self, fresh: np.ndarray) -> None:
         copies = np.flatnonzero(fresh)
         self.episodes.begin(copies, [self._generators[n] for n in copies], None)
-        self._forget_traces(copies)
+        self._show_new(copies)
 
-    def _forget_traces(self, copies: np.ndarray) -> None:
+    def _show_new(self, copies: np.ndarray) -> None:
         for n in copies if self._canvases else ():
-            self._canvases[n].reset()
+            self._restart(self._canvases[n], n)
 
     def _given_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
@@ -412,8 +425,8 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             canvas.close()
         self._canvases = []
 
-    @property
-    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+    @property  # type: ignore[override]
+    def np_random(self) -> tuple[np.random.Generator, ...]:
         """The random generators of the copies, one each; seeded at random before the first reset."""
         if not self._generators:
             pairs = [seeding.np_random(None) for _ in range(self.num_envs)]
@@ -421,7 +434,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         return tuple(self._generators)
 
     @np_random.setter
-    def np_random(self, generators: Sequence[np.random.Generator]) -> None:
+    def np_random(self, generators: Any) -> None:
         given = list(generators) if isinstance(generators, Sequence) else [generators]
         if len({id(rng) for rng in given if isinstance(rng, np.random.Generator)}) != self.num_envs:
             raise ValueError(
@@ -462,7 +475,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         self.episodes.restore(state["episodes"])
         self._generators, self._seeds, self._ended = generators, list(state["seed"]), ended
         self._ready = bool(state["ready"])
-        self._forget_traces(np.arange(self.num_envs))
+        self._show_new(np.arange(self.num_envs))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_canvases": []}  # pictures do not travel
@@ -506,7 +519,7 @@ def set_state(env: Any, state: Mapping[str, Any]) -> None:
     own.set_state(state)
     while isinstance(env, gym.Wrapper):
         if isinstance(env, TimeLimit):
-            env._elapsed_steps = int(own.episodes.elapsed[0])
+            env._elapsed_steps = int(own.episodes.elapsed[0])  # type: ignore[assignment]
         if isinstance(env, OrderEnforcing):
             env._has_reset = own._ready
         env = env.env
@@ -574,4 +587,6 @@ def _written(value: Any) -> Any:
         return np.dtype(value).name
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
+    if isinstance(value, PathLike):
+        return str(value)
     return _written(value.value) if isinstance(value, Enum) else value

@@ -333,7 +333,7 @@ class Episodes:
         TypeError, ValueError
             Naming an option that the task does not have, or a value that is none or out of range.
         """
-        given = {} if options is None else dict(instance("options", options, Mapping))
+        given = {} if options is None else dict(mapping("options", options))
         before = [rng.bit_generator.state for rng in generators]
         try:
             self._begin(copies, generators, given)
@@ -432,7 +432,7 @@ class Episodes:
 
     def _draw(self, rng: Generator, options: dict[str, Any]) -> dict[str, float]:
         """This episode's factors, drawn unless given in ``options["randomize"]``."""
-        given = instance("reset option 'randomize'", options.pop("randomize", {}), Mapping)
+        given = mapping("reset option 'randomize'", options.pop("randomize", {}))
         for name in given:
             if name not in self.ranges:
                 raise ValueError(
@@ -510,7 +510,7 @@ class Episodes:
         """
         if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
             raise ValueError("state is not one of an environment of springgym")
-        of = instance("state['of']", state["of"], Mapping)
+        of = mapping("state['of']", state["of"])
         for name, own in self._of.items():
             if of.get(name) != own:
                 raise ValueError(
@@ -531,9 +531,11 @@ class Episodes:
 
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
-        self._shown, self._shown_action = (self.measures, *self.particles), self.action
+        self._shown: tuple[Measures, np.ndarray, np.ndarray] = (self.measures, *self.particles)
+        self._shown_action = self.action
         if not isinstance(self.task.evaluate, Dispatcher):  # a user's own functions see, and change nothing
-            self._shown = (Measures(*map(_locked, self.measures)), *map(_locked, self.particles))
+            x, v = self.particles
+            self._shown = Measures(*map(_locked, self.measures)), _locked(x), _locked(v)
             self._shown_action = _locked(self.action)
         compact = self.task.observation != "particles"
         self._take = SameTypes(take)
@@ -692,6 +694,12 @@ def bound(observation: Any, diverged: Any) -> None:
 # --- Checks -----------------------------------------------------------------------------------------
 
 
+def mapping(name: str, value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} is {checks.shown(value)}; it must be a mapping, as a dict is")
+    return value
+
+
 def number(options: dict[str, Any], name: str, otherwise: float, low: float, high: float) -> float:
     """Take a number from ``low`` to ``high`` out of reset options, if it is there."""
     if name not in options:
@@ -709,7 +717,7 @@ def made(maker: Callable[..., Body], body: Mapping[str, Any] | None, **usual: An
     TypeError, ValueError
         Naming an argument that the maker does not have, or what it finds fault with.
     """
-    given = {} if body is None else dict(instance("body", body, Mapping))
+    given = {} if body is None else dict(mapping("body", body))
     known = inspect.signature(maker).parameters
     for name, value in given.items():
         if name not in known:
@@ -755,7 +763,7 @@ def _checked_ranges(
     randomize: Mapping[str, Sequence[float]], dynamics: str
 ) -> dict[str, tuple[float, float]]:
     ranges = {}
-    for name, given in instance("randomize", randomize, Mapping).items():
+    for name, given in mapping("randomize", randomize).items():
         if name not in RANDOMIZABLE:
             raise ValueError(f"cannot randomize {name!r}; {', '.join(RANDOMIZABLE)} can be")
         if dynamics == "rigid" and name in OF_SPRINGS:
