@@ -14,7 +14,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
-from gymnasium.wrappers import OrderEnforcing, TimeLimit
+from gymnasium.wrappers import TimeLimit
 
 from springgym.checks import chosen, whole
 from springgym.envs.task import Episodes, Task
@@ -516,12 +516,14 @@ def set_state(env: Any, state: Mapping[str, Any]) -> None:
         If the state is not one of this environment, see `SpringEnv.set_state`. Nothing is changed then.
     """
     own = _own(env)
+    begun = own._ready
     own.set_state(state)
+    if env is not own and not begun:  # wrappers, too, want a first reset
+        env.reset()
+        own.set_state(state)
     while isinstance(env, gym.Wrapper):
         if isinstance(env, TimeLimit):
             env._elapsed_steps = int(own.episodes.elapsed[0])  # type: ignore[assignment]
-        if isinstance(env, OrderEnforcing):
-            env._has_reset = own._ready
         env = env.env
 
 

@@ -109,9 +109,14 @@ def same(first: Any, second: Any, path: str = "") -> None:
         for key in first:
             same(first[key], second[key], f"{path}/{key}")
         return
+    if isinstance(first, (list, tuple)):
+        assert len(first) == len(second), path
+        for n, (a, b) in enumerate(zip(first, second, strict=True)):
+            same(a, b, f"{path}/{n}")
+        return
     first, second = np.asarray(first), np.asarray(second)
     assert first.shape == second.shape, path
-    if first.dtype == object:
+    if first.dtype == object and first.ndim:
         for a, b in zip(first, second, strict=True):
             assert (a is None) == (b is None), path
             if a is not None:
