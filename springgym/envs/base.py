@@ -176,7 +176,7 @@ class SpringEnv(_Common, gym.Env):
         """
         before = self._np_random, self._np_random_seed
         try:
-            super().reset(seed=seed)
+            super().reset(seed=_seed("seed", seed))
             self.episodes.begin(np.array([0]), [self.np_random], options)
         except BaseException:
             self._np_random, self._np_random_seed = before
@@ -390,14 +390,12 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             self._restart(self._canvases[n], n)
 
     def _given_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        if seed is None:
-            return [None] * self.num_envs
         if not isinstance(seed, (Sequence, np.ndarray)) or isinstance(seed, str):
-            first = whole("seed", seed, 0)
-            return [first + n for n in range(self.num_envs)]
+            first = _seed("seed", seed)
+            return [None if first is None else first + n for n in range(self.num_envs)]
         if len(seed) != self.num_envs:
             raise ValueError(f"{len(seed)} seeds were given for {self.num_envs} copies")
-        return [None if s is None else whole(f"seed[{n}]", s, 0) for n, s in enumerate(seed)]
+        return [_seed(f"seed[{n}]", given) for n, given in enumerate(seed)]
 
     def _mask(self, options: Any) -> tuple[np.ndarray, Any]:
         """Which copies are reset, and the other options."""
@@ -561,6 +559,10 @@ def frame_rate(task: Task | type[Task]) -> float:
     """Pictures a second, one for each control period, that show a task in real time."""
     rate = 1 / task.period
     return round(rate) if abs(rate - round(rate)) < 1e-9 * rate else rate
+
+
+def _seed(name: str, seed: Any) -> int | None:
+    return None if seed is None else whole(name, seed, 0, 2**128)
 
 
 def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> None:

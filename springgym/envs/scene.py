@@ -254,12 +254,8 @@ class SceneTask(Task):
 
 
 def _loaded(scene: str | Path) -> Scene:
-    try:
-        from springgym.scenes import load
-    except ModuleNotFoundError as error:
-        raise gym.error.DependencyNotInstalled(
-            f'reading scene {str(scene)!r} needs {error.name}: pip install "springgym[scenes]"'
-        ) from error
+    from springgym.scenes import load  # which needs PyYAML
+
     return load(str(scene)).scene
 
 

@@ -326,7 +326,7 @@ def test_randomisation(env_id: str) -> None:
     _, info = envs.reset(seed=2, options={"randomize": {"masses": 1.05}})
     assert (info["randomization"]["masses"] == 1.05).all()
     np.testing.assert_array_equal(info["randomization"]["scale"], again["randomization"]["scale"])
-    with pytest.raises(ValueError, match="'masses', is 3.0; it must be a number from 0.9 to 1.2"):
+    with pytest.raises(ValueError, match=r"'masses', is 3\.0; it must be a number from 0\.9 to 1\.2"):
         envs.reset(options={"randomize": {"masses": 3.0}})
     with pytest.raises(ValueError, match="cannot set the factor of 'masses'"):
         make(env_id).reset(options={"randomize": {"masses": 1.0}})
