@@ -96,8 +96,10 @@ def test_another_library_is_another() -> None:
     assert np.abs(np.abs(axes) - np.eye(3)).max() > 0.01
 
 
-@pytest.mark.parametrize("body", [box(mass=(0.2, 0.1, 0.1, 0.15, 0.1, 0.1, 0.15, 0.1)), box((1, 2, 3)), cube(),
-                                  top(), top(scaled={3: 1.4})])  # fmt: skip
+UNEVEN = box(mass=(0.2, 0.1, 0.1, 0.15, 0.1, 0.1, 0.15, 0.1))
+
+
+@pytest.mark.parametrize("body", [UNEVEN, box((1, 2, 3)), cube(), top(), top(scaled={3: 1.4})], ids=str)
 def test_principal_axes(body: Any) -> None:
     axes = principal_axes(body)
     moments, _ = body.principal()
@@ -106,8 +108,9 @@ def test_principal_axes(body: Any) -> None:
 
 
 def test_every_direction_and_orientation_is_alike() -> None:
-    """Each entry of a rotation that is any one has mean 0 and mean square 1/3, and so has that of a direction:
-    of 4000, within 5 standard deviations, 1/√(3·4000) and √(4/45/4000) (the square's variance is 4/45)."""
+    """Each entry of a rotation that is any one has mean 0 and mean square 1/3, and so has that of a
+    direction: of 4000, within 5 standard deviations, 1/√(3·4000) and √(4/45/4000), the variance of the square
+    being 4/45."""
     rng = np.random.default_rng(0)
     turns = np.array([any_rotation(rng) for _ in range(4000)])
     np.testing.assert_allclose(turns @ turns.transpose(0, 2, 1), np.tile(np.eye(3), (4000, 1, 1)), atol=1e-12)
