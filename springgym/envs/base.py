@@ -285,8 +285,8 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         **options: Any,
     ) -> None:
         num_envs = whole("num_envs", num_envs, 1)
-        if render_mode is not None and render_mode != "rgb_array":
-            raise ValueError(f"render_mode={render_mode!r}: a batch is drawn as None or 'rgb_array'")
+        if render_mode is not None:
+            chosen("render_mode of a batch", render_mode, ["rgb_array"])
         modes = [mode.value for mode in AutoresetMode]
         if not isinstance(autoreset_mode, AutoresetMode):
             autoreset_mode = AutoresetMode(chosen("autoreset_mode", autoreset_mode, modes))
@@ -390,7 +390,9 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             self._restart(self._canvases[n], n)
 
     def _given_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        if not isinstance(seed, (Sequence, np.ndarray)) or isinstance(seed, str):
+        if isinstance(seed, np.ndarray) and seed.ndim:
+            seed = list(seed)
+        if not isinstance(seed, Sequence) or isinstance(seed, (str, bytes)):
             first = _seed("seed", seed)
             return [None if first is None else first + n for n in range(self.num_envs)]
         if len(seed) != self.num_envs:

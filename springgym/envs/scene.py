@@ -285,7 +285,10 @@ def _bools(name: str, given: Any, copies: int) -> np.ndarray:
 
 
 def _of_shape(name: str, given: Any, shape: tuple[int | None, ...], kinds: str, what: str) -> np.ndarray:
-    values = np.asarray(given)
+    try:
+        values = np.asarray(given)
+    except ValueError:  # rows of several lengths
+        values = np.array(None)
     fits = len(values.shape) == len(shape) and all(
         n in (None, size) for n, size in zip(shape, values.shape, strict=True)
     )
@@ -304,9 +307,9 @@ def _acted_on(scene: Scene, actuators: Mapping[str, float]) -> Scene:
     if not actuators:
         raise ValueError("actuators is empty; the actions must drive something")
     for name in actuators:
-        chosen("actuator", name, (*WRENCH, *there))
+        chosen("a name in actuators", name, (*WRENCH, *there))
         if name in there and there[name] is None:
-            raise ValueError(f"the scene has nothing that {name!r} could drive")
+            raise ValueError(f"actuators has {name!r}, but the scene has nothing that it could drive")
     if scene.wrench is None and set(actuators) & set(WRENCH):
         return scene.with_(wrench=WrenchActuator())
     return scene

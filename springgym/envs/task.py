@@ -725,7 +725,10 @@ def made(maker: Callable[..., Body], body: Mapping[str, Any] | None, **usual: An
         if isinstance(value, Mapping):
             numbers = (int(key) if isinstance(key, str) and key.isdecimal() else key for key in value)
             given[name] = dict(zip(numbers, value.values(), strict=True))
-    return maker(**(usual | given))
+    try:
+        return maker(**(usual | given))
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"body: {error}") from error
 
 
 def _locked(array: np.ndarray) -> np.ndarray:
