@@ -26,12 +26,11 @@ from tests.envs.test_states import frozen
 JUNK: tuple[Any, ...] = (
     *(None, True, False, "", "x", "1", b"x", 0, 1, -1, 7, 10**400, 0.5, -0.5, 2.0, 1e-300, 1e300),
     *(float("nan"), float("inf"), float("-inf"), 1j, (), (1,), (1, 2), (2, 1), (0, 1), (1, "x"), (1e-9, 1)),
-    *([], [1.0, 2.0, 3.0], {}, {"x": 1}, {0: 1}, {"masses": 1}, {"masses": (1, float("nan"))}, set(), object()),
-    *(np.zeros(3), np.array(1.0), np.full((2, 2), np.nan), np.array("x"), np.array(None), int, len, iter([1])),
-)  # fmt: skip
+    *([], [1.0, 2.0, 3.0], {}, {"x": 1}, {0: 1}, {"masses": 1}, {"masses": (1, float("nan"))}, set()),
+    *(np.zeros(3), np.array(1.0), np.full((2, 2), np.nan), np.array("x"), np.array(None), int, len),
+    *(iter([1]), object()),
+)
 REFUSED = (TypeError, ValueError, gym.error.Error, NotImplementedError)
-SLOW = ("dtype", "threads")
-"""What is right of them compiles, or starts threads: left to what is right in other tests."""
 
 
 def arguments(kind: type[SpringEnv] | type[SpringVectorEnv]) -> list[str]:
@@ -63,7 +62,8 @@ def tried(call: Callable[[], Any], name: str) -> Iterator[Any]:
     try:
         result = call()
     except REFUSED as error:
-        assert name in str(error), f"{name} is not named: {error}"
+        if name not in str(error):
+            raise AssertionError(f"{name} is not named") from error
     else:
         yield result
 
@@ -77,8 +77,6 @@ def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
     made = 0
     for name in names:
         for junk in JUNK:
-            if name in SLOW and (junk == 1 or junk == 7 or junk is int):
-                continue
             if name == "friction" and isinstance(junk, (int, float)) and junk == 0:
                 continue  # another scene, which is compiled: as good as any
             for env in tried(lambda name=name, junk=junk: kind(**{name: junk}), name):
@@ -205,7 +203,7 @@ def test_most_steps_are_taken() -> None:
 
 @pytest.mark.parametrize("factors", [{"stiffness": (1, 20)}, {"masses": (0.05, 1)}])
 def test_given_step_is_checked_for_the_hardest_body(factors: dict[str, Any]) -> None:
-    """At 4e-4 s the standard top is stable, the stiffest of these is not: it was NaN after a control period."""
+    """At 4e-4 s the standard top is stable, the stiffest of these is not: it was NaN after one period."""
     make(IDS[0], step=4e-4, randomize={"stiffness": (0.5, 1.0)})
     with pytest.raises(
         ValueError, match=r"step of 0\.0004 s is unstable: verlet on this body with randomize="
@@ -231,7 +229,8 @@ RIGHT: dict[str, Any] = {"scene": Scene(cube(), gravity=None), "reward": height,
 
 
 def test_every_argument_of_a_scene_environment() -> None:
-    names = list(inspect.signature(SceneTask.__init__).parameters)[1:] + ["num_envs", "max_episode_steps"]
+    names = [*inspect.signature(SceneTask.__init__).parameters][1:]
+    names += ["num_envs", "max_episode_steps"]
     made = 0
     for name in names:
         for junk in JUNK:
@@ -300,7 +299,7 @@ def below(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_start_behind_a_surface_changes_nothing() -> None:
-    scene = Scene(cube(), cube().positions + [0, 0, 2.0], surfaces=(floor(),))
+    scene = Scene(cube(), cube().positions + np.array([0, 0, 2.0]), surfaces=(floor(),))
     starts = iter([(scene.positions, scene.velocities)])
     env: Any = springgym.make_scene_env(
         scene,
@@ -350,31 +349,28 @@ def test_diverged_copies_do_not_reach_the_reward_check() -> None:
     """Where a copy has diverged, what functions make of it is left aside, without a warning."""
     scene = Scene(cube(), gravity=None, thrust=ThrustActuator((0,)))
 
-    def curved(m: Measures, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
-        return np.exp(np.abs(x[:, 0, 0] * 1e3) ** 2) / (1 + np.exp(np.abs(x[:, 0, 0] * 1e3) ** 2))
-
-    def seen(m: Measures, x: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return np.sqrt(x[:, 0] ** 2) * 1e300 * 1e300 * (np.abs(x[:, 0]) > 1e3) + x[:, 0]
+    def corner(x: np.ndarray) -> np.ndarray:  # what is far overflows, and is subtracted from itself: NaN
+        far = (x[:, 0] * 1e150) ** 2
+        return x[:, 0] + (far - far)
 
     envs: Any = springgym.make_scene_env(
         scene,
-        lambda m, x, v, action: np.where(np.abs(x[:, 0, 0]) < 1e3, 1.0, np.nan),
+        lambda m, x, v, action: 1.0 + 0.0 * corner(x)[:, 0],
         actuators={"thrust": 1.0},
-        observe=lambda m, x, v: np.where(np.abs(x[:, 0]) < 1e3, x[:, 0], np.nan),
+        observe=lambda m, x, v: corner(x),
         num_envs=2,
         autoreset_mode="Disabled",
     )
     envs.reset(seed=0)
-    velocities = envs.episodes.simulator.velocities
-    velocities[1, 0] = 1e200
-    positions = envs.episodes.simulator.positions
-    envs.episodes.simulator._v["lanes"][0, 0, :, 1] = 1e200
+    simulator = envs.episodes.simulator
+    velocities = simulator.velocities
+    velocities[1, 0] = 1e25
+    simulator.place(simulator.positions, velocities)
     observation, reward, terminated, _, info = envs.step(np.zeros((2, 3)))
     assert terminated.tolist() == [False, True]
     assert reward.tolist() == [1.0, 0.0]
     assert np.isfinite(observation).all()
     assert info["diverged"].tolist() == [False, True]
-    assert positions.shape == velocities.shape
 
 
 def test_every_factor_is_answered() -> None:
