@@ -168,7 +168,7 @@ class Task:
         raise NotImplementedError
 
     def prepare(self, m: Measures, x: np.ndarray, v: np.ndarray) -> None:
-        """See what the scene looks like to `evaluate` and `frame`, once, before the first episode."""
+        """For an observation that is called "own": see the scene once, before the first episode."""
 
     @property
     def observation_space(self) -> spaces.Box:
@@ -251,8 +251,9 @@ class Episodes:
         self._columns = self._observed_columns()
         self._of = self._identity()
         self._use_kernels()
-        self.simulator.read()
-        task.prepare(*self._shown)
+        if task.observation == "own":
+            self.simulator.read()
+            task.prepare(*self._shown)
 
     def _step(self, scene: Scene, kind: Dynamics, integrator: str | None, step: float | None) -> float:
         """The step: given, or automatic, for the stiffest and lightest body of the randomisation.
