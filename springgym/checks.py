@@ -17,7 +17,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Collection
 from numbers import Real
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +27,6 @@ tensor, (m r²)³, are still doubles."""
 
 MANY = 2**53
 """Bound on whole numbers: up to here each is a double, too."""
-
-T = TypeVar("T")
 
 
 def number(name: str, value: Any, low: float = -HUGE, high: float = HUGE) -> float:
@@ -72,7 +70,7 @@ def chosen(name: str, value: Any, choices: Collection[str]) -> str:
     return value
 
 
-def instance(name: str, value: Any, *kinds: type[T]) -> T:
+def instance(name: str, value: Any, *kinds: Any) -> Any:
     """An object of one of some classes; ``name`` is what errors call it."""
     if not isinstance(value, kinds):
         raise TypeError(_wrong(name, value, " or ".join(kind.__name__ for kind in kinds)))
@@ -105,6 +103,15 @@ def array(
         where = np.argwhere(~within)[0].tolist()
         raise ValueError(_wrong(f"{name}{where or ''}", given[tuple(where)], _range("number", low, high)))
     return np.asarray(given, np.float64)
+
+
+def direction(name: str, value: Any) -> np.ndarray:
+    """The unit vector (3,) along a vector that is not zero; ``name`` is what errors call it."""
+    given = array(name, value, (3,))
+    length = np.linalg.norm(given)
+    if length < TINY:
+        raise ValueError(_wrong(name, value, "a vector that is not zero"))
+    return given / length
 
 
 def whole_array(
