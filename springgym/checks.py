@@ -119,7 +119,9 @@ def whole_array(
 ) -> np.ndarray:
     """Whole numbers as an array of int64; the parameters are those of `array`."""
     given = _shaped(name, value, shapes)
-    if given.size and given.dtype.kind not in "iu":
+    if given.size and given.dtype.kind not in "iuO":
+        raise TypeError(_wrong(name, value, "an array of whole numbers"))
+    if given.dtype == object:
         for where in np.ndindex(given.shape):
             whole(f"{name}{list(where) or ''}", given[where], low, high)
     within = (given >= low) & (given <= high)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -176,10 +177,12 @@ class Scene:
         if self.surfaces:
             check_heights(self.surfaces, scales(self.contact, self.body)[1], positions, self.free, copies)
 
-    @property
+    @cached_property
     def free(self) -> np.ndarray:
         """Which particles are not pinned, (N,)."""
-        return ~np.isin(np.arange(len(self.body.masses)), self.pinned)
+        free = ~np.isin(np.arange(len(self.body.masses)), self.pinned)
+        free.setflags(write=False)
+        return free
 
     @property
     def pivot(self) -> int:

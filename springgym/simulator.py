@@ -191,7 +191,7 @@ class Simulator:
         self.readout = Readout(rows, np.zeros(shape), np.zeros(shape))
         """what was read off the copies last, see `read`: one row a copy, of no use to write to"""
         self._space = aligned_zeros((len(shares), measures.SIZE), self._x.dtype)
-        self._frame = np.array(scene.body.frame, np.uint32)
+        self._pivot, self._frame = scene.pivot, np.array(scene.body.frame, np.uint32)
         springs = scene.body.springs
         # the dampers of a rope act on its motion, not on vibrations alone: their order is its accuracy
         self._order = np.arange(len(springs)) if scene.body.floppy else interleaved(springs, particles)
@@ -304,12 +304,20 @@ class Simulator:
             *self._contact_terms(varying, parameter),
         )
 
-    def _actuated(self) -> dict[str, np.ndarray]:
-        """What `actuate` sets, by name."""
+    def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
+        """What `actuate` sets, by name: the array, the shape of its values, and a view of those of one copy."""
         wrench, thrust, drive = self._terms.wrench, self._terms.thrust, self._terms.drive
-        of_wrench = {n: getattr(wrench, n) for n in ("force", "torque", "body_torque")} if wrench else {}
-        of_thrust = {"thrust": thrust.force} if thrust else {}
-        return of_wrench | of_thrust | ({"acceleration": drive.acceleration} if drive else {})
+        arrays = {n: getattr(wrench, n) for n in ("force", "torque", "body_torque")} if wrench else {}
+        arrays |= {"thrust": thrust.force} if thrust else {}
+        arrays |= {"acceleration": drive.acceleration} if drive else {}
+        return {
+            name: (
+                array,
+                (self.copies, *array.shape[1:]),
+                numbers(array)[..., 0] if self.copies == 1 else None,
+            )
+            for name, array in arrays.items()
+        }
 
     def _contact_terms(
         self, varying: frozenset[str], parameter: Callable[..., np.ndarray]
@@ -555,17 +563,21 @@ class Simulator:
             if name not in actuators:
                 known = ", ".join(actuators) or "none"
                 raise ValueError(f"the scene has no actuator for {name!r}; it has {known}")
-            shape = self.copies, *actuators[name].shape[1:]
-            # What environments give, at every step; an array of NaN or with a HUGE number has no such square.
+            shape = actuators[name][1]
+            # What environments give at every step passes at once: the sum of the squares bounds each number.
             if not (
-                type(value) is np.ndarray
+                value.__class__ is np.ndarray
                 and value.dtype is FLOAT
                 and value.shape == shape
                 and np.vdot(value, value) <= HUGE
             ):
                 values[name] = np.broadcast_to(checks.array(name, value, shape, shape[1:]), shape)
         for name, value in values.items():
-            set_all(actuators[name], value)
+            array, _, single = actuators[name]
+            if single is not None:
+                single[...] = value
+            else:
+                set_all(array, value)
 
     def state(self) -> dict[str, np.ndarray]:
         """All that changes, copied: give it to `restore`, of this simulator or one made the same way."""
@@ -632,7 +644,8 @@ class Simulator:
         if check.__class__ is not bool or read.__class__ is not bool:
             check, read = checks.flag("check", check), checks.flag("read", read)
         self._share(steps, check or read)
-        np.add(self.time, steps * self.step, out=self.time)
+        time = self.time
+        time += steps * self.step
         if check:
             strain = self.readout.rows[:, measures.STRAIN]
             diverged = ~(strain <= STRAIN_LIMIT)
@@ -658,7 +671,7 @@ class Simulator:
             reads,
             self.readout,
             self._space[thread],
-            self.scene.pivot,
+            self._pivot,
             self._frame,
         )
 
@@ -728,10 +741,12 @@ class Simulator:
         super().__setattr__(name, value)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "_advance"}
+        left_out = ("_advance", "_actuators")  # made anew: views do not survive being copied
+        return {name: value for name, value in vars(self).items() if name not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
+        self._actuators = self._actuated()
         self._advance = self._kernel()
 
     def _checked_step(self, step: float | None) -> float:
