@@ -158,19 +158,18 @@ class Scene:
             """Raise if anything (N,) or (k, N) is wrong; ``what`` may name the number and the copy."""
             if wrong.any():
                 *row, n = np.argwhere(wrong)[0].tolist()
-                raise ValueError(what.format(n=n, of=f" of copy {copies[row[0]]}" if row else ""))
+                raise ValueError(
+                    what.format(n=n, of=f" of copy {copies[row[0]]}" if row and copies is not None else "")
+                )
 
-        held = ~self.free
-        moves = held & velocities.any(axis=-1)
-        if self.drive:
-            moves[..., self.drive.particle] = False
-            fast = np.zeros_like(moves)
-            driven = np.abs(velocities[..., self.drive.particle, :]).max(axis=-1)
-            fast[..., self.drive.particle] = driven > self.drive.speed
-            refuse(
-                fast, f"particle {{n}}{{of}} starts faster than its drive allows, {self.drive.speed:g} m/s"
-            )
-        refuse(moves, "pinned particle {n}{of} has a velocity; it must be zero")
+        if self.pinned:
+            moves = ~self.free & velocities.any(axis=-1)
+            if self.drive:
+                driven = np.abs(velocities[..., self.drive.particle, :]).max(axis=-1, keepdims=True)
+                fast = "particle %d{of} starts faster than its drive moves it, %g m/s at most"
+                refuse(driven > self.drive.speed, fast % (self.drive.particle, self.drive.speed))
+                moves[..., self.drive.particle] = False
+            refuse(moves, "pinned particle {n}{of} has a velocity; it must be zero")
         first, second = self.body.springs.T
         apart = np.abs(positions[..., second, :] - positions[..., first, :]).max(axis=-1)
         refuse(apart < TINY, "spring {n}{of} starts with both ends at the same place; it has no direction")

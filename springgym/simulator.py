@@ -305,7 +305,7 @@ class Simulator:
         )
 
     def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
-        """What `actuate` sets, by name: the array, the shape of its values, and a view of those of one copy."""
+        """What `actuate` sets, by name: the array, the shape of its values, and a view of a single copy's."""
         wrench, thrust, drive = self._terms.wrench, self._terms.thrust, self._terms.drive
         arrays = {n: getattr(wrench, n) for n in ("force", "torque", "body_torque")} if wrench else {}
         arrays |= {"thrust": thrust.force} if thrust else {}

@@ -79,8 +79,11 @@ def test_numbers_without_a_point_are_numbers(read):
             "title: a\nbody: {kind: box, sides: 1}\nduration: 1",
             "mine.yaml:2: body.sides: expected a list, got 1",
         ),
-        ("title: a\nbody:\n  kind: box\n  mass: -1\nduration: 1", "body: masses[0] of body 'box' is -0.125"),
-        ("title: a\nbody: {kind: top, scaled: {40: 2}}\nduration: 1", "scaled names particle 40"),
+        (
+            "title: a\nbody:\n  kind: box\n  mass: -1\nduration: 1",
+            "body: mass is -1.0; it must be a positive number",
+        ),
+        ("title: a\nbody: {kind: top, scaled: {40: 2}}\nduration: 1", "a particle that scaled names is 40"),
         (BOX.replace("duration: 1", "duration: 0"), "mine.yaml:3: duration: duration is 0.0 s"),
         (BOX + "interval: -1", "mine.yaml:4: interval: interval is -1.0 s"),
         (BOX + "integrator: euler", "mine.yaml:4: integrator: unknown method 'euler'; known keys: verlet"),
