@@ -32,6 +32,7 @@ MANY = 2**53
 def number(name: str, value: Any, low: float = -HUGE, high: float = HUGE) -> float:
     """A number as a float, from ``low`` to ``high``; ``name`` is what errors call it."""
     given: Any = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    given = given.item() if isinstance(given, np.generic) else given
     real = isinstance(given, Real) and not isinstance(given, bool)
     if not real:
         raise TypeError(_wrong(name, value, _range("number", low, high)))
@@ -94,15 +95,18 @@ def array(
         Bounds of each number.
     """
     given = _shaped(name, value, shapes)
-    if given.dtype.kind not in "iuf":  # ints beyond 64 bits are objects, and out of bounds
-        if not (given.dtype == object and all(isinstance(item, int) for item in given.flat)) and given.size:
-            raise TypeError(_wrong(name, value, "an array of numbers"))
-        given = given.astype(object)
-    within = (given >= low) & (given <= high)
+    if given.dtype == object:  # which numbers beyond 64 bits are
+        for where in np.ndindex(given.shape):
+            number(f"{name}{list(where) or ''}", given[where], low, high)
+    elif given.dtype.kind not in "iuf":
+        raise TypeError(_wrong(name, value, "an array of numbers"))
+    with np.errstate(over="ignore"):
+        floats = np.asarray(given, np.float64)
+    within = (floats >= low) & (floats <= high)
     if not within.all():
         where = np.argwhere(~within)[0].tolist()
         raise ValueError(_wrong(f"{name}{where or ''}", given[tuple(where)], _range("number", low, high)))
-    return np.asarray(given, np.float64)
+    return floats
 
 
 def direction(name: str, value: Any) -> np.ndarray:

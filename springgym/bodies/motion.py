@@ -24,7 +24,11 @@ class Start(NamedTuple):
 
 def rotation(axis: Any, angle: float) -> np.ndarray:
     """Matrix (3, 3) of the rotation by ``angle`` [rad] about an axis (Rodrigues' formula)."""
-    u, angle = skew(direction("axis", axis)), number("angle", angle)
+    return _turned(direction("axis", axis), number("angle", angle))
+
+
+def _turned(axis: np.ndarray, angle: float) -> np.ndarray:
+    u = skew(axis)
     return np.eye(3) + np.sin(angle) * u + (1 - np.cos(angle)) * u @ u
 
 
@@ -166,7 +170,7 @@ def start(
 def _rotating(vector: Sequence[float] | np.ndarray) -> np.ndarray:
     """The rotation by a vector along its axis [rad]."""
     angle = float(np.linalg.norm(vector))
-    return rotation(vector, angle) if angle >= TINY else np.eye(3)
+    return _turned(np.asarray(vector) / angle, angle) if angle >= TINY else np.eye(3)
 
 
 def _aligning(source: np.ndarray, target: np.ndarray) -> np.ndarray:
