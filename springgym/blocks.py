@@ -58,6 +58,13 @@ def set_copies(array: np.ndarray, index: np.ndarray, values: Any) -> None:
     np.moveaxis(lanes, -1, 1)[index // width, index % width] = values
 
 
+def get_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """The values (k, *shape) of the copies ``index`` (k,) of a block array, copied."""
+    lanes = numbers(array)
+    width = lanes.shape[-1]
+    return np.moveaxis(lanes, -1, 1)[index // width, index % width]
+
+
 def set_all(array: np.ndarray, values: np.ndarray) -> None:
     """Set all copies of a block array to ``values`` (copies, *shape)."""
     lanes = numbers(array)

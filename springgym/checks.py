@@ -17,7 +17,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Collection
 from numbers import Real
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -28,12 +28,11 @@ tensor, (m r²)³, are still doubles."""
 MANY = 2**53
 """Bound on whole numbers: up to here each is a double, too."""
 
-T = TypeVar("T")
-
 
 def number(name: str, value: Any, low: float = -HUGE, high: float = HUGE) -> float:
     """A number as a float, from ``low`` to ``high``; ``name`` is what errors call it."""
     given: Any = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    given = given.item() if isinstance(given, np.generic) else given
     real = isinstance(given, Real) and not isinstance(given, bool)
     if not real:
         raise TypeError(_wrong(name, value, _range("number", low, high)))
@@ -72,7 +71,7 @@ def chosen(name: str, value: Any, choices: Collection[str]) -> str:
     return value
 
 
-def instance(name: str, value: Any, *kinds: type[T]) -> T:
+def instance(name: str, value: Any, *kinds: Any) -> Any:
     """An object of one of some classes; ``name`` is what errors call it."""
     if not isinstance(value, kinds):
         raise TypeError(_wrong(name, value, " or ".join(kind.__name__ for kind in kinds)))
@@ -96,15 +95,27 @@ def array(
         Bounds of each number.
     """
     given = _shaped(name, value, shapes)
-    if given.dtype.kind not in "iuf":  # ints beyond 64 bits are objects, and out of bounds
-        if not (given.dtype == object and all(isinstance(item, int) for item in given.flat)) and given.size:
-            raise TypeError(_wrong(name, value, "an array of numbers"))
-        given = given.astype(object)
-    within = (given >= low) & (given <= high)
+    if given.dtype == object:  # which numbers beyond 64 bits are
+        for where in np.ndindex(given.shape):
+            number(f"{name}{list(where) or ''}", given[where], low, high)
+    elif given.dtype.kind not in "iuf":
+        raise TypeError(_wrong(name, value, "an array of numbers"))
+    with np.errstate(over="ignore"):
+        floats = np.asarray(given, np.float64)
+    within = (floats >= low) & (floats <= high)
     if not within.all():
         where = np.argwhere(~within)[0].tolist()
         raise ValueError(_wrong(f"{name}{where or ''}", given[tuple(where)], _range("number", low, high)))
-    return np.asarray(given, np.float64)
+    return floats
+
+
+def direction(name: str, value: Any) -> np.ndarray:
+    """The unit vector (3,) along a vector that is not zero; ``name`` is what errors call it."""
+    given = array(name, value, (3,))
+    length = np.linalg.norm(given)
+    if length < TINY:
+        raise ValueError(_wrong(name, value, "a vector that is not zero"))
+    return given / length
 
 
 def whole_array(
@@ -112,7 +123,9 @@ def whole_array(
 ) -> np.ndarray:
     """Whole numbers as an array of int64; the parameters are those of `array`."""
     given = _shaped(name, value, shapes)
-    if given.size and given.dtype.kind not in "iu":
+    if given.size and given.dtype.kind not in "iuO":
+        raise TypeError(_wrong(name, value, "an array of whole numbers"))
+    if given.dtype == object:
         for where in np.ndindex(given.shape):
             whole(f"{name}{list(where) or ''}", given[where], low, high)
     within = (given >= low) & (given <= high)

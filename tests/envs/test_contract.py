@@ -389,7 +389,7 @@ def test_divergence_is_an_end(env_id: str) -> None:
     calm.reset(seed=0)
     simulator = envs.unwrapped.episodes.simulator
     velocities = simulator.velocities
-    velocities[1, -1] = 1e25
+    velocities[1, np.argmax(simulator.scene.free)] = 1e25
     simulator.place(simulator.positions, velocities)
     action = envs.action_space.sample()
     observation, reward, terminated, _, info = envs.step(action)
