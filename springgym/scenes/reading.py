@@ -380,10 +380,12 @@ def _lifted(
 
 def _hung(body: Body, first: np.ndarray, last: np.ndarray, gravity: Vector) -> np.ndarray:
     """A rope hanging between its ends."""
-    if body.name != "rope" or any(gravity[:2]):
-        raise ValueError("end is that of a rope, in vertical gravity")
+    if body.name != "rope" or any(gravity[:2]) or not gravity[2] < -1e-9:
+        raise ValueError("end is that of a rope, in gravity straight down")
     across = (last - first) * (1, 1, 0)
     span = float(np.linalg.norm(across))
+    if not span > 0:
+        raise ValueError("end is straight below or above the other end; it must lie to the side")
     hanging = catenary(
         span, float(last[2] - first[2]), body.masses[1:-1], body.lengths, body.stiffness, -gravity[2]
     )
