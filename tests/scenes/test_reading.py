@@ -86,7 +86,7 @@ def test_numbers_without_a_point_are_numbers(read):
         (BOX + "interval: -1", "mine.yaml:4: interval: interval is -1 s"),
         (
             BOX + "interval: 1e-300",
-            "mine.yaml:4: interval: interval is 1e-300 s; it must be at least 1e-09 s",
+            "mine.yaml:4: interval: interval is 1e-300 s; it must be at least 1e-06 s",
         ),
         (BOX + "step: 1e-300", "mine.yaml:4: step: step is 1e-300 s; it must be at least 1e-09 s"),
         (BOX + "gravity: .nan", "mine.yaml:4: gravity: expected a number or a list of 3 values, got nan"),
