@@ -37,6 +37,9 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 
+if numba.config.DISABLE_JIT:
+    raise ImportError("springgym computes on LLVM values, for which it is compiled: unset NUMBA_DISABLE_JIT")
+
 PACKAGE = __name__.partition(".")[0]
 
 OPTIONS = {"error_model": "numpy", "_nrt": False}

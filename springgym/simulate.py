@@ -14,7 +14,7 @@ import numpy as np
 from springgym.cli import INTERRUPTED, whole_file
 from springgym.integrators import METHODS
 from springgym.scenes.checks import Check, check, fitting
-from springgym.scenes.plan import SHORTEST, Plan
+from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import load
 from springgym.scenes.reading import names as scene_names
 from springgym.scenes.recording import Recording, record
@@ -103,8 +103,8 @@ def _check_files(args: argparse.Namespace) -> None:
 def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
     """The plan with what the options change."""
     for option in ("duration", "step"):
-        if (seconds := getattr(args, option)) is not None and not SHORTEST <= seconds < np.inf:
-            raise ValueError(f"--{option} {seconds:g}: it must be at least {SHORTEST:g} s, and finite")
+        if (seconds := getattr(args, option)) is not None and not LEAST[option] <= seconds < np.inf:
+            raise ValueError(f"--{option} {seconds:g}: it must be at least {LEAST[option]:g} s, and finite")
     if args.integrator is not None:
         plan = replace(plan, integrator=args.integrator, step=None)
     if args.method == "paper":

@@ -36,7 +36,7 @@ from springgym.envs.task import OF_SPRINGS, RANDOMIZABLE
 from springgym.scenes import load, names
 from tests.envs.cases import IDS, TWINLESS, task_type
 
-DRIFT = 0.05
+DRIFT = {"float64": 0.05, "float32": 0.25}
 """Energy drift [1] that is too much, as a share of the largest kinetic, elastic and contact energy so far."""
 
 COPIES = (None, None, 1, 2, 3, 8, 9, 17, 64, 257, 1024)
@@ -126,11 +126,12 @@ def made(what: Round, copies: int | None) -> Any:
     scene = load(what.env_id.removeprefix("scene ")).scene
     weight = 9.81 * scene.body.mass
     size = float(np.ptp(scene.body.positions, axis=0).max())
+    actuators = {"force": 0.3 * weight} | ({"torque": 0.03 * weight * size} if size > 0 else {})
     batch = {} if copies is None else {"autoreset_mode": what.autoreset, "threads": what.threads}
     return springgym.make_scene_env(
         scene,
         lambda m, x, v, action: 1 / (1 + np.square(m.centre).sum(axis=1)),
-        actuators={"force": 0.3 * weight, "torque": 0.03 * weight * size},
+        actuators=actuators,
         num_envs=copies,
         max_episode_steps=100,
         **batch,
@@ -251,10 +252,12 @@ class Player:
             self.follow(action[self.followed], result, bool(fresh[self.followed]))
         check(self.env.observation_space.contains(observation), "observation is outside of its space")
         check(np.isfinite(reward).all(), "reward is not finite")
-        finite(info)
         last = info.get("final_info", info)
-        check(not np.any(last["diverged"]) and not np.any(info["diverged"]), "diverged")
-        if self.what.env_id in IDS:
+        lost = np.atleast_1d(last["diverged"]) & (done | np.atleast_1d(info["diverged"]))
+        if not lost.any():
+            finite(info)
+        if self.what.env_id in IDS:  # a scene that is driven may be torn
+            check(not lost.any(), "diverged")
             check(
                 np.all((np.asarray(reward) >= 0) & (np.asarray(reward) <= 1)), "reward is outside of [0, 1]"
             )
@@ -264,7 +267,7 @@ class Player:
                 np.where(ended, np.atleast_1d(last[term]), np.atleast_1d(info[term])) for term in terms
             )
             check(np.allclose(total, reward, rtol=0, atol=1e-12), "terms do not sum to the reward")
-        self.bound_drift(done | fresh)
+        self.bound_drift(done | fresh | lost)
         self.over = done if self.what.autoreset != "SameStep" or not self.what.copies else np.zeros_like(done)
 
     def bound_drift(self, changed: np.ndarray) -> None:
@@ -273,7 +276,8 @@ class Player:
         m = episodes.measures
         self.scale = np.maximum(self.scale, m.kinetic + m.elastic + m.contact)
         drift = np.abs(m.balance - episodes.balance)
-        too_much = ~changed & (drift > DRIFT * self.scale + 1e-6 * episodes.simulator.scene.body.mass)
+        most = DRIFT[self.what.arguments["dtype"]] * self.scale + 1e-6 * episodes.simulator.scene.body.mass
+        too_much = ~changed & (drift > most)
         share = drift / np.maximum(self.scale, 1e-6 * episodes.simulator.scene.body.mass)
         self.drift = max(self.drift, float(share[~changed].max(initial=0.0)))
         self.scale[changed] = 0.0

@@ -5,7 +5,7 @@ import stat
 
 import pytest
 
-from springgym.cli import guarded, whole_file
+from springgym.cli import guarded, main, whole_file
 
 
 def write_half(path, error):
@@ -90,3 +90,16 @@ def test_interrupts_and_closed_pipes_have_their_status(capsys):
     assert capsys.readouterr().err == "name: interrupted\n"
     assert guarded("name", raising(BrokenPipeError())) == 141
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["bench", "--rounds", "0"], "--rounds 0: it must be at least 1"),
+        (["accuracy", "--out", "OUT"], "accuracy.json: no report to add to: Expecting value"),
+    ],
+)
+def test_what_would_be_lost_after_minutes_is_told_at_once(arguments, says, tmp_path, capsys):
+    (tmp_path / "accuracy.json").write_text("half a rep")
+    assert main([argument.replace("OUT", str(tmp_path)) for argument in arguments]) == 2
+    assert says in capsys.readouterr().err

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import runpy
 import subprocess
 import sys
 import threading
@@ -17,6 +18,7 @@ import pytest
 from numba import typeof
 from numba.core.compiler_lock import global_compiler_lock
 
+from springgym import compiling
 from springgym.blocks import at, block_array
 from springgym.bodies import cube
 from springgym.compiling import SameTypes, _checksum, cache_directory, compiled, kernel
@@ -176,6 +178,12 @@ def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(Path, "expanduser", nowhere)
     assert cache_directory() is None
     assert hits() == 0
+
+
+def test_what_cannot_be_compiled_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
+    with pytest.raises(ImportError, match="unset NUMBA_DISABLE_JIT"):
+        runpy.run_path(compiling.__file__)
 
 
 FULL = """

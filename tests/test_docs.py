@@ -7,6 +7,12 @@ from pathlib import Path
 from types import ModuleType
 
 import gymnasium as gym
+import numpy as np
+
+import springgym
+from springgym.bodies import cube
+from springgym.envs.sb3 import make_sb3
+from springgym.scene import Scene
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -26,6 +32,34 @@ def test_environments_page_is_current() -> None:
     for row in writer.ENVIRONMENTS:
         assert writer.describe(row) in page
         assert f"| `{row.id}` |" in page
+
+
+def test_what_the_page_says_of_all_environments_is_current() -> None:
+    """Run ``python docs/environments.py``; these parts it copies."""
+    writer, page = page_writer(), (DOCS / "environments.md").read_text(encoding="utf-8")
+    for part in (writer.RANDOMISATION, writer.PROMISES, writer.OWN_SCENES):
+        assert part in page
+
+
+def test_scene_of_the_page_is_made_as_it_says() -> None:
+    code = page_writer().OWN_SCENES.split("```")
+    names = {
+        "gymnasium": gym,
+        "np": np,
+        "springgym": springgym,
+        "scene": Scene(cube(), gravity=None),
+        "reward": lambda m, x, v, action: m.centre[:, 2],
+    }
+    for block in code[1::2]:
+        exec(block.removeprefix("python"), names)
+    env = names["env"]
+    env.reset(seed=0)  # type: ignore[attr-defined]
+    *_, info = env.step(env.action_space.sample())  # type: ignore[attr-defined]
+    assert info["is_success"] is False
+    hover = gym.make("Hover-v0", render_mode="rgb_array")
+    assert hover.spec.max_episode_steps == 200
+    hover.reset(seed=0)
+    make_sb3("Hover-v0", num_envs=2).reset()
 
 
 def test_every_variant_of_the_page_can_be_made() -> None:

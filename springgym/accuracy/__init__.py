@@ -24,6 +24,7 @@ from typing import Any
 from springgym.accuracy.problems import PROBLEMS
 from springgym.accuracy.studies import STUDIES
 from springgym.accuracy.work_precision import TOLERANCES, cheapest, measure
+from springgym.cli import whole_file
 
 REPORT = "accuracy.json"
 
@@ -60,13 +61,14 @@ def run(args: argparse.Namespace) -> int:
             raise ValueError(f"unknown problem {name!r}; there are {', '.join([*PROBLEMS, *STUDIES])}")
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / REPORT
-    report = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    report = _report_so_far(path)
     for name in names:
         result = (
             STUDIES[name](args.quick) if name in STUDIES else measure(name, args.quick, not args.no_peers)
         )
         report[name] = result | {"measured": conditions()}
-        path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+        with whole_file(path) as file:
+            file.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
         print("\n".join(summary(name, result)), flush=True)
     print(table(report))
     from springgym.accuracy.figures import draw
@@ -74,6 +76,18 @@ def run(args: argparse.Namespace) -> int:
     for name in names:
         draw(name, report[name], args.out / f"{name}.svg")
     return 0
+
+
+def _report_so_far(path: Path) -> dict[str, Any]:
+    if not path.exists():
+        return {}
+    try:
+        report = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path}: no report to add to: {error}") from error
+    if not isinstance(report, dict):
+        raise ValueError(f"{path}: no report to add to: it must hold an object")
+    return report
 
 
 def conditions() -> dict[str, Any]:

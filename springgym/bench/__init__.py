@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from springgym.accuracy import conditions
+from springgym.cli import whole_file
 
 NAMES = ("kernel", "environments", "features", "startup", "peers", "equal-error", "sizes")
 """Of the sections; known without importing them."""
@@ -46,6 +47,8 @@ def run(args: argparse.Namespace) -> int:
     from springgym.bench.ratios import ratios
     from springgym.bench.sections import SECTIONS
 
+    if args.rounds < 1:
+        raise ValueError(f"--rounds {args.rounds}: it must be at least 1")
     report: dict[str, Any] = {"conditions": conditions()}
     print(json.dumps(report["conditions"]))
     for name in args.only or NAMES:
@@ -63,7 +66,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"  {what:76}{ratio:8.3g}")
     if args.out:
         args.out.parent.mkdir(parents=True, exist_ok=True)
-        args.out.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        with whole_file(args.out) as path:
+            path.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     if args.figure:
         from springgym.bench.figures import draw
 

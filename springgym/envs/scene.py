@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -26,6 +27,7 @@ from springgym.simulator import STRAIN_LIMIT
 from springgym.surfaces import Dish, Plane
 
 WRENCH = ("force", "torque", "body_torque")
+LOUD = nullcontext()
 Reward = Callable[[Measures, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 Seeing = Callable[[Measures, np.ndarray, np.ndarray], np.ndarray]
 Starting = Callable[[Generator], tuple[np.ndarray, np.ndarray]]
@@ -143,7 +145,9 @@ class SceneTask(Task):
         for name, function in given.items():
             if function is not None:
                 _callable(name, function)
-        self._failed, self._succeeded, self._observe, self._start = failed, succeeded, observe, start
+        self._observe, self._start = observe, start
+        judges = ((1, "succeeded", succeeded), (2, "failed", failed))
+        self._judges = [(column, name, function) for column, name, function in judges if function is not None]
         self.hold = checks.whole("hold", hold, 1)  # type: ignore[misc]
         self.period = checks.number("period", period, TINY)  # type: ignore[misc]
         self._actuators = {
@@ -210,11 +214,12 @@ class SceneTask(Task):
         parameters: np.ndarray,
         out: np.ndarray,
     ) -> None:
-        sound = _sound(m)
-        with np.errstate(all="warn" if sound.all() else "ignore"):
-            out[:, 0] = _numbers("reward", self._reward(m, x, v, action), (len(out),), sound)
-            for column, name, function in ((1, "succeeded", self._succeeded), (2, "failed", self._failed)):
-                out[:, column] = 0.0 if function is None else _bools(name, function(m, x, v), len(out))
+        shape = (len(out),)
+        with _hearing(m):
+            out[:, 0] = _numbers("reward", self._reward(m, x, v, action), shape, m)
+            out[:, 1:] = 0.0
+            for column, name, judge in self._judges:
+                out[:, column] = _of_shape(name, judge(m, x, v), shape, "b", "bools")
 
     def frame(
         self,
@@ -233,9 +238,8 @@ class SceneTask(Task):
 
     def _seen(self, m: Measures, x: np.ndarray, v: np.ndarray, shape: tuple[int | None, ...]) -> np.ndarray:
         assert self._observe is not None
-        sound = _sound(m)
-        with np.errstate(all="warn" if sound.all() else "ignore"):
-            return _numbers("observe", self._observe(m, x, v), shape, sound)
+        with _hearing(m):
+            return _numbers("observe", self._observe(m, x, v), shape, m)
 
     def look(self) -> Look:
         return film.look(self._scene.body, None)
@@ -270,18 +274,22 @@ def _sound(m: Measures) -> np.ndarray:
     return np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)
 
 
-def _numbers(name: str, given: Any, shape: tuple[int | None, ...], sound: np.ndarray) -> np.ndarray:
-    """What a function gave, as numbers that are finite where the copy is sound."""
+def _hearing(m: Measures) -> Any:
+    """Where functions are called: warnings are not heard while a copy has diverged."""
+    quick = m.strain.dot(m.strain) < STRAIN_LIMIT**2  # then each is within its limit
+    return LOUD if quick or _sound(m).all() else np.errstate(all="ignore")
+
+
+def _numbers(name: str, given: Any, shape: tuple[int | None, ...], m: Measures) -> np.ndarray:
+    """What a function gave, as numbers that are finite where the copy has not diverged."""
     values = _of_shape(name, given, shape, "biuf", "numbers")
-    if not np.isfinite(values[sound]).all():
-        n = np.flatnonzero(sound)[np.argwhere(~np.isfinite(values[sound]))[0][0]]
-        raise ValueError(f"{name} gave {checks.shown(values[n])} for copy {n}; it must be finite")
+    if not math.isfinite(np.vdot(values, values)):  # or they are huge
+        wrong = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        wrong &= _sound(m)
+        if wrong.any():
+            n = int(np.argmax(wrong))
+            raise ValueError(f"{name} gave {checks.shown(values[n])} for copy {n}; it must be finite")
     return values
-
-
-def _bools(name: str, given: Any, copies: int) -> np.ndarray:
-    """What a function gave, as bools."""
-    return _of_shape(name, given, (copies,), "b", "bools")
 
 
 def _of_shape(name: str, given: Any, shape: tuple[int | None, ...], kinds: str, what: str) -> np.ndarray:
@@ -289,8 +297,8 @@ def _of_shape(name: str, given: Any, shape: tuple[int | None, ...], kinds: str, 
         values = np.asarray(given)
     except ValueError:  # rows of several lengths
         values = np.array(None)
-    fits = len(values.shape) == len(shape) and all(
-        n in (None, size) for n, size in zip(shape, values.shape, strict=True)
+    fits = values.shape == shape or (
+        values.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, values.shape, strict=True))
     )
     if values.dtype.kind not in kinds or not fits:
         must = str(tuple("D" if n is None else n for n in shape)).replace("'", "")

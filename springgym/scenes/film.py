@@ -47,9 +47,8 @@ def camera(recording: Recording) -> Camera:
     x, view = recording.positions, recording.plan.view
     low, high = x.min(axis=(0, 1)), x.max(axis=(0, 1))
     reach = float(np.linalg.norm(x - (low + high) / 2, axis=2).max())
-    return Camera.framing(
-        (low + high) / 2, 2.2 * reach or 1.0, azimuth=view.azimuth, elevation=view.elevation
-    )
+    size = 2.2 * reach if reach > 1e-5 else 1.0  # a particle at rest has none
+    return Camera.framing((low + high) / 2, size, azimuth=view.azimuth, elevation=view.elevation)
 
 
 def scenery(recording: Recording) -> Scenery:

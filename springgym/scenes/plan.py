@@ -18,8 +18,8 @@ Vector = tuple[float, float, float]
 Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation"]
 
 
-SHORTEST = 1e-9
-"""Least duration, interval and step of a run [s]: shorter ones are lost beside the times of its states."""
+LEAST = {"duration": 1e-6, "interval": 1e-6, "step": 1e-9}
+"""Least times of a run [s]: in shorter ones nothing moves that a plot or a film could show."""
 
 
 class View(NamedTuple):

@@ -15,7 +15,7 @@ from springgym.checks import shown
 from springgym.integrators import METHODS
 from springgym.scene import GRAVITY, Scene
 from springgym.scenes.checks import CHECKS
-from springgym.scenes.plan import SHORTEST, Plan, Plot, Vector, View, heavy_top
+from springgym.scenes.plan import LEAST, Plan, Plot, Vector, View, heavy_top
 from springgym.strict_yaml import Tree, YamlError, build, read_yaml, suggestion
 from springgym.surfaces import Contact, Dish, PaperContact, Plane, Surface, floor, incline, scales
 from springgym.theory.contact import rest_height
@@ -80,8 +80,8 @@ def read(path: Path) -> Plan:
         view: Any = None,
     ) -> Plan:
         for name, value in {"duration": duration, "interval": interval, "step": step}.items():
-            if value is not None and value < SHORTEST:
-                raise _error(tree, name, f"{name} is {value:g} s; it must be at least {SHORTEST:g} s")
+            if value is not None and value < LEAST[name]:
+                raise _error(tree, name, f"{name} is {value:g} s; it must be at least {LEAST[name]:g} s")
         if integrator not in METHODS:
             raise _error(
                 tree, "integrator", f"unknown method {shown(integrator)}{suggestion(integrator, METHODS)}"
@@ -380,10 +380,12 @@ def _lifted(
 
 def _hung(body: Body, first: np.ndarray, last: np.ndarray, gravity: Vector) -> np.ndarray:
     """A rope hanging between its ends."""
-    if body.name != "rope" or any(gravity[:2]):
-        raise ValueError("end is that of a rope, in vertical gravity")
+    if body.name != "rope" or any(gravity[:2]) or not gravity[2] < -1e-9:
+        raise ValueError("end is that of a rope, in gravity straight down")
     across = (last - first) * (1, 1, 0)
     span = float(np.linalg.norm(across))
+    if not span > 0:
+        raise ValueError("end is straight below or above the other end; it must lie to the side")
     hanging = catenary(
         span, float(last[2] - first[2]), body.masses[1:-1], body.lengths, body.stiffness, -gravity[2]
     )

@@ -14,7 +14,7 @@ from springgym.simulator import Simulator
 from tests import fuzz
 from tests.fuzz import Player, Round
 
-USUAL = Round("SpringTop-v0", {"observation": "frame"}, 3, "SameStep", 1)
+USUAL = Round("SpringTop-v0", {"observation": "frame", "dtype": "float64"}, 3, "SameStep", 1)
 
 
 def play(what: Round = USUAL, seed: int = 0, length: int = 120) -> Player:
@@ -27,7 +27,7 @@ def play(what: Round = USUAL, seed: int = 0, length: int = 120) -> Player:
 def test_rounds(autoreset: str) -> None:
     player = play(USUAL._replace(autoreset=autoreset))
     assert player.steps == 3 * 120
-    assert 0 < player.drift < fuzz.DRIFT
+    assert 0 < player.drift < fuzz.DRIFT["float64"]
     assert play(USUAL._replace(copies=None)).steps == 120
 
 

@@ -9,6 +9,7 @@ from springgym.theory.contact import force
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
 
+ROPE = "title: a rope\nbody: {kind: rope}\nduration: 1\npinned: [top]\n"
 BOX = "title: a box\nbody: {kind: box}\nduration: 1\n"
 
 
@@ -81,7 +82,7 @@ def test_numbers_without_a_point_are_numbers(read):
         ),
         (
             BOX + "interval: 1e-300",
-            "mine.yaml:4: interval: interval is 1e-300 s; it must be at least 1e-09 s",
+            "mine.yaml:4: interval: interval is 1e-300 s; it must be at least 1e-06 s",
         ),
         (BOX + "step: 1e-300", "mine.yaml:4: step: step is 1e-300 s; it must be at least 1e-09 s"),
         (BOX + "gravity: .nan", "mine.yaml:4: gravity: expected a number or a list of 3 values, got nan"),
@@ -109,6 +110,11 @@ def test_numbers_without_a_point_are_numbers(read):
         (BOX + "start: {kick: {tip: [0, 0, 1]}}", "mine.yaml:4: start: kick names an unknown part 'tip'"),
         (BOX + "start: {kick: {9: [0, 0, 1]}}", "mine.yaml:4: start: kick names particle 9"),
         (BOX + "start: {end: [1, 0, 0]}", "mine.yaml:4: start: end is that of a rope"),
+        (ROPE + "start: {end: [0, 0, -1]}", "mine.yaml:5: start: end is straight below or above"),
+        (
+            ROPE + "gravity: 1e-300\nstart: {end: [1, 0, 0]}",
+            "start: end is that of a rope, in gravity straight",
+        ),
         (BOX + "surfaces: floor", "mine.yaml:4: surfaces: expected a list of surfaces"),
         (
             BOX + "surfaces: [{kind: flor}]",

@@ -23,6 +23,7 @@ from springgym.scene import Scene
 from springgym.scenes import load, names
 from springgym.scenes.checks import CHECKS, Check
 from springgym.scenes.film import camera, frames, look, scenery
+from springgym.scenes.plan import LEAST
 from springgym.scenes.plots import PLOTS, draw
 from springgym.scenes.recording import record
 from tests.scenes.conftest import marked, recorded
@@ -193,9 +194,9 @@ def test_papers_method_is_one_switch(monkeypatch, capsys):
         (["simulate", "tops"], "there is no scene 'tops'; did you mean 'top'"),
         (["simulate", "no.yaml"], "no.yaml: cannot read it"),
         ([*SHORT, "--step", "1"], "a step of 1 s is unstable"),
-        ([*SHORT, "--duration", "-1"], "--duration -1: it must be at least 1e-09 s, and finite"),
-        ([*SHORT, "--duration", "1e-300"], "--duration 1e-300: it must be at least 1e-09 s, and finite"),
-        ([*SHORT, "--duration", "nan"], "--duration nan: it must be at least 1e-09 s, and finite"),
+        ([*SHORT, "--duration", "-1"], "--duration -1: it must be at least 1e-06 s, and finite"),
+        ([*SHORT, "--duration", "1e-300"], "--duration 1e-300: it must be at least 1e-06 s, and finite"),
+        ([*SHORT, "--duration", "nan"], "--duration nan: it must be at least 1e-06 s, and finite"),
         ([*SHORT, "--duration", "1e9"], "at intervals of 0.01 s are 1e+11 states of 6.4e+04 GB"),
         ([*SHORT, "--step", "1e-300"], "--step 1e-300: it must be at least 1e-09 s, and finite"),
         (["simulate", "bouncing-ball", "--duration", "0.1", "--step", "1"], "a step of 1 s is longer than"),
@@ -383,6 +384,13 @@ def test_bodies_in_space_are_not_cut_off():
     box = space.get_window_extent()
     assert (pixels.min(axis=0) >= box.min).all()
     assert (pixels.max(axis=0) <= box.max).all()
+
+
+@pytest.mark.parametrize("name", ["bouncing-ball", "cube-pendulum", "top"])
+def test_the_shortest_run_can_be_drawn(name):
+    recording = record(replace(load(name), duration=LEAST["duration"], step=None))
+    draw(recording).draw_without_rendering()
+    assert len(list(frames(recording))) == 1
 
 
 FILMED = ("top", "gyroscope", "rope-swing", "cube-drop", "unbalanced-top")
