@@ -1,0 +1,100 @@
+"""Films, figures and checks of the site: of every scene, and of every environment under classical control.
+
+What is there and newer than the package is kept; so the first build takes minutes, and the next ones do not.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import gymnasium as gym
+import imageio_ffmpeg
+import numpy as np
+
+from springgym.registration import ENVIRONMENTS
+from springgym.rendering import save_video
+from springgym.scenes import film, load, names
+from springgym.scenes.checks import check
+from springgym.scenes.plots import draw
+from springgym.scenes.recording import record
+from springgym.simulate import table
+
+HERE = Path(__file__).parent
+SECONDS = 8.0
+"""Length of a film at the most."""
+PIXELS = 480
+SEED = 8
+
+
+def make_all(folder: Path) -> None:
+    """Make what is missing or older than the package."""
+    folder.mkdir(parents=True, exist_ok=True)
+    package = HERE.parent / "springgym"
+    newest = max(path.stat().st_mtime for kind in ("*.py", "*.yaml") for path in package.rglob(kind))
+    tasks = [(name, scene) for name in names()] + [(row.id, environment) for row in ENVIRONMENTS]
+    for name, make in tasks:
+        done = folder / f"{name}.mp4"  # written last
+        if not done.exists() or done.stat().st_mtime < newest:
+            print(f"film of {name}", flush=True)
+            make(name, folder)
+
+
+def scene(name: str, folder: Path) -> None:
+    """NAME.png, its figure; NAME.json, its title and checks; NAME.mp4, its film."""
+    plan = load(name)
+    recording = record(plan)
+    draw(recording).savefig(folder / f"{name}.png")
+    told = {"title": plan.title, "checks": cells(table(check(recording)))}
+    (folder / f"{name}.json").write_text(json.dumps(told), encoding="utf-8")
+    frames = film.frames(replace(recording, times=recording.times[recording.times <= SECONDS]))
+    write(frames, folder / f"{name}.mp4", film.FPS)
+
+
+def cells(text: str) -> list[list[str]]:
+    """The cells of a table of checks: its columns start where all of its lines have two spaces before."""
+    lines = text.splitlines()
+    width = max(map(len, lines))
+    lines = [line.ljust(width) for line in lines]
+    blank = [all(line[n] == " " for line in lines) for n in range(width)]
+    starts = [0] + [n for n in range(2, width) if not blank[n] and blank[n - 1] and blank[n - 2]]
+    ends = [*starts[1:], width]
+    return [[line[a:b].strip() for a, b in zip(starts, ends, strict=True)] for line in lines]
+
+
+def environment(env_id: str, folder: Path) -> None:
+    """ID.mp4: an episode under the classical controller, in real time."""
+    sys.path.insert(0, str(HERE.parent / "agents"))
+    from controllers import controller_env_kwargs, make_controller
+
+    options = controller_env_kwargs("classical", {})
+    env = gym.make(env_id, render_mode="rgb_array", **options)
+    control = make_controller("classical", env_id, options, env.action_space)
+    rate = 1 / env.unwrapped.episodes.task.period  # type: ignore[attr-defined]
+
+    def frames() -> Iterable[np.ndarray]:
+        observation, _ = env.reset(seed=SEED)
+        over = False
+        while not over:
+            yield env.render()  # type: ignore[misc]
+            observation, _, terminated, truncated, _ = env.step(control(observation[None])[0])
+            over = terminated or truncated
+
+    write(islice(frames(), round(SECONDS * rate)), folder / f"{env_id}.mp4", rate)
+    env.close()
+
+
+def write(frames: Iterable[np.ndarray], path: Path, rate: float) -> None:
+    """A film of the size that pages show, small enough to load at once."""
+    with TemporaryDirectory() as folder:
+        large = Path(folder) / "large.mp4"
+        save_video(frames, large, rate)
+        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", "-i", str(large)]
+        command += ["-vf", f"scale={PIXELS}:-2:flags=lanczos", "-crf", "27", "-movflags", "+faststart"]
+        subprocess.run([*command, str(path)], check=True)

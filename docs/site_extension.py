@@ -1,0 +1,118 @@
+"""What the site needs of Sphinx beyond its extensions: formulas as MathML, scenes and films as directives.
+
+Formulas are turned into MathML when the site is built. Browsers draw it themselves: no script, no font and
+no other host is needed to read a page.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from docutils.parsers.rst import directives
+from latex2mathml.converter import convert
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+MEDIA = Path(__file__).parent / "_media"
+
+
+# --- Formulas -----------------------------------------------------------------------------------------
+
+
+def inline_formula(translator: Any, node: nodes.math) -> None:
+    translator.body.append(convert(node.astext()))
+    raise nodes.SkipNode
+
+
+def display_formula(translator: Any, node: nodes.math_block) -> None:
+    translator.body.append(f'<div class="formula">{convert(node.astext(), display="block")}</div>\n')
+    raise nodes.SkipNode
+
+
+# --- Films, figures and checks ------------------------------------------------------------------------
+
+
+class Media(SphinxDirective):
+    """What shows files that `media.py` has made."""
+
+    required_arguments = 1
+    final_argument_whitespace = False
+    has_content = True
+
+    def url(self, name: str) -> str:
+        return "../" * self.env.docname.count("/") + "_static/" + name
+
+    def film(self, name: str, caption: str) -> str:
+        if not (MEDIA / f"{name}.mp4").exists():
+            return ""  # a site built without films
+        return (
+            f'<figure class="film"><video src="{self.url(name)}.mp4" controls loop muted playsinline '
+            f'preload="metadata" aria-label="{html.escape(caption)}"></video>'
+            f"<figcaption>{html.escape(caption)}</figcaption></figure>\n"
+        )
+
+
+class Film(Media):
+    """A film of an environment; the content is its caption."""
+
+    def run(self) -> list[nodes.Node]:
+        caption = " ".join(self.content)
+        return [nodes.raw("", self.film(self.arguments[0], caption), format="html")]
+
+
+class Scene(Media):
+    """A shipped scene: its film, its figure, the command that makes them, and theory beside measurement."""
+
+    option_spec = {"film": directives.flag, "figure": directives.flag}  # noqa: RUF012  (as docutils has it)
+
+    def run(self) -> list[nodes.Node]:
+        name = self.arguments[0]
+        told = MEDIA / f"{name}.json"
+        if not told.exists():
+            return [nodes.literal_block("", f"springgym simulate {name} --check")]
+        scene = json.loads(told.read_text(encoding="utf-8"))
+        title = scene["title"][0].upper() + scene["title"][1:] + "."
+        figure = (
+            f'<figure><a href="{self.url(name)}.png"><img src="{self.url(name)}.png" '
+            f'alt="{html.escape(title)}"></a></figure>\n'
+        )
+        command = nodes.literal_block("", f"springgym simulate {name} --check", language="sh")
+        picture = f'<div class="scene">{self.film(name, title)}{figure}</div>\n'
+        return [
+            nodes.raw("", picture, format="html"),
+            command,
+            nodes.raw("", table(scene["checks"]), format="html"),
+        ]
+
+
+def table(checks: list[list[str]]) -> str:
+    """Checks as `springgym simulate --check` prints them, row by row."""
+    head, *rows = checks
+    cells = "".join(f"<th>{html.escape(text)}</th>" for text in head)
+    lines = [f'<div class="table-wrapper"><table class="checks"><thead><tr>{cells}</tr></thead><tbody>']
+    for row in rows:
+        lines.append("<tr>" + "".join(f"<td>{html.escape(text)}</td>" for text in row) + "</tr>")
+    return "\n".join([*lines, "</tbody></table></div>\n"])
+
+
+# --- Docstrings ---------------------------------------------------------------------------------------
+
+
+def process_docstring(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Environments are described in Markdown, on pages of their own; |x| means an absolute value."""
+    if "## Description" in "\n".join(lines) or "### Description" in "\n".join(lines):
+        lines[:] = ["An environment: see its page."]
+        return
+    lines[:] = [line.replace("|", "\\|") if line.count("|") else line for line in lines]
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    app.add_html_math_renderer("mathml", (inline_formula, None), (display_formula, None))
+    app.add_directive("film", Film)
+    app.add_directive("scene", Scene)
+    app.connect("autodoc-process-docstring", process_docstring)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,219 @@
+"""Readme and site: their code runs, their commands, names and links are there.
+
+A page's ``python`` blocks run in order, in one namespace and an empty folder. A ``text`` block right after one
+is what it prints. A ``yaml`` block that starts with ``# NAME.yaml`` is saved under that name first.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import doctest
+import io
+import json
+import re
+import shlex
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import pytest
+
+from springgym import cli
+from springgym.scenes import load, names
+
+tomllib = pytest.importorskip("tomllib")
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+MADE = ("_build", "_media", "api")
+"""Folders of ``docs`` that building the site makes."""
+
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *(p for p in DOCS.rglob("*.md") if p.relative_to(DOCS).parts[0] not in MADE)]
+)
+NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
+SLOW = {"training.md", "train.ipynb"}
+"""Pages whose code takes long: it trains."""
+
+FENCE = re.compile(r"^(`{3,})([^\n`]*)\n(.*?)^\1`*\s*$", re.MULTILINE | re.DOTALL)
+
+
+class Block(NamedTuple):
+    """A fenced block of a page."""
+
+    line: int
+    language: str
+    text: str
+    printed: str | None
+    """the text block right after it"""
+
+
+def blocks(page: Path) -> list[Block]:
+    source = page.read_text(encoding="utf-8")
+    found = list(FENCE.finditer(source))
+    listed = []
+    for n, match in enumerate(found):
+        follower = found[n + 1] if n + 1 < len(found) else None
+        follows = follower is not None and not source[match.end() : follower.start()].strip()
+        printed = follower[3] if follower is not None and follows and follower[2].strip() == "text" else None
+        line = source.count("\n", 0, match.start()) + 2
+        listed.append(Block(line, match[2].strip(), match[3], printed))
+    return listed
+
+
+def prose(page: Path) -> str:
+    """A page without its fenced blocks."""
+    return FENCE.sub("", page.read_text(encoding="utf-8"))
+
+
+def cases(pages: list[Path]) -> list[Any]:
+    return [
+        pytest.param(p, id=str(p.relative_to(ROOT)), marks=[pytest.mark.slow] if p.name in SLOW else [])
+        for p in pages
+    ]
+
+
+# --- Code ---------------------------------------------------------------------------------------------
+
+
+def run(code: str, name: str, line: int, namespace: dict[str, Any]) -> str:
+    """What code prints; errors name its page and line."""
+    tree = ast.parse(code, name)
+    ast.increment_lineno(tree, line - 1)
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(tree, name, "exec"), namespace)
+    return printed.getvalue()
+
+
+@pytest.mark.parametrize("page", cases([p for p in PAGES if any(b.language == "python" for b in blocks(p))]))
+def test_code_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    for block in blocks(page):
+        if block.language == "yaml" and (name := re.match(r"# (\S+\.yaml)\n", block.text)):
+            (tmp_path / name[1]).write_text(block.text, encoding="utf-8")
+        if block.language != "python":
+            continue
+        printed = run(block.text, str(page), block.line, namespace)
+        if block.printed is not None:
+            same = doctest.OutputChecker().check_output(block.printed, printed, doctest.ELLIPSIS)
+            assert same, f"{page}, line {block.line} prints\n{printed}in place of\n{block.printed}"
+
+
+@pytest.mark.parametrize("notebook", cases(NOTEBOOKS))
+def test_code_of_a_notebook_runs(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    for n, cell in enumerate(json.loads(notebook.read_text(encoding="utf-8"))["cells"]):
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == [], f"{notebook}, cell {n}: commit it without its output"
+            run("".join(cell["source"]), f"{notebook}, cell {n}", 1, namespace)
+
+
+@pytest.mark.parametrize("page", cases([p for p in PAGES if any(b.language == "yaml" for b in blocks(p))]))
+def test_scene_files_of_a_page_load(page: Path, tmp_path: Path) -> None:
+    for block in blocks(page):
+        if block.language == "yaml" and re.search(r"^body:", block.text, re.MULTILINE):
+            (tmp_path / "scene.yaml").write_text(block.text, encoding="utf-8")
+            load(str(tmp_path / "scene.yaml"))
+
+
+# --- Commands -----------------------------------------------------------------------------------------
+
+
+def commands(page: Path) -> Iterator[tuple[str, list[str]]]:
+    """Lines of shell blocks, one command each, and their words."""
+    for block in blocks(page):
+        if block.language in ("sh", "console", "bash"):
+            for line in block.text.replace("\\\n", " ").splitlines():
+                for part in line.split("&&"):
+                    if words := shlex.split(part.removeprefix("$ "), comments=True):
+                        yield line, words
+
+
+def extras() -> set[str]:
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        return set(tomllib.load(file)["project"]["optional-dependencies"])
+
+
+@pytest.mark.parametrize("page", cases([p for p in PAGES if any(b.language == "sh" for b in blocks(p))]))
+def test_commands_of_a_page_are_understood(page: Path) -> None:
+    """Those of springgym by its own parser; scripts are there and have the options."""
+    for line, words in commands(page):
+        program = Path(words[0]).name
+        if program == "springgym":
+            arguments = cli._parser(words[1]).parse_args(words[1:])
+            if scene := getattr(arguments, "scene", None):
+                assert scene in names() or scene.endswith((".yaml", ".yml")), line
+        elif program.startswith("python") and words[1].endswith(".py"):
+            script = (ROOT / words[1]).read_text(encoding="utf-8")
+            for option in (word for word in words[2:] if word.startswith("--")):
+                assert f'"{option}"' in script, line
+        elif program.startswith("pip") or words[1:3] == ["-m", "pip"]:
+            for named in re.findall(r"\[([\w,]+)\]", line):
+                assert set(named.split(",")) <= extras(), line
+
+
+# --- Names --------------------------------------------------------------------------------------------
+
+
+def resolve(name: str) -> None:
+    """Import the longest part of a dotted name that is a module, and follow the rest."""
+    parts = name.split(".")
+    for count in range(len(parts), 0, -1):
+        try:
+            thing = import_module(".".join(parts[:count]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[count:]:
+            thing = getattr(thing, part)
+        return
+
+
+@pytest.mark.parametrize("page", cases(PAGES))
+def test_names_of_a_page_are_there(page: Path) -> None:
+    text = prose(page)
+    for name in set(re.findall(r"`(springgym(?:\.\w+)+)", text)):
+        resolve(name)
+    for env_id in set(re.findall(r"\bSpring\w+-v\d+\b", page.read_text(encoding="utf-8"))):
+        assert env_id in gym.registry or page.name == "CHANGELOG.md", env_id
+    for path in set(re.findall(r"`((?:springgym|docs|tests|agents|configs)/[\w/.-]+)`", text)):
+        assert (ROOT / path).exists(), path
+
+
+def test_every_scene_has_its_place_in_the_course() -> None:
+    """Add a new scene to a page of ``docs/course``: why it moves so, a formula, and its directive."""
+    shown = [b for page in (DOCS / "course").glob("*.md") for b in blocks(page)]
+    scenes = [b.language.split()[1] for b in shown if b.language.startswith("{scene}")]
+    assert sorted(scenes) == sorted(names())
+
+
+# --- Links --------------------------------------------------------------------------------------------
+
+
+def anchors(page: Path) -> set[str]:
+    """Those that headings get, here and in a repository's browser."""
+    found: set[str] = set()
+    for heading in re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE):
+        plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).lower()
+        slug = re.sub(r"[^\w\- ]", "", plain).strip().replace(" ", "-")
+        found.add(next(s for n in range(99) if (s := f"{slug}-{n}" if n else slug) not in found))
+    return found
+
+
+@pytest.mark.parametrize("page", cases(PAGES))
+def test_links_of_a_page_lead_somewhere(page: Path) -> None:
+    text = re.sub(r"`[^`\n]*`", "", prose(page))
+    links = re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r'(?:src|href)="([^"]+)"', text)
+    for link in links:
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = page if not path else (page.parent / path).resolve()
+        assert target.exists(), f"{page}: {link}"
+        if anchor and target.suffix == ".md":
+            assert anchor in anchors(target), f"{page}: {link}"
