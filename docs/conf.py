@@ -25,6 +25,7 @@ extensions = [
     "site_extension",
 ]
 
+templates_path = ["_templates"]
 html_theme = "furo"
 html_title = "springgym"
 html_static_path = ["_static", "_media"]
