@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -101,13 +102,15 @@ def table(checks: list[list[str]]) -> str:
 
 # --- Docstrings ---------------------------------------------------------------------------------------
 
+LINKED = re.compile(r"(?<![`:])`(springgym[\w.]*|[A-Z]\w*(?:\.\w+)*)`(?!`)")
+"""Names in backticks that are links in the reference: full ones, and those of classes."""
+
 
 def process_docstring(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
     """Environments are described in Markdown, on pages of their own; |x| means an absolute value."""
-    if "## Description" in "\n".join(lines) or "### Description" in "\n".join(lines):
+    if any(line.endswith("## Description") for line in lines):
         lines[:] = ["An environment: see its page."]
-        return
-    lines[:] = [line.replace("|", "\\|") if line.count("|") else line for line in lines]
+    lines[:] = [LINKED.sub(r":py:obj:`\1`", line).replace("|", r"\|") for line in lines]
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
