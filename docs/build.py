@@ -34,7 +34,7 @@ def main() -> int:
     from sphinx.cmd.build import main as sphinx
 
     doctrees = HERE / "_build" / "doctrees"
-    status = sphinx(["-W", "--keep-going", "-d", str(doctrees), str(HERE), str(options.out)])
+    status = sphinx(["-E", "-W", "--keep-going", "-d", str(doctrees), str(HERE), str(options.out)])
     if status == 0:
         print(f"open {options.out / 'index.html'}")
     return status

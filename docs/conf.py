@@ -30,6 +30,7 @@ html_theme = "furo"
 html_title = "springgym"
 html_static_path = ["_static", "_media"]
 html_css_files = ["site.css"]
+html_js_files = ["films.js"]
 html_show_sphinx = False
 html_theme_options = {"navigation_with_keys": True}
 html_math_renderer = "mathml"

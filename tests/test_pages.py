@@ -1,7 +1,7 @@
 """Readme and site: their code runs, their commands, names and links are there.
 
-A page's ``python`` blocks run in order, in one namespace and an empty folder. A ``text`` block right after one
-is what it prints. A ``yaml`` block that starts with ``# NAME.yaml`` is saved under that name first.
+A page's ``python`` blocks run in order, in one namespace and an empty folder. A ``text`` block right after
+one is what it prints. A ``yaml`` block that starts with ``# NAME.yaml`` is saved under that name first.
 """
 
 from __future__ import annotations
@@ -198,7 +198,11 @@ def test_every_scene_has_its_place_in_the_course() -> None:
 def anchors(page: Path) -> set[str]:
     """Those that headings get, here and in a repository's browser."""
     found: set[str] = set()
-    for heading in re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE):
+    included = [
+        page.parent / path for path in re.findall(r"\{include\} (\S+)", page.read_text(encoding="utf-8"))
+    ]
+    text = "\n".join(map(prose, [page, *included]))
+    for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE):
         plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).lower()
         slug = re.sub(r"[^\w\- ]", "", plain).strip().replace(" ", "-")
         found.add(next(s for n in range(99) if (s := f"{slug}-{n}" if n else slug) not in found))
