@@ -10,11 +10,24 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
+
+
+def newest(folder: Path) -> float:
+    """When a file of the package was changed last."""
+    return max(path.stat().st_mtime for kind in ("*.py", "*.yaml") for path in folder.rglob(kind))
+
+
+def forget_notebooks() -> None:
+    """Run the notebooks anew if the package has changed since: their cache knows of their own cells alone."""
+    cache = HERE / "_build" / "notebooks"
+    if cache.exists() and cache.stat().st_mtime < newest(ROOT / "springgym"):
+        shutil.rmtree(cache)
 
 
 def main() -> int:
@@ -27,10 +40,11 @@ def main() -> int:
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
     sys.path[:0] = [str(ROOT), str(HERE)]
     (HERE / "_media").mkdir(exist_ok=True)
+    forget_notebooks()
     if not options.no_media:
         from media import make_all
 
-        make_all(HERE / "_media")
+        make_all(HERE / "_media", newest(ROOT / "springgym"))
     from sphinx.cmd.build import main as sphinx
 
     doctrees = HERE / "_build" / "doctrees"

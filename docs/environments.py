@@ -34,6 +34,8 @@ PIXELS, SEED, MOMENT = 280, 8, 60
 EPISODES, STEPS = 10, 50
 SEEDS = 200
 BASELINES = ("zero", "random", "classical")
+MEASURED = "## Variants\n"
+"""Where the part of the page starts that is measured."""
 
 
 def environment(row: Row, suffix: str) -> Any:
@@ -104,7 +106,7 @@ def baselines(row: Row, arguments: dict[str, Any]) -> Iterator[str]:
 
 def table_of_variants() -> list[str]:
     lines = [
-        "## Variants\n",
+        MEASURED,
         "Keyword arguments, and what controllers without learning make of them: success and return per step "
         f"of no action, of random ones, and of the classical controller in `agents/`, on {SEEDS} held-out "
         "seeds.\n",
@@ -179,15 +181,15 @@ def draw() -> None:
 
 # --- The page ---------------------------------------------------------------------------------------
 
-INTRODUCTION = """Every environment has its page: what the agent sees, what it may do, what is rewarded, how an
-episode starts and ends. All of them
+INTRODUCTION = """Every environment has its page: what the agent sees, what it may do, what is rewarded, how
+an episode starts and ends. All of them
 
 - observe positions and velocities of particles (`observation="particles"`) or a few numbers such as axis
   and spin (`observation="frame"`), scaled to about one;
 - take actions in [−1, 1], in one of several modes (`action=…`);
 - reward each step with a number from 0 to 1, and say in `info["is_success"]` whether the aim is met;
-- run with springs or, except for ropes, as rigid bodies (`dynamics="rigid"`), in a batch, and with randomised masses, stiffness,
-  friction and more (`randomize=…`);
+- run with springs or, except for ropes, as rigid bodies (`dynamics="rigid"`), in a batch, and with
+  randomised masses, stiffness, friction and more (`randomize=…`);
 - give and take their true state (`get_state`, `set_state`).
 
 "Solved at" is the return from which a task counts as solved; the most that there is is one a step.
@@ -210,16 +212,25 @@ def main() -> None:
     """Write the pages; draw the picture and measure, unless told not to."""
     write_pages()
     if "--pages" in sys.argv[1:]:
-        return
+        measured = MEASURED + PAGE.read_text(encoding="utf-8").partition(MEASURED)[2]
+    else:
+        measured = measure()
+    front = [
+        "# Environments\n",
+        INTRODUCTION,
+        "![The environments in the order of the table](figures/environments.png)\n",
+        *table_of_environments(),
+    ]
+    PAGE.write_text("\n".join([*front, measured]), encoding="utf-8")
+
+
+def measure() -> str:
+    """The part of the page that is measured; draws the picture, too."""
     sys.path.insert(0, str(PAGE.parents[1] / "agents"))
     draw()
     versions = f"springgym {springgym.__version__}, Python {platform.python_version()}, "
     versions += f"NumPy {np.__version__}, Numba {numba.__version__}"
     lines = [
-        "# Environments\n",
-        INTRODUCTION,
-        "![The environments in the order of the table](figures/environments.png)\n",
-        *table_of_environments(),
         *table_of_variants(),
         "",
         RANDOMISATION,
@@ -227,7 +238,7 @@ def main() -> None:
         f"\nMeasured {date.today()}, {versions}.\n",
         "Written by `python docs/environments.py`, from the docstrings and by measuring.\n",
     ]
-    PAGE.write_text("\n".join(lines), encoding="utf-8")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
