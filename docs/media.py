@@ -21,10 +21,9 @@ import numpy as np
 from springgym.registration import ENVIRONMENTS
 from springgym.rendering import save_video
 from springgym.scenes import film, load, names
-from springgym.scenes.checks import check
+from springgym.scenes.checks import Check, check
 from springgym.scenes.plots import draw
 from springgym.scenes.recording import record
-from springgym.simulate import table
 
 HERE = Path(__file__).parent
 SECONDS = 8.0
@@ -48,21 +47,21 @@ def scene(name: str, folder: Path) -> None:
     plan = load(name)
     recording = record(plan)
     draw(recording).savefig(folder / f"{name}.png")
-    told = {"title": plan.title, "checks": cells(table(check(recording)))}
+    told = {"title": plan.title, "checks": rows(check(recording))}
     (folder / f"{name}.json").write_text(json.dumps(told), encoding="utf-8")
     frames = film.frames(replace(recording, times=recording.times[recording.times <= SECONDS]))
     write(frames, folder / f"{name}.mp4", film.FPS)
 
 
-def cells(text: str) -> list[list[str]]:
-    """The cells of a table of checks: its columns start where all of its lines have two spaces before."""
-    lines = text.splitlines()
-    width = max(map(len, lines))
-    lines = [line.ljust(width) for line in lines]
-    blank = [all(line[n] == " " for line in lines) for n in range(width)]
-    starts = [0] + [n for n in range(2, width) if not blank[n] and blank[n - 1] and blank[n - 2]]
-    ends = [*starts[1:], width]
-    return [[line[a:b].strip() for a, b in zip(starts, ends, strict=True)] for line in lines]
+def rows(checks: Iterable[Check]) -> list[list[str]]:
+    """Theory beside what was measured; differences in per cent, or in the unit where theory says 0."""
+    told = [["", "theory", "measured", "", "off by", "allowed", ""]]
+    for each in checks:
+        off, scale, sign = each.measured - each.theory, abs(each.theory), " %" if each.theory else ""
+        by, allowed = (100 * value / (scale or 100) for value in (off, each.tolerance))
+        numbers = [f"{each.theory:.5g}", f"{each.measured:.5g}", each.unit, f"{by:.1g}{sign}"]
+        told.append([each.quantity, *numbers, f"{allowed:.1g}{sign}", "ok" if each.passed else "FAILED"])
+    return told
 
 
 def environment(env_id: str, folder: Path) -> None:

@@ -93,7 +93,7 @@ class Scene(Media):
 
 
 def table(checks: list[list[str]]) -> str:
-    """Checks as `springgym simulate --check` prints them, row by row."""
+    """The rows of `media.rows` as a table."""
     head, *rows = checks
     cells = "".join(f"<th>{html.escape(text)}</th>" for text in head)
     lines = [f'<table class="checks"><thead><tr>{cells}</tr></thead><tbody>']
@@ -112,6 +112,8 @@ def process_docstring(app: Sphinx, what: str, name: str, thing: Any, options: An
     """Environments are described in Markdown, on pages of their own; |x| means an absolute value."""
     if any(line.endswith("## Description") for line in lines):
         lines[:] = ["An environment: see its page."]
+    if lines and lines[0].startswith("Alias for field number"):  # a named tuple's, without words of its own
+        lines.clear()
     lines[:] = [LINKED.sub(r":py:obj:`\1`", line).replace("|", r"\|") for line in lines]
 
 
