@@ -33,7 +33,7 @@ html_css_files = ["site.css"]
 html_js_files = ["films.js"]
 html_show_sphinx = False
 html_theme_options = {"navigation_with_keys": True}
-html_math_renderer = "mathml"
+html_math_renderer = "svg"
 exclude_patterns = ["_build", "_media", "**.ipynb_checkpoints"]
 
 # --- Markdown and notebooks ---------------------------------------------------------------------------

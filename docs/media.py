@@ -87,10 +87,13 @@ def environment(env_id: str, folder: Path) -> None:
 
 
 def write(frames: Iterable[np.ndarray], path: Path, rate: float) -> None:
-    """A film of the size that pages show, small enough to load at once."""
+    """A film of the size that pages show, small enough to load at once, and its first picture."""
     with TemporaryDirectory() as folder:
         large = Path(folder) / "large.mp4"
         save_video(frames, large, rate)
-        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", "-i", str(large)]
-        command += ["-vf", f"scale={PIXELS}:-2:flags=lanczos", "-crf", "27", "-movflags", "+faststart"]
-        subprocess.run([*command, str(path)], check=True)
+        shrink = ["-vf", f"scale={PIXELS}:-2:flags=lanczos"]
+        ffmpeg = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", "-i", str(large)]
+        first = ["-frames:v", "1", "-q:v", "4", str(path.with_suffix(".jpg"))]
+        subprocess.run([*ffmpeg, *shrink, *first], check=True)
+        film = ["-crf", "27", "-movflags", "+faststart", str(path)]
+        subprocess.run([*ffmpeg, *shrink, *film], check=True)

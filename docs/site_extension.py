@@ -1,7 +1,8 @@
-"""What the site needs of Sphinx beyond its extensions: formulas as MathML, scenes and films as directives.
+"""What the site needs of Sphinx beyond its extensions: formulas as pictures, scenes and films as directives.
 
-Formulas are turned into MathML when the site is built. Browsers draw it themselves: no script, no font and
-no other host is needed to read a page.
+Formulas are drawn as SVG when the site is built, by ziamath, in pure Python: no TeX is needed to build a
+page, and no script, font or other host to read it. (MathML needs a mathematical font that many machines
+lack, MathJax a script of megabytes.)
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ import json
 import re
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
+import ziamath
 from docutils import nodes
-from latex2mathml.converter import convert
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -22,22 +24,34 @@ MEDIA = Path(__file__).parent / "_media"
 
 # --- Formulas -----------------------------------------------------------------------------------------
 
+SIZE = 100
+"""Formulas are drawn at this size, and scaled to that of the text around them."""
 
-FUNCTION = re.compile(r"\\(sin|cos|tan|det)\s*(?=\\(?!left|!|,)[a-z]|[a-zA-Z])")
+ziamath.config.svg2 = False  # outlines in place: no names that two formulas of a page could share
 
 
-def mathml(latex: str, display: str) -> str:
-    """A formula; what follows the name of a function gets the thin space that TeX puts there."""
-    return convert(FUNCTION.sub(r"\\\1\\,", latex), display=display)
+def picture(latex: str, inline: bool) -> str:
+    """A formula as SVG in the colour of the text, of its size, and on its line."""
+    drawn = ziamath.Latex(latex, size=SIZE, color="currentColor", inline=inline)
+    svg = drawn.svgxml()
+    for side in ("width", "height"):
+        svg.set(side, f"{float(svg.get(side)) / SIZE:.3f}em")
+    svg.set("role", "img")
+    svg.set("aria-label", latex)
+    svg.set("style", f"vertical-align: {drawn.getyofst() / SIZE:.3f}em")
+    return NUMBER.sub(lambda n: f"{float(n[0]):.4g}", ElementTree.tostring(svg, encoding="unicode"))
+
+
+NUMBER = re.compile(r"(?<=[ \"])-?\d+\.\d+(?=[ \"])")
 
 
 def inline_formula(translator: Any, node: nodes.math) -> None:
-    translator.body.append(mathml(node.astext(), "inline"))
+    translator.body.append(picture(node.astext(), inline=True))
     raise nodes.SkipNode
 
 
 def display_formula(translator: Any, node: nodes.math_block) -> None:
-    translator.body.append(f'<div class="formula">{mathml(node.astext(), "block")}</div>\n')
+    translator.body.append(f'<div class="formula">{picture(node.astext(), inline=False)}</div>\n')
     raise nodes.SkipNode
 
 
@@ -58,8 +72,8 @@ class Media(SphinxDirective):
         if not (MEDIA / f"{name}.mp4").exists():
             return ""  # a site built without films
         return (
-            f'<figure class="film"><video src="{self.url(name)}.mp4" controls loop muted playsinline '
-            f'preload="metadata" aria-label="{html.escape(caption)}"></video>'
+            f'<figure class="film"><video src="{self.url(name)}.mp4" poster="{self.url(name)}.jpg" '
+            f'controls loop muted playsinline preload="metadata" aria-label="{html.escape(caption)}"></video>'
             f"<figcaption>{html.escape(caption)}</figcaption></figure>\n"
         )
 
@@ -118,7 +132,7 @@ def process_docstring(app: Sphinx, what: str, name: str, thing: Any, options: An
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    app.add_html_math_renderer("mathml", (inline_formula, None), (display_formula, None))
+    app.add_html_math_renderer("svg", (inline_formula, None), (display_formula, None))
     app.add_directive("film", Film)
     app.add_directive("scene", Scene)
     app.connect("autodoc-process-docstring", process_docstring)
