@@ -35,8 +35,8 @@ PAGES = sorted(
     [*ROOT.glob("*.md"), *(p for p in DOCS.rglob("*.md") if p.relative_to(DOCS).parts[0] not in MADE)]
 )
 NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
-SLOW = {"training.md", "train.ipynb"}
-"""Pages whose code takes long: it trains."""
+SLOW = {"training.md", "top.ipynb", "train.ipynb"}
+"""Pages whose code takes long. Building the site runs the notebooks, too."""
 
 FENCE = re.compile(r"^(`{3,})([^\n`]*)\n(.*?)^\1`*\s*$", re.MULTILINE | re.DOTALL)
 
@@ -108,10 +108,24 @@ def test_code_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.Mon
 def test_code_of_a_notebook_runs(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     namespace: dict[str, Any] = {"__name__": "__main__"}
-    for n, cell in enumerate(json.loads(notebook.read_text(encoding="utf-8"))["cells"]):
-        if cell["cell_type"] == "code":
-            assert cell["outputs"] == [], f"{notebook}, cell {n}: commit it without its output"
-            run("".join(cell["source"]), f"{notebook}, cell {n}", 1, namespace)
+    for n, code in enumerate(cells(notebook)):
+        run(code, f"{notebook}, code cell {n}", 1, namespace)
+
+
+def cells(notebook: Path) -> list[str]:
+    found = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    assert all(cell.get("outputs", []) == [] for cell in found), f"commit {notebook} without its output"
+    return ["".join(cell["source"]) for cell in found if cell["cell_type"] == "code"]
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.name)
+def test_what_a_notebook_imports_is_there(notebook: Path) -> None:
+    tree = ast.parse("\n".join(cells(notebook)))
+    ours = [n for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and "springgym" in str(n.module)]
+    assert ours
+    for node in ours:
+        for name in node.names:
+            resolve(f"{node.module}.{name.name}")
 
 
 @pytest.mark.parametrize("page", cases([p for p in PAGES if any(b.language == "yaml" for b in blocks(p))]))
