@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import contextlib
 import doctest
+import inspect
 import io
 import json
 import re
@@ -235,3 +236,35 @@ def test_links_of_a_page_lead_somewhere(page: Path) -> None:
         assert target.exists(), f"{page}: {link}"
         if anchor and target.suffix == ".md":
             assert anchor in anchors(target), f"{page}: {link}"
+
+
+# --- What the tests above find ------------------------------------------------------------------------
+
+BROKEN = {
+    "code": (test_code_of_a_page_runs, "```python\n1 / 0\n```\n"),
+    "printed": (test_code_of_a_page_runs, "```python\nprint(1)\n```\n\n```text\n2\n```\n"),
+    "scene file": (test_scene_files_of_a_page_load, "```yaml\nbody: {kind: cuke}\n```\n"),
+    "option": (test_commands_of_a_page_are_understood, "```sh\nspringgym simulate top --chek\n```\n"),
+    "scene": (test_commands_of_a_page_are_understood, "```sh\nspringgym simulate topp --check\n```\n"),
+    "script's option": (
+        test_commands_of_a_page_are_understood,
+        "```sh\npython agents/train.py --sed 1\n```\n",
+    ),
+    "extra": (test_commands_of_a_page_are_understood, '```sh\npip install "springgym[plots]"\n```\n'),
+    "name": (test_names_of_a_page_are_there, "`springgym.bodies.topp`\n"),
+    "environment": (test_names_of_a_page_are_there, "SpringTopp-v0\n"),
+    "path": (test_names_of_a_page_are_there, "`docs/nowhere.md`\n"),
+    "link": (test_links_of_a_page_lead_somewhere, "[there](nowhere.md)\n"),
+    "anchor": (test_links_of_a_page_lead_somewhere, "# Here\n[there](#there)\n"),
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_a_broken_page_is_found(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    check, text = BROKEN[what]
+    page = tmp_path / "page.md"
+    page.write_text(text, encoding="utf-8")
+    given = {"page": page, "tmp_path": tmp_path, "monkeypatch": monkeypatch}
+    arguments = {name: given[name] for name in inspect.signature(check).parameters}
+    with pytest.raises((Exception, SystemExit)):
+        check(**arguments)
