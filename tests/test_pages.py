@@ -129,6 +129,13 @@ def test_what_a_notebook_imports_is_there(notebook: Path) -> None:
             resolve(f"{node.module}.{name.name}")
 
 
+def test_code_fits_the_width_of_a_page() -> None:
+    """Longer lines are cut off, and have to be scrolled to."""
+    texts = [cell for notebook in NOTEBOOKS for cell in cells(notebook)]
+    texts += [block.text for page in PAGES for block in blocks(page) if block.language == "python"]
+    assert [line for text in texts for line in text.splitlines() if len(line) > 92] == []
+
+
 @pytest.mark.parametrize("page", cases([p for p in PAGES if any(b.language == "yaml" for b in blocks(p))]))
 def test_scene_files_of_a_page_load(page: Path, tmp_path: Path) -> None:
     for block in blocks(page):
