@@ -23,6 +23,7 @@ import gymnasium as gym
 import pytest
 
 from springgym import cli
+from springgym.integrators import METHODS
 from springgym.scenes import load, names
 
 tomllib = pytest.importorskip("tomllib")
@@ -207,6 +208,19 @@ def test_names_of_a_page_are_there(page: Path) -> None:
         assert (ROOT / path).exists(), path
 
 
+def counts() -> dict[str, int]:
+    """How many there are of what pages count."""
+    from springgym.accuracy.hard_cases import CASES
+
+    return {"scenes": len(names()), "integrators": len(METHODS), "cases": len(CASES)}
+
+
+@pytest.mark.parametrize("page", cases([p for p in PAGES if p.name != "CHANGELOG.md"]))
+def test_counts_of_a_page_are_right(page: Path) -> None:
+    for count, what in re.findall(r"\b(\d+) (scenes|integrators|cases)\b", prose(page)):
+        assert int(count) == counts()[what], f"{page}: {count} {what}"
+
+
 def test_every_scene_has_its_place_in_the_course() -> None:
     """Add a new scene to a page of ``docs/course``: why it moves so, a formula, and its directive."""
     shown = [b for page in (DOCS / "course").glob("*.md") for b in blocks(page)]
@@ -261,6 +275,7 @@ BROKEN = {
     "name": (test_names_of_a_page_are_there, "`springgym.bodies.topp`\n"),
     "environment": (test_names_of_a_page_are_there, "SpringTopp-v0\n"),
     "path": (test_names_of_a_page_are_there, "`docs/nowhere.md`\n"),
+    "count": (test_counts_of_a_page_are_right, "It has 999 scenes.\n"),
     "link": (test_links_of_a_page_lead_somewhere, "[there](nowhere.md)\n"),
     "anchor": (test_links_of_a_page_lead_somewhere, "# Here\n[there](#there)\n"),
 }
