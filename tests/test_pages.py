@@ -14,6 +14,7 @@ import io
 import json
 import re
 import shlex
+import tomllib
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -25,8 +26,6 @@ import pytest
 from springgym import cli
 from springgym.integrators import METHODS
 from springgym.scenes import load, names
-
-tomllib = pytest.importorskip("tomllib")
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -108,6 +107,7 @@ def test_code_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("notebook", cases(NOTEBOOKS))
 def test_code_of_a_notebook_runs(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("IPython")
     monkeypatch.chdir(tmp_path)
     namespace: dict[str, Any] = {"__name__": "__main__"}
     for n, code in enumerate(cells(notebook)):
