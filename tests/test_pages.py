@@ -15,7 +15,7 @@ import json
 import re
 import shlex
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -261,7 +261,7 @@ def test_links_of_a_page_lead_somewhere(page: Path) -> None:
 
 # --- What the tests above find ------------------------------------------------------------------------
 
-BROKEN = {
+BROKEN: dict[str, tuple[Callable[..., None], str]] = {
     "code": (test_code_of_a_page_runs, "```python\n1 / 0\n```\n"),
     "printed": (test_code_of_a_page_runs, "```python\nprint(1)\n```\n\n```text\n2\n```\n"),
     "scene file": (test_scene_files_of_a_page_load, "```yaml\nbody: {kind: cuke}\n```\n"),
