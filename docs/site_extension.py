@@ -35,7 +35,7 @@ def picture(latex: str, inline: bool) -> str:
     drawn = ziamath.Latex(latex, size=SIZE, color="currentColor", inline=inline)
     svg = drawn.svgxml()
     for side in ("width", "height"):
-        svg.set(side, f"{float(svg.get(side, "0")) / SIZE:.3f}em")
+        svg.set(side, f"{float(svg.attrib[side]) / SIZE:.3f}em")
     svg.set("role", "img")
     svg.set("aria-label", latex)
     svg.set("style", f"vertical-align: {drawn.getyofst() / SIZE:.3f}em")
