@@ -1,6 +1,7 @@
-"""Write docs/environments.md from the environments themselves: docstrings, variants, error a step.
+"""Write the pages on environments from the environments themselves: docstrings, variants, error a step.
 
-python docs/environments.py
+python docs/environments.py           # docs/environments.md and a page each in docs/environments/
+python docs/environments.py --pages   # only the latter: nothing is measured
 """
 
 from __future__ import annotations
@@ -27,11 +28,14 @@ from springgym.registration import ENVIRONMENTS, Row
 from springgym.simulator import Simulator
 
 PAGE = Path(__file__).with_name("environments.md")
+FOLDER = PAGE.with_suffix("")
 PICTURE = PAGE.parent / "figures" / "environments.png"
 PIXELS, SEED, MOMENT = 280, 8, 60
 EPISODES, STEPS = 10, 50
 SEEDS = 200
 BASELINES = ("zero", "random", "classical")
+MEASURED = "## Variants\n"
+"""Where the part of the page starts that is measured."""
 
 
 def environment(row: Row, suffix: str) -> Any:
@@ -39,9 +43,33 @@ def environment(row: Row, suffix: str) -> Any:
 
 
 def describe(row: Row) -> str:
-    """The docstring of an environment, under its id."""
-    text = inspect.cleandoc(environment(row, "Env").__doc__).replace("## ", "### ")
-    return f"## {row.id}\n\n{text}\n"
+    """The page of an environment: its docstring, under its id and a film of the classical controller."""
+    text = inspect.cleandoc(environment(row, "Env").__doc__)
+    film = "```{film} " + row.id + "\nUnder the classical controller, which is not learned.\n```"
+    return f"# {row.id}\n\n{film}\n\n{text}\n"
+
+
+def write_pages() -> None:
+    """Write the page of every environment, and remove those of environments that are gone."""
+    FOLDER.mkdir(exist_ok=True)
+    for page in FOLDER.glob("*.md"):
+        page.unlink()
+    for row in ENVIRONMENTS:
+        (FOLDER / f"{row.id}.md").write_text(describe(row), encoding="utf-8")
+
+
+def table_of_environments() -> list[str]:
+    """A link to each page, with the first two sentences of its description: what there is, and what to do."""
+    lines = ["| environment | the task | episode | solved at |", "|---|---|---|---|"]
+    for row in ENVIRONMENTS:
+        said = re.sub(r"\s+", " ", describe(row).split("## Description\n")[1].split("\n## ")[0])
+        aim = " ".join(re.split(r"(?<=[.]) ", said)[:2])
+        length = f"{row.max_episode_steps} steps"
+        lines.append(
+            f"| [`{row.id}`](environments/{row.id}.md) | {aim} | {length} | {row.reward_threshold:g} |"
+        )
+    pages = "\n".join(f"environments/{row.id}" for row in ENVIRONMENTS)
+    return [*lines, "\n```{toctree}\n:hidden:\n\n" + pages + "\n```\n"]
 
 
 # --- Variants ---------------------------------------------------------------------------------------
@@ -58,7 +86,7 @@ class Variant(NamedTuple):
 
 def variants(row: Row) -> list[Variant]:
     """Bullets "- `name=value`: what is different" of an environment's arguments."""
-    bullets = describe(row).split("### Arguments\n")[1].split("\n### ")[0].split("\n- ")
+    bullets = describe(row).split("## Arguments\n")[1].split("\n## ")[0].split("\n- ")
     found = []
     for bullet in bullets:
         if match := re.match(r"(?:- )?`(\w+)=([^`]+)`: (.*)", re.sub(r"\s+", " ", bullet)):
@@ -78,7 +106,7 @@ def baselines(row: Row, arguments: dict[str, Any]) -> Iterator[str]:
 
 def table_of_variants() -> list[str]:
     lines = [
-        "## Variants\n",
+        MEASURED,
         "Keyword arguments, and what controllers without learning make of them: success and return per step "
         f"of no action, of random ones, and of the classical controller in `agents/`, on {SEEDS} held-out "
         "seeds.\n",
@@ -152,6 +180,20 @@ def draw() -> None:
 
 
 # --- The page ---------------------------------------------------------------------------------------
+
+INTRODUCTION = """Every environment has its page: what the agent sees, what it may do, what is rewarded, how
+an episode starts and ends. All of them
+
+- observe positions and velocities of particles (`observation="particles"`) or a few numbers such as axis
+  and spin (`observation="frame"`), scaled to about one;
+- take actions in [−1, 1], in one of several modes (`action=…`);
+- reward each step with a number from 0 to 1, and say in `info["is_success"]` whether the aim is met;
+- run with springs or, except for ropes, as rigid bodies (`dynamics="rigid"`), in a batch, and with
+  randomised masses, stiffness, friction and more (`randomize=…`);
+- give and take their true state (`get_state`, `set_state`).
+
+"Solved at" is the return from which a task counts as solved; the most that there is is one a step.
+"""
 
 RANDOMISATION = f"""## Randomisation
 
@@ -234,15 +276,28 @@ gymnasium.register("Hover-v0", entry_point=hover, max_episode_steps=200)
 
 
 def main() -> None:
-    """Draw the picture, measure, and write the page."""
+    """Write the pages; draw the picture and measure, unless told not to."""
+    write_pages()
+    if "--pages" in sys.argv[1:]:
+        measured = MEASURED + PAGE.read_text(encoding="utf-8").partition(MEASURED)[2]
+    else:
+        measured = measure()
+    front = [
+        "# Environments\n",
+        INTRODUCTION,
+        "![The environments in the order of the table](figures/environments.png)\n",
+        *table_of_environments(),
+    ]
+    PAGE.write_text("\n".join([*front, measured]), encoding="utf-8")
+
+
+def measure() -> str:
+    """The part of the page that is measured; draws the picture, too."""
     sys.path.insert(0, str(PAGE.parents[1] / "agents"))
     draw()
     versions = f"springgym {springgym.__version__}, Python {platform.python_version()}, "
     versions += f"NumPy {np.__version__}, Numba {numba.__version__}"
     lines = [
-        "# Environments\n",
-        "Written by `python docs/environments.py` from the docstrings of the environments.\n",
-        "![The seven environments in the order of this page](figures/environments.png)\n",
         *table_of_variants(),
         "",
         RANDOMISATION,
@@ -250,9 +305,9 @@ def main() -> None:
         OWN_SCENES,
         *table_of_errors(),
         f"\nMeasured {date.today()}, {versions}.\n",
-        *(describe(row) for row in ENVIRONMENTS),
+        "Written by `python docs/environments.py`, from the docstrings and by measuring.\n",
     ]
-    PAGE.write_text("\n".join(lines), encoding="utf-8")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

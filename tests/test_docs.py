@@ -26,12 +26,15 @@ def page_writer() -> ModuleType:
     return module
 
 
-def test_environments_page_is_current() -> None:
-    """Run ``python docs/environments.py`` after changing an environment's docstring."""
+def test_environments_pages_are_current() -> None:
+    """Run ``python docs/environments.py --pages`` after changing an environment's docstring."""
     writer, page = page_writer(), (DOCS / "environments.md").read_text(encoding="utf-8")
     for row in writer.ENVIRONMENTS:
-        assert writer.describe(row) in page
+        its = (DOCS / "environments" / f"{row.id}.md").read_text(encoding="utf-8")
+        assert its == writer.describe(row)
         assert f"| `{row.id}` |" in page
+    assert "\n".join(writer.table_of_environments()) in page
+    assert len(list((DOCS / "environments").glob("*.md"))) == len(writer.ENVIRONMENTS)
 
 
 def test_what_the_page_says_of_all_environments_is_current() -> None:
@@ -85,4 +88,4 @@ def test_docstrings_have_gymnasiums_headings() -> None:
     )
     for row in writer.ENVIRONMENTS:
         text = writer.describe(row)
-        assert [h for h in headings if f"### {h}\n" not in text] == [], row.id
+        assert [h for h in headings if f"\n## {h}\n" not in text] == [], row.id

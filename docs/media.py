@@ -1,0 +1,99 @@
+"""Films, figures and checks of the site: of every scene, and of every environment under classical control.
+
+What is there and newer than the package is kept; so the first build takes minutes, and the next ones do not.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import gymnasium as gym
+import imageio_ffmpeg
+import numpy as np
+
+from springgym.registration import ENVIRONMENTS
+from springgym.rendering import save_video
+from springgym.scenes import film, load, names
+from springgym.scenes.checks import Check, check
+from springgym.scenes.plots import draw
+from springgym.scenes.recording import record
+
+HERE = Path(__file__).parent
+SECONDS = 8.0
+"""Length of a film at the most."""
+PIXELS = 480
+SEED = 8
+
+
+def make_all(folder: Path, newest: float) -> None:
+    """Make what is missing, or older than the package."""
+    tasks = [(name, scene) for name in names()] + [(row.id, environment) for row in ENVIRONMENTS]
+    for name, make in tasks:
+        done = folder / f"{name}.mp4"  # written last
+        if not done.exists() or done.stat().st_mtime < newest:
+            print(f"film of {name}", flush=True)
+            make(name, folder)
+
+
+def scene(name: str, folder: Path) -> None:
+    """NAME.png, its figure; NAME.json, its title and checks; NAME.mp4, its film."""
+    plan = load(name)
+    recording = record(plan)
+    draw(recording).savefig(folder / f"{name}.png")
+    told = {"title": plan.title, "checks": rows(check(recording))}
+    (folder / f"{name}.json").write_text(json.dumps(told), encoding="utf-8")
+    frames = film.frames(replace(recording, times=recording.times[recording.times <= SECONDS]))
+    write(frames, folder / f"{name}.mp4", film.FPS)
+
+
+def rows(checks: Iterable[Check]) -> list[list[str]]:
+    """Theory beside what was measured; differences in per cent, or in the unit where theory says 0."""
+    told = [["", "theory", "measured", "", "off by", "allowed", ""]]
+    for each in checks:
+        off, scale, sign = each.measured - each.theory, abs(each.theory), " %" if each.theory else ""
+        by, allowed = (100 * value / (scale or 100) for value in (off, each.tolerance))
+        numbers = [f"{each.theory:.5g}", f"{each.measured:.5g}", each.unit, f"{by:.1g}{sign}"]
+        told.append([each.quantity, *numbers, f"{allowed:.1g}{sign}", "ok" if each.passed else "FAILED"])
+    return told
+
+
+def environment(env_id: str, folder: Path) -> None:
+    """ID.mp4: an episode under the classical controller, in real time."""
+    sys.path.insert(0, str(HERE.parent / "agents"))
+    from controllers import controller_env_kwargs, make_controller
+
+    options = controller_env_kwargs("classical", {})
+    env = gym.make(env_id, render_mode="rgb_array", **options)
+    control = make_controller("classical", env_id, options, env.action_space)
+    rate = 1 / env.unwrapped.episodes.task.period  # type: ignore[attr-defined]
+
+    def frames() -> Iterable[np.ndarray]:
+        observation, _ = env.reset(seed=SEED)
+        over = False
+        while not over:
+            yield env.render()  # type: ignore[misc]
+            observation, _, terminated, truncated, _ = env.step(control(observation[None])[0])
+            over = terminated or truncated
+
+    write(islice(frames(), round(SECONDS * rate)), folder / f"{env_id}.mp4", rate)
+    env.close()
+
+
+def write(frames: Iterable[np.ndarray], path: Path, rate: float) -> None:
+    """A film of the size that pages show, small enough to load at once, and its first picture."""
+    with TemporaryDirectory() as folder:
+        large = Path(folder) / "large.mp4"
+        save_video(frames, large, rate)
+        shrink = ["-vf", f"scale={PIXELS}:-2:flags=lanczos"]
+        ffmpeg = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", "-i", str(large)]
+        first = ["-frames:v", "1", "-q:v", "4", str(path.with_suffix(".jpg"))]
+        subprocess.run([*ffmpeg, *shrink, *first], check=True)
+        film = ["-crf", "27", "-movflags", "+faststart", str(path)]
+        subprocess.run([*ffmpeg, *shrink, *film], check=True)

@@ -1,0 +1,292 @@
+"""Readme and site: their code runs, their commands, names and links are there.
+
+A page's ``python`` blocks run in order, in one namespace and an empty folder. A ``text`` block right after
+one is what it prints. A ``yaml`` block that starts with ``# NAME.yaml`` is saved under that name first.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import doctest
+import inspect
+import io
+import json
+import re
+import shlex
+import tomllib
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import pytest
+
+from springgym import cli
+from springgym.integrators import METHODS
+from springgym.scenes import load, names
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+MADE = ("_build", "_media", "api")
+"""Folders of ``docs`` that building the site makes."""
+
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *(p for p in DOCS.rglob("*.md") if p.relative_to(DOCS).parts[0] not in MADE)]
+)
+NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
+SLOW = {"training.md", "top.ipynb", "train.ipynb"}
+"""Pages whose code takes long. Building the site runs the notebooks, too."""
+
+FENCE = re.compile(r"^(`{3,})([^\n`]*)\n(.*?)^\1`*\s*$", re.MULTILINE | re.DOTALL)
+
+
+class Block(NamedTuple):
+    """A fenced block of a page."""
+
+    line: int
+    language: str
+    text: str
+    printed: str | None
+    """the text block right after it"""
+
+
+def blocks(page: Path) -> list[Block]:
+    source = page.read_text(encoding="utf-8")
+    found = list(FENCE.finditer(source))
+    listed = []
+    for n, match in enumerate(found):
+        follower = found[n + 1] if n + 1 < len(found) else None
+        follows = follower is not None and not source[match.end() : follower.start()].strip()
+        printed = follower[3] if follower is not None and follows and follower[2].strip() == "text" else None
+        line = source.count("\n", 0, match.start()) + 2
+        listed.append(Block(line, match[2].strip(), match[3], printed))
+    return listed
+
+
+def prose(page: Path) -> str:
+    """A page without its fenced blocks."""
+    return FENCE.sub("", page.read_text(encoding="utf-8"))
+
+
+def cases(pages: list[Path]) -> list[Any]:
+    return [
+        pytest.param(p, id=str(p.relative_to(ROOT)), marks=[pytest.mark.slow] if p.name in SLOW else [])
+        for p in pages
+    ]
+
+
+# --- Code ---------------------------------------------------------------------------------------------
+
+
+def run(code: str, name: str, line: int, namespace: dict[str, Any]) -> str:
+    """What code prints; errors name its page and line."""
+    tree = ast.parse(code, name)
+    ast.increment_lineno(tree, line - 1)
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(tree, name, "exec"), namespace)
+    return printed.getvalue()
+
+
+@pytest.mark.parametrize("page", cases([p for p in PAGES if any(b.language == "python" for b in blocks(p))]))
+def test_code_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    for block in blocks(page):
+        if block.language == "yaml" and (name := re.match(r"# (\S+\.yaml)\n", block.text)):
+            (tmp_path / name[1]).write_text(block.text, encoding="utf-8")
+        if block.language != "python":
+            continue
+        printed = run(block.text, str(page), block.line, namespace)
+        if block.printed is not None:
+            same = doctest.OutputChecker().check_output(block.printed, printed, doctest.ELLIPSIS)
+            assert same, f"{page}, line {block.line} prints\n{printed}in place of\n{block.printed}"
+
+
+@pytest.mark.parametrize("notebook", cases(NOTEBOOKS))
+def test_code_of_a_notebook_runs(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("IPython")
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    for n, code in enumerate(cells(notebook)):
+        run(code, f"{notebook}, code cell {n}", 1, namespace)
+
+
+def cells(notebook: Path) -> list[str]:
+    found = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    assert all(cell.get("outputs", []) == [] for cell in found), f"commit {notebook} without its output"
+    return ["".join(cell["source"]) for cell in found if cell["cell_type"] == "code"]
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.name)
+def test_what_a_notebook_imports_is_there(notebook: Path) -> None:
+    tree = ast.parse("\n".join(cells(notebook)))
+    ours = [n for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and "springgym" in str(n.module)]
+    assert ours
+    for node in ours:
+        for name in node.names:
+            resolve(f"{node.module}.{name.name}")
+
+
+def test_code_fits_the_width_of_a_page() -> None:
+    """Longer lines are cut off, and have to be scrolled to."""
+    texts = [cell for notebook in NOTEBOOKS for cell in cells(notebook)]
+    texts += [block.text for page in PAGES for block in blocks(page) if block.language == "python"]
+    assert [line for text in texts for line in text.splitlines() if len(line) > 92] == []
+
+
+@pytest.mark.parametrize("page", cases([p for p in PAGES if any(b.language == "yaml" for b in blocks(p))]))
+def test_scene_files_of_a_page_load(page: Path, tmp_path: Path) -> None:
+    for block in blocks(page):
+        if block.language == "yaml" and re.search(r"^body:", block.text, re.MULTILINE):
+            (tmp_path / "scene.yaml").write_text(block.text, encoding="utf-8")
+            load(str(tmp_path / "scene.yaml"))
+
+
+# --- Commands -----------------------------------------------------------------------------------------
+
+
+def commands(page: Path) -> Iterator[tuple[str, list[str]]]:
+    """Lines of shell blocks, one command each, and their words."""
+    for block in blocks(page):
+        if block.language in ("sh", "console", "bash"):
+            for line in block.text.replace("\\\n", " ").splitlines():
+                for part in line.split("&&"):
+                    if words := shlex.split(part.removeprefix("$ "), comments=True):
+                        yield line, words
+
+
+def extras() -> set[str]:
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        return set(tomllib.load(file)["project"]["optional-dependencies"])
+
+
+@pytest.mark.parametrize("page", cases([p for p in PAGES if any(b.language == "sh" for b in blocks(p))]))
+def test_commands_of_a_page_are_understood(page: Path) -> None:
+    """Those of springgym by its own parser; scripts are there and have the options."""
+    for line, words in commands(page):
+        program = Path(words[0]).name
+        if program == "springgym":
+            arguments = cli._parser(words[1]).parse_args(words[1:])
+            if scene := getattr(arguments, "scene", None):
+                assert scene in names() or scene.endswith((".yaml", ".yml")), line
+        elif program.startswith("python") and words[1].endswith(".py"):
+            script = (ROOT / words[1]).read_text(encoding="utf-8")
+            for option in (word for word in words[2:] if word.startswith("--")):
+                assert f'"{option}"' in script, line
+        elif program.startswith("pip") or words[1:3] == ["-m", "pip"]:
+            for named in re.findall(r"\[([\w,]+)\]", line):
+                assert set(named.split(",")) <= extras(), line
+
+
+# --- Names --------------------------------------------------------------------------------------------
+
+
+def resolve(name: str) -> None:
+    """Import the longest part of a dotted name that is a module, and follow the rest."""
+    parts = name.split(".")
+    for count in range(len(parts), 0, -1):
+        try:
+            thing = import_module(".".join(parts[:count]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[count:]:
+            thing = getattr(thing, part)
+        return
+
+
+@pytest.mark.parametrize("page", cases(PAGES))
+def test_names_of_a_page_are_there(page: Path) -> None:
+    text = prose(page)
+    for name in set(re.findall(r"`(springgym(?:\.\w+)+)", text)):
+        resolve(name)
+    for env_id in set(re.findall(r"\bSpring\w+-v\d+\b", page.read_text(encoding="utf-8"))):
+        assert env_id in gym.registry or page.name == "CHANGELOG.md", env_id
+    for path in set(re.findall(r"`((?:springgym|docs|tests|agents|configs)/[\w/.-]+)`", text)):
+        assert (ROOT / path).exists(), path
+
+
+def counts() -> dict[str, int]:
+    """How many there are of what pages count."""
+    from springgym.accuracy.hard_cases import CASES
+
+    return {"scenes": len(names()), "integrators": len(METHODS), "cases": len(CASES)}
+
+
+@pytest.mark.parametrize("page", cases([p for p in PAGES if p.name != "CHANGELOG.md"]))
+def test_counts_of_a_page_are_right(page: Path) -> None:
+    for count, what in re.findall(r"\b(\d+) (scenes|integrators|cases)\b", prose(page)):
+        assert int(count) == counts()[what], f"{page}: {count} {what}"
+
+
+def test_every_scene_has_its_place_in_the_course() -> None:
+    """Add a new scene to a page of ``docs/course``: why it moves so, a formula, and its directive."""
+    shown = [b for page in (DOCS / "course").glob("*.md") for b in blocks(page)]
+    scenes = [b.language.split()[1] for b in shown if b.language.startswith("{scene}")]
+    assert sorted(scenes) == sorted(names())
+
+
+# --- Links --------------------------------------------------------------------------------------------
+
+
+def anchors(page: Path) -> set[str]:
+    """Those that headings get, here and in a repository's browser."""
+    found: set[str] = set()
+    included = [
+        page.parent / path for path in re.findall(r"\{include\} (\S+)", page.read_text(encoding="utf-8"))
+    ]
+    text = "\n".join(map(prose, [page, *included]))
+    for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE):
+        plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).lower()
+        slug = re.sub(r"[^\w\- ]", "", plain).strip().replace(" ", "-")
+        found.add(next(s for n in range(99) if (s := f"{slug}-{n}" if n else slug) not in found))
+    return found
+
+
+@pytest.mark.parametrize("page", cases(PAGES))
+def test_links_of_a_page_lead_somewhere(page: Path) -> None:
+    text = re.sub(r"`[^`\n]*`", "", prose(page))
+    links = re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r'(?:src|href)="([^"]+)"', text)
+    for link in links:
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = page if not path else (page.parent / path).resolve()
+        assert target.exists(), f"{page}: {link}"
+        if anchor and target.suffix == ".md":
+            assert anchor in anchors(target), f"{page}: {link}"
+
+
+# --- What the tests above find ------------------------------------------------------------------------
+
+BROKEN: dict[str, tuple[Callable[..., None], str]] = {
+    "code": (test_code_of_a_page_runs, "```python\n1 / 0\n```\n"),
+    "printed": (test_code_of_a_page_runs, "```python\nprint(1)\n```\n\n```text\n2\n```\n"),
+    "scene file": (test_scene_files_of_a_page_load, "```yaml\nbody: {kind: cuke}\n```\n"),
+    "option": (test_commands_of_a_page_are_understood, "```sh\nspringgym simulate top --chek\n```\n"),
+    "scene": (test_commands_of_a_page_are_understood, "```sh\nspringgym simulate topp --check\n```\n"),
+    "script's option": (
+        test_commands_of_a_page_are_understood,
+        "```sh\npython agents/train.py --sed 1\n```\n",
+    ),
+    "extra": (test_commands_of_a_page_are_understood, '```sh\npip install "springgym[plots]"\n```\n'),
+    "name": (test_names_of_a_page_are_there, "`springgym.bodies.topp`\n"),
+    "environment": (test_names_of_a_page_are_there, "SpringTopp-v0\n"),
+    "path": (test_names_of_a_page_are_there, "`docs/nowhere.md`\n"),
+    "count": (test_counts_of_a_page_are_right, "It has 999 scenes.\n"),
+    "link": (test_links_of_a_page_lead_somewhere, "[there](nowhere.md)\n"),
+    "anchor": (test_links_of_a_page_lead_somewhere, "# Here\n[there](#there)\n"),
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_a_broken_page_is_found(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    check, text = BROKEN[what]
+    page = tmp_path / "page.md"
+    page.write_text(text, encoding="utf-8")
+    given = {"page": page, "tmp_path": tmp_path, "monkeypatch": monkeypatch}
+    arguments = {name: given[name] for name in inspect.signature(check).parameters}
+    with pytest.raises((Exception, SystemExit)):
+        check(**arguments)
