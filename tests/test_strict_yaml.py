@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from springgym.strict_yaml import YamlError, build, fit, parse_yaml, read_yaml
 
@@ -155,3 +157,53 @@ def test_functions_are_called():
         return width * height
 
     assert build(area, parse_yaml("width: 3", "file.yaml")) == 6.0
+
+
+DOCUMENT = """\
+count: 3
+size: 1e5
+name: &name a name
+colour: blue
+point: [1, 2.5]
+sides: [1, 2, 3e-4]
+factors: {0: 2, 7: 0.5}
+flags: {on: true}
+anything: [1, {a: *name}]
+"""
+
+TAGS = "!!int !!set !!bool !!binary !!timestamp !x"
+SIGNS = "{ } [ ] : , - # | > ' \" % @ ? & * << &a *a *name --- ... .inf .nan 0x_ 0b_ ~"
+PIECES = st.text(max_size=3) | st.sampled_from(
+    [
+        *(f"{piece} " for piece in f"{TAGS} {SIGNS}".split()),
+        *SIGNS.split(),
+        "\n",
+        "\t",
+        "\0",
+        "\ufeff",
+        "9" * 400,
+    ]
+)
+
+
+def refusal(text):
+    """What is said of a text; nothing if it is read."""
+    try:
+        thing = made(text)
+    except YamlError as error:
+        return str(error)
+    assert (type(thing.count), type(thing.size)) == (int, float)
+    assert abs(thing.size) <= 1e30
+    return "file.yaml:"
+
+
+@given(st.lists(st.tuples(st.integers(0, len(DOCUMENT)), st.integers(0, 9), PIECES), max_size=4))
+def test_whatever_a_text_holds_it_is_read_or_refused_in_a_line(changes):
+    """Pieces of a document are replaced by others."""
+    text = DOCUMENT
+    for place, length, piece in changes:
+        text = text[:place] + piece + text[place + length :]
+    said = refusal(text)
+    assert said.startswith("file.yaml:")
+    assert "\n" not in said
+    assert len(said) < 400
