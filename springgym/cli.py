@@ -113,19 +113,18 @@ def _give_up_stdout() -> None:
 def whole_file(path: Path) -> Iterator[Path]:
     """Another name to write a file under: it takes its own once it is whole and on the disk, or goes.
 
-    Whenever the program is ended, there is the old file or the new one. What is no file, as a device or a
-    pipe, is written to; a link stays one.
+    Whenever the program is ended, there is the old file or the new one. A link, or what is no file, such as
+    a pipe, is written to where it is.
     """
-    place = path.resolve()
-    temporary = place.with_name(f"{place.stem}.tmp{place.suffix}")
+    temporary = path.with_name(f"{path.stem}.tmp{path.suffix}")
     try:
-        if place.exists() and not place.is_file():
+        if path.is_symlink() or (path.exists() and not path.is_file()):
             yield path
             return
         yield temporary
         with temporary.open("rb+") as file:  # Windows syncs what may be written
             os.fsync(file.fileno())
-        os.replace(temporary, place)
+        os.replace(temporary, path)
     except OSError as error:
         raise OSError(f"{path}: {error.strerror or error}") from error
     finally:
