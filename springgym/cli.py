@@ -116,19 +116,19 @@ def whole_file(path: Path) -> Iterator[Path]:
     Whenever the program is ended, there is the old file or the new one. A link, or what is no file, such as
     a pipe, is written to where it is.
     """
-    temporary = path.with_name(f"{path.stem}.tmp{path.suffix}")
+    direct = path.is_symlink() or (path.exists() and not path.is_file())
+    written = path if direct else path.with_name(f"{path.stem}.tmp{path.suffix}")
     try:
-        if path.is_symlink() or (path.exists() and not path.is_file()):
-            yield path
-            return
-        yield temporary
-        with temporary.open("rb+") as file:  # Windows syncs what may be written
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
+        yield written
+        if not direct:
+            with written.open("rb+") as file:  # Windows syncs what may be written
+                os.fsync(file.fileno())
+            os.replace(written, path)
     except OSError as error:
         raise OSError(f"{path}: {error.strerror or error}") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        if not direct:
+            written.unlink(missing_ok=True)
 
 
 def _parser(given: str) -> argparse.ArgumentParser:
