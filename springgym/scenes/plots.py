@@ -49,7 +49,7 @@ def draw(recording: Recording) -> Figure:
     plan = recording.plan
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11, 4.8 if plan.plot == "top" else 6.2), dpi=130, layout="constrained")
-        figure.suptitle(plan.title[0].upper() + plan.title[1:], fontsize=11)
+        figure.suptitle(plan.title[:1].upper() + plan.title[1:], fontsize=11, parse_math=False)
         PLOTS[plan.plot](recording, figure)
     return figure
 

@@ -393,6 +393,12 @@ def test_the_shortest_run_can_be_drawn(name):
     assert len(list(frames(recording))) == 1
 
 
+@pytest.mark.parametrize("title", ["", "a", "for $5 and \\frac{", "two\nlines"])
+def test_any_title_can_be_drawn(title):
+    plan = replace(load("cube-pendulum"), duration=0.05, title=title)
+    draw(record(plan)).draw_without_rendering()
+
+
 FILMED = ("top", "gyroscope", "rope-swing", "cube-drop", "unbalanced-top")
 
 
