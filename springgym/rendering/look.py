@@ -25,17 +25,22 @@ INK: Color = (52, 60, 76)
 GRAPHITE: Color = (110, 120, 138)
 
 
-def two_tone(count: int, blocks: int = 4, colors: tuple[Color, Color] = (BLUE, IVORY)) -> NDArray[np.uint8]:
-    """Colours of ``count`` sectors in turn: ``blocks`` runs of alternating colour.
+def two_tone(
+    count: int, blocks: int = 4, colors: tuple[Color, Color] = (BLUE, IVORY), odd: Color = AMBER
+) -> NDArray[np.uint8]:
+    """Colours of ``count`` sectors in turn: ``blocks`` runs of alternating colour, the last one odd.
 
-    Few wide runs let the eye follow a spin that turns by many narrow sectors between frames.
+    Few wide runs let the eye follow a spin that turns by many narrow sectors between frames. The odd one
+    tells which way: without it, four runs look the same after half a turn, and a spin by more than a
+    quarter of a turn between frames would be seen backwards.
 
     Returns
     -------
     (count, 3) uint8 array
     """
     run = np.arange(count) * blocks // count
-    return np.array(colors, dtype=np.uint8)[run % 2]
+    table = np.array([colors[n % 2] for n in range(blocks - 1)] + [odd], dtype=np.uint8)
+    return table[run]
 
 
 def _indices(name: str, value: ArrayLike, columns: int) -> NDArray[np.intp]:

@@ -10,8 +10,10 @@
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 import webbrowser
+from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,7 @@ from springgym.scenes.recording import Recording, record
 from springgym.stability import automatic_step
 from springgym.view.knobs import knobs
 from springgym.view.motion import Motion, of_recording
-from springgym.view.page import FPS, Changes, Page, Subject
+from springgym.view.page import FPS, Changes, Page, Subject, fraction
 
 PORT = 8080
 
@@ -67,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
         print()
     finally:
         page.stop()
-        server.stop()
+        _end(server)
     return 0
 
 
@@ -122,10 +124,13 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
         stage = Stage(server)
         stage.set_up(motion)
         look_from(server, stage.camera(motion))
-        serializer = play(server, stage, motion, FPS, motion.speed(FPS) if speed is None else speed)
+        pace = motion.speed(FPS) if speed is None else speed
+        if pace != 1:
+            stage.write(f"{fraction(pace)} of real time" if pace < 1 else f"{fraction(pace)} × real time")
+        serializer = play(server, stage, motion, FPS, pace)
         Path(path).write_text(serializer.as_html(), encoding="utf-8")
     finally:
-        server.stop()
+        _end(server)
 
 
 def _server(port: int) -> Any:
@@ -134,4 +139,10 @@ def _server(port: int) -> Any:
         import viser
     except ImportError as error:
         raise ImportError("viewing needs viser: pip install springgym[view]") from error
-    return viser.ViserServer(host="127.0.0.1", port=port, label="springgym", verbose=False)
+    with redirect_stdout(io.StringIO()):  # it prints its address in a frame; ours is a line
+        return viser.ViserServer(host="127.0.0.1", port=port, label="springgym", verbose=False)
+
+
+def _end(server: Any) -> None:
+    with redirect_stdout(io.StringIO()):
+        server.stop()

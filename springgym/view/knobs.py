@@ -100,14 +100,14 @@ def knobs(scene: str) -> list[Knob]:
 def _found(text: Mapping[str, Any]) -> Iterator[Knob]:
     body = text.get("body") or {}
     make = KINDS.get(body.get("kind", ""))
-    defaults = {
+    defaults: dict[str, dict[str, Any]] = {
         "start": {},
         "body": _numbers(make) if make else {},
         "contact": {"friction": 0.0, "restitution": 1.0} if text.get("surfaces") else {},
     }
     for section, kinds in KNOBS.items():
         given = text.get(section) or {}
-        values = defaults[section] | (given if isinstance(given, Mapping) else {})
+        values = defaults[section] | (dict(given) if isinstance(given, Mapping) else {})
         for key, knob in kinds.items():
             value = values.get(key)
             if isinstance(value, (int, float)) and not isinstance(value, bool):

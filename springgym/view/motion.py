@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from springgym.bodies import Body
 from springgym.measures import Measures
 from springgym.rendering import Look, Marks, Scenery
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, ORANGE, SLATE, TEAL, Color
@@ -75,7 +76,7 @@ class Motion:
     @property
     def size(self) -> float:
         """Of the body [m]."""
-        return float(np.ptp(self.positions[0], axis=0).max()) or 0.5
+        return size_of(self.positions)
 
     @property
     def strain(self) -> np.ndarray:
@@ -96,6 +97,12 @@ class Motion:
         return n, float(np.clip(share, 0.0, 1.0))
 
 
+def size_of(positions: np.ndarray) -> float:
+    """Size of a body that moves through positions (T, N, 3) [m]; of a particle, a share of its way."""
+    size = float(np.ptp(positions[0], axis=0).max())
+    return size or 0.3 * float(np.ptp(positions, axis=(0, 1)).max()) or 0.5
+
+
 def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
     """The motion of a recorded scene; with ``twin``, beside the path of its rigid twin if it has one."""
     plan, m, x = recording.plan, recording.measures, recording.positions
@@ -113,9 +120,9 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
         scenery=film.scenery(recording),
         lengths=scene.body.lengths,
         centre=m.centre,
-        fastest=0.0 if scene.body.floppy else _fastest(m),
+        fastest=0.0 if scene.body.floppy else fastest_turn(m),
         direction=(plan.view.azimuth, plan.view.elevation),
-        graphs=graphs(m),
+        graphs=graphs(m, scene.body),
         arrows=_arrows(recording),
         paths=paths,
         summary=(
@@ -126,11 +133,12 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
     )
 
 
-def _fastest(m: Measures) -> float:
+def fastest_turn(m: Measures) -> float:
+    """The largest angular velocity [rad/s]."""
     return float(np.linalg.norm(m.angular_velocity, axis=-1).max())
 
 
-def graphs(m: Measures) -> dict[str, dict[str, Curve]]:
+def graphs(m: Measures, body: Body) -> dict[str, dict[str, Curve]]:
     """Energies, and what else is worth a graph, from measures of shape (T,) and (T, 3).
 
     The energies of gravity and of the springs count from their least.
@@ -144,21 +152,30 @@ def graphs(m: Measures) -> dict[str, dict[str, Curve]]:
         "lost": Curve(lost - lost[0], RED),
     }
     total = np.sum([curve.values for curve in parts.values()], axis=0)
-    name, scale = "energy [J]", float(np.abs(total).max())
+    name, scale = "energy", float(np.abs(total).max())
     moved = max(float(np.ptp(curve.values)) for curve in parts.values())
     if moved < 0.25 * scale:  # beside what stays, what moves would be flat
-        name, scale = "energy moved [J]", moved
+        name, scale = "energy moved", moved
         parts = {part: Curve(curve.values - curve.values[0], curve.color) for part, curve in parts.items()}
         total = total - total[0]
     shown = {part: curve for part, curve in parts.items() if np.abs(curve.values).max() > 3e-3 * scale}
+    factor, unit = (1e3, "mJ") if scale < 0.02 else (1e-3, "kJ") if scale > 2e4 else (1.0, "J")
+    drawn = {
+        f"{name} [{unit}]": {
+            part: Curve(factor * curve.values, curve.color)
+            for part, curve in (shown | {"sum": Curve(total, INK)}).items()
+        }
+    }
+    drawn["height [m]"] = {"height": Curve(m.centre[:, 2], SLATE)}
+    if len(body.springs):
+        drawn["strain [%]"] = {"strain": Curve(100 * m.strain, RED)}
+    if body.floppy or not len(body.springs):
+        return drawn
     tilt = np.degrees(np.arctan2(np.hypot(m.axis[:, 0], m.axis[:, 1]), m.axis[:, 2]))
     spin = np.einsum("ti,ti->t", m.angular_velocity, m.axis)
-    return {
-        name: shown | {"sum": Curve(total, INK)},
+    return drawn | {
         "tilt [°]": {"tilt": Curve(tilt, ORANGE)},
         "spin [rad/s]": {"spin": Curve(spin, TEAL)},
-        "height [m]": {"height": Curve(m.centre[:, 2], SLATE)},
-        "strain": {"strain": Curve(m.strain, RED)},
     }
 
 
@@ -168,7 +185,7 @@ def _arrows(recording: Recording) -> dict[str, Arrows]:
     The support is what the momentum tells: pin and surfaces together push with dP/dt − M g.
     """
     scene, m, x = recording.plan.scene, recording.measures, recording.positions
-    size = float(np.linalg.norm(x[0] - x[0].mean(axis=0), axis=1).max()) or 0.5
+    size = 0.6 * size_of(x)
     drawn: dict[str, Arrows] = {}
     if scene.gravity is not None and len(recording.times) > 2:
         weight = scene.body.mass * np.array(scene.gravity)

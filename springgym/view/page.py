@@ -130,6 +130,7 @@ class Page:
         tabs = gui.add_tab_group()
         self._tab = tabs.add_tab("change")
         with self._tab:
+            self._nothing = gui.add_markdown("*Nothing to change here: choose another above.*")
             self._reset = gui.add_button("as it was", order=1e6)
             self._reset.on_click(lambda event: self._restore())
         with tabs.add_tab("show"):
@@ -161,7 +162,7 @@ class Page:
             }
         for slider in self._sliders.values():
             slider.on_update(self._slid)
-        self._reset.visible = bool(self._sliders)
+        self._reset.visible, self._nothing.visible = bool(self._sliders), not self._sliders
         travels = float(np.linalg.norm(np.ptp(motion.centre, axis=0))) > 6 * motion.size
         self._ticks["follow"].value = travels
         self._stage.show(follow=travels)
@@ -179,7 +180,10 @@ class Page:
             self._title.content = f"**{motion.title}**"
             self._summary.content = motion.summary
             self._moment.max = last
-            self._graphed.options = tuple(motion.graphs)
+            if tuple(motion.graphs) != tuple(self._graphed.options):
+                graph = self._graphed.value
+                self._graphed.options = tuple(motion.graphs)
+                self._graphed.value = graph if graph in motion.graphs else next(iter(motion.graphs))
             for name, tick in self._ticks.items():
                 tick.visible = _there(name, motion)
             self._tell_legend()
@@ -318,19 +322,23 @@ class Page:
             pointer = uplot.Series(
                 label="now", stroke="rgba(40,50,70,.55)", width=1.2, points={"show": False}
             )
-            if self._plot is not None:
-                self._plot.remove()
-            with self._graph_tab:
-                self._plot = self._gui.add_uplot(
-                    (*self._plotted, self._pointer()),
-                    (uplot.Series(label="over t [s]"), *series, pointer),
-                    scales={
-                        "x": uplot.Scale(time=False, auto=False, range=(0.0, float(self.motion.times[-1]))),
-                        "y": uplot.Scale(auto=False, range=self._range),
-                    },
-                    legend=uplot.Legend(show=len(curves) > 1, live=False),
-                    height=170 if len(curves) > 1 else 195,
-                )
+            shown = {
+                "data": (*self._plotted, self._pointer()),
+                "series": (uplot.Series(label="over t [s]"), *series, pointer),
+                "scales": {
+                    "x": uplot.Scale(time=False, auto=False, range=(0.0, float(self.motion.times[-1]))),
+                    "y": uplot.Scale(auto=False, range=self._range),
+                },
+                "legend": uplot.Legend(show=len(curves) > 1, live=False),
+                "height": 170 if len(curves) > 1 else 195,
+            }
+            if self._plot is None:
+                with self._graph_tab:
+                    self._plot = self._gui.add_uplot(**shown)
+                return
+            with self._server.atomic():
+                for name, value in shown.items():
+                    setattr(self._plot, name, value)
 
     def _pointer(self) -> np.ndarray:
         """A curve that rises from the bottom to the top of the graph at the present, and is not elsewhere."""

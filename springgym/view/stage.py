@@ -92,6 +92,16 @@ class Stage:
         reach = float(np.linalg.norm(np.subtract(camera.target, camera.eye))) * np.tan(0.5 * FOV)
         return camera.moved(reach * (ASIDE[0] * right + ASIDE[1] * up))
 
+    def write(self, text: str) -> None:
+        """Write a line below the motion."""
+        assert self._motion is not None
+        camera = self.camera(self._motion)
+        _, up, _ = camera.axes()
+        reach = float(np.linalg.norm(np.subtract(camera.target, camera.eye))) * np.tan(0.5 * FOV)
+        self._scene.add_label(
+            "/text", text, position=np.add(camera.target, -0.85 * reach * up), anchor="bottom-center"
+        )
+
     # --- Building -----------------------------------------------------------------------------------
 
     def _add_scenery(self, motion: Motion) -> None:
@@ -105,17 +115,18 @@ class Stage:
             section = _rounded(extent / 3)
             foot = section * np.round(foot / section) if abs(unit[2]) > 0.999 else foot
             foot = foot - unit * float((foot - np.asarray(point)) @ unit)
+            level = abs(unit[2]) > 0.999
             self._scene.add_grid(
                 f"/ground/plane{n}",
-                width=8 * extent,
-                height=8 * extent,
+                width=(8 if level else 2.6) * extent,
+                height=(8 if level else 2.6) * extent,
                 cell_size=section / 5,
                 section_size=section,
                 cell_color=CELL,
                 section_color=SECTION,
                 plane_color=GROUND,
-                plane_opacity=1.0 if abs(unit[2]) > 0.999 else 0.85,
-                fade_distance=5 * extent,
+                plane_opacity=1.0 if level else 0.9,
+                fade_distance=(5 if level else 40) * extent,
                 fade_from="origin" if np.linalg.norm(foot) < extent else "camera",
                 shadow_opacity=0.3,
                 position=foot,
@@ -352,7 +363,6 @@ class Stage:
 def record(server: Any, stage: Stage, motion: Motion, fps: float, speed: float) -> Any:
     """Play a motion into a serializer of viser's, once through."""
     moments = np.arange(0.0, motion.times[-1] + 1e-9, speed / fps)
-    stage.set_up(motion)
     serializer = server.get_scene_serializer()
     for time in moments:
         stage.draw(float(time))
