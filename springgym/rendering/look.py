@@ -210,6 +210,8 @@ class Marks:
         Forces, thrusts, directions to reach.
     text : sequence of str
         Lines in the top left corner.
+    key : sequence of (color, str)
+        What the colours of arrows, rings and balls mean, in the bottom left corner.
     """
 
     rings: Sequence[tuple[Point, float]] = ()
@@ -217,3 +219,4 @@ class Marks:
     lines: Sequence[tuple[Point, Point]] = ()
     arrows: Sequence[Arrow] = ()
     text: Sequence[str] = ()
+    key: Sequence[tuple[Color, str]] = ()

@@ -20,10 +20,6 @@ PURPLE: Color = (128, 72, 160)
 RED: Color = (190, 50, 60)
 STEEPEST = 4.0
 """Forces are drawn at most this many times as long as the weight: impacts would leave the picture."""
-TURN_A_FRAME = 0.9
-"""[rad] A body that turns by more from frame to frame cannot be followed with the eye."""
-SPEEDS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
-"""Seconds of the motion a second of playing."""
 
 
 class Arrows(NamedTuple):
@@ -86,9 +82,8 @@ class Motion:
         return apart / self.lengths - 1.0
 
     def speed(self, fps: float) -> float:
-        """The fastest of `SPEEDS`, at most real time, at which the eye can follow the rotation."""
-        fits = [speed for speed in SPEEDS if speed <= 1 and self.fastest * speed <= TURN_A_FRAME * fps]
-        return max(fits, default=SPEEDS[0])
+        """How fast it can be played, at most in real time, for the eye to follow the rotation."""
+        return film.visible_speed(self.fastest, fps)
 
     def at(self, time: float) -> tuple[int, float]:
         """The state before a time [s], and the share of the way to the next."""
@@ -120,7 +115,7 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
         scenery=film.scenery(recording),
         lengths=scene.body.lengths,
         centre=m.centre,
-        fastest=0.0 if scene.body.floppy else fastest_turn(m),
+        fastest=film.turning(recording),
         direction=(plan.view.azimuth, plan.view.elevation),
         graphs=graphs(m, scene.body),
         arrows=_arrows(recording),

@@ -12,8 +12,9 @@ import numpy as np
 
 from springgym.rendering.look import GREEN, ORANGE, SLATE, TEAL, Color
 from springgym.rendering.solids import COLD, HOT, NEUTRAL
+from springgym.scenes.film import SPEEDS
 from springgym.view.knobs import Knob
-from springgym.view.motion import PURPLE, SPEEDS, Motion
+from springgym.view.motion import PURPLE, Motion
 from springgym.view.stage import Stage, look_from
 
 FPS = 30.0

@@ -8,8 +8,9 @@ import pytest
 
 import springgym  # noqa: F401  (registers)
 from springgym.scenes import load
+from springgym.scenes.film import SPEEDS, TURN_A_FRAME
 from springgym.scenes.recording import record
-from springgym.view.motion import SPEEDS, of_recording
+from springgym.view.motion import of_recording
 
 pytest.importorskip("viser")
 
@@ -66,7 +67,7 @@ def test_in_flight_nothing_holds():
 def test_slow_enough_to_see_which_way_it_turns(top):
     fastest = top.speed(30.0)
     assert fastest in SPEEDS
-    assert top.fastest * fastest / 30 <= 0.9 < top.fastest * 2 * fastest / 30
+    assert top.fastest * fastest / 30 <= TURN_A_FRAME < top.fastest * 2 * fastest / 30
     assert of_recording(recorded("rope-swing", 0.1)).speed(30.0) == 1.0
 
 
