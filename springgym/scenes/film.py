@@ -147,7 +147,11 @@ def scenery(recording: Recording) -> Scenery:
     planes = tuple((s.point, s.normal) for s in scene.surfaces if isinstance(s, Plane))
     dishes = [(s.centre, s.radius) for s in scene.surfaces if isinstance(s, Dish)]
     if scene.surfaces or not scene.pinned:
-        return Scenery(planes=planes, dish=dishes[0] if dishes else None)
+        plumb = None
+        if any(abs(s.normal[2]) < 0.999 for s in scene.surfaces if isinstance(s, Plane)):
+            size = float(np.ptp(x[0], axis=0).max())  # a slope is seen beside what is upright
+            plumb = (tuple(x[0].mean(axis=0)), 1.2 * size)
+        return Scenery(planes=planes, dish=dishes[0] if dishes else None, vertical=plumb)
     pin, low = x[0, scene.pinned[0]], float(x[..., 2].min())
     stands = recording.measures.centre[:, 2].min() > pin[2]
     return Scenery(
