@@ -19,6 +19,7 @@ from springgym.envs.rewards import long_tail, spinning, thrift
 from springgym.envs.task import Particles, Start, Task, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.rendering.look import RED
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 WANTED = 50.0  # spin [rad/s]
@@ -149,7 +150,11 @@ class SpringTop(Task):
         arrows = []
         if self.action == "impulse":
             arrows = [Arrow(x[self.body.particle("crown")], 0.4 * action)]
-        return Marks(arrows=arrows, text=(f"tilt {math.degrees(tilt):4.1f}°", f"spin {spin:4.1f} rad/s"))
+        return Marks(
+            arrows=arrows,
+            text=(f"tilt {math.degrees(tilt):4.1f}°", f"spin {spin:4.1f} rad/s"),
+            key=((RED, "impulse on the crown"),) if self.action == "impulse" else (),
+        )
 
 
 class SpringTopEnv(SpringEnv):

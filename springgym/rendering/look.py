@@ -21,6 +21,7 @@ ORANGE: Color = (228, 94, 44)
 GREEN: Color = (34, 150, 100)
 AMBER: Color = (242, 172, 60)
 TEAL: Color = (62, 146, 158)
+RED: Color = (190, 50, 60)
 INK: Color = (52, 60, 76)
 GRAPHITE: Color = (110, 120, 138)
 
@@ -169,7 +170,7 @@ class Arrow(NamedTuple):
 
     origin: Point
     vector: Point
-    color: Color = ORANGE
+    color: Color = RED
 
 
 @dataclass(frozen=True, eq=False)

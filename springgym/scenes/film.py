@@ -86,6 +86,7 @@ def camera(recording: Recording, size: tuple[int, int] = SIZE) -> Camera:
         x = x - along[:, None]
     radii = np.asarray(look(body, None).radii)
     thick = float(radii.max()) if len(radii) else 0.0
+    thick *= 1 if len(body.masses) > 1 else 3  # a ball alone would fill the picture
     corners = thick * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
     seen = x[:: max(1, len(x) // 500)].reshape(-1, 1, 3) + corners
     return Camera.fitting(seen, size, view.azimuth, view.elevation)
@@ -110,13 +111,17 @@ def strobe(
     """One picture of the body at several moments, earlier ones paler, (height, width, 3)."""
     plan = recording.plan
     renderer = Renderer(look(plan.scene.body, None), seen_by, scenery(recording), size)
-    picture = np.array(renderer.frame(np.full_like(recording.positions[0], np.nan)), float)
-    ground = picture.copy()
+    ground = np.asarray(renderer.frame(np.full_like(recording.positions[0], np.nan)), np.int16)
+    picture = ground.astype(np.float32)
     for rank, moment in enumerate(moments):
-        drawn = np.asarray(renderer.frame(recording.positions[moment]), float)
-        cover = 0.25 + 0.75 * (rank + 1) / len(moments)
-        there = np.clip(np.abs(drawn - ground).max(axis=2, keepdims=True) / 8.0, 0.0, 1.0)
-        picture += cover * there * (drawn - picture)
+        drawn = np.asarray(renderer.frame(recording.positions[moment]), np.int16)
+        changed = np.abs(drawn - ground).max(axis=2)
+        rows, columns = (np.flatnonzero(changed.any(axis=n)) for n in (1, 0))
+        if not len(rows):
+            continue
+        box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        cover = (0.25 + 0.75 * (rank + 1) / len(moments)) * np.minimum(changed[box][..., None] / 8.0, 1.0)
+        picture[box] += cover * (drawn[box] - picture[box])
     renderer.close()
     return np.rint(picture).astype(np.uint8)
 

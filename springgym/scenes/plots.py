@@ -47,7 +47,7 @@ STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.3,
 }
 DPI = 130
-FINER = 2
+FINER = 1.5
 """Pixels of a body's picture to a pixel of the figure."""
 PREFIXES = (("k", 1e-3), ("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))
 

@@ -158,6 +158,7 @@ def played(agent: Agent, seed: int) -> Motion:
         ),
         graphs=graphs(m, task.scene.body),
         marks=marks,
+        camera=camera,
         summary=(
             f"{steps} steps of {task.period:g} s · return {total:.4g}, {total / steps:.3f} a step · "
             f"{'success' if info['is_success'] else 'no success'} · largest strain {m.strain.max():.1e}"

@@ -10,14 +10,13 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.measures import Measures
-from springgym.rendering import Look, Marks, Scenery
-from springgym.rendering.look import AMBER, BLUE, GREEN, INK, ORANGE, SLATE, TEAL, Color
+from springgym.rendering import Camera, Look, Marks, Scenery
+from springgym.rendering.look import AMBER, BLUE, GREEN, INK, ORANGE, RED, SLATE, TEAL, Color
 from springgym.scenes import film
 from springgym.scenes.recording import Recording, rigid_twin
 from springgym.surfaces import scales
 
 PURPLE: Color = (128, 72, 160)
-RED: Color = (190, 50, 60)
 STEEPEST = 4.0
 """Forces are drawn at most this many times as long as the weight: impacts would leave the picture."""
 
@@ -66,6 +65,8 @@ class Motion:
     """(T, 3) paths drawn at once, by name"""
     marks: Sequence[Marks] = ()
     """what else is drawn at each time"""
+    camera: Camera | None = None
+    """where an environment is seen from; the page sees to it where there is none"""
     summary: str = ""
     """in a line, what simulated it and how well"""
 
