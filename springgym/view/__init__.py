@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import sys
 import webbrowser
 from contextlib import redirect_stdout
 from dataclasses import replace
@@ -42,33 +41,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a run folder of agents/train.py, whose environment and agent are shown; or zero, random",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the first episode")
-    parser.add_argument("--save", type=Path, metavar="FILE", help="write a page (.html) and open nothing")
+    parser.add_argument(
+        "--save",
+        type=Path,
+        metavar="FILE",
+        help="write a page of its own (.html), or what a saved viewer plays (.viser), and open nothing",
+    )
     parser.add_argument("--port", type=int, default=PORT, help="the first that is free from this one on")
     parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
 
 
 def run(args: argparse.Namespace) -> int:
     """Do what the arguments ask for; the exit status."""
-    if args.save is not None and args.save.suffix.lower() != ".html":
-        raise ValueError(f"--save {args.save}: the name must end in .html")
+    if args.save is not None:
+        _check_saved(args.save)
     subject = _subject(args)
     if args.save is not None:
         save_page(subject.make(subject.names[0], {}), args.save)
         print(f"wrote {args.save}")
         return 0
     server = _server(args.port)
-    page = Page(server, subject)
-    address = f"http://127.0.0.1:{server.get_port()}"
-    print(f"{subject.names[0]}: {address} (Ctrl-C ends)")
-    sys.stdout.flush()
-    if not args.no_browser:
-        webbrowser.open(address)
     try:
+        page = Page(server, subject)
+        address = f"http://127.0.0.1:{server.get_port()}"
+        print(f"{subject.names[0]}: {address} (Ctrl-C ends)", flush=True)
+        if not args.no_browser:
+            webbrowser.open(address)
         page.run()
     except KeyboardInterrupt:
         print()
     finally:
-        page.stop()
         _end(server)
     return 0
 
@@ -103,20 +105,28 @@ def simulated(scene: str, changes: Changes) -> Motion:
 
 
 def save_page(motion: Motion | Recording, path: str | Path, speed: float | None = None) -> None:
-    """Write a motion as a page of its own, that turns and plays without springgym, or anything else.
+    """Write a motion as a page that turns and plays without springgym, or anything else.
 
     Parameters
     ----------
     motion
         Or a recording of a scene.
     path
-        Of the .html file; some 0.9 MB, most of which is the viewer.
+        A .html file holds the viewer, too: some 1 MB, that any browser opens from where it lies. A .viser
+        file is a fifth of it, and is played by the viewer of `save_viewer`.
     speed
         Seconds of the motion a second of playing; if not given, the fastest at which the eye can follow.
+
+    Raises
+    ------
+    ValueError
+        If the name ends in neither.
     """
     from springgym.view.stage import Stage, look_from
     from springgym.view.stage import record as play
 
+    path = Path(path)
+    _check_saved(path)
     if isinstance(motion, Recording):
         motion = of_recording(motion)
     server = _server(PORT)
@@ -128,9 +138,31 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
         if pace != 1:
             stage.write(f"{fraction(pace)} of real time" if pace < 1 else f"{fraction(pace)} × real time")
         serializer = play(server, stage, motion, FPS, pace)
-        Path(path).write_text(serializer.as_html(), encoding="utf-8")
+        if path.suffix.lower() == ".html":
+            path.write_text(serializer.as_html(), encoding="utf-8")
+        else:
+            path.write_bytes(serializer.serialize())
     finally:
         _end(server)
+
+
+def save_viewer(path: str | Path) -> None:
+    """Write the viewer that plays .viser files from a web server.
+
+    Saved as view.html, it plays top.viser beside it at the address ``view.html?playbackPath=top.viser``.
+    """
+    import viser
+
+    page = Path(viser.__file__).parent / "client" / "build" / "index.html"
+    Path(path).write_bytes(page.read_bytes())
+
+
+def _check_saved(path: Path) -> None:
+    """Refuse a file of the wrong kind before the work is done."""
+    if path.suffix.lower() not in (".html", ".viser"):
+        raise ValueError(f"{path}: the name of a saved page must end in .html or .viser")
+    if not path.absolute().parent.is_dir():
+        raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
 
 
 def _server(port: int) -> Any:

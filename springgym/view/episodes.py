@@ -103,7 +103,10 @@ def _trained(folder: Path, algo: str, config: dict[str, Any]) -> Policy:
 
 def played(agent: Agent, seed: int) -> Motion:
     """One episode of an agent."""
-    env = gym.make(agent.env_id, **agent.env_kwargs)
+    try:
+        env = gym.make(agent.env_id, **agent.env_kwargs)
+    except gym.error.Error as error:
+        raise ValueError(f"{agent.env_id}: {error}") from error
     inner: Any = env.unwrapped
     if not hasattr(inner, "episodes"):
         raise ValueError(f"{agent.env_id} is no environment of springgym's")

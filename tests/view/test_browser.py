@@ -9,6 +9,8 @@ import shutil
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -206,3 +208,23 @@ def test_saved_page_plays_by_itself(browser, tmp_path):
     changes(browser, picture(browser))
     assert requested(browser) == set()
     assert not complaints(browser)
+
+
+def test_saved_viewer_plays_recordings_beside_it(browser, tmp_path):
+    """What a site of static files embeds."""
+    view.save_viewer(tmp_path / "view.html")
+    view.save_page(view.simulated("dish-ball", {}), tmp_path / "ball.viser")
+    assert (tmp_path / "ball.viser").stat().st_size < 5e5
+    serve = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            browser.get(f"http://127.0.0.1:{server.server_port}/view.html?playbackPath=ball.viser")
+            until(lambda: browser.find_elements(By.CSS_SELECTOR, "canvas"))
+            until(lambda: np.ptp(picture(browser), axis=(0, 1)).min() > 60)
+            changes(browser, picture(browser))
+            assert requested(browser) == {"127.0.0.1"}
+        finally:
+            server.shutdown()
+            thread.join()
