@@ -286,7 +286,7 @@ class Page:
         self._moment.value = round(self.time, 3)
         texts = list(motion.marks[n].text) if motion.marks else []
         texts += [
-            f"{name.split(' [')[0]} {next(iter(curves.values())).values[n]:.3g}{_unit(name)}"
+            f"{name.split(' [')[0]} {round(float(next(iter(curves.values())).values[n]), 5) + 0.0:.3g}{_unit(name)}"
             for name, curves in motion.graphs.items()
             if len(curves) == 1
         ]
