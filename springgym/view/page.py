@@ -286,9 +286,10 @@ class Page:
         self._moment.value = round(self.time, 3)
         texts = list(motion.marks[n].text) if motion.marks else []
         texts += [
-            f"{name.split(' [')[0]} {round(float(next(iter(curves.values())).values[n]), 5) + 0.0:.3g}{_unit(name)}"
+            f"{name.split(' [')[0]} {round(float(curve.values[n]), 5) + 0.0:.3g}{_unit(name)}"
             for name, curves in motion.graphs.items()
             if len(curves) == 1
+            for curve in curves.values()
         ]
         self._readings.content = " · ".join(texts)
         curves = motion.graphs.get(self._graphed.value)
