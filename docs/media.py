@@ -24,6 +24,7 @@ from springgym.scenes import film, load, names
 from springgym.scenes.checks import Check, check
 from springgym.scenes.plots import draw
 from springgym.scenes.recording import record
+from springgym.view import save_page, save_viewer
 
 HERE = Path(__file__).parent
 SECONDS = 8.0
@@ -40,15 +41,17 @@ def make_all(folder: Path, newest: float) -> None:
         if not done.exists() or done.stat().st_mtime < newest:
             print(f"film of {name}", flush=True)
             make(name, folder)
+    save_viewer(folder / "view.html")
 
 
 def scene(name: str, folder: Path) -> None:
-    """NAME.png, its figure; NAME.json, its title and checks; NAME.mp4, its film."""
+    """NAME.png, its figure; NAME.json, its title and checks; NAME.viser, to turn; NAME.mp4, its film."""
     plan = load(name)
     recording = record(plan)
     draw(recording).savefig(folder / f"{name}.png")
     told = {"title": plan.title, "checks": rows(check(recording))}
     (folder / f"{name}.json").write_text(json.dumps(told), encoding="utf-8")
+    save_page(recording, folder / f"{name}.viser")
     frames = film.frames(replace(recording, times=recording.times[recording.times <= SECONDS]))
     write(frames, folder / f"{name}.mp4", film.FPS)
 

@@ -101,7 +101,9 @@ class Scene(Media):
             f'alt="{html.escape(title)}" loading="lazy"></a></figure>\n'
         )
         command = f"<code>springgym simulate {html.escape(name)} --check</code>"
-        measured = f'<div class="measured">{command}{table(scene["checks"])}</div>'
+        page = f"{self.url('view')}.html?playbackPath={html.escape(name)}.viser"
+        turn = f'<a href="{page}" target="_blank">Turn it with the mouse</a>'
+        measured = f'<div class="measured">{command}{table(scene["checks"])}{turn}</div>'
         row = f'<div class="scene">{self.film(name, title)}{measured}</div>\n'
         return [nodes.raw("", row + figure, format="html")]
 

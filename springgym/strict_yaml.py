@@ -6,6 +6,7 @@ of it, checked against the annotations of its parameters.
 
 from __future__ import annotations
 
+import copy
 import difflib
 import inspect
 import re
@@ -132,6 +133,36 @@ def parse_yaml(text: str, source: str) -> Tree:
         raise YamlError(f"{source}:{line}: not valid YAML: {problem}") from error
     except RecursionError:
         raise YamlError(f"{source}: nested too deeply, or an alias that refers to itself") from None
+
+
+def changed(tree: Tree, changes: Mapping[tuple[str, ...], Any], source: str = "a change") -> Tree:
+    """A document with the values at some paths replaced, or added where their mapping exists or is new.
+
+    Raises
+    ------
+    YamlError
+        If a path leads through what is no mapping or list.
+    """
+    value, where = copy.deepcopy(tree.value), dict(tree.where)
+    for path, new in changes.items():
+        inside = value
+        for n, key in enumerate(path):
+            last = n == len(path) - 1
+            if isinstance(inside, list) and key.isdecimal() and int(key) < len(inside):
+                if last:
+                    inside[int(key)] = new
+                inside = inside[int(key)]
+            elif isinstance(inside, dict):
+                if last:
+                    inside[key] = new
+                elif inside.get(key) is None:
+                    inside[key] = {}
+                    where[path[: n + 1]] = source
+                inside = inside[key]
+            else:
+                raise YamlError(f"{source}: there is no {'.'.join(path)} in {where[()]}")
+        where[path] = source
+    return Tree(value, where)
 
 
 def _line(source: str, node: yaml.Node) -> str:

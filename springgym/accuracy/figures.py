@@ -1,9 +1,54 @@
-"""The figures of ``springgym accuracy``. Needs Matplotlib."""
+"""The figures of ``springgym accuracy``. Needs Matplotlib.
+
+Every curve has its name beside its end. Methods of springgym are coloured, each in the same colour in all
+figures; other programs are grey.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+COLORS = {
+    "verlet": "#2b5c96",
+    "symplectic_euler": "#8fb3dd",
+    "rk4": "#22966a",
+    "pefrl": "#7cc49f",
+    "blanes_moan": "#8048a0",
+    "dopri5": "#c08bd6",
+    "implicit_euler": "#be323c",
+    "implicit_midpoint": "#e45e2c",
+    "tr_bdf2": "#d39b2a",
+    "rodas3": "#8a6a2f",
+    "rigid suzuki": "#8048a0",
+    "rigid kahan_li": "#22966a",
+    "rigid verlet": "#2b5c96",
+}
+"""Implicit methods are warm, explicit ones cold."""
+PEER, INK = "#9aa3ad", "#343c4c"
+PEERS = ("MuJoCo", "SciPy")
+MARKS = {"MuJoCo": "s", "SciPy": "^"}
+TITLES = {
+    "spin-down": "the spin that implicit methods leave a top",
+    "rigid gap": "how far bodies of springs are from rigid ones",
+    "crossover": "where implicit methods begin to pay",
+    "rigid twin": "the top as one rigid body",
+}
+"""Of results that do not say what they are."""
+LEAST, MOST = 1e-14, 0.3
+"""Errors beyond are drawn at these edges: of round-off, and where nothing is right any more."""
+APART = 0.042
+"""Least distance of two names, as a share of the figure's height."""
+
+
+class End(NamedTuple):
+    """Where a curve ends, and its name."""
+
+    x: float
+    y: float
+    name: str
+    color: str
 
 
 def draw(name: str, result: dict[str, Any], path: Path) -> None:
@@ -11,23 +56,54 @@ def draw(name: str, result: dict[str, Any], path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.2, 4.6), layout="constrained")
+    figure = Figure(figsize=(7.6, 4.8))
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    if result["kind"] == "spin-down":
-        _spin_down(axes, result)
-    elif result["kind"] == "rigid gap":
-        _rigid_gap(axes, result)
-    elif result["kind"] == "crossover":
-        _crossover(axes, result)
-    else:
-        _work_precision(axes, result)
-    axes.set_title(f"{name}: {result.get('what', result['kind'])}", fontsize=10)
-    axes.grid(alpha=0.25, linewidth=0.6)
-    axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    kinds = {"spin-down": _spin_down, "rigid gap": _rigid_gap, "crossover": _crossover}
+    kinds.get(result["kind"], _work_precision)(figure, result)
+    what = result.get("what") or TITLES.get(result["kind"], result["kind"])
+    figure.suptitle(f"{name}: {what}", fontsize=10, x=0.1, ha="left")
     measured = result["measured"]
-    figure.supxlabel(f"{measured['cpu']}, {measured['date']}", fontsize=6, x=0.99, ha="right")
+    figure.text(0.99, 0.01, f"{measured['cpu']}, {measured['date']}", fontsize=6, ha="right", color=PEER)
     figure.savefig(path, metadata={"Date": None})
+
+
+def plain(figure: Any, *place: float, **options: Any) -> Any:
+    """Axes at (left, bottom, width, height) without a frame."""
+    axes = figure.add_axes(place)
+    axes.set(**options)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(alpha=0.25, linewidth=0.6)
+    axes.set_axisbelow(True)
+    return axes
+
+
+def name_ends(axes: Any, ends: Sequence[End]) -> None:
+    """Write the names of curves in a column at the right, as near to their ends as they fit."""
+    axes.get_xlim(), axes.get_ylim()  # settles the limits that the curves ask for
+    to_axes = axes.transAxes.inverted()
+    spots = [(to_axes.transform(axes.transData.transform((end.x, end.y))), end) for end in ends]
+    height = axes.get_position().height
+    apart = APART / height
+    heights: list[float] = []
+    for (_, y), _ in sorted(spots, key=lambda spot: spot[0][1]):
+        heights.append(max(y, heights[-1] + apart) if heights else max(y, 0.0))
+    over = max(0.0, heights[-1] - 1.0) if heights else 0.0
+    for n in range(len(heights) - 1, -1, -1):
+        limit = heights[n + 1] - apart if n + 1 < len(heights) else heights[n] - over
+        heights[n] = min(heights[n], limit)
+    for ((x, y), end), placed in zip(sorted(spots, key=lambda spot: spot[0][1]), heights, strict=True):
+        axes.annotate(
+            end.name,
+            (x, y),
+            (1.03, placed),
+            xycoords="axes fraction",
+            textcoords="axes fraction",
+            va="center",
+            fontsize=7.5,
+            color=end.color,
+            arrowprops={"arrowstyle": "-", "color": end.color, "alpha": 0.35, "linewidth": 0.6, "shrinkB": 2},
+            annotation_clip=False,
+        )
 
 
 def _methods(result: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
@@ -37,74 +113,133 @@ def _methods(result: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
     return methods
 
 
-def _work_precision(axes: Any, result: dict[str, Any]) -> None:
-    """Error over cost; failures as crosses at the top edge; the default starred, the model error dashed."""
+def _work_precision(figure: Any, result: dict[str, Any]) -> None:
+    """Error over cost; steps that fail as crosses on the top edge; the default starred, the model dashed."""
+    per_period = "period" in result["kind"] or "consistency" in result["kind"]
+    axes = plain(
+        figure,
+        *(0.1, 0.12, 0.63, 0.78),
+        xscale="log",
+        yscale="log",
+        xlabel="µs of one core per simulated second",
+        ylabel="error / size of the body" + (", of a control period" if per_period else ""),
+    )
     methods = _methods(result)
-    for n, (name, rows) in enumerate(methods.items()):
-        colour, dash = f"C{n % 10}", ":" if name.startswith(("MuJoCo", "SciPy")) else "-"
-        good = [row for row in rows if row["error"] is not None]
+    ends = []
+    for name, rows in sorted(methods.items(), key=lambda item: not item[0].startswith(PEERS)):
+        peer = next((program for program in PEERS if name.startswith(program)), None)
+        color = PEER if peer else COLORS.get(name, INK)
+        good = [row for row in rows if row["error"] is not None and row["error"] < MOST]
+        costs, errors = [row["cost"] for row in good], [max(row["error"], LEAST) for row in good]
         axes.plot(
-            [row["cost"] for row in good],
-            [max(row["error"], 1e-14) for row in good],
-            dash,
-            marker=".",
-            color=colour,
-            label=name.replace("_", " "),
-            linewidth=1,
+            costs,
+            errors,
+            ":" if peer else "-",
+            marker=MARKS.get(peer or "", "o"),
+            markersize=3,
+            color=color,
+            linewidth=1 if peer else 1.3,
+            zorder=1 if peer else 2,
         )
-        for row in rows:
-            if row["error"] is None:
-                axes.plot(row["cost"], 0.2, "x", color=colour, markersize=4)
+        failed = [row["cost"] for row in rows if row["error"] is None or row["error"] >= MOST]
+        axes.plot(failed, [MOST] * len(failed), "x", color=color, markersize=4, clip_on=False)
+        if good:
+            last = max(good, key=lambda row: row["cost"])
+            ends.append(End(last["cost"], max(last["error"], LEAST), name.replace("_", " "), color))
+    if any(row["error"] is None or row["error"] >= MOST for rows in methods.values() for row in rows):
+        axes.annotate(
+            "× fails", (0, MOST), (4, 4), xycoords=("axes fraction", "data"), textcoords="offset points",
+            fontsize=7, color=INK,
+        )  # fmt: skip
     if "default" in result:
         step = result["default"]["step"]
         row = min(methods["verlet"], key=lambda row: abs(row["step"] - step))
         if row["error"] is not None and abs(row["step"] / step - 1) < 0.01:
-            axes.plot(
-                row["cost"],
-                row["error"],
-                "*",
-                color="k",
-                markersize=11,
-                zorder=5,
-                label="default method and step",
-            )
+            axes.plot(row["cost"], row["error"], "*", color="k", markersize=11, zorder=5)
+            axes.annotate(
+                "default", (row["cost"], row["error"]), (-7, -9), textcoords="offset points", fontsize=7.5,
+                ha="right",
+            )  # fmt: skip
     if "model" in result:
-        axes.axhline(
-            result["model"]["errors"][0], color="k", linestyle="--", linewidth=0.8, label="model error"
+        error = result["model"]["errors"][0]
+        axes.axhline(error, color="k", linestyle="--", linewidth=0.8)
+        axes.annotate(
+            "model error: springs beside a rigid body", (0.99, error), (0, 3),
+            xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=7, ha="right",
+        )  # fmt: skip
+    low = min((max(row["error"], LEAST) for row in result["rows"] if row["error"]), default=LEAST)
+    high = max((row["error"] or MOST for row in result["rows"]), default=MOST)
+    axes.set_ylim(0.4 * low, min(3 * high, MOST))
+    name_ends(axes, ends)
+
+
+def _spin_down(figure: Any, result: dict[str, Any]) -> None:
+    """The spin that implicit methods leave, a panel for each step; what flies off is cut, and named so."""
+    steps = sorted({curve["step"] for curve in result["curves"]})
+    for n, step in enumerate(steps):
+        axes = plain(
+            figure,
+            *(0.1 + 0.47 * n, 0.12, 0.24, 0.72),
+            xlabel="t [s]",
+            ylabel="spin / spin at the start" if n == 0 else "",
+            ylim=(0, 1.06),
         )
-    axes.set(xscale="log", yscale="log", xlabel="µs per simulated second", ylabel="error / size of the body")
+        axes.set_title(f"step {1e3 * step:g} ms", fontsize=9, loc="left")
+        ends = []
+        for curve in (curve for curve in result["curves"] if curve["step"] == step):
+            times, spins, name = curve["times"], curve["spins"], curve["method"].replace("_", " ")
+            theory = name.startswith("theory")
+            color = "k" if theory else COLORS[curve["method"]]
+            wild = next((k for k, spin in enumerate(spins) if not 0 <= spin <= 1.06), None)
+            axes.plot(
+                times[:wild], spins[:wild], "--" if theory else "-", color=color,
+                linewidth=0.9 if theory else 1.5, zorder=3 if theory else 2,
+            )  # fmt: skip
+            if wild is not None:
+                axes.plot(times[wild], 1.06, "x", color=color, clip_on=False)
+                name = f"{name} (fails)"
+                ends.append(End(times[-1], 1.06, name, color))
+            elif not theory:
+                ends.append(End(times[-1], spins[-1], name, color))
+            else:
+                ends.append(End(times[-1], spins[-1], "its theory", color))
+        axes.set_xlim(0, max(result["curves"][0]["times"]))
+        name_ends(axes, ends)
 
 
-def _spin_down(axes: Any, result: dict[str, Any]) -> None:
-    for curve in result["curves"]:
-        theory = curve["method"].startswith("theory")
-        axes.plot(
-            curve["times"],
-            curve["spins"],
-            "k--" if theory else "-",
-            linewidth=0.8 if theory else 1.4,
-            label=f"{curve['method'].replace('_', ' ')}, {1e3 * curve['step']:g} ms",
-        )
-    axes.set(xlabel="t [s]", ylabel="spin / spin at the start", ylim=(0, 1.05))
+def _rigid_gap(figure: Any, result: dict[str, Any]) -> None:
+    axes = plain(
+        figure,
+        *(0.1, 0.12, 0.63, 0.78),
+        xscale="log",
+        yscale="log",
+        xlabel="stiffness [N/m]",
+        ylabel="gap to rigid theory / size",
+    )
+    ends = []
+    for (name, gaps), color in zip(result["gaps"].items(), COLORS.values(), strict=False):
+        axes.plot(result["stiffness"], gaps, "o-", color=color)
+        power = f"{name}, power {result['powers'][name]:.3f}".replace("-1", "−1")
+        ends.append(End(result["stiffness"][-1], gaps[-1], power, color))
+    name_ends(axes, ends)
 
 
-def _rigid_gap(axes: Any, result: dict[str, Any]) -> None:
-    for name, gaps in result["gaps"].items():
-        label = f"{name}: power {result['powers'][name]:.3f}"
-        axes.plot(result["stiffness"], gaps, "o-", label=label)
-    axes.set(xscale="log", yscale="log", xlabel="stiffness [N/m]", ylabel="gap to rigid theory / size")
-
-
-def _crossover(axes: Any, result: dict[str, Any]) -> None:
-    for n, (name, found) in enumerate(result["bodies"].items()):
-        for kind, dash in (("explicit", "-"), ("implicit", "--")):
-            rows = [row for row in found["rows"] if row[kind]]
-            label = f"{name}, {'verlet' if kind == 'explicit' else 'best implicit'}"
-            costs = [row[kind]["cost"] for row in rows]
-            axes.plot([row["stiffness"] for row in rows], costs, dash, marker=".", color=f"C{n}", label=label)
-    axes.set(
+def _crossover(figure: Any, result: dict[str, Any]) -> None:
+    axes = plain(
+        figure,
+        *(0.1, 0.12, 0.63, 0.78),
         xscale="log",
         yscale="log",
         xlabel="stiffness [N/m]",
         ylabel=f"µs per simulated second to an error of {result['tolerance']:g}",
     )
+    ends = []
+    for (name, found), dash in zip(result["bodies"].items(), ("-", "--", ":", "-."), strict=False):
+        for kind, color in (("explicit", COLORS["verlet"]), ("implicit", COLORS["implicit_euler"])):
+            rows = [row for row in found["rows"] if row[kind]]
+            costs = [row[kind]["cost"] for row in rows]
+            axes.plot([row["stiffness"] for row in rows], costs, dash, marker=".", color=color)
+            if rows:
+                label = f"{name}, {'verlet' if kind == 'explicit' else 'best implicit'}"
+                ends.append(End(rows[-1]["stiffness"], costs[-1], label, color))
+    name_ends(axes, ends)

@@ -5,45 +5,78 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-BLUE, GREY = "#2a5c99", "#9aa3ad"
+from springgym.accuracy.figures import INK, PEER, End, name_ends, plain
+
+OURS = "#2b5c96"
 
 
 def draw(report: dict[str, Any], path: Path) -> None:
-    """Draw peers as bars and size against cost, of whatever was measured."""
+    """Draw peers as dots and size against cost, of whatever was measured."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure = Figure(figsize=(11.5, 4.8))
+    FigureCanvasAgg(figure)
     rows = [row for row in report.get("peers", {}).get("rows", ()) if row["precision"] == "float64"]
-    rows.sort(key=lambda row: row["median"])
-    colors = [BLUE if row["program"].startswith("springgym") else GREY for row in rows]
-    names = [f"{row['program']}, {row['copies']} (error {row['error']:.0e})" for row in rows]
-    left.barh(names, [row["median"] for row in rows], color=colors)
-    left.set(
+    _peers(plain(figure, 0.15, 0.14, 0.36, 0.76), rows)
+    _sizes(plain(figure, 0.6, 0.14, 0.24, 0.76), report.get("sizes", {}).get("rows", ()))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, metadata={"Date": None})
+
+
+def _peers(axes: Any, rows: list[dict[str, Any]]) -> None:
+    """A line for each program: a ring for one copy, a dot for the best batch, and the error of the step."""
+    best: dict[str, dict[bool, dict[str, Any]]] = {}
+    for row in rows:
+        kinds = best.setdefault(row["program"], {})
+        batch = row["copies"] > 1
+        if batch not in kinds or row["median"] > kinds[batch]["median"]:
+            kinds[batch] = row
+    order = sorted(best, key=lambda name: max(row["median"] for row in best[name].values()))
+    for line, program in enumerate(order):
+        color = OURS if program.startswith("springgym") else PEER
+        speeds = [row["median"] for row in best[program].values()]
+        axes.plot([min(speeds), max(speeds)], [line, line], color=color, linewidth=1, alpha=0.5)
+        for batch, row in best[program].items():
+            axes.plot(
+                row["median"], line, "o", color=color, markerfacecolor=color if batch else "w", markersize=7
+            )
+        row = max(best[program].values(), key=lambda row: row["median"])
+        axes.annotate(
+            f"{_short(row['median'])}  (error {row['error']:.0e})", (row["median"], line), (8, 0),
+            textcoords="offset points", va="center", fontsize=7, color=INK,
+        )  # fmt: skip
+    axes.set(
         xscale="log",
-        xlabel="steps a second, one core",
-        title="The paper's top, by program and copies",
+        yticks=range(len(order)),
+        yticklabels=order,
+        xlabel="steps a second, one core; ring: one copy, dot: the best batch",
     )
-    left.tick_params(axis="y", labelsize=7)
-    rows = report.get("sizes", {}).get("rows", ())
-    for axis, rest, label in (
-        ("copies", {"ring": 12}, "copies of a ring of 12"),
-        ("ring", {"copies": 64}, "particles in the ring, 64 copies"),
-        ("ring", {"copies": 1}, "particles in the ring, 1 copy"),
+    axes.set_title("The paper's top, by program", fontsize=10, loc="left")
+    axes.tick_params(axis="y", labelsize=8, length=0)
+    axes.spines["left"].set_visible(False)
+    if rows:
+        low, high = (f(row["median"] for row in rows) for f in (min, max))
+        axes.set(xlim=(0.6 * low, 60 * high), ylim=(-0.6, len(order) - 0.4))
+
+
+def _short(speed: float) -> str:
+    """A speed in three figures: 4.95 M, 197 k."""
+    return f"{speed / 1e6:.3g} M" if speed >= 1e6 else f"{speed / 1e3:.3g} k"
+
+
+def _sizes(axes: Any, rows: Any) -> None:
+    """Cost of a spring and step against how many there are."""
+    ends = []
+    for axis, rest, label, color in (
+        ("ring", {"copies": 1}, "particles in a ring, 1 copy", "#8048a0"),
+        ("ring", {"copies": 64}, "particles in a ring, 64 copies", "#22966a"),
+        ("copies", {"ring": 12}, "copies of a ring of 12", OURS),
     ):
         points = sorted((row[axis], row["ns_a_spring"]) for row in rows if rest.items() <= row.items())
         if points:
-            right.plot(*zip(*points, strict=True), "o-", label=label)
-    right.set(
-        xscale="log",
-        xlabel="number",
-        ylabel="ns a spring and step",
-        title="Cost against size",
-        ylim=(0, None),
-    )
-    if right.lines:
-        right.legend(frameon=False)
-    for axes in (left, right):
-        axes.spines[["top", "right"]].set_visible(False)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
+            axes.plot(*zip(*points, strict=True), "o-", color=color, markersize=3.5, linewidth=1.2)
+            ends.append(End(*points[-1], label, color))
+    axes.set(xscale="log", xlabel="number", ylabel="ns a spring and step", ylim=(0, None))
+    axes.set_title("Cost against size", fontsize=10, loc="left")
+    name_ends(axes, ends)

@@ -21,6 +21,7 @@ from springgym.envs.starts import any_rotation, direction, principal_axes
 from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, two_tone
+from springgym.rendering.look import RED
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 0.35  # [N·m]
@@ -155,7 +156,11 @@ class SpringDetumble(Task):
             triad = np.array([m.side, np.cross(m.axis, m.side), m.axis])
             pushes = 0.4 * action[:, None] * (self._thrust @ triad)
             arrows = [Arrow(x[corner], push) for (corner, _), push in zip(THRUSTERS, pushes, strict=True)]
-        return Marks(arrows=arrows, text=(f"turning {float(np.linalg.norm(m.angular_velocity)):4.2f} rad/s",))
+        return Marks(
+            arrows=arrows,
+            text=(f"turning {float(np.linalg.norm(m.angular_velocity)):4.2f} rad/s",),
+            key=((RED, "thrust"),) if arrows else (),
+        )
 
 
 class SpringDetumbleEnv(SpringEnv, gym.Env):

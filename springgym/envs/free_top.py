@@ -21,6 +21,7 @@ from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.rendering.look import GREEN, RED
 from springgym.scene import GRAVITY, Scene, ThrustActuator, WrenchActuator
 from springgym.surfaces import Contact, Dish, floor, scales
 from springgym.theory.contact import rest_height
@@ -173,6 +174,7 @@ class SpringFreeTop(Task):
         return Marks(
             rings=[((0.0, 0.0, 0.0), INSIDE)],
             arrows=[Arrow(x[self.body.particle("crown")], push)],
+            key=((GREEN, "stay in here"), (RED, "push on the crown")),
             text=(
                 f"tilt {math.degrees(tilt):4.1f}°",
                 f"spin {spin:4.1f} rad/s",

@@ -21,6 +21,7 @@ from springgym.envs.starts import direction
 from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.rendering.look import GREEN
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 20.0  # [N·m]
@@ -145,7 +146,8 @@ class SpringGyroscope(Task):
         angle = math.degrees(math.acos(np.clip(m.axis @ goal, -1, 1)))
         return Marks(
             balls=[(centre + 1.4 * reach * goal, 0.06 * reach)],
-            arrows=[Arrow(centre, 1.3 * reach * goal)],
+            arrows=[Arrow(centre, 1.3 * reach * goal, GREEN)],
+            key=((GREEN, "where the axle shall point"),),
             text=(f"off target {angle:5.1f}°", f"spin {float(m.angular_velocity @ m.axis):5.1f} rad/s"),
         )
 

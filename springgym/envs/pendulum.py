@@ -19,6 +19,7 @@ from springgym.envs.rewards import gaussian, spinning, thrift
 from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.rendering.look import GREEN, RED
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 4.25  # [N·m], half of the weight's largest moment
@@ -133,10 +134,12 @@ class SpringPendulum(Task):
         tilt = math.degrees(math.acos(np.clip(m.axis[2], -1, 1)))
         speed = float(np.linalg.norm(m.angular_velocity))
         top = (0.0, 0.0, float(self.body.lengths.max()))
+        impulse = ((RED, "impulse"),) if self.action == "impulse" else ()
         return Marks(
             balls=[(top, 0.04)],
             arrows=[Arrow(x[FAR], 0.4 * action)] if self.action == "impulse" else [],
             text=(f"tilt {tilt:5.1f}°", f"turning {speed:4.1f} rad/s"),
+            key=((GREEN, "where the far corner shall be"), *impulse),
         )
 
 

@@ -20,6 +20,7 @@ from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
+from springgym.rendering.look import GREEN
 from springgym.scene import GRAVITY, DriveActuator, Scene
 
 ACCELERATION = 3.0  # of the trolley [m/s²]
@@ -108,11 +109,11 @@ class SpringRope(Task):
 
     def look(self) -> Look:
         count = len(self.body.masses)
-        radii = np.full(count, 0.04)
-        radii[0], radii[-1] = 0.09, 0.22
+        radii = np.full(count, 0.06)
+        radii[0], radii[-1] = 0.15, 0.34
         return Look(
             bars=self.body.springs,
-            bar_radius=0.02,
+            bar_radius=0.035,
             radii=radii,
             springs=self.body.springs,
             trace=count - 1,
@@ -120,9 +121,8 @@ class SpringRope(Task):
         )
 
     def camera(self) -> Camera:
-        return Camera.framing(
-            (0, 0, -0.5 * float(self.body.lengths.sum())), 2.6 * float(self.body.lengths.sum())
-        )
+        length = float(self.body.lengths.sum())
+        return Camera.framing((0, 0, -0.62 * length), 2.1 * length)
 
     def scenery(self) -> Scenery:
         return Scenery(floor=-1.2 * float(self.body.lengths.sum()))
@@ -137,7 +137,10 @@ class SpringRope(Task):
             ((x[0, 0], x[0, 1] - 1.0, 0.0), (x[0, 0], x[0, 1] + 1.0, 0.0)),
         ]
         return Marks(
-            rings=[(target, 0.3)], lines=[(target, high), *rails], text=(f"off target {error:4.2f} m",)
+            rings=[(target, 0.3)],
+            lines=[(target, high), *rails],
+            text=(f"off target {error:4.2f} m",),
+            key=((GREEN, "above here the load shall rest"),),
         )
 
 

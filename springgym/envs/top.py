@@ -21,6 +21,7 @@ from springgym.envs.rewards import long_tail, spinning, thrift
 from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.rendering.look import RED
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 WANTED = 50.0  # spin [rad/s]
@@ -152,7 +153,11 @@ class SpringTop(Task):
         arrows = []
         if self.action == "impulse":
             arrows = [Arrow(x[self.body.particle("crown")], 0.4 * action)]
-        return Marks(arrows=arrows, text=(f"tilt {math.degrees(tilt):4.1f}°", f"spin {spin:4.1f} rad/s"))
+        return Marks(
+            arrows=arrows,
+            text=(f"tilt {math.degrees(tilt):4.1f}°", f"spin {spin:4.1f} rad/s"),
+            key=((RED, "impulse on the crown"),) if self.action == "impulse" else (),
+        )
 
 
 class SpringTopEnv(SpringEnv, gym.Env):

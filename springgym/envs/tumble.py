@@ -21,6 +21,7 @@ from springgym.envs.starts import any_rotation
 from springgym.envs.task import Particles, Start, Task, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, RED
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 from springgym.surfaces import Contact, floor
 
@@ -161,7 +162,7 @@ class SpringTumble(Task):
         )
 
     def camera(self) -> Camera:
-        return Camera.framing((0, 0, 0.15), 2.6, elevation=0.6)
+        return Camera.framing((0, 0, 0.15), 2.0, elevation=0.6)
 
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0)
@@ -177,7 +178,8 @@ class SpringTumble(Task):
             rings=[(place, 0.1), (place, 0.3)],
             balls=[(x[corner], 0.05)],
             arrows=arrows,
-            text=(f"off target {error:4.2f} m", "marked corner up"),
+            text=(f"off target {error:4.2f} m",),
+            key=((GREEN, "ring: here; ball: this corner up"), (RED, "push")),
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -108,6 +108,66 @@ class Camera:
         distance = max(float(np.linalg.norm(away)), reach / float(np.sin(narrow)))
         eye = middle + distance / float(np.linalg.norm(away)) * away
         return Camera(tuple(eye), tuple(middle), self.fov)
+
+    @classmethod
+    def fitting(
+        cls,
+        points: ArrayLike,
+        size: tuple[int, int] = (1, 1),
+        azimuth: float = -1.0,
+        elevation: float = 0.3,
+        fov: float = 0.5,
+        margin: float = 0.08,
+    ) -> Camera:
+        """The nearest camera that sees all points in a picture.
+
+        In axes right, up, forward, with t the tangent of half the angle of view, a point (a, b, c) is
+        seen from the eye (α, β, γ) if |a − α| ≤ t (c − γ), and likewise for b. With
+        u = max(a − t c) and l = min(a + t c), α = (u + l)/2 allows the largest γ, (l − u)/(2 t).
+
+        Parameters
+        ----------
+        points : (..., 3) array_like
+            m; those that are not finite are left out.
+        size : tuple of 2 ints
+            Width and height of the picture, of which the ratio counts.
+        azimuth, elevation : float
+            Direction from the points to the eye, see `framing`, rad.
+        fov : float
+            Vertical angle of view, rad.
+        margin : float
+            Share of the picture that stays free at each edge.
+
+        Raises
+        ------
+        ValueError
+            If no point is finite.
+        """
+        x = np.asarray(points, dtype=float).reshape(-1, 3)
+        x = x[np.isfinite(x).all(axis=1)]
+        if not len(x):
+            raise ValueError("there is no finite point to fit into a picture")
+        away = np.array(
+            [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
+        )
+        basis = cls(tuple(away), (0.0, 0.0, 0.0), fov).axes()
+        a, b, c = basis @ x.T
+        up = np.tan(0.5 * fov) * (1.0 - 2.0 * margin)
+        eye, reach = [0.0, 0.0], []
+        for n, (side, t) in enumerate(((a, up * size[0] / size[1]), (b, up))):
+            low, high = (side + t * c).min(), (side - t * c).max()
+            eye[n] = 0.5 * (low + high)
+            reach.append((low - high) / (2.0 * t))
+        middle = 0.5 * (c.min() + c.max())
+        near = min(*reach, c.min() - (0.05 * max(np.ptp(a), np.ptp(b), np.ptp(c)) or 1.0))
+        across = np.array(eye) @ basis[:2]
+        return cls(tuple(across + near * basis[2]), tuple(across + middle * basis[2]), fov)
+
+    def moved(self, way: ArrayLike) -> Camera:
+        """The camera moved by a way (3,), m."""
+        return replace(
+            self, eye=tuple(np.add(self.eye, way).tolist()), target=tuple(np.add(self.target, way).tolist())
+        )
 
     def axes(self) -> NDArray[np.float64]:
         """Unit vectors right, up and forward of the picture, as the rows of a (3, 3) array."""

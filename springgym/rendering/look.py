@@ -21,21 +21,27 @@ ORANGE: Color = (228, 94, 44)
 GREEN: Color = (34, 150, 100)
 AMBER: Color = (242, 172, 60)
 TEAL: Color = (62, 146, 158)
+RED: Color = (190, 50, 60)
 INK: Color = (52, 60, 76)
 GRAPHITE: Color = (110, 120, 138)
 
 
-def two_tone(count: int, blocks: int = 4, colors: tuple[Color, Color] = (BLUE, IVORY)) -> NDArray[np.uint8]:
-    """Colours of ``count`` sectors in turn: ``blocks`` runs of alternating colour.
+def two_tone(
+    count: int, blocks: int = 4, colors: tuple[Color, Color] = (BLUE, IVORY), odd: Color = AMBER
+) -> NDArray[np.uint8]:
+    """Colours of ``count`` sectors in turn: ``blocks`` runs of alternating colour, the last one odd.
 
-    Few wide runs let the eye follow a spin that turns by many narrow sectors between frames.
+    Few wide runs let the eye follow a spin that turns by many narrow sectors between frames. The odd one
+    tells which way: without it, four runs look the same after half a turn, and a spin by more than a
+    quarter of a turn between frames would be seen backwards.
 
     Returns
     -------
     (count, 3) uint8 array
     """
     run = np.arange(count) * blocks // count
-    return np.array(colors, dtype=np.uint8)[run % 2]
+    table = np.array([colors[n % 2] for n in range(blocks - 1)] + [odd], dtype=np.uint8)
+    return table[run]
 
 
 def _indices(name: str, value: ArrayLike, columns: int) -> NDArray[np.intp]:
@@ -164,7 +170,7 @@ class Arrow(NamedTuple):
 
     origin: Point
     vector: Point
-    color: Color = ORANGE
+    color: Color = RED
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,6 +211,8 @@ class Marks:
         Forces, thrusts, directions to reach.
     text : sequence of str
         Lines in the top left corner.
+    key : sequence of (color, str)
+        What the colours of arrows, rings and balls mean, in the bottom left corner.
     """
 
     rings: Sequence[tuple[Point, float]] = ()
@@ -212,3 +220,4 @@ class Marks:
     lines: Sequence[tuple[Point, Point]] = ()
     arrows: Sequence[Arrow] = ()
     text: Sequence[str] = ()
+    key: Sequence[tuple[Color, str]] = ()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from functools import partial
 from typing import Any, Literal
 
@@ -172,7 +171,7 @@ class Renderer:
             draw()
         self._paint_trace(canvas)
         picture = canvas.picture()
-        self._write(picture, marks.text, strain is not None)
+        self._write(picture, marks, strain is not None)
         return picture
 
     def _paint_trace(self, canvas: Canvas) -> None:
@@ -185,15 +184,21 @@ class Renderer:
         segments = np.stack([pixels[:-1], pixels[1:]], axis=1)
         canvas.strokes(segments, 1.2 + 1.8 * young, ORANGE, 0.95 * young**1.2)
 
-    def _write(self, picture: Any, text: Sequence[str], legend: bool) -> None:
+    def _write(self, picture: Any, marks: Marks, legend: bool) -> None:
         """Text and legends, on the finished picture."""
         pygame = import_pygame()
         pygame.font.init()
         height = self.size[1]
         unit = max(height // 32, 10)
         font = pygame.font.Font(None, round(1.25 * unit))
-        for row, line in enumerate(text):
+        for row, line in enumerate(marks.text):
             picture.blit(font.render(line, True, INK), (unit, round(unit * (1.0 + 1.25 * row))))
+        bottom = height - (4 if legend else 1) * unit
+        for row, (color, line) in enumerate(reversed(marks.key)):
+            middle = (round(1.35 * unit), round(bottom - 1.25 * unit * row - 0.4 * unit))
+            pygame.draw.circle(picture, color, middle, round(0.35 * unit))
+            word = font.render(line, True, INK)
+            picture.blit(word, word.get_rect(midleft=(2 * unit, middle[1])))
         if legend:
             scale = self.look.strain_scale
             steps = np.linspace(-scale, scale, 9 * unit)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from os import PathLike
 from typing import Any
 
@@ -16,10 +17,28 @@ from springgym.surfaces import Dish, Plane
 
 SIZE = (640, 640)
 FPS = 50.0
+GIF_FPS = 25.0
+"""Frames a second of a GIF: browsers show many more at the wrong speed."""
+SPEEDS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
+"""Seconds of the motion a second of showing it."""
+TURN_A_FRAME = 1.05
+"""[rad] The eye cannot follow a body that turns by more from frame to frame."""
+FAR = 8.0
+"""Bodies that go farther than so many times their size are followed by the camera."""
+CALM = 0.5
+"""Seconds over which the camera's way is smoothed."""
 
 
-def save_film(recording: Recording, path: str | PathLike[str]) -> None:
-    """Write the film of a recording, in real time, as .mp4 or .gif.
+def save_film(recording: Recording, path: str | PathLike[str], speed: float | None = None) -> None:
+    """Write the film of a recording as .mp4 or .gif.
+
+    It is in real time unless the body turns too fast for the eye, see `visible_speed`; then the film says
+    how much slower it is.
+
+    Parameters
+    ----------
+    speed
+        Seconds of the motion a second of the film, in place of that.
 
     Raises
     ------
@@ -28,27 +47,103 @@ def save_film(recording: Recording, path: str | PathLike[str]) -> None:
     gymnasium.error.DependencyNotInstalled
         Without the packages of the extra ``render``.
     """
-    save_video(frames(recording, FPS), path, FPS)
+    fps = GIF_FPS if str(path).lower().endswith(".gif") else FPS
+    save_video(frames(recording, fps, speed), path, fps)
 
 
-def frames(recording: Recording, fps: float = FPS) -> Iterator[np.ndarray]:
-    """Pictures (height, width, 3) of a recording at a rate, in real time."""
+def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -> Iterator[np.ndarray]:
+    """Pictures (height, width, 3) of a recording at a rate, see `save_film`."""
     plan, x = recording.plan, recording.positions
+    pace = visible_speed(turning(recording), fps) if speed is None else speed
     renderer = Renderer(look(plan.scene.body, plan.trace), camera(recording), scenery(recording), SIZE)
-    moments = np.arange(0.0, recording.times[-1] + 1e-9, 1 / fps)
-    for t in moments:
+    along = way(recording)
+    still, note = renderer.camera, () if pace == 1 else (f"{Fraction(pace)} of real time",)
+    for t in np.arange(0.0, recording.times[-1] + 1e-9, pace / fps):
         n = min(int(np.searchsorted(recording.times, t - 1e-9)), len(x) - 1)
-        yield renderer.frame(x[n], Marks(text=(f"{t:5.2f} s",)))  # type: ignore[misc]
+        if along is not None:
+            renderer.camera = still.moved(along[n])
+        yield renderer.frame(x[n], Marks(text=(f"{t:5.2f} s", *note)))  # type: ignore[misc]
     renderer.close()
 
 
-def camera(recording: Recording) -> Camera:
-    """A camera that sees the whole motion."""
-    x, view = recording.positions, recording.plan.view
-    low, high = x.min(axis=(0, 1)), x.max(axis=(0, 1))
-    reach = float(np.linalg.norm(x - (low + high) / 2, axis=2).max())
-    size = 2.2 * reach if reach > 1e-5 else 1.0  # a particle at rest has none
-    return Camera.framing((low + high) / 2, size, azimuth=view.azimuth, elevation=view.elevation)
+def visible_speed(fastest: float, fps: float) -> float:
+    """The fastest of `SPEEDS`, at most real time, at which a turning at ``fastest`` rad/s is seen rightly."""
+    return max((s for s in SPEEDS if s <= 1 and fastest * s <= TURN_A_FRAME * fps), default=SPEEDS[0])
+
+
+def turning(recording: Recording) -> float:
+    """The largest angular velocity [rad/s]; of what changes shape, 0."""
+    if recording.plan.scene.body.floppy:
+        return 0.0
+    return float(np.linalg.norm(recording.measures.angular_velocity, axis=1).max())
+
+
+def camera(recording: Recording, size: tuple[int, int] = SIZE) -> Camera:
+    """A camera that sees the whole motion or, if the body goes far, all of the body where it starts."""
+    x, view, body = recording.positions, recording.plan.view, recording.plan.scene.body
+    along = way(recording)
+    if along is not None:
+        x = x - along[:, None]
+    radii = np.asarray(look(body, None).radii)
+    thick = float(radii.max()) if len(radii) else 0.0
+    thick *= 1 if len(body.masses) > 1 else 3  # a ball alone would fill the picture
+    corners = thick * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+    seen = x[:: max(1, len(x) // 500)].reshape(-1, 1, 3) + corners
+    return Camera.fitting(seen, size, view.azimuth, view.elevation)
+
+
+def way(recording: Recording) -> np.ndarray | None:
+    """The way (T, 3) [m] that a camera makes which follows; None if it stands."""
+    centre = recording.measures.centre
+    size = float(np.ptp(recording.positions[0], axis=0).max())
+    if recording.plan.scene.pinned or not 0 < FAR * size < np.linalg.norm(np.ptp(centre, axis=0)):
+        return None
+    count = max(1, round(CALM / float(recording.times[1] - recording.times[0])))
+    padded = np.pad(centre - centre[0], ((count, count), (0, 0)), mode="edge")
+    window = np.hanning(2 * count + 3)[1:-1]
+    smooth = [np.convolve(column, window / window.sum(), mode="valid") for column in padded.T]
+    return np.stack(smooth, axis=1)
+
+
+def strobe(
+    recording: Recording, moments: Sequence[int], seen_by: Camera, size: tuple[int, int]
+) -> np.ndarray:
+    """One picture of the body at several moments, earlier ones paler, (height, width, 3)."""
+    plan = recording.plan
+    renderer = Renderer(look(plan.scene.body, None), seen_by, scenery(recording), size)
+    ground = np.asarray(renderer.frame(np.full_like(recording.positions[0], np.nan)), np.int16)
+    picture = ground.astype(np.float32)
+    for rank, moment in enumerate(moments):
+        drawn = np.asarray(renderer.frame(recording.positions[moment]), np.int16)
+        changed = np.abs(drawn - ground).max(axis=2)
+        rows, columns = (np.flatnonzero(changed.any(axis=n)) for n in (1, 0))
+        if not len(rows):
+            continue
+        box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        cover = (0.25 + 0.75 * (rank + 1) / len(moments)) * np.minimum(changed[box][..., None] / 8.0, 1.0)
+        picture[box] += cover * (drawn[box] - picture[box])
+    renderer.close()
+    return np.rint(picture).astype(np.uint8)
+
+
+def poses(recording: Recording, spacing: float = 0.9, most: int = 10, last: int | None = None) -> list[int]:
+    """Moments at which the body is in places ``spacing`` times its size apart, the last one among them.
+
+    Poses at equal times would heap up where the body is slow, or comes again. Where there would be more than
+    ``most``, they are farther apart.
+    """
+    x, centre = recording.positions, recording.measures.centre
+    end = len(x) - 1 if last is None else last
+    size = float(np.ptp(x[0], axis=0).max()) or 0.1 * float(np.ptp(x, axis=(0, 1)).max()) or 1.0
+    apart = spacing * size
+    while True:
+        chosen = [0]
+        for n in range(1, end):
+            if len(chosen) <= most and np.linalg.norm(centre[chosen] - centre[n], axis=1).min() >= apart:
+                chosen.append(n)
+        if len(chosen) <= most:
+            return [n for n in chosen if np.linalg.norm(centre[n] - centre[end]) >= 0.7 * apart] + [end]
+        apart *= 1.2
 
 
 def scenery(recording: Recording) -> Scenery:
@@ -57,7 +152,11 @@ def scenery(recording: Recording) -> Scenery:
     planes = tuple((s.point, s.normal) for s in scene.surfaces if isinstance(s, Plane))
     dishes = [(s.centre, s.radius) for s in scene.surfaces if isinstance(s, Dish)]
     if scene.surfaces or not scene.pinned:
-        return Scenery(planes=planes, dish=dishes[0] if dishes else None)
+        plumb = None
+        if any(abs(s.normal[2]) < 0.999 for s in scene.surfaces if isinstance(s, Plane)):
+            size = float(np.ptp(x[0], axis=0).max())  # a slope is seen beside what is upright
+            plumb = (tuple(x[0].mean(axis=0)), 1.2 * size)
+        return Scenery(planes=planes, dish=dishes[0] if dishes else None, vertical=plumb)
     pin, low = x[0, scene.pinned[0]], float(x[..., 2].min())
     stands = recording.measures.centre[:, 2].min() > pin[2]
     return Scenery(
@@ -87,7 +186,7 @@ def _balls(body: Body, size: float) -> dict[str, Any]:
 def _top(body: Body, size: float) -> dict[str, Any]:
     ring, poles = len(body.parts["ring"]), [body.particle("crown"), body.particle("tip")]
     heavy = body.masses > 1.01 * np.median(body.masses[:ring])
-    radii, colors = np.where(heavy, 0.04 * size, 0.0), np.tile(AMBER, (len(body.masses), 1))
+    radii, colors = np.where(heavy, 0.05 * size, 0.0), np.tile(INK, (len(body.masses), 1))
     radii[poles], colors[poles] = 0.02 * size, INK
     return {
         "triangles": body.triangles,

@@ -1,12 +1,26 @@
-"""The figure a person would want of a recording: one kind a scene file can ask for by name."""
+"""The figure a person would want of a recording: one kind a scene file can ask for by name.
+
+Each has a picture of the body, drawn as in films, beside graphs. A colour means the same in all of them:
+
+======  ==========================================
+orange  the traced particle
+ink     the centre of mass
+slate   what is lowest or farthest: tip, lowest particle
+purple  angular velocity, in three shades
+dashes  the rigid twin, and sums
+others  energies, and what they belong to
+======  ==========================================
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from springgym.rendering import Camera
+from springgym.scenes import film
 from springgym.scenes.plan import Plot
 from springgym.scenes.recording import Recording, rigid_twin
 
@@ -14,8 +28,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BLUE, ORANGE, GREEN, SLATE, GOLD = "#2b5c96", "#e45e2c", "#22966a", "#60707f", "#d39b2a"
-PALE = "#c3ccd6"
+TRACE, CENTRE, OTHER = "#e45e2c", "#343c4c", "#8b98a9"
+KINETIC, GRAVITY, SPRINGS, CONTACT, LOST = "#2b5c96", "#22966a", "#d39b2a", "#3e929e", "#be323c"
+TURNING = ("#b58bd6", "#8048a0", "#4a1f66")
 DASHES = (0, (4, 3))
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -31,6 +46,10 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": 8,
     "lines.linewidth": 1.3,
 }
+DPI = 130
+FINER = 1.5
+"""Pixels of a body's picture to a pixel of the figure."""
+PREFIXES = (("k", 1e-3), ("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))
 
 
 def draw(recording: Recording) -> Figure:
@@ -40,6 +59,8 @@ def draw(recording: Recording) -> Figure:
     ------
     ImportError
         Without matplotlib.
+    gymnasium.error.DependencyNotInstalled
+        Without pygame, which draws the body.
     """
     try:
         import matplotlib
@@ -48,10 +69,101 @@ def draw(recording: Recording) -> Figure:
         raise ImportError("plots need matplotlib: pip install springgym[plot]") from error
     plan = recording.plan
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(11, 4.8 if plan.plot == "top" else 6.2), dpi=130, layout="constrained")
+        figure = Figure(figsize=(11, 4.6 if plan.plot == "top" else 5.8), dpi=DPI, layout="constrained")
         figure.suptitle(plan.title[0].upper() + plan.title[1:], fontsize=11)
         PLOTS[plan.plot](recording, figure)
     return figure
+
+
+# --- The picture ------------------------------------------------------------------------------------
+
+
+def _picture(
+    recording: Recording,
+    figure: Figure,
+    place: Any,
+    size: tuple[float, float],
+    moments: Sequence[int],
+    title: str,
+    until: int | None = None,
+) -> Axes:
+    """The body at some moments, with the path of the traced particle and that of the centre of mass.
+
+    ``size`` is that of the picture in inches.
+    """
+    pixels = (round(FINER * DPI * size[0]), round(FINER * DPI * size[1]))
+    camera = film.camera(recording, pixels)
+    axes = figure.add_subplot(place)
+    axes.set_title(title)
+    axes.imshow(film.strobe(recording, moments, camera, pixels), aspect="equal")
+    axes.set_axis_off()
+    plan, shown = recording.plan, slice(0, None if until is None else until + 1)
+    traced = None if plan.trace is None else recording.positions[shown, plan.trace]
+    centre = recording.measures.centre[shown]
+    if not plan.scene.pinned and (traced is None or len(plan.scene.body.masses) > 1):
+        _path_in(axes, camera, pixels, centre, CENTRE, "centre of mass")
+    if traced is not None:
+        _path_in(axes, camera, pixels, traced, TRACE, _part(recording))
+    if len(moments) > 1:
+        _clock(axes, recording, moments, camera, pixels)
+    _ruler(axes, camera, pixels, recording)
+    axes.set(xlim=(0, pixels[0]), ylim=(pixels[1], 0))
+    return axes
+
+
+def _part(recording: Recording) -> str:
+    """The name of the traced particle."""
+    body, trace = recording.plan.scene.body, recording.plan.trace
+    names = [name for name, particles in body.parts.items() if particles == (trace,)]
+    return names[0] if names else "traced particle"
+
+
+def _path_in(
+    axes: Axes, camera: Camera, pixels: tuple[int, int], path: np.ndarray, color: str, name: str
+) -> None:
+    """A path (T, 3) over a picture, named in its legend."""
+    spots, _ = camera.project(path, pixels)
+    axes.plot(*spots.T, color="w", linewidth=2.4, alpha=0.6)
+    axes.plot(*spots.T, color=color, linewidth=1.2, label=name)
+    axes.legend(loc="upper right", bbox_to_anchor=(1.0, 1.0), handlelength=1.2)
+
+
+def _clock(
+    axes: Axes, recording: Recording, moments: Sequence[int], camera: Camera, pixels: tuple[int, int]
+) -> None:
+    """The time over each pose that has room for it."""
+    taken: list[np.ndarray] = []
+    order = [moments[-1], *moments[:-1]]
+    for moment in order:
+        spots, _ = camera.project(recording.positions[moment], pixels)
+        high = spots[np.argmin(spots[:, 1])]
+        if all(np.abs((high - other) / (90, 34)).max() > 1 for other in taken):
+            taken.append(high)
+            axes.annotate(
+                f"{recording.times[moment]:.2g} s",
+                high,
+                xytext=(0, 7),
+                textcoords="offset points",
+                ha="center",
+                fontsize=7.5,
+                color=CENTRE,
+            )
+
+
+def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int], recording: Recording) -> None:
+    """A length, as it is seen in the middle of the picture."""
+    distance = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
+    a_metre = camera.scale(pixels[1]) / distance
+    most = 0.25 * pixels[0] / a_metre
+    power = 10.0 ** np.floor(np.log10(most))
+    length = max(k * power for k in (1.0, 2.0, 5.0) if k * power <= most)
+    left, low = 0.04 * pixels[0], 0.965 * pixels[1]
+    axes.plot([left, left + length * a_metre], [low, low], color=CENTRE, linewidth=2, solid_capstyle="butt")
+    axes.text(left, low - 0.012 * pixels[1], _metres(length), fontsize=7.5, color=CENTRE, va="bottom")
+
+
+def _metres(length: float) -> str:
+    return f"{length:g} m" if length >= 1 else f"{100 * length:g} cm"
 
 
 # --- Panels -----------------------------------------------------------------------------------------
@@ -63,13 +175,34 @@ def _panel(figure: Figure, place: Any, title: str, across: str, up: str, **optio
     return axes
 
 
+def _scaled(unit: str, *values: np.ndarray) -> tuple[str, float]:
+    """A unit with the prefix that suits values, and the factor that goes with it."""
+    largest = max(float(np.abs(v).max()) for v in values)
+    if (unit.startswith("m") and largest >= 0.02) or 0.05 <= largest < 3000 or not largest:
+        return unit, 1.0
+    prefix, factor = next((p for p in PREFIXES if largest * p[1] >= 1.0), PREFIXES[-1])
+    return prefix + unit, factor
+
+
+def _named(axes: Axes, x: float, y: float, text: str, color: Any, **options: Any) -> None:
+    """The name of a curve beside its end."""
+    axes.annotate(
+        text,
+        (x, y),
+        xytext=(4, 0),
+        textcoords="offset points",
+        va="center",
+        color=color,
+        fontsize=8,
+        **options,
+    )
+
+
 def _legend(axes: Axes, below: bool = False) -> None:
     """Above the panel, beside its title; or below it."""
     rows: Any = axes.get_subplotspec()
-    short = len(rows.rowspan) == 1
-    place: Any = (
-        ("upper center", (0.5, -0.26 if short else -0.19)) if below else ("lower right", (1.01, 0.985))
-    )
+    gap = -0.3 if len(rows.rowspan) == 1 else -0.15
+    place: Any = ("upper center", (0.5, gap)) if below else ("lower right", (1.01, 0.985))
     axes.legend(
         loc=place[0],
         bbox_to_anchor=place[1],
@@ -80,7 +213,7 @@ def _legend(axes: Axes, below: bool = False) -> None:
     )
 
 
-def _energies(recording: Recording, axes: Axes, change: bool = False) -> None:
+def _energies(recording: Recording, figure: Figure, place: Any, change: bool = False) -> None:
     """Where the energy is, and where it went; or how much of it moved since the start.
 
     Those of gravity and of the springs count from their least.
@@ -88,11 +221,11 @@ def _energies(recording: Recording, axes: Axes, change: bool = False) -> None:
     m, t = recording.measures, recording.times
     lost = m.damping_loss + m.contact_loss + m.friction_loss
     shown = {
-        "kinetic": (m.kinetic, BLUE),
-        "gravity": (m.gravity - m.gravity.min(), GREEN),
-        "springs": (m.elastic - m.elastic.min(), GOLD),
-        "contact": (m.contact, SLATE),
-        "lost": (lost, ORANGE),
+        "kinetic": (m.kinetic, KINETIC),
+        "gravity": (m.gravity - m.gravity.min(), GRAVITY),
+        "springs": (m.elastic - m.elastic.min(), SPRINGS),
+        "contact": (m.contact, CONTACT),
+        "lost": (lost, LOST),
     }
     everything = np.sum([values for values, _ in shown.values()], axis=0)
     scale = everything.max()
@@ -100,12 +233,14 @@ def _energies(recording: Recording, axes: Axes, change: bool = False) -> None:
         shown = {name: (values - values[0], color) for name, (values, color) in shown.items()}
         everything = everything - everything[0]
         scale = max(np.abs(values).max() for values, _ in shown.values())
+    unit, factor = _scaled("J", np.array([scale]))
+    axes = _panel(figure, place, "energy moved" if change else "energy", "t [s]", f"[{unit}]")
     for name, (values, color) in shown.items():
         if np.abs(values).max() > 3e-3 * scale:
-            axes.plot(t, values, color=color, label=name)
-    axes.plot(t, everything, "k--", linewidth=1, label="sum")
+            axes.plot(t, factor * values, color=color, label=name)
+    axes.plot(t, factor * everything, "k", linestyle=DASHES, linewidth=1, label="sum")
     if not change:
-        axes.set_ylim(0, 1.06 * scale or 1.0)
+        axes.set_ylim(0, 1.06 * factor * scale or 1.0)
     axes.margins(x=0)
     _legend(axes, below=change)
 
@@ -129,30 +264,27 @@ def _square(axes: Axes) -> None:
 def top(recording: Recording, figure: Figure) -> None:
     """The crown's trace in space and from above, beside the rigid twin's; the tilt; the energies."""
     path, twin, pinned = _path(recording), rigid_twin(recording), bool(recording.plan.scene.pinned)
-    grid = figure.add_gridspec(2, 3, width_ratios=(1.3, 1.15, 1.15))
-    space = _space(recording, figure, grid[:, 0], path)
-    if pinned:
-        space.plot([0, 0], [0, 0], [0, 1.15 * path[:, 2].max()], color=SLATE, linestyle=":", linewidth=1)
-
+    grid = figure.add_gridspec(2, 3, width_ratios=(1.25, 1.15, 1.15))
+    end = len(recording.times) - 1
+    _picture(recording, figure, grid[:, 0], (3.7, 4.1), [end], f"at {recording.times[-1]:g} s")
     above = _panel(figure, grid[:, 1], "trace from above", "x [m]", "y [m]")
-    above.plot(*path[:, :2].T, color=ORANGE, label="springs" if pinned else "crown")
+    above.plot(*path[:, :2].T, color=TRACE, label="springs" if pinned else _part(recording))
     if twin is not None:
-        above.plot(*_path(twin)[:, :2].T, color="k", linestyle=DASHES, linewidth=0.8, label="rigid")
+        above.plot(*_path(twin)[:, :2].T, color="k", linestyle=DASHES, linewidth=0.8, label="rigid twin")
     if pinned:
-        above.plot(0, 0, "+", color=SLATE)
+        above.plot(0, 0, "+", color=CENTRE)
     else:
         foot = recording.positions[:, recording.plan.scene.body.frame[0]]
-        above.plot(*foot[:, :2].T, color=BLUE, linewidth=0.8, label="tip")
-        above.plot(*recording.measures.centre[:, :2].T, color=GREEN, label="centre of mass")
+        above.plot(*foot[:, :2].T, color=OTHER, linewidth=0.8, label="tip")
+        above.plot(*recording.measures.centre[:, :2].T, color=CENTRE, label="centre of mass")
     above.set_aspect("equal", adjustable="datalim" if not pinned else "box")
-    _legend(above, below=not pinned)
-
+    _legend(above, below=True)
     tilt = _panel(figure, grid[0, 2], "tilt", "", "[°]")
-    tilt.plot(recording.times, _tilt(recording), color=ORANGE)
+    tilt.plot(recording.times, _tilt(recording), color=TRACE)
     if twin is not None:
         tilt.plot(twin.times, _tilt(twin), color="k", linestyle=DASHES, linewidth=0.8)
     tilt.margins(x=0)
-    _energies(recording, _panel(figure, grid[1, 2], "energy moved", "t [s]", "[J]"), change=True)
+    _energies(recording, figure, grid[1, 2], change=True)
 
 
 def _tilt(recording: Recording) -> np.ndarray:
@@ -160,59 +292,26 @@ def _tilt(recording: Recording) -> np.ndarray:
     return np.degrees(np.arctan2(np.hypot(x, y), z))
 
 
-def _space(recording: Recording, figure: Figure, place: Any, path: np.ndarray) -> Any:
-    """The body at the end, and a path, in space."""
-    space: Any = figure.add_subplot(place, projection="3d")
-    x = recording.positions[-1]
-    if recording.plan.scene.pinned:
-        x = x - x[recording.plan.scene.pinned[0]]
-    _draw_body(recording, x, space)
-    space.plot(*path.T, color=ORANGE, linewidth=1.2)
-    every = np.vstack([x, path])
-    middle = (every.min(axis=0) + every.max(axis=0)) / 2
-    reach = np.linalg.norm(every - middle, axis=1).max() or 1.0
-    space.set(**{f"{name}lim": (m - reach, m + reach) for name, m in zip("xyz", middle, strict=True)})
-    space.set_box_aspect((1, 1, 1), zoom=1.5)
-    space.view_init(elev=25, azim=-60)
-    space.set_axis_off()
-    return space
-
-
-def _draw_body(recording: Recording, x: np.ndarray, axes: Any) -> None:
-    """A body at positions (N, 3): its surface and its springs."""
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
-
-    body = recording.plan.scene.body
-    if len(body.springs):
-        axes.add_collection3d(Line3DCollection(x[body.springs], colors=BLUE, linewidths=0.6, alpha=0.55))
-    else:
-        axes.plot(*x.T, "o", color=BLUE)
-    if len(body.triangles):
-        faces = Poly3DCollection(x[body.triangles], facecolors=BLUE, edgecolors="none", alpha=0.13)
-        axes.add_collection3d(faces)
-
-
 def pendulum(recording: Recording, figure: Figure) -> None:
-    """The path from in front and from above; the swing in time, beside the rigid twin's; the energies."""
+    """The swing in space and from above; in time, beside the rigid twin's; the energies."""
     path, twin = _path(recording), rigid_twin(recording)
     sideways = path[np.argmax(np.hypot(path[:, 0], path[:, 1])), :2]
     sideways = sideways / (np.linalg.norm(sideways) or 1.0)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.4))
-    front = _panel(figure, grid[0, 0], "path from the side", "along the swing [m]", "z [m]")
-    front.plot(path[:, :2] @ sideways, path[:, 2], color=ORANGE)
-    front.plot(0, 0, "^", color=SLATE)
-    _square(front)
-    above = _panel(figure, grid[1, 0], "path from above", "x [m]", "y [m]")
-    above.plot(*path[:, :2].T, color=ORANGE)
+    grid = figure.add_gridspec(2, 3, width_ratios=(1.25, 0.9, 1.3))
+    moments = film.poses(recording, 0.5)
+    _picture(recording, figure, grid[:, 0], (3.9, 5.2), moments, "the swing")
+    above = _panel(figure, grid[:, 1], "from above", "x [m]", "y [m]")
+    above.plot(*path[:, :2].T, color=TRACE)
+    above.plot(0, 0, "+", color=CENTRE)
     _square(above)
-    swing = _panel(figure, grid[0, 1], "angle from hanging", "t [s]", "[°]")
-    swing.plot(recording.times, _angle(path, sideways), color=ORANGE, label="springs")
+    swing = _panel(figure, grid[0, 2], "angle from hanging", "", "[°]")
+    swing.plot(recording.times, _angle(path, sideways), color=TRACE, label="springs")
     if twin is not None:
         angle = _angle(_path(twin), sideways)
-        swing.plot(twin.times, angle, "k", linestyle=DASHES, linewidth=0.8, label="rigid")
+        swing.plot(twin.times, angle, "k", linestyle=DASHES, linewidth=0.8, label="rigid twin")
     swing.margins(x=0)
     _legend(swing)
-    _energies(recording, _panel(figure, grid[1, 1], "energy", "t [s]", "[J]"))
+    _energies(recording, figure, grid[1, 2])
 
 
 def _angle(path: np.ndarray, sideways: np.ndarray) -> np.ndarray:
@@ -220,109 +319,96 @@ def _angle(path: np.ndarray, sideways: np.ndarray) -> np.ndarray:
 
 
 def rope(recording: Recording, figure: Figure) -> None:
-    """The rope at many moments; its length and its end in time; the energies."""
+    """The rope at some moments; its length and its end in time; the energies."""
     x, t = recording.positions, recording.times
     lengths = np.linalg.norm(np.diff(x, axis=1), axis=2).sum(axis=1)
+    rest = float(recording.plan.scene.body.lengths.sum())
     grid = figure.add_gridspec(3, 2, width_ratios=(1, 1.3))
     wide, high = np.ptp(x[..., 0]), np.ptp(x[..., 2])
-    narrow = 1e-6 * high < wide < 0.05 * high
-    title = "every quarter of a second, later ones darker" + (", x stretched" if narrow else "")
-    side = _panel(figure, grid[:, 0], title, "x [m]", "z [m]")
-    every = max(1, round(0.25 / (t[1] - t[0])))
-    shapes = x[::every][:24]
-    for n, shape in enumerate(shapes):
-        shade = 0.15 + 0.85 * n / len(shapes)
-        side.plot(shape[:, 0], shape[:, 2], ".-", color=BLUE, alpha=shade, linewidth=1, markersize=3)
-    side.plot(x[:, -1, 0], x[:, -1, 2], color=ORANGE, linewidth=0.8)
-    side.plot(*x[0, 0, [0, 2]], "^", color=SLATE)
-    if not narrow:
-        _square(side)
-    long = _panel(figure, grid[0, 1], "length of the rope", "", "[m]")
-    long.plot(t, lengths, color=ORANGE)
-    long.axhline(recording.plan.scene.body.lengths.sum(), color=SLATE, linestyle=":", linewidth=1)
-    end = _panel(figure, grid[1, 1], "end of the rope", "", "[m]")
-    end.plot(t, x[:, -1, 0] - x[:, 0, 0], color=BLUE, label="x")
-    end.plot(t, x[:, -1, 2] - x[:, 0, 2], color=GREEN, label="z")
-    _legend(end)
+    if 1e-6 * high < wide < 0.05 * high:
+        _stretched(recording, _panel(figure, grid[:, 0], "the rope, x stretched", "x [m]", "z [m]"))
+    else:
+        _picture(recording, figure, grid[:, 0], (4.4, 5.2), film.poses(recording, 0.05, 9), "the rope")
+    unit, factor = _scaled("m", lengths - rest)
+    long = _panel(
+        figure, grid[0, 1], f"length of the rope, less the {rest:g} m without load", "", f"[{unit}]"
+    )
+    long.plot(t, factor * (lengths - rest), color=SPRINGS)
+    end = _panel(figure, grid[1, 1], "end of the rope, from its top", "", "[m]")
+    ways = x[:, -1] - x[:, 0]
+    for axis, style in ((0, "-"), (2, ":")):
+        end.plot(t, ways[:, axis], style, color=TRACE)
+        _named(end, t[-1], ways[-1, axis], "xyz"[axis], TRACE)
     for axes in (long, end):
         axes.margins(x=0)
-    _energies(recording, _panel(figure, grid[2, 1], "energy", "t [s]", "[J]"))
+    _energies(recording, figure, grid[2, 1])
+
+
+def _stretched(recording: Recording, axes: Axes) -> None:
+    """A rope that hardly moves sideways, at quarters of a second, later ones darker."""
+    x, t = recording.positions, recording.times
+    shapes = x[:: max(1, round(0.25 / (t[1] - t[0])))][:24]
+    for n, shape in enumerate(shapes):
+        shade = 0.15 + 0.85 * n / len(shapes)
+        axes.plot(shape[:, 0], shape[:, 2], ".-", color=OTHER, alpha=shade, linewidth=1, markersize=3)
+    axes.plot(x[:, -1, 0], x[:, -1, 2], color=TRACE, linewidth=0.8)
+    axes.plot(*x[0, 0, [0, 2]], "^", color=CENTRE)
 
 
 def drop(recording: Recording, figure: Figure) -> None:
-    """The body at many moments; heights and energies in time."""
-    from matplotlib.collections import LineCollection, PolyCollection
-
+    """The body at some moments; heights and energies in time."""
     x, t, m = recording.positions, recording.times, recording.measures
-    grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.2))
+    grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.05))
     calm = int(np.argmax(m.energy < m.energy[-1] + 0.02 * (m.energy[0] - m.energy[-1]))) or len(t) - 1
-    every = float(t[calm]) / 9
-    side = _panel(figure, grid[:, 0], f"every {every:.2g} s", "x [m]", "z [m]")
-    body = recording.plan.scene.body
-    moments = np.linspace(0, calm, 10).astype(int)
-    for n, moment in enumerate(moments):
-        shade = 0.4 + 0.6 * n / len(moments)
-        lines, faces = (x[moment][corners][:, :, [0, 2]] for corners in (body.springs, body.triangles))
-        side.add_collection(LineCollection(list(lines), colors=BLUE, alpha=0.6 * shade, linewidths=0.7))
-        side.add_collection(PolyCollection(list(faces), facecolors=BLUE, alpha=0.06 * shade))
-        if not len(lines):
-            side.plot(*x[moment][:, [0, 2]].T, "o", color=BLUE, alpha=shade)
-    side.plot(m.centre[:, 0], m.centre[:, 2], color=ORANGE, label="centre of mass")
-    if recording.plan.trace is not None and x.shape[1] > 1:
-        traced = x[:, recording.plan.trace]
-        side.plot(traced[:, 0], traced[:, 2], color=GREEN, linewidth=0.8, label="traced particle")
-    side.axhline(0, color="k", linewidth=1)
-    _legend(side)
-    _square(side)
+    moments = film.poses(recording, 0.6, last=calm)
+    title = f"until {t[calm]:.2g} s"
+    _picture(recording, figure, grid[:, 0], (5.0, 5.2), moments, title, calm)
     high = _panel(figure, grid[0, 1], "height", "", "[m]")
-    high.plot(t, m.centre[:, 2], color=ORANGE, label="centre of mass")
-    high.plot(t, x[:, :, 2].min(axis=1), color=BLUE, label="lowest particle")
+    high.plot(t, m.centre[:, 2], color=CENTRE, label="centre of mass")
+    high.plot(t, x[:, :, 2].min(axis=1), color=OTHER, label="lowest particle")
     high.axhline(0, color="k", linewidth=1)
     high.margins(x=0)
     _legend(high)
-    _energies(recording, _panel(figure, grid[1, 1], "energy", "t [s]", "[J]"))
+    _energies(recording, figure, grid[1, 1])
 
 
 def slide(recording: Recording, figure: Figure) -> None:
-    """Way and speed of the centre of mass; the body from above; the energies."""
-    from matplotlib.collections import LineCollection
-
+    """The body at some moments; way and speed of its centre of mass; the energies."""
     t, m = recording.times, recording.measures
     way = np.linalg.norm(m.centre - m.centre[0], axis=1)
     # by the way it makes: where friction holds it, half a step's pull is left in its velocity
     speed = np.linalg.norm(np.gradient(m.centre, t, axis=0), axis=1)
-    grid = figure.add_gridspec(2, 2)
-    far = _panel(figure, grid[0, 0], "way of the centre of mass", "t [s]", "[m]")
-    far.plot(t, way, color=ORANGE)
-    fast = _panel(figure, grid[1, 0], "its speed", "t [s]", "[m/s]")
-    fast.plot(t, speed, color=BLUE)
-    above = _panel(figure, grid[0, 1], "from above, at the start and the end", "x [m]", "y [m]")
-    for shape, color in zip(recording.positions[[0, -1], :, :2], (PALE, BLUE), strict=True):
-        above.plot(*shape.T, "o", color=color, markersize=3)
-        above.add_collection(LineCollection(list(shape[recording.plan.scene.body.springs]), colors=color))
-    above.plot(*m.centre[:, :2].T, color=ORANGE)
-    _square(above)
+    grid = figure.add_gridspec(3, 2, width_ratios=(1, 1.05))
+    _picture(recording, figure, grid[:, 0], (5.0, 5.2), film.poses(recording, 1.1, 8), "")
+    unit, factor = _scaled("m", way)
+    far = _panel(figure, grid[0, 1], "how far the centre of mass is from its start", "", f"[{unit}]")
+    far.plot(t, factor * way, color=CENTRE)
+    unit, factor = _scaled("m/s", speed)
+    fast = _panel(figure, grid[1, 1], "how fast it is", "", f"[{unit}]")
+    fast.plot(t, factor * speed, color=CENTRE)
     for axes in (far, fast):
         axes.margins(x=0)
-    _energies(recording, _panel(figure, grid[1, 1], "energy", "t [s]", "[J]"))
+        axes.set_ylim(0, None)
+    _energies(recording, figure, grid[2, 1])
 
 
 def rotation(recording: Recording, figure: Figure) -> None:
     """Angular velocity in the body's axes, beside the rigid twin's; a particle's path; the energies."""
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.4))
-    _space(recording, figure, grid[:, 0], _path(recording))
+    end = len(recording.times) - 1
+    _picture(recording, figure, grid[:, 0], (4.4, 5.2), [end], f"at {recording.times[-1]:g} s")
     where = "the world's" if _straight(recording) else "the body's"
-    turning = _panel(figure, grid[0, 1], f"angular velocity in {where} axes", "t [s]", "[rad/s]")
+    turning = _panel(figure, grid[0, 1], f"angular velocity in {where} axes", "", "[rad/s]")
     twin = rigid_twin(recording)
-    for n, (name, color) in enumerate({"ω₁": BLUE, "ω₂": ORANGE, "ω₃": GREEN}.items()):
+    for n, (name, color) in enumerate(zip(("ω₁", "ω₂", "ω₃"), TURNING, strict=True)):
         turning.plot(recording.times, _turning(recording)[:, n], color=color, label=name)
         if twin is not None:
-            label = "rigid" if n == 2 else None
+            label = "rigid twin" if n == 2 else None
             own = _turning(twin)[:, n]
             turning.plot(twin.times, own, "k", linestyle=DASHES, linewidth=0.7, label=label)
     turning.margins(x=0)
     _legend(turning)
-    _energies(recording, _panel(figure, grid[1, 1], "energy", "t [s]", "[J]"))
+    _energies(recording, figure, grid[1, 1])
 
 
 def _straight(recording: Recording) -> bool:

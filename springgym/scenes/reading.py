@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -16,11 +17,13 @@ from springgym.integrators import METHODS
 from springgym.scene import GRAVITY, Scene
 from springgym.scenes.checks import CHECKS
 from springgym.scenes.plan import LEAST, Plan, Plot, Vector, View, heavy_top
-from springgym.strict_yaml import Tree, YamlError, build, read_yaml, suggestion
+from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
 from springgym.surfaces import Contact, Dish, PaperContact, Plane, Surface, floor, incline, scales
 from springgym.theory.contact import rest_height
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
+
+Changes = Mapping[tuple[str, ...], Any]
 
 
 def names() -> list[str]:
@@ -30,13 +33,15 @@ def names() -> list[str]:
     )
 
 
-def load(scene: str) -> Plan:
+def load(scene: str, changes: Changes | None = None) -> Plan:
     """Read a scene.
 
     Parameters
     ----------
     scene
         Name of one that comes with the package, or path of a YAML file.
+    changes
+        Values in place of those at some paths of keys: ``{("start", "spin"): 40.0}``.
 
     Raises
     ------
@@ -45,22 +50,36 @@ def load(scene: str) -> Plan:
     ValueError
         If there is no such scene.
     """
+    with _file(scene) as path:
+        return read(path, changes)
+
+
+def document(scene: str) -> Tree:
+    """What the file of a scene says, unchecked; see `load`."""
+    with _file(scene) as path:
+        return read_yaml(path)
+
+
+@contextmanager
+def _file(scene: str) -> Iterator[Path]:
+    """The file of a scene."""
     if scene in names():
         with resources.as_file(_folder() / f"{scene}.yaml") as path:
-            return read(path)
+            yield path
+        return
     path = Path(scene)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
-        return read(path)
-    raise ValueError(f"no such file, and there is no scene {shown(scene)}{suggestion(scene, names())}")
+    if path.suffix not in (".yaml", ".yml") and not path.is_file():
+        raise ValueError(f"no such file, and there is no scene {shown(scene)}{suggestion(scene, names())}")
+    yield path
 
 
 def _folder() -> Any:
     return resources.files("springgym.scenes")
 
 
-def read(path: Path) -> Plan:
+def read(path: Path, changes: Changes | None = None) -> Plan:
     """Read a scene file, see `load`."""
-    tree = read_yaml(path)
+    tree = changed(read_yaml(path), changes or {})
 
     def plan(
         title: str,

@@ -14,8 +14,8 @@ from springgym.measures import SIZE, Measures, view
 from springgym.scenes.plan import Plan
 from springgym.simulator import SimulationDivergedError, Simulator
 
-MOST_STEPS = 100_000_000
-"""Steps from one recorded state to the next, at the most: minutes without a sign or an ear for Ctrl-C."""
+MOST_STEPS = 10_000_000
+"""Steps from one recorded state to the next, at the most: seconds without a sign or an ear for Ctrl-C."""
 
 MOST_BYTES = 4_000_000_000
 """Size of all recorded states, at the most."""

@@ -103,3 +103,35 @@ def test_keeping_what_is_lost():
     for points in (np.zeros((0, 3)), np.full((2, 3), np.nan), np.full((1, 3), np.inf)):
         assert camera.keeping(points, (64, 64)) is camera
     assert camera.keeping([(np.nan, 0, 0), (50.0, 0, 0)], (64, 64)).target == (50.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("size", [(300, 300), (640, 200), (200, 640)])
+@pytest.mark.parametrize("elevation", [-0.5, 0.0, 1.2])
+def test_fitting_sees_all_points_and_comes_as_near_as_that_allows(size, elevation):
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        points = rng.normal(size=(30, 3)) + 5 * rng.normal(size=3)
+        camera = Camera.fitting(points, size, rng.uniform(-3, 3), elevation, margin=0.1)
+        shares = camera.project(points, size)[0] / size
+        assert (shares > 0.1 - 1e-6).all()
+        assert (shares < 0.9 + 1e-6).all()
+        touched = np.minimum(shares.min(axis=0), 1 - shares.max(axis=0))
+        assert touched.min() == pytest.approx(0.1, abs=1e-6)
+
+
+def test_fitting_leaves_out_what_is_not_finite():
+    points = np.array([[0.0, 0, 0], [1, 1, 1]])
+    lost = np.vstack([points, [np.nan, 0, 0]])
+    assert Camera.fitting(lost) == Camera.fitting(points)
+    with pytest.raises(ValueError, match="no finite point"):
+        Camera.fitting(lost[2:])
+
+
+def test_fitting_sees_a_single_point():
+    camera = Camera.fitting([[1.0, 2.0, 3.0]])
+    np.testing.assert_allclose(camera.project([1.0, 2.0, 3.0], (200, 100))[0], (100, 50), atol=1e-6)
+
+
+def test_moved():
+    camera = Camera((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), 0.4).moved((0.0, 1.0, -1.0))
+    assert camera == Camera((1.0, 3.0, 2.0), (0.0, 1.0, -1.0), 0.4)

@@ -442,8 +442,15 @@ def test_look_counts_particles():
 
 
 def test_two_tone():
-    colors = two_tone(12, blocks=4, colors=(RED, BLUE))
+    colors = two_tone(12, blocks=4, colors=(RED, BLUE), odd=GREEN)
     assert colors.dtype == np.uint8
-    expected = [RED] * 3 + [BLUE] * 3 + [RED] * 3 + [BLUE] * 3
+    expected = [RED] * 3 + [BLUE] * 3 + [RED] * 3 + [GREEN] * 3
     np.testing.assert_array_equal(colors, expected)
     assert {tuple(c) for c in two_tone(7).tolist()} == {tuple(c) for c in two_tone(12).tolist()}
+
+
+@pytest.mark.parametrize("count", [4, 7, 12, 24])
+def test_sectors_look_the_same_after_a_whole_turn_alone(count):
+    colors = two_tone(count)
+    for turned in range(1, count):
+        assert (np.roll(colors, turned, axis=0) != colors).any()

@@ -1,0 +1,149 @@
+"""Make every figure and film of the repository anew; nothing is measured or trained.
+
+    python docs/figures.py                       # all
+    python docs/figures.py accuracy scenes       # some
+    python docs/figures.py agent --agent runs/SpringTop-v0-ppo-0
+
+Curves come from figures/accuracy.json and figures/speed.json, which ``springgym accuracy`` and ``springgym
+bench`` write.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from springgym.registration import ENVIRONMENTS
+from springgym.rendering import Renderer, save_video
+from springgym.scenes import load
+from springgym.scenes.film import GIF_FPS, visible_speed
+from springgym.scenes.recording import record
+from springgym.view.episodes import Agent, find_agent, played
+from springgym.view.motion import Motion
+
+HERE = Path(__file__).parent
+FIGURES = HERE / "figures"
+SCENES = ("top", "elongated-top", "unbalanced-top", "irregular-fall")
+"""Figures 5, 6, 7 and 9 of the paper."""
+FILMED = "SpringTop-v0"
+FILM_SIZE, FILM_SECONDS = 280, 2.4
+COLUMNS, TILE, SEED, MOMENT = 4, 420, 8, 1.2
+"""Of the sheet of environments: columns, pixels of a picture, seed and second of its episode."""
+INK = (52, 60, 76)
+
+
+def classical(env_id: str) -> Agent:
+    """The classical controller of an environment."""
+    sys.path.insert(0, str(HERE.parent / "agents"))
+    from controllers import controller_env_kwargs, make_controller
+
+    options = controller_env_kwargs("classical", {})
+    name = "classical control"
+    return Agent(
+        name, env_id, options, lambda env: make_controller("classical", env_id, options, env.action_space)
+    )
+
+
+def accuracy(folder: Path, args: argparse.Namespace) -> None:
+    """Error against cost, from what was measured."""
+    from springgym.accuracy.figures import draw
+
+    report = json.loads((FIGURES / "accuracy.json").read_text(encoding="utf-8"))
+    for name, result in report.items():
+        draw(name, result, folder / f"{name}.svg")
+
+
+def speed(folder: Path, args: argparse.Namespace) -> None:
+    """Speed of programs and sizes, from what was measured."""
+    from springgym.bench.figures import draw
+
+    draw(json.loads((FIGURES / "speed.json").read_text(encoding="utf-8")), folder / "speed.svg")
+
+
+def scenes(folder: Path, args: argparse.Namespace) -> None:
+    """Scenes of the paper."""
+    from springgym.scenes.plots import draw
+
+    for name in SCENES:
+        path = folder / f"scene-{name}.png"
+        draw(record(load(name))).savefig(path)
+        shrunk(Image.open(path)).save(path, optimize=True)
+
+
+def environments(folder: Path, args: argparse.Namespace) -> None:
+    """Every environment with its name, some time after the start of an episode under classical control."""
+    rows = -(-len(ENVIRONMENTS) // COLUMNS)
+    caption = 34
+    sheet = Image.new("RGB", (COLUMNS * TILE, rows * (TILE + caption)), "white")
+    write = ImageDraw.Draw(sheet)
+    font = ImageFont.load_default(22)
+    for n, row in enumerate(ENVIRONMENTS):
+        motion = played(classical(row.id), SEED)
+        *_, picture = islice(pictures(motion, 50.0, 1.0, TILE), 1 + round(50 * MOMENT))
+        left, top = TILE * (n % COLUMNS), (TILE + caption) * (n // COLUMNS)
+        sheet.paste(Image.fromarray(picture), (left, top))
+        write.text((left + TILE // 2, top + TILE + caption // 2), row.id, INK, font, anchor="mm")
+    shrunk(sheet).save(folder / "environments.png", optimize=True)
+
+
+def agent(folder: Path, args: argparse.Namespace) -> None:
+    """A film of an agent."""
+    chosen = classical(FILMED) if args.agent is None else find_agent(args.agent, FILMED)
+    motion = played(chosen, SEED)
+    pace = visible_speed(motion.fastest, GIF_FPS)
+    count = round(FILM_SECONDS / pace * GIF_FPS)
+    save_video(islice(pictures(motion, GIF_FPS, pace, FILM_SIZE), count), folder / "agent.gif", GIF_FPS)
+
+
+def pictures(motion: Motion, fps: float, pace: float, size: int) -> Iterator[np.ndarray]:
+    """Pictures of a motion at ``pace`` seconds of it a second; where that is not 1, they say so."""
+    assert motion.camera is not None
+    renderer = Renderer(motion.look, motion.camera, motion.scenery, (size, size))
+    note = () if pace == 1 else (f"{Fraction(pace)} of real time",)
+    for time in np.arange(0.0, motion.times[-1] + 1e-9, pace / fps):
+        n, share = motion.at(float(time))
+        n += round(share)
+        marks = motion.marks[n]
+        yield renderer.frame(motion.positions[n], replace(marks, text=(*marks.text, *note)))  # type: ignore[misc]
+
+
+def shrunk(image: Image.Image) -> Image.Image:
+    """In 256 colours of its own: a third of the bytes, and the eye sees no difference."""
+    return image.convert("RGB").quantize(
+        256, method=Image.Quantize.MEDIANCUT, kmeans=2, dither=Image.Dither.NONE
+    )
+
+
+MAKERS = {maker.__name__: maker for maker in (accuracy, speed, scenes, environments, agent)}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "which", nargs="*", metavar="KIND", help=f"of {', '.join(MAKERS)}; all if none is given"
+    )
+    parser.add_argument("--agent", metavar="RUN", help="a run folder to film, in place of classical control")
+    parser.add_argument("--out", type=Path, default=FIGURES, metavar="FOLDER")
+    args = parser.parse_args(arguments)
+    if unknown := set(args.which) - set(MAKERS):
+        parser.error(f"{sorted(unknown)[0]!r} is none of {', '.join(MAKERS)}")
+    args.out.mkdir(parents=True, exist_ok=True)
+    for name in args.which or MAKERS:
+        print(name, flush=True)
+        MAKERS[name](args.out, args)
+
+
+if __name__ == "__main__":
+    main()

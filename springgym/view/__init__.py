@@ -1,0 +1,180 @@
+"""``springgym view``: turn, play and change a scene or an episode in the browser.
+
+`motion`    what is shown: positions over time, and how they are drawn
+`stage`     draws it with viser
+`page`      clock, sliders, graph
+`knobs`     the numbers of a scene file that sliders change
+`episodes`  episodes of environments as motions
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import webbrowser
+from contextlib import redirect_stdout
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from springgym.scenes import load, names
+from springgym.scenes.recording import Recording, record
+from springgym.stability import automatic_step
+from springgym.view.knobs import knobs
+from springgym.view.motion import Motion, of_recording
+from springgym.view.page import FPS, Changes, Page, Subject, fraction
+
+PORT = 8080
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument(
+        "what",
+        nargs="?",
+        default="top",
+        help="a scene (springgym simulate --list), a YAML file, or the id of an environment",
+    )
+    parser.add_argument(
+        "--agent",
+        metavar="RUN",
+        help="a run folder of agents/train.py, whose environment and agent are shown; or zero, random",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the first episode")
+    parser.add_argument(
+        "--save",
+        type=Path,
+        metavar="FILE",
+        help="write a page of its own (.html), or what a saved viewer plays (.viser), and open nothing",
+    )
+    parser.add_argument("--port", type=int, default=PORT, help="the first that is free from this one on")
+    parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do what the arguments ask for; the exit status."""
+    if args.save is not None:
+        _check_saved(args.save)
+    subject = _subject(args)
+    if args.save is not None:
+        save_page(subject.make(subject.names[0], {}), args.save)
+        print(f"wrote {args.save}")
+        return 0
+    server = _server(args.port)
+    try:
+        page = Page(server, subject)
+        address = f"http://127.0.0.1:{server.get_port()}"
+        print(f"{subject.names[0]}: {address} (Ctrl-C ends)", flush=True)
+        if not args.no_browser:
+            webbrowser.open(address)
+        page.run()
+    except KeyboardInterrupt:
+        print()
+    finally:
+        _end(server)
+    return 0
+
+
+def _subject(args: argparse.Namespace) -> Subject:
+    """What the arguments name."""
+    if args.agent is None and "-v" not in args.what:
+        return scenes(args.what)
+    from springgym.view.episodes import episodes
+
+    return episodes(args.what, args.agent, args.seed)
+
+
+def scenes(first: str) -> Subject:
+    """A scene by name or file and, to choose from, those that come with the package."""
+    load(first)  # says what is wrong with the name
+    others = [name for name in names() if name != first]
+    return Subject("scene", [first, *others], simulated, knobs)
+
+
+def simulated(scene: str, changes: Changes) -> Motion:
+    """A scene with some numbers of its file changed, simulated.
+
+    A step that the file gives is kept where it is small enough for what has become of the body.
+    """
+    plan = load(scene, changes)
+    if plan.step is not None and changes:
+        from springgym.integrators import integrator
+
+        plan = replace(plan, step=min(plan.step, automatic_step(plan.scene, integrator(plan.integrator))))
+    return of_recording(record(plan))
+
+
+def save_page(motion: Motion | Recording, path: str | Path, speed: float | None = None) -> None:
+    """Write a motion as a page that turns and plays without springgym, or anything else.
+
+    Parameters
+    ----------
+    motion
+        Or a recording of a scene.
+    path
+        A .html file holds the viewer, too: some 1 MB, that any browser opens from where it lies. A .viser
+        file is a fifth of it, and is played by the viewer of `save_viewer`.
+    speed
+        Seconds of the motion a second of playing; if not given, the fastest at which the eye can follow.
+
+    Raises
+    ------
+    ValueError
+        If the name ends in neither.
+    """
+    from springgym.view.stage import Stage, look_from
+    from springgym.view.stage import record as play
+
+    path = Path(path)
+    _check_saved(path)
+    if isinstance(motion, Recording):
+        motion = of_recording(motion)
+    server = _server(PORT)
+    try:
+        stage = Stage(server)
+        stage.set_up(motion)
+        look_from(server, stage.camera(motion))
+        pace = motion.speed(FPS) if speed is None else speed
+        if pace != 1:
+            stage.write(f"{fraction(pace)} of real time" if pace < 1 else f"{fraction(pace)} × real time")
+        serializer = play(server, stage, motion, FPS, pace)
+        if path.suffix.lower() == ".html":
+            path.write_text(serializer.as_html(), encoding="utf-8")
+        else:
+            path.write_bytes(serializer.serialize())
+    finally:
+        _end(server)
+
+
+def save_viewer(path: str | Path) -> None:
+    """Write the viewer that plays .viser files from a web server.
+
+    Saved as view.html, it plays top.viser beside it at the address ``view.html?playbackPath=top.viser``.
+    """
+    import viser
+
+    page = Path(viser.__file__).parent / "client" / "build" / "index.html"
+    Path(path).write_bytes(page.read_bytes())
+
+
+def _check_saved(path: Path) -> None:
+    """Refuse a file of the wrong kind before the work is done."""
+    if path.suffix.lower() not in (".html", ".viser"):
+        raise ValueError(f"{path}: the name of a saved page must end in .html or .viser")
+    if not path.absolute().parent.is_dir():
+        raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
+
+
+def _server(port: int) -> Any:
+    """A server that this machine alone reaches."""
+    try:
+        import viser
+    except ImportError as error:
+        raise ImportError("viewing needs viser: pip install springgym[view]") from error
+    with redirect_stdout(io.StringIO()):  # it prints its address in a frame; ours is a line
+        return viser.ViserServer(host="127.0.0.1", port=port, label="springgym", verbose=False)
+
+
+def _end(server: Any) -> None:
+    with redirect_stdout(io.StringIO()):
+        server.stop()

@@ -1,0 +1,169 @@
+"""Episodes of environments as motions: of a trained agent, of random actions, of none."""
+
+from __future__ import annotations
+
+import pickle
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+import springgym.registration
+from springgym import measures
+from springgym.measures import Measures
+from springgym.strict_yaml import read_yaml
+from springgym.view.motion import Motion, fastest_turn, graphs
+from springgym.view.page import Changes, Subject
+
+INTERVAL = 5e-3
+"""Longest time between two states [s]: control periods are too long to see a spin in."""
+SEEDS = 20
+"""Episodes to choose from."""
+
+Policy = Callable[[np.ndarray], np.ndarray]
+"""From observations (n, …) to actions (n, …)."""
+
+
+class Agent(NamedTuple):
+    """Who acts, and where."""
+
+    name: str
+    env_id: str
+    env_kwargs: dict[str, Any]
+    policy: Callable[[gym.Env], Policy]
+    """made for an environment"""
+
+
+def episodes(env_id: str, agent: str | None, first: int) -> Subject:
+    """Episodes of an agent from consecutive seeds, see `find_agent`."""
+    chosen = find_agent(agent, env_id)
+    names = [f"seed {first + n}" for n in range(SEEDS)]
+
+    def make(name: str, changes: Changes) -> Motion:
+        return played(chosen, int(name.split()[1]))
+
+    return Subject("episode", names, make, lambda name: ())
+
+
+def find_agent(agent: str | None, env_id: str) -> Agent:
+    """An agent by name.
+
+    Parameters
+    ----------
+    agent
+        A run folder, whose environment it brings along; "zero" or None, "random".
+    env_id
+        Of the environment of the latter.
+
+    Raises
+    ------
+    ValueError
+        If there is no such agent.
+    """
+    springgym.registration.register()
+    if agent in (None, "zero"):
+        return Agent("no action", env_id, {}, _zero)
+    if agent == "random":
+        return Agent("random actions", env_id, {}, _random)
+    folder = Path(agent)
+    if not (folder / "config.yaml").is_file():
+        raise ValueError(f"agent {agent!r} is no run folder, which has a config.yaml, nor zero or random")
+    text = read_yaml(folder / "config.yaml").value
+    config = text["config"]
+    kwargs = {**config.get("env_kwargs", {}), **config.get("eval_env_kwargs", {})}
+    return Agent(folder.name, text["env_id"], kwargs, lambda env: _trained(folder, text["algo"], config))
+
+
+def _zero(env: gym.Env) -> Policy:
+    return lambda observations: np.zeros((len(observations), *env.action_space.shape), np.float32)  # type: ignore[misc]
+
+
+def _random(env: gym.Env) -> Policy:
+    env.action_space.seed(0)
+    return lambda observations: np.stack([env.action_space.sample() for _ in observations])
+
+
+def _trained(folder: Path, algo: str, config: dict[str, Any]) -> Policy:
+    """The deterministic policy of a run's newest checkpoint, normalisation included."""
+    import stable_baselines3
+
+    path = folder / "model.zip"
+    if not path.exists():
+        raise ValueError(f"{folder} has no model.zip yet: its training has not reached a checkpoint")
+    model = getattr(stable_baselines3, algo.upper()).load(path, device="cpu")
+    if not config.get("normalize"):
+        return lambda observations: model.predict(observations, deterministic=True)[0]
+    with zipfile.ZipFile(path) as archive:
+        normalize = pickle.loads(archive.read("vecnormalize.pkl"))
+    return lambda observations: model.predict(normalize.normalize_obs(observations), deterministic=True)[0]
+
+
+def played(agent: Agent, seed: int) -> Motion:
+    """One episode of an agent."""
+    try:
+        env = gym.make(agent.env_id, **agent.env_kwargs)
+    except gym.error.Error as error:
+        raise ValueError(f"{agent.env_id}: {error}") from error
+    inner: Any = env.unwrapped
+    if not hasattr(inner, "episodes"):
+        raise ValueError(f"{agent.env_id} is no environment of springgym's")
+    policy, task, simulator = agent.policy(env), inner.episodes.task, inner.episodes.simulator
+    observation, info = env.reset(seed=seed)
+    parts = min(inner.episodes.steps, max(1, round(task.period / INTERVAL)))
+    rows, positions, marks = [], [], []
+
+    def keep() -> None:
+        rows.append(simulator.readout.rows[0].copy())
+        positions.append(simulator.readout.positions[0].copy())
+        m = Measures(*(values[0] for values in measures.view(rows[-1][None])))
+        marks.append(task.marks(m, positions[-1], inner.episodes.action[0], inner.episodes.goal[0]))
+
+    keep()
+    total, over = 0.0, False
+    times = [0.0]
+    while not over:
+        before, start = simulator.state(), times[-1]
+        observation, reward, terminated, truncated, info = env.step(policy(observation[None])[0])
+        total, over = total + float(reward), terminated or truncated
+        after = simulator.state()
+        simulator.restore(before)
+        taken = 0
+        for n in range(1, parts):  # the same period again, to see what is between
+            until = round(n * inner.episodes.steps / parts)
+            simulator.advance(until - taken, check=False, read=True)
+            taken = until
+            keep()
+            times.append(start + taken * simulator.step)
+        simulator.restore(after)
+        simulator.read()
+        keep()
+        times.append(start + task.period)
+    m, x = measures.view(np.stack(rows)), np.stack(positions)
+    look, camera = task.look(), task.camera()
+    away = np.subtract(camera.eye, camera.target)
+    env.close()
+    steps = round(times[-1] / task.period)
+    return Motion(
+        title=f"{agent.env_id}: {agent.name}",
+        times=np.array(times),
+        positions=x,
+        look=look,
+        scenery=task.scenery(),
+        lengths=task.scene.body.lengths,
+        centre=m.centre,
+        fastest=0.0 if task.scene.body.floppy else fastest_turn(m),
+        direction=(
+            float(np.arctan2(away[1], away[0])),
+            float(np.arctan2(away[2], np.hypot(away[0], away[1]))),
+        ),
+        graphs=graphs(m, task.scene.body),
+        marks=marks,
+        camera=camera,
+        summary=(
+            f"{steps} steps of {task.period:g} s · return {total:.4g}, {total / steps:.3f} a step · "
+            f"{'success' if info['is_success'] else 'no success'} · largest strain {m.strain.max():.1e}"
+        ),
+    )

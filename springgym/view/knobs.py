@@ -1,0 +1,130 @@
+"""Sliders of a scene: the numbers of its file that are worth turning, and how far."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from springgym.scenes.reading import KINDS, document
+
+
+class Knob(NamedTuple):
+    """A slider on a number of a scene file."""
+
+    path: tuple[str, ...]
+    """of keys"""
+    label: str
+    value: float
+    """as the file has it"""
+    low: float
+    high: float
+    step: float
+    exponent: bool = False
+    """whether the slider shows log₁₀ of the number"""
+
+    @property
+    def start(self) -> float:
+        """Where the slider stands for the file's value."""
+        return math.log10(self.value) if self.exponent else self.value
+
+    def number(self, shown: float) -> float:
+        """The number for a place of the slider."""
+        if shown == self.start:
+            return self.value
+        return 10.0**shown if self.exponent else shown
+
+
+def _linear(unit: str, low: float, high: float, step: float) -> Callable[..., Knob]:
+    """A slider between bounds, or to twice what the file has where that is beyond."""
+
+    def knob(path: tuple[str, ...], value: float) -> Knob:
+        label = f"{path[-1].replace('_', ' ')} {unit}".strip()
+        return Knob(path, label, value, min(low, 2 * value), max(high, 2 * value), step)
+
+    return knob
+
+
+def _share(unit: str) -> Callable[..., Knob]:
+    """A slider to four times what the file has."""
+
+    def knob(path: tuple[str, ...], value: float) -> Knob:
+        step = 10.0 ** math.floor(math.log10(value / 20))
+        label = f"{path[-1].replace('_', ' ')} {unit}"
+        return Knob(path, label, value, max(step, round(value / 5 / step) * step), 4 * value, step)
+
+    return knob
+
+
+def _decades(unit: str) -> Callable[..., Knob]:
+    """A slider on the logarithm, from a hundredth to ten times what the file has."""
+
+    def knob(path: tuple[str, ...], value: float) -> Knob:
+        start = math.log10(value)
+        label = f"log₁₀ {path[-1]} {unit}"
+        return Knob(path, label, value, round(start - 2, 1), round(start + 1, 1), 0.05, True)
+
+    return knob
+
+
+KNOBS: dict[str, dict[str, Callable[..., Knob]]] = {
+    "start": {
+        "spin": _linear("[rad/s]", 0.0, 100.0, 0.5),
+        "tilt": _linear("[rad]", 0.0, 1.5, 0.01),
+        "precession": _linear("[rad/s]", 0.0, 10.0, 0.1),
+    },
+    "body": {
+        "mass": _share("[kg]"),
+        "ring_mass": _share("[kg]"),
+        "end_mass": _share("[kg]"),
+        "radius": _share("[m]"),
+        "height": _share("[m]"),
+        "length": _share("[m]"),
+        "stiffness": _decades("[N/m]"),
+        "damping": _linear("[kg/s]", 0.0, 200.0, 1.0),
+    },
+    "contact": {
+        "friction": _linear("μ", 0.0, 1.5, 0.01),
+        "restitution": _linear("", 0.0, 1.0, 0.01),
+    },
+}
+"""Sliders by the section of a scene file, and its key."""
+
+
+def knobs(scene: str) -> list[Knob]:
+    """The sliders of a scene, see `springgym.scenes.load` for what names one."""
+    return list(_found(document(scene).value))
+
+
+def _found(text: Mapping[str, Any]) -> Iterator[Knob]:
+    body = text.get("body") or {}
+    make = KINDS.get(body.get("kind", ""))
+    defaults: dict[str, dict[str, Any]] = {
+        "start": {},
+        "body": _numbers(make) if make else {},
+        "contact": {"friction": 0.0, "restitution": 1.0} if text.get("surfaces") else {},
+    }
+    for section, kinds in KNOBS.items():
+        given = text.get(section) or {}
+        values = defaults[section] | (dict(given) if isinstance(given, Mapping) else {})
+        for key, knob in kinds.items():
+            value = values.get(key)
+            if isinstance(value, (int, float)) and not isinstance(value, bool):
+                yield knob((section, key), float(value))
+    gravity = text.get("gravity", 9.81)
+    if isinstance(gravity, (int, float)):
+        yield _linear("[m/s²]", 0.0, 25.0, 0.1)(("gravity",), float(gravity))
+    for n, surface in enumerate(text.get("surfaces") or ()):
+        if isinstance(surface, Mapping) and isinstance(surface.get("angle"), (int, float)):
+            angle = float(surface["angle"])
+            yield Knob(("surfaces", str(n), "angle"), "slope [rad]", angle, 0.0, max(0.8, 2 * angle), 0.01)
+
+
+def _numbers(make: Callable[..., Any]) -> dict[str, float]:
+    """Arguments of a function whose defaults are numbers."""
+    return {
+        name: parameter.default
+        for name, parameter in inspect.signature(make).parameters.items()
+        if type(parameter.default) in (int, float)
+    }

@@ -1,0 +1,217 @@
+"""What a page shows: positions over time, and how they are drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from springgym.bodies import Body
+from springgym.measures import Measures
+from springgym.rendering import Camera, Look, Marks, Scenery
+from springgym.rendering.look import AMBER, BLUE, GREEN, INK, ORANGE, RED, SLATE, TEAL, Color
+from springgym.scenes import film
+from springgym.scenes.recording import Recording, rigid_twin
+from springgym.surfaces import scales
+
+PURPLE: Color = (128, 72, 160)
+STEEPEST = 4.0
+"""Forces are drawn at most this many times as long as the weight: impacts would leave the picture."""
+
+
+class Arrows(NamedTuple):
+    """An arrow at every time."""
+
+    origins: np.ndarray
+    """(T, 3) [m]"""
+    vectors: np.ndarray
+    """(T, 3) as long as they are drawn [m]; zero where there is none"""
+    color: Color
+
+
+class Curve(NamedTuple):
+    """A quantity over time."""
+
+    values: np.ndarray
+    """(T,)"""
+    color: Color
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Positions over time, and all that is drawn beside them."""
+
+    title: str
+    times: np.ndarray
+    """(T,) [s], from 0"""
+    positions: np.ndarray
+    """(T, N, 3) [m]"""
+    look: Look
+    scenery: Scenery
+    lengths: np.ndarray
+    """(S,) unstretched lengths of the look's springs [m]"""
+    centre: np.ndarray
+    """(T, 3) centre of mass [m]"""
+    fastest: float
+    """largest angular velocity [rad/s]"""
+    direction: tuple[float, float]
+    """azimuth and elevation of the eye [rad]"""
+    graphs: Mapping[str, Mapping[str, Curve]]
+    """curves by name, in graphs by name with unit"""
+    arrows: Mapping[str, Arrows] = field(default_factory=dict)
+    paths: Mapping[str, tuple[np.ndarray, Color]] = field(default_factory=dict)
+    """(T, 3) paths drawn at once, by name"""
+    marks: Sequence[Marks] = ()
+    """what else is drawn at each time"""
+    camera: Camera | None = None
+    """where an environment is seen from; the page sees to it where there is none"""
+    summary: str = ""
+    """in a line, what simulated it and how well"""
+
+    @property
+    def size(self) -> float:
+        """Of the body [m]."""
+        return size_of(self.positions)
+
+    @property
+    def strain(self) -> np.ndarray:
+        """Strains of the springs, (T, S)."""
+        first, second = np.asarray(self.look.springs).T
+        apart = np.linalg.norm(self.positions[:, second] - self.positions[:, first], axis=2)
+        return apart / self.lengths - 1.0
+
+    def speed(self, fps: float) -> float:
+        """How fast it can be played, at most in real time, for the eye to follow the rotation."""
+        return film.visible_speed(self.fastest, fps)
+
+    def at(self, time: float) -> tuple[int, float]:
+        """The state before a time [s], and the share of the way to the next."""
+        n = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2))
+        share = (time - self.times[n]) / (self.times[n + 1] - self.times[n])
+        return n, float(np.clip(share, 0.0, 1.0))
+
+
+def size_of(positions: np.ndarray) -> float:
+    """Size of a body that moves through positions (T, N, 3) [m]; of a particle, a share of its way."""
+    size = float(np.ptp(positions[0], axis=0).max())
+    return size or 0.3 * float(np.ptp(positions, axis=(0, 1)).max()) or 0.5
+
+
+def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
+    """The motion of a recorded scene; with ``twin``, beside the path of its rigid twin if it has one."""
+    plan, m, x = recording.plan, recording.measures, recording.positions
+    scene = plan.scene
+    rigid = rigid_twin(recording) if twin else None
+    paths = {}
+    if rigid is not None and plan.trace is not None:
+        paths["rigid twin"] = (rigid.positions[:, plan.trace], INK)
+    lost = float(m.damping_loss[-1] + m.contact_loss[-1] + m.friction_loss[-1])
+    return Motion(
+        title=plan.title,
+        times=recording.times,
+        positions=x,
+        look=film.look(scene.body, plan.trace),
+        scenery=film.scenery(recording),
+        lengths=scene.body.lengths,
+        centre=m.centre,
+        fastest=film.turning(recording),
+        direction=(plan.view.azimuth, plan.view.elevation),
+        graphs=graphs(m, scene.body),
+        arrows=_arrows(recording),
+        paths=paths,
+        summary=(
+            f"{recording.integrator.name}, step {1e3 * recording.step:.3g} ms · largest strain "
+            f"{m.strain.max():.1e} · energy {m.energy[0]:.4g} → {m.energy[-1]:.4g} J, lost {lost:.3g} J, "
+            f"unaccounted {m.balance[-1] - m.balance[0]:.1e} J"
+        ),
+    )
+
+
+def fastest_turn(m: Measures) -> float:
+    """The largest angular velocity [rad/s]."""
+    return float(np.linalg.norm(m.angular_velocity, axis=-1).max())
+
+
+def graphs(m: Measures, body: Body) -> dict[str, dict[str, Curve]]:
+    """Energies, and what else is worth a graph, from measures of shape (T,) and (T, 3).
+
+    The energies of gravity and of the springs count from their least.
+    """
+    lost = m.damping_loss + m.contact_loss + m.friction_loss
+    parts = {
+        "kinetic": Curve(m.kinetic, BLUE),
+        "gravity": Curve(m.gravity - m.gravity.min(), GREEN),
+        "springs": Curve(m.elastic - m.elastic.min(), AMBER),
+        "contact": Curve(m.contact, SLATE),
+        "lost": Curve(lost - lost[0], RED),
+    }
+    total = np.sum([curve.values for curve in parts.values()], axis=0)
+    name, scale = "energy", float(np.abs(total).max())
+    moved = max(float(np.ptp(curve.values)) for curve in parts.values())
+    if moved < 0.25 * scale:  # beside what stays, what moves would be flat
+        name, scale = "energy moved", moved
+        parts = {part: Curve(curve.values - curve.values[0], curve.color) for part, curve in parts.items()}
+        total = total - total[0]
+    shown = {part: curve for part, curve in parts.items() if np.abs(curve.values).max() > 3e-3 * scale}
+    factor, unit = (1e3, "mJ") if scale < 0.02 else (1e-3, "kJ") if scale > 2e4 else (1.0, "J")
+    drawn = {
+        f"{name} [{unit}]": {
+            part: Curve(factor * curve.values, curve.color)
+            for part, curve in (shown | {"sum": Curve(total, INK)}).items()
+        }
+    }
+    drawn["height [m]"] = {"height": Curve(m.centre[:, 2], SLATE)}
+    if len(body.springs):
+        drawn["strain [%]"] = {"strain": Curve(100 * m.strain, RED)}
+    if body.floppy or not len(body.springs):
+        return drawn
+    tilt = np.degrees(np.arctan2(np.hypot(m.axis[:, 0], m.axis[:, 1]), m.axis[:, 2]))
+    spin = np.einsum("ti,ti->t", m.angular_velocity, m.axis)
+    return drawn | {
+        "tilt [°]": {"tilt": Curve(tilt, ORANGE)},
+        "spin [rad/s]": {"spin": Curve(spin, TEAL)},
+    }
+
+
+def _arrows(recording: Recording) -> dict[str, Arrows]:
+    """Weight, what holds against it, angular velocity and angular momentum.
+
+    The support is what the momentum tells: pin and surfaces together push with dP/dt − M g.
+    """
+    scene, m, x = recording.plan.scene, recording.measures, recording.positions
+    size = 0.6 * size_of(x)
+    drawn: dict[str, Arrows] = {}
+    if scene.gravity is not None and len(recording.times) > 2:
+        weight = scene.body.mass * np.array(scene.gravity)
+        push = np.gradient(m.momentum, recording.times, axis=0) - weight
+        longer = np.linalg.norm(push, axis=1) / np.linalg.norm(weight)
+        push = push / np.maximum(1.0, longer / STEEPEST)[:, None]
+        length = 0.6 * size / float(np.linalg.norm(weight))
+        drawn["weight"] = Arrows(m.centre, np.tile(length * weight, (len(x), 1)), SLATE)
+        if scene.pinned or scene.surfaces:
+            push = np.where((longer > 0.02)[:, None], push, 0.0)
+            drawn["support"] = Arrows(_supported_at(recording), length * push, GREEN)
+    if not scene.body.floppy and len(scene.body.masses) > 1:
+        about = x[:, scene.pivot] if scene.pivot >= 0 else m.centre
+        for name, vectors, color in (
+            ("angular velocity", m.angular_velocity, TEAL),
+            ("angular momentum", m.angular_momentum, PURPLE),
+        ):
+            largest = float(np.linalg.norm(vectors, axis=1).max())
+            if largest > 1e-9:
+                drawn[name] = Arrows(about, 2.0 * size / largest * vectors, color)
+    return drawn
+
+
+def _supported_at(recording: Recording) -> np.ndarray:
+    """Where the support acts, (T, 3): the pin, or the middle of the particles within reach of a surface."""
+    scene, x = recording.plan.scene, recording.positions
+    if scene.pinned:
+        return x[:, list(scene.pinned)].mean(axis=1)
+    _, reach = scales(scene.contact, scene.body)
+    heights = np.min([surface.height(x) for surface in scene.surfaces], axis=0)
+    near = np.maximum(1.5 * reach, heights.min(axis=1, keepdims=True) + 1e-9)
+    touching = (heights <= near)[..., None]
+    return (x * touching).sum(axis=1) / touching.sum(axis=1)

@@ -1,0 +1,375 @@
+"""The page: a stage to turn, a clock to play it by, sliders to change it, a graph to read it from."""
+
+from __future__ import annotations
+
+import threading
+import time as clock
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from springgym.rendering.look import GREEN, ORANGE, SLATE, TEAL, Color
+from springgym.rendering.solids import COLD, HOT, NEUTRAL
+from springgym.scenes.film import SPEEDS
+from springgym.view.knobs import Knob
+from springgym.view.motion import PURPLE, Motion
+from springgym.view.stage import Stage, look_from
+
+FPS = 30.0
+"""Frames a second that are sent to the browser."""
+READ_EVERY = 4
+"""Frames between two updates of the readings and of the graph's pointer."""
+SAMPLES = 400
+"""Points of a curve."""
+BRAND: Color = (43, 92, 150)
+TICKS = {
+    "trace": "the way of the traced particle",
+    "springs": "the springs, coloured by their strain, through the body",
+    "forces": "the weight, and what pin and surfaces push back with",
+    "rotation": "angular velocity and angular momentum",
+    "rigid twin": "the trace of the same particles as a rigid body, dashed",
+    "follow": "move with the centre of mass",
+}
+"""What can be shown, and what that is."""
+
+Changes = Mapping[tuple[str, ...], float]
+
+
+class Subject(NamedTuple):
+    """What a page is about."""
+
+    kind: str
+    """what is chosen"""
+    names: Sequence[str]
+    """out of these; the first is shown at first"""
+    make: Callable[[str, Changes], Motion]
+    """from a name and the numbers that the sliders changed, the motion"""
+    knobs: Callable[[str], Sequence[Knob]]
+    """from a name, its sliders"""
+
+
+class Page:
+    """A page on a viser server; `run` plays it until `stop`.
+
+    Parameters
+    ----------
+    server
+        A `viser.ViserServer`.
+    subject
+        What is shown.
+    """
+
+    def __init__(self, server: Any, subject: Subject) -> None:
+        self._server, self._gui, self._subject = server, server.gui, subject
+        self._stage = Stage(server)
+        self._lock = threading.RLock()
+        self._wanted: tuple[str, Changes] | None = None
+        self._asked = threading.Event()
+        self._stopped = threading.Event()
+        self._sliders: dict[Knob, Any] = {}
+        self._frame = 0
+        self.name = subject.names[0]
+        """what is chosen"""
+        self.motion = subject.make(self.name, {})
+        """what is shown"""
+        self.time = 0.0
+        """of the motion [s]"""
+        self.playing = True
+        self._build()
+        self._turn_to(self.name, self.motion)
+
+    def run(self) -> None:
+        """Play until `stop` is called."""
+        worker = threading.Thread(target=self._work, daemon=True)
+        worker.start()
+        last = clock.perf_counter()
+        while not self._stopped.wait(max(0.0, last + 1 / FPS - clock.perf_counter())):
+            now = clock.perf_counter()
+            with self._lock:
+                if self.playing:
+                    self.time += (now - last) * SPEEDS[self._speed_index()]
+                    if self.time > self.motion.times[-1]:
+                        self.time = 0.0
+                    self._draw(read=self._frame % READ_EVERY == 0)
+                    self._frame += 1
+            last = now
+        self._asked.set()
+        worker.join()
+
+    def stop(self) -> None:
+        """End `run`."""
+        self._stopped.set()
+
+    def play(self, playing: bool) -> None:
+        """Play, or pause."""
+        self.playing = playing
+        self._button.label = "pause" if playing else "play"
+
+    # --- The panel ----------------------------------------------------------------------------------
+
+    def _build(self) -> None:
+        gui = self._gui
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
+        gui.set_panel_label("springgym")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(380)
+        if len(self._subject.names) > 1:
+            chooser = gui.add_dropdown(
+                self._subject.kind, tuple(self._subject.names), initial_value=self.name
+            )
+            chooser.on_update(lambda event: self._ask(chooser.value, {}))
+        self._title = gui.add_markdown("")
+        self._button = gui.add_button("pause", hint="the space bar does the same")
+        self._button.on_click(lambda event: self.play(not self.playing))
+        gui.add_command("play or pause", hotkey="space").on_trigger(lambda event: self.play(not self.playing))
+        self._moment = gui.add_slider("time [s]", 0.0, 1.0, 0.001, 0.0)
+        self._moment.on_update(self._sought)
+        self._speed = gui.add_dropdown("speed", tuple(map(fraction, SPEEDS)), initial_value="1")
+        self._readings = gui.add_markdown("")
+        tabs = gui.add_tab_group()
+        self._tab = tabs.add_tab("change")
+        with self._tab:
+            self._nothing = gui.add_markdown("*Nothing to change here: choose another above.*")
+            self._reset = gui.add_button("as it was", order=1e6)
+            self._reset.on_click(lambda event: self._restore())
+        with tabs.add_tab("show"):
+            self._ticks = {
+                name: gui.add_checkbox(name, name == "trace", hint=hint) for name, hint in TICKS.items()
+            }
+            self._legend = gui.add_html("")
+        for tick in self._ticks.values():
+            tick.on_update(lambda event: self._ticked())
+        graph = gui.add_panel()
+        self._graph_tab = graph.add_tab("graph")
+        with self._graph_tab:
+            graphs = tuple(self.motion.graphs)
+            self._graphed = gui.add_dropdown("of", graphs, initial_value=graphs[0])
+            self._graphed.on_update(lambda event: self._replot())
+        graph.float(x=12, y=-12, width=370, height=290)
+        self._plot: Any = None
+        self._summary = gui.add_markdown("")
+
+    def _turn_to(self, name: str, motion: Motion) -> None:
+        """Show another subject, from its start."""
+        self.name, self.time = name, 0.0
+        for slider in self._sliders.values():
+            slider.remove()
+        with self._tab:
+            self._sliders = {
+                knob: self._gui.add_slider(knob.label, knob.low, knob.high, knob.step, knob.start)
+                for knob in self._subject.knobs(name)
+            }
+        for slider in self._sliders.values():
+            slider.on_update(self._slid)
+        self._reset.visible, self._nothing.visible = bool(self._sliders), not self._sliders
+        travels = float(np.linalg.norm(np.ptp(motion.centre, axis=0))) > 6 * motion.size
+        self._ticks["follow"].value = travels
+        self._stage.show(follow=travels)
+        self._speed.value = fraction(motion.speed(FPS))
+        self._show(motion)
+        look_from(self._server, self._stage.camera(motion))
+
+    def _show(self, motion: Motion) -> None:
+        """Show a motion, where the clock stands."""
+        self.motion = motion
+        last = float(motion.times[-1])
+        self.time = min(self.time, last)
+        with self._server.atomic():
+            self._stage.set_up(motion)
+            self._title.content = f"**{motion.title}**"
+            self._summary.content = motion.summary
+            self._moment.max = last
+            if tuple(motion.graphs) != tuple(self._graphed.options):
+                graph = self._graphed.value
+                self._graphed.options = tuple(motion.graphs)
+                self._graphed.value = graph if graph in motion.graphs else next(iter(motion.graphs))
+            for name, tick in self._ticks.items():
+                tick.visible = _there(name, motion)
+            self._tell_legend()
+            self._replot()
+            self._draw(read=True)
+
+    def _tell_legend(self) -> None:
+        """What the colours mean that are shown."""
+        shown = {name for name, tick in self._ticks.items() if tick.value and tick.visible}
+        lines = []
+        if "springs" in shown:
+            scale = f"{100 * self._stage.strain_scale:g} %"
+            ramp = ", ".join(f"rgb({r:.0f},{g:.0f},{b:.0f})" for r, g, b in (COLD, NEUTRAL, HOT))
+            lines.append(
+                f"−{scale} <span style='display:inline-block;width:9em;height:.7em;border-radius:3px;"
+                f"background:linear-gradient(to right,{ramp})'></span> +{scale} strain"
+            )
+        named: dict[str, Color] = {}
+        if "trace" in shown:
+            named["trace"] = ORANGE
+        if "forces" in shown:
+            named |= {"weight": SLATE, "support": GREEN}
+        if "rotation" in shown:
+            named |= {"angular velocity": TEAL, "angular momentum": PURPLE}
+        present = {"trace", *self.motion.arrows}
+        lines += [
+            f"<span style='color:rgb{color}'>■</span> {name}"
+            for name, color in named.items()
+            if name in present
+        ]
+        body = "<br>".join(lines)
+        self._legend.content = f"<div style='font-size:.8em;padding:0 1em .6em'>{body}</div>" if lines else ""
+
+    # --- What the user does -------------------------------------------------------------------------
+
+    def _sought(self, event: Any) -> None:
+        if event.client is None:
+            return  # the clock moved it
+        with self._lock:
+            self.play(False)
+            self.time = float(self._moment.value)
+            self._draw(read=True)
+
+    def _ticked(self) -> None:
+        with self._lock:
+            self._stage.show(**{name.replace(" ", "_"): tick.value for name, tick in self._ticks.items()})
+            self._tell_legend()
+            self._draw(read=False)
+
+    def _slid(self, event: Any) -> None:
+        if event.client is None:
+            return
+        numbers = {knob: knob.number(float(slider.value)) for knob, slider in self._sliders.items()}
+        self._ask(self.name, {knob.path: n for knob, n in numbers.items() if n != knob.value})
+
+    def _restore(self) -> None:
+        for knob, slider in self._sliders.items():
+            slider.value = knob.start
+        self._ask(self.name, {})
+
+    def _ask(self, name: str, changes: Changes) -> None:
+        """Have the worker make a motion; what was asked for before, and not begun, is forgotten."""
+        self._wanted = (name, changes)
+        self._asked.set()
+
+    def _work(self) -> None:
+        """Make the motions that are asked for."""
+        while self._asked.wait() and not self._stopped.is_set():
+            self._asked.clear()
+            wanted, self._wanted = self._wanted, None
+            if wanted is None:
+                continue
+            name, changes = wanted
+            try:
+                motion = self._subject.make(name, changes)
+            except (ValueError, ArithmeticError) as error:
+                self._summary.content = f"⚠ {error}"
+                continue
+            with self._lock:
+                if name == self.name:
+                    self._show(motion)
+                else:
+                    self._turn_to(name, motion)
+
+    # --- Drawing ------------------------------------------------------------------------------------
+
+    def _speed_index(self) -> int:
+        return list(map(fraction, SPEEDS)).index(self._speed.value)
+
+    def _draw(self, read: bool) -> None:
+        with self._server.atomic():
+            self._stage.draw(self.time)
+            if read:
+                self._read()
+
+    def _read(self) -> None:
+        """Put clock, readings and the graph's pointer where the motion is."""
+        motion, (n, _) = self.motion, self.motion.at(self.time)
+        self._moment.value = round(self.time, 3)
+        texts = list(motion.marks[n].text) if motion.marks else []
+        texts += [
+            f"{name.split(' [')[0]} {round(float(curve.values[n]), 5) + 0.0:.3g}{_unit(name)}"
+            for name, curves in motion.graphs.items()
+            if len(curves) == 1
+            for curve in curves.values()
+        ]
+        self._readings.content = " · ".join(texts)
+        curves = motion.graphs.get(self._graphed.value)
+        if curves and self._plot is not None:
+            self._plot.data = (*self._plotted, self._pointer())
+
+    def _replot(self) -> None:
+        """Draw the graph that is chosen."""
+        from viser import uplot
+
+        with self._lock:
+            curves = self.motion.graphs.get(self._graphed.value)
+            if curves is None:
+                return
+            every = max(1, -(-len(self.motion.times) // SAMPLES))
+            self._sampled = self.motion.times[::every]
+            self._plotted = (
+                self._sampled,
+                *(curve.values[::every].astype(float) for curve in curves.values()),
+            )
+            low = min(float(values.min()) for values in self._plotted[1:])
+            high = max(float(values.max()) for values in self._plotted[1:])
+            spread = high - low or abs(high) or 1.0
+            self._range = (
+                min(low, 0.0) if low > -0.05 * spread else low - 0.05 * spread,
+                high + 0.05 * spread,
+            )
+            series = [
+                uplot.Series(label=name, stroke=f"rgb{curve.color}", width=1.6, points={"show": False})
+                for name, curve in curves.items()
+            ]
+            pointer = uplot.Series(
+                label="now", stroke="rgba(40,50,70,.55)", width=1.2, points={"show": False}
+            )
+            shown = {
+                "data": (*self._plotted, self._pointer()),
+                "series": (uplot.Series(label="over t [s]"), *series, pointer),
+                "scales": {
+                    "x": uplot.Scale(time=False, auto=False, range=(0.0, float(self.motion.times[-1]))),
+                    "y": uplot.Scale(auto=False, range=self._range),
+                },
+                "legend": uplot.Legend(show=len(curves) > 1, live=False),
+                "height": 170 if len(curves) > 1 else 195,
+            }
+            if self._plot is None:
+                with self._graph_tab:
+                    self._plot = self._gui.add_uplot(**shown)
+                return
+            with self._server.atomic():
+                for name, value in shown.items():
+                    setattr(self._plot, name, value)
+
+    def _pointer(self) -> np.ndarray:
+        """A curve that rises from the bottom to the top of the graph at the present, and is not elsewhere."""
+        values = np.full(len(self._sampled), np.nan)
+        n = int(np.clip(np.searchsorted(self._sampled, self.time), 1, len(values) - 1))
+        values[n - 1 : n + 1] = self._range
+        return values
+
+
+def fraction(speed: float) -> str:
+    """A speed as a choice: "1/8", "1", "2"."""
+    return str(Fraction(speed))
+
+
+def _unit(graph: str) -> str:
+    """The unit in the name of a graph."""
+    if "[" not in graph:
+        return ""
+    unit = graph.split("[")[1].rstrip("]")
+    return unit if unit == "°" else f" {unit}"
+
+
+def _there(tick: str, motion: Motion) -> bool:
+    """Whether a motion has what a tick would show."""
+    return {
+        "trace": motion.look.trace is not None,
+        "springs": len(motion.lengths) > 0,
+        "forces": "weight" in motion.arrows,
+        "rotation": any(name.startswith("angular") for name in motion.arrows),
+        "rigid twin": "rigid twin" in motion.paths,
+        "follow": True,
+    }[tick]

@@ -1,0 +1,422 @@
+"""Draws a motion with viser: nodes that are made once and moved from frame to frame."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from springgym.rendering import Camera, Marks
+from springgym.rendering.look import GRAPHITE, GREEN, ORANGE, STEEL
+from springgym.rendering.solids import circle, strain_colors
+from springgym.view.motion import Motion
+
+FOV = 0.5
+"""Vertical angle of view [rad]."""
+SKY = ((250, 251, 253), (222, 229, 238))
+"""Colours of the background at the top and at the bottom."""
+GROUND = (244, 247, 251)
+CELL, SECTION = (222, 228, 236), (196, 205, 217)
+GLASS = 0.1
+"""Opacity of a body whose springs are shown."""
+DEEPER = 1.8
+"""Power that makes up for the browser's tone mapping, which pales the colours of lines and arrows."""
+ASIDE = (-0.25, -0.1)
+"""Half heights of the picture that the camera is moved right and up: the graph is at the lower left."""
+TRAIL = 400
+"""Pieces of a trace."""
+
+
+class Stage:
+    """The scene tree of a viser server, showing one motion at a time.
+
+    Parameters
+    ----------
+    server
+        A `viser.ViserServer`.
+    """
+
+    def __init__(self, server: Any) -> None:
+        self._server, self._scene = server, server.scene
+        self._scene.set_up_direction("+z")
+        shades = np.linspace(SKY[0], SKY[1], 64)[:, None].repeat(2, axis=1)
+        self._scene.set_background_image(np.rint(shades).astype(np.uint8), format="png")
+        self._scene.add_light_hemisphere(
+            "/light", sky_color=(255, 255, 255), ground_color=(210, 214, 224), intensity=1.1
+        )
+        self._shown = {
+            "springs": False,
+            "forces": False,
+            "rotation": False,
+            "trace": True,
+            "rigid twin": False,
+        }
+        self._follows = False
+        self._motion: Motion | None = None
+
+    # --- What is shown ------------------------------------------------------------------------------
+
+    def set_up(self, motion: Motion) -> None:
+        """Replace what is shown by a motion, at its start."""
+        for name in ("/world", "/ground"):
+            self._scene.remove_by_name(name) if self._motion is not None else None
+        self._motion = motion
+        self._strain = motion.strain
+        size = motion.size
+        self._ground = self._scene.add_frame("/ground", show_axes=False)
+        self._world = self._scene.add_frame("/world", show_axes=False)
+        self._scale = _rounded(float(np.percentile(np.abs(self._strain), 99.5))) if self._strain.size else 1.0
+        self._add_scenery(motion)
+        self._add_body(motion, size)
+        self._nodes: dict[str, Any] = {}
+        self._marked: dict[str, Any] = {}
+        self.draw(0.0)
+
+    @property
+    def strain_scale(self) -> float:
+        """Strain of the full colour."""
+        return self._scale
+
+    def show(self, **shown: bool) -> None:
+        """Show or hide the ticks of a page by name; with ``follow``, move along with the body."""
+        self._follows = shown.pop("follow", self._follows)
+        self._shown |= {name.replace("_", " "): value for name, value in shown.items()}
+
+    def camera(self, motion: Motion) -> Camera:
+        """A camera that sees the whole motion, or a body's way and breadth where it is followed."""
+        x = motion.positions
+        if self._follows:
+            x = x - (motion.centre - motion.centre[0])[:, None]
+        camera = Camera.fitting(x, (100, 100), *motion.direction, FOV, 0.1)
+        right, up, _ = camera.axes()
+        reach = float(np.linalg.norm(np.subtract(camera.target, camera.eye))) * np.tan(0.5 * FOV)
+        return camera.moved(reach * (ASIDE[0] * right + ASIDE[1] * up))
+
+    def write(self, text: str) -> None:
+        """Write a line below the motion."""
+        assert self._motion is not None
+        camera = self.camera(self._motion)
+        _, up, _ = camera.axes()
+        reach = float(np.linalg.norm(np.subtract(camera.target, camera.eye))) * np.tan(0.5 * FOV)
+        self._scene.add_label(
+            "/text", text, position=np.add(camera.target, -0.85 * reach * up), anchor="bottom-center"
+        )
+
+    # --- Building -----------------------------------------------------------------------------------
+
+    def _add_scenery(self, motion: Motion) -> None:
+        scenery, x = motion.scenery, motion.positions
+        extent = max(float(np.ptp(x, axis=(0, 1)).max()), motion.size)
+        middle = x.reshape(-1, 3).mean(axis=0)
+        flat = [] if scenery.floor is None else [((0.0, 0.0, scenery.floor), (0.0, 0.0, 1.0))]
+        for n, (point, normal) in enumerate([*flat, *scenery.planes]):
+            unit = np.asarray(normal, float) / np.linalg.norm(normal)
+            foot = middle - unit * float((middle - np.asarray(point)) @ unit)
+            section = _rounded(extent / 3)
+            foot = section * np.round(foot / section) if abs(unit[2]) > 0.999 else foot
+            foot = foot - unit * float((foot - np.asarray(point)) @ unit)
+            level = abs(unit[2]) > 0.999
+            self._scene.add_grid(
+                f"/ground/plane{n}",
+                width=(8 if level else 2.6) * extent,
+                height=(8 if level else 2.6) * extent,
+                cell_size=section / 5,
+                section_size=section,
+                cell_color=CELL,
+                section_color=SECTION,
+                plane_color=GROUND,
+                plane_opacity=1.0 if level else 0.9,
+                fade_distance=(5 if level else 40) * extent,
+                fade_from="origin" if np.linalg.norm(foot) < extent else "camera",
+                shadow_opacity=0.3,
+                position=foot,
+                wxyz=_turned(unit),
+            )
+        if scenery.dish is not None:
+            self._add_dish(np.asarray(scenery.dish[0], float), scenery.dish[1], extent)
+        if scenery.vertical is not None:
+            foot, height = scenery.vertical
+            steps = np.linspace(0.0, height, 41)[:-1].reshape(-1, 2)
+            points = np.asarray(foot) + steps[..., None] * np.array([0.0, 0.0, 1.0])
+            self._scene.add_line_segments(
+                "/ground/vertical", points, GRAPHITE, thickness=1.6, thickness_units="screen"
+            )
+
+    def _add_dish(self, centre: np.ndarray, radius: float, extent: float) -> None:
+        rim = min(1.25, 1.1 * extent / radius)
+        polar, around = np.linspace(0.0, rim, 13), np.linspace(0.0, 2 * np.pi, 49)
+        flat = np.sin(polar)[:, None]
+        down = np.broadcast_to(-np.cos(polar)[:, None], (13, 49))
+        net = centre + radius * np.stack([flat * np.cos(around), flat * np.sin(around), down], axis=-1)
+        corners = np.arange(13 * 49).reshape(13, 49)
+        a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
+        faces = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
+        self._scene.add_mesh_simple(
+            "/ground/dish",
+            net.reshape(-1, 3).astype(np.float32),
+            faces,
+            color=(225, 232, 242),
+            opacity=0.55,
+            side="double",
+            cast_shadow=False,
+        )
+        lines = np.concatenate(
+            [
+                np.stack([net[1:, :-1], net[1:, 1:]], axis=2).reshape(-1, 2, 3),
+                np.stack([net[:-1, ::2], net[1:, ::2]], axis=2).reshape(-1, 2, 3),
+            ]
+        )
+        self._scene.add_line_segments(
+            "/ground/net", lines, (170, 181, 198), thickness=1.0, thickness_units="screen"
+        )
+
+    def _add_body(self, motion: Motion, size: float) -> None:
+        look, x = motion.look, motion.positions[0]
+        triangles, colors = np.asarray(look.triangles), np.asarray(look.triangle_colors)
+        self._faces: list[tuple[Any, np.ndarray]] = []
+        for n, color in enumerate(np.unique(colors, axis=0)) if len(triangles) else ():
+            corners = triangles[(colors == color).all(axis=1)].ravel()
+            mesh = self._scene.add_mesh_simple(
+                f"/world/body/faces{n}",
+                x[corners].astype(np.float32),
+                np.arange(len(corners)).reshape(-1, 3),
+                color=tuple(color.tolist()),
+                flat_shading=True,
+                side="double",
+                opacity=look.opacity if look.opacity < 1 else None,
+            )
+            self._faces.append((mesh, corners))
+        self._bars: Any = None
+        pairs = np.asarray(look.bars)
+        if len(pairs):
+            tube, faces = _tube()
+            self._bars = self._scene.add_batched_meshes_simple(
+                "/world/body/bars",
+                tube,
+                faces,
+                *self._bar_poses(x)[:2],
+                batched_scales=self._bar_poses(x)[2],
+                batched_colors=np.asarray(look.bar_colors),
+                lod="off",
+            )
+        self._balls: Any = None
+        radii = np.asarray(look.radii)
+        self._round = np.flatnonzero(radii > 0)
+        if len(self._round):
+            ball, faces = _ball()
+            count = len(self._round)
+            self._balls = self._scene.add_batched_meshes_simple(
+                "/world/body/balls",
+                ball,
+                faces,
+                np.tile((1.0, 0.0, 0.0, 0.0), (count, 1)),
+                x[self._round],
+                batched_scales=np.repeat(radii[self._round, None], 3, axis=1),
+                batched_colors=np.asarray(look.ball_colors)[self._round],
+                lod="off",
+            )
+
+    def _bar_poses(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Quaternions, positions and scales of the bars."""
+        assert self._motion is not None
+        look = self._motion.look
+        first, second = np.asarray(look.bars).T
+        along = x[second] - x[first]
+        length = np.linalg.norm(along, axis=1)
+        radius = np.asarray(look.bar_radius)
+        unit = along / np.maximum(length, 1e-12)[:, None]
+        return _turned(unit), x[first], np.stack([radius, radius, length], axis=1)
+
+    # --- Drawing ------------------------------------------------------------------------------------
+
+    def draw(self, time: float) -> None:
+        """Show the motion at a time [s]."""
+        motion = self._motion
+        assert motion is not None
+        n, share = motion.at(time)
+        x = motion.positions[n] + share * (motion.positions[n + 1] - motion.positions[n])
+        if self._follows:
+            way = motion.centre[n] + share * (motion.centre[n + 1] - motion.centre[n]) - motion.centre[0]
+            self._world.position = self._ground.position = -way
+        elif self._world.position.any():
+            self._world.position = self._ground.position = np.zeros(3)
+        glass = self._shown["springs"]
+        for mesh, corners in self._faces:
+            mesh.vertices = x[corners].astype(np.float32)
+            opacity = GLASS if glass else motion.look.opacity if motion.look.opacity < 1 else None
+            if mesh.opacity != opacity:
+                mesh.opacity = opacity
+        if self._bars is not None:
+            wxyzs, positions, scales = self._bar_poses(x)
+            self._bars.batched_wxyzs, self._bars.batched_positions = wxyzs, positions
+            self._bars.batched_scales = scales
+            self._bars.visible = not glass or not len(motion.lengths)
+        if self._balls is not None:
+            self._balls.batched_positions = x[self._round]
+        self._draw_springs(motion, x, n, share)
+        self._draw_trace(motion, x, n)
+        self._draw_arrows(motion, n, share)
+        if motion.marks:
+            self._draw_marks(motion, motion.marks[n])
+
+    def _draw_springs(self, motion: Motion, x: np.ndarray, n: int, share: float) -> None:
+        shown = self._shown["springs"] and len(motion.lengths) > 0
+        if shown:
+            pairs = np.asarray(motion.look.springs)
+            strain = self._strain[n] + share * (self._strain[n + 1] - self._strain[n])
+            colors = strain_colors(strain, self._scale)
+            self._lines("/world/springs", x[pairs], np.repeat(colors[:, None], 2, axis=1), 4.0)
+        self._hide("/world/springs", not shown)
+
+    def _draw_trace(self, motion: Motion, x: np.ndarray, n: int) -> None:
+        trace = motion.look.trace
+        shown = self._shown["trace"] and trace is not None and n > 0
+        if shown:
+            every = max(1, -(-n // TRAIL))
+            points = np.concatenate([motion.positions[: n + 1 : every, trace], x[None, trace]])
+            self._lines("/world/trace", np.stack([points[:-1], points[1:]], axis=1), np.array(ORANGE), 3.0)
+        self._hide("/world/trace", not shown)
+        for name, (path, color) in motion.paths.items():
+            seen = self._shown["rigid twin"] and n > 0
+            if seen:
+                every = max(1, -(-len(path) // (2 * TRAIL)))
+                points = path[::every]
+                count = len(points) // 2
+                dashes = np.stack([points[0 : 2 * count : 2], points[1 : 2 * count : 2]], axis=1)
+                if f"/world/{name}" not in self._nodes:
+                    self._lines(f"/world/{name}", dashes, np.array(color), 1.6)
+            self._hide(f"/world/{name}", not seen)
+
+    def _draw_arrows(self, motion: Motion, n: int, share: float) -> None:
+        for name, (origins, vectors, color) in motion.arrows.items():
+            group = "rotation" if name.startswith("angular") else "forces"
+            start = origins[n] + share * (origins[n + 1] - origins[n])
+            along = vectors[n] + share * (vectors[n + 1] - vectors[n])
+            shown = self._shown[group] and float(np.linalg.norm(along)) > 0.02 * motion.size
+            if shown:
+                self._arrow(f"/world/arrows/{name}", start, along, color, motion.size)
+            self._hide(f"/world/arrows/{name}", not shown)
+
+    def _arrow(self, name: str, start: Any, along: Any, color: Any, size: float) -> None:
+        points = np.stack([start, np.add(start, along)])[None].astype(np.float32)
+        if name in self._nodes:
+            self._nodes[name].points = points
+        else:
+            self._nodes[name] = self._scene.add_arrows(
+                name,
+                points,
+                _deeper(np.array(color)),
+                shaft_radius=0.014 * size,
+                head_radius=0.04 * size,
+                head_length=0.1 * size,
+            )
+
+    def _lines(self, name: str, points: np.ndarray, colors: np.ndarray, thickness: float) -> None:
+        if colors.ndim == 1:
+            colors = np.broadcast_to(colors, points.shape)
+        colors = _deeper(colors)
+        points = points.astype(np.float32)
+        node = self._nodes.get(name)
+        if node is not None and node.points.shape == points.shape:
+            node.points, node.colors = points, colors
+        else:
+            self._nodes[name] = self._scene.add_line_segments(
+                name, points, colors, thickness=thickness, thickness_units="screen"
+            )
+
+    def _hide(self, name: str, hidden: bool) -> None:
+        node = self._nodes.get(name)
+        if node is not None and node.visible == hidden:
+            node.visible = not hidden
+
+    # --- Marks --------------------------------------------------------------------------------------
+
+    def _draw_marks(self, motion: Motion, marks: Marks) -> None:
+        extent = motion.size
+        for n, (centre, radius) in enumerate(marks.rings):
+            points = circle(centre, radius, 73)
+            ring = np.stack([points, np.roll(points, -1, axis=0)], axis=1)
+            self._marked_lines(f"/world/marks/ring{n}", ring, GREEN, 4.0)
+        for n, (start, stop) in enumerate(marks.lines):
+            self._marked_lines(f"/world/marks/line{n}", np.array([[start, stop]]), STEEL, 3.0)
+        for n, (centre, radius) in enumerate(marks.balls):
+            name = f"/world/marks/ball{n}"
+            if name not in self._nodes:
+                self._nodes[name] = self._scene.add_icosphere(
+                    name, radius=radius, color=GREEN, opacity=0.6, position=np.asarray(centre, float)
+                )
+            self._nodes[name].position = np.asarray(centre, float)
+        for n, arrow in enumerate(marks.arrows):
+            name = f"/world/marks/arrow{n}"
+            shown = float(np.linalg.norm(arrow.vector)) > 0.02 * extent
+            if shown:
+                self._arrow(name, arrow.origin, arrow.vector, arrow.color, extent)
+            self._hide(name, not shown)
+
+    def _marked_lines(self, name: str, points: np.ndarray, color: Any, thickness: float) -> None:
+        if name in self._marked and np.array_equal(self._marked[name], points):
+            return
+        self._marked[name] = points
+        self._lines(name, points, np.array(color), thickness)
+
+
+def record(server: Any, stage: Stage, motion: Motion, fps: float, speed: float) -> Any:
+    """Play a motion into a serializer of viser's, once through."""
+    moments = np.arange(0.0, motion.times[-1] + 1e-9, speed / fps)
+    serializer = server.get_scene_serializer()
+    for time in moments:
+        stage.draw(float(time))
+        serializer.insert_sleep(1 / fps)
+    return serializer
+
+
+def look_from(server: Any, camera: Camera) -> None:
+    """Where clients look from when they come, and those that are there from now on."""
+    for view in (server.initial_camera, *(client.camera for client in server.get_clients().values())):
+        view.fov = camera.fov
+        view.position = np.array(camera.eye)
+        view.look_at = np.array(camera.target)
+
+
+def _rounded(value: float) -> float:
+    """The nearest of 1, 2 or 5 times a power of ten that is not below, for positive values."""
+    if not value > 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(k * power for k in (1.0, 2.0, 5.0, 10.0) if k * power >= value * (1 - 1e-9)))
+
+
+def _deeper(colors: np.ndarray) -> np.ndarray:
+    return np.rint(255.0 * (colors / 255.0) ** DEEPER).astype(np.uint8)
+
+
+def _turned(direction: np.ndarray) -> np.ndarray:
+    """Quaternions (…, 4), w first, that turn z to unit vectors (…, 3)."""
+    x, y, z = np.moveaxis(np.asarray(direction, float), -1, 0)
+    half = np.stack([1.0 + z, -y, x, np.zeros_like(z)], axis=-1)
+    upside = half[..., 0] < 1e-9
+    half[upside] = (0.0, 1.0, 0.0, 0.0)
+    return np.asarray(half / np.linalg.norm(half, axis=-1, keepdims=True))
+
+
+def _tube(sides: int = 14) -> tuple[np.ndarray, np.ndarray]:
+    """A round bar of radius 1 from z = 0 to 1, without ends."""
+    rim = circle((0.0, 0.0, 0.0), 1.0, sides)
+    vertices = np.concatenate([rim, rim + np.array([0.0, 0.0, 1.0])])
+    n = np.arange(sides)
+    m = (n + 1) % sides
+    faces = np.concatenate([np.stack([n, m, m + sides], 1), np.stack([n, m + sides, n + sides], 1)])
+    return vertices.astype(np.float32), faces
+
+
+def _ball(rows: int = 12, columns: int = 18) -> tuple[np.ndarray, np.ndarray]:
+    """A sphere of radius 1."""
+    polar, around = np.meshgrid(
+        np.linspace(0.0, np.pi, rows + 1), np.linspace(0.0, 2 * np.pi, columns + 1), indexing="ij"
+    )
+    flat = np.sin(polar)
+    vertices = np.stack([flat * np.cos(around), flat * np.sin(around), np.cos(polar)], axis=-1)
+    corners = np.arange((rows + 1) * (columns + 1)).reshape(rows + 1, columns + 1)
+    a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
+    faces = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
+    return vertices.reshape(-1, 3).astype(np.float32), faces

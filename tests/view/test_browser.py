@@ -1,0 +1,230 @@
+"""The page in a real browser: Chromium without a window, drawing in software.
+
+Needs Chromium and its driver (Debian: chromium, chromium-driver) and selenium.
+"""
+
+import io
+import json
+import shutil
+import threading
+import time
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser")
+pytest.importorskip("selenium")
+
+from PIL import Image
+from selenium import webdriver
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import WebDriverWait
+
+from springgym import view
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
+
+FLAGS = (
+    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+    *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--window-size=1000,760"),
+)
+PATIENCE = 120
+"""Seconds: a busy machine draws slowly in software."""
+
+
+@pytest.fixture
+def browser(tmp_path):
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if not (chromium and driver):
+        pytest.skip("chromium and chromedriver are not installed")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for flag in (*FLAGS, f"--user-data-dir={tmp_path / 'profile'}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driven = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    driven.set_page_load_timeout(PATIENCE)
+    driven.command_executor.client_config.timeout = PATIENCE
+    yield driven
+    driven.quit()
+
+
+@pytest.fixture
+def page() -> Iterator[view.Page]:
+    """The page of the top, paused."""
+    server = view._server(8460)
+    page = view.Page(server, view.scenes("top"))
+    page.play(False)
+    thread = threading.Thread(target=page.run)
+    thread.start()
+    yield page
+    page.stop()
+    thread.join()
+    view._end(server)
+
+
+def opened(browser, page):
+    browser.get(f"http://127.0.0.1:{page._server.get_port()}/")
+    until(lambda: "spin [rad/s]" in text(browser))
+    until(lambda: page._server.get_clients())
+    return browser
+
+
+def until(true):
+    """Wait until something is true."""
+    end = time.monotonic() + PATIENCE
+    while not true():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.1)
+
+
+def text(browser):
+    return browser.find_element(By.TAG_NAME, "body").text
+
+
+def click(browser, kind, name):
+    WebDriverWait(browser, PATIENCE).until(
+        lambda b: [e for e in b.find_elements(By.CSS_SELECTOR, kind) if e.text.strip() == name]
+    )[0].click()
+
+
+def labelled(browser, label):
+    """The inputs in the row of a label."""
+    (found,) = (e for e in browser.find_elements(By.CSS_SELECTOR, "label") if e.text.strip() == label)
+    row = found.find_element(By.XPATH, "./ancestor::*[.//input][1]")
+    return row.find_elements(By.CSS_SELECTOR, "input:not([type=hidden])")
+
+
+def picture(browser):
+    """What the canvas shows, as numbers."""
+    image = Image.open(io.BytesIO(browser.find_element(By.CSS_SELECTOR, "canvas").screenshot_as_png))
+    return np.asarray(image.convert("RGB"), float)
+
+
+def changes(browser, before):
+    """Whether the canvas comes to show something else."""
+    until(lambda: np.abs(picture(browser) - before).mean() > 0.2)
+
+
+def settled(browser):
+    """What the canvas shows when nothing moves any more."""
+    before = picture(browser)
+    for _ in range(60):
+        time.sleep(0.5)
+        after = picture(browser)
+        if np.abs(after - before).mean() < 0.01:
+            return after
+        before = after
+    raise AssertionError("the picture does not come to rest")
+
+
+def requested(browser):
+    """Hosts that pages asked for; pages and data that the browser holds itself have none."""
+    events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
+    urls = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
+    urls += [e["params"]["url"] for e in events if e["method"] == "Network.webSocketCreated"]
+    return {urlsplit(url).hostname for url in urls if urlsplit(url).scheme in ("http", "https", "ws", "wss")}
+
+
+def complaints(browser):
+    return [entry["message"] for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+
+
+def test_page_plays_turns_and_changes(browser, page, tmp_path):
+    opened(browser, page)
+    still = settled(browser)
+    assert np.ptp(still, axis=(0, 1)).min() > 100  # the body is there, on its ground
+
+    # it is turned by dragging
+    client = next(iter(page._server.get_clients().values()))
+    eye = client.camera.position.copy()
+    canvas = browser.find_element(By.CSS_SELECTOR, "canvas")
+    hand = ActionChains(browser).move_to_element_with_offset(canvas, 100, -120)
+    hand.click_and_hold().move_by_offset(120, -40).release().perform()
+    until(lambda: np.linalg.norm(client.camera.position - eye) > 0.3)
+    changes(browser, still)
+
+    # it plays
+    assert page.time == 0.0
+    click(browser, "button", "play")
+    until(lambda: page.time > 0.1)
+    click(browser, "button", "pause")
+    until(lambda: not page.playing)
+
+    # a slider of the scene is moved by keys, as a mouse would
+    spun = page.motion
+    slider = browser.find_elements(By.CSS_SELECTOR, "[role=slider]")[1]
+    assert slider.get_attribute("aria-valuenow") == "49.8"
+    slider.send_keys(Keys.ARROW_LEFT * 20)
+    until(lambda: page.motion is not spun and abs(page.motion.fastest - 39.8) < 2)
+    number = labelled(browser, "tilt [rad]")[-1]
+    number.send_keys(Keys.CONTROL, "a")
+    number.send_keys("0.8", Keys.ENTER)
+    until(lambda: page.motion.graphs["tilt [°]"]["tilt"].values[0] > 45)
+    shown = f"{page.motion.graphs['tilt [°]']['tilt'].values[page.motion.at(page.time)[0]]:.3g}°"
+    until(lambda: f"tilt {shown}" in text(browser))
+
+    # a number that makes no sense is told, and the motion stays
+    kept = page.motion
+    page._ask("top", {("body", "mass"): -1.0})
+    until(lambda: "positive" in text(browser))
+    assert page.motion is kept
+
+    # back to the file
+    click(browser, "button", "as it was")
+    until(lambda: abs(page.motion.fastest - spun.fastest) < 1e-6)
+
+    # springs by strain, forces
+    before = settled(browser)
+    click(browser, "[role=tab]", "show")
+    for tick in ("springs", "forces", "rotation", "rigid twin"):
+        box = labelled(browser, tick)[0]
+        browser.execute_script("arguments[0].click()", box)
+    changes(browser, before)
+    until(lambda: "strain" in text(browser) and "angular momentum" in text(browser))
+
+    # another scene
+    page._ask("rope-swing", {})
+    until(lambda: "a rope with 70 kg" in text(browser))
+    assert "end mass [kg]" not in text(browser)  # on the other tab
+    assert requested(browser) == {"127.0.0.1"}
+    assert not complaints(browser)
+
+
+def test_saved_page_plays_by_itself(browser, tmp_path):
+    path = tmp_path / "top.html"
+    view.save_page(view.simulated("top", {("start", "spin"): 30.0}), path)
+    assert path.stat().st_size < 2e6
+    browser.get(path.as_uri())
+    until(lambda: browser.find_elements(By.CSS_SELECTOR, "canvas"))
+    until(lambda: np.ptp(picture(browser), axis=(0, 1)).min() > 100)
+    changes(browser, picture(browser))
+    assert requested(browser) == set()
+    assert not complaints(browser)
+
+
+def test_saved_viewer_plays_recordings_beside_it(browser, tmp_path):
+    """What a site of static files embeds."""
+    view.save_viewer(tmp_path / "view.html")
+    view.save_page(view.simulated("dish-ball", {}), tmp_path / "ball.viser")
+    assert (tmp_path / "ball.viser").stat().st_size < 5e5
+    serve = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            browser.get(f"http://127.0.0.1:{server.server_port}/view.html?playbackPath=ball.viser")
+            until(lambda: browser.find_elements(By.CSS_SELECTOR, "canvas"))
+            until(lambda: np.ptp(picture(browser), axis=(0, 1)).min() > 60)
+            changes(browser, picture(browser))
+            assert requested(browser) == {"127.0.0.1"}
+        finally:
+            server.shutdown()
+            thread.join()

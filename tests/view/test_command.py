@@ -1,0 +1,50 @@
+"""The command line of the view."""
+
+import pytest
+
+from springgym import view
+from springgym.cli import main
+
+pytest.importorskip("viser")
+
+
+def test_a_page_is_saved_and_holds_what_it_needs(tmp_path, capsys):
+    path = tmp_path / "page.html"
+    assert main(["view", "block-holds", "--save", str(path)]) == 0
+    printed, warned = capsys.readouterr()
+    assert printed == f"wrote {path}\n"
+    assert not warned
+    text = path.read_text(encoding="utf-8")
+    assert "__VISER_EMBED_DATA__" in text
+    assert 'src="http' not in text
+
+
+def test_an_episode_is_saved(tmp_path):
+    path = tmp_path / "page.viser"
+    assert main(["view", "SpringTop-v0", "--agent", "random", "--save", str(path)]) == 0
+    assert 10_000 < path.stat().st_size < 1e6
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["tpo"], "did you mean 'top'?"),
+        (["top", "--save", "page.gif"], "page.gif: the name of a saved page must end in .html or .viser"),
+        (["top", "--save", "nowhere/page.html"], "there is no folder"),
+        (["SpringTop-v0", "--agent", "nobody"], "agent 'nobody' is no run folder"),
+        (["CartPole-v1"], "CartPole-v1 is no environment of springgym's"),
+        (["SpringTpo-v0"], "SpringTop"),
+    ],
+)
+def test_what_cannot_be_shown_is_told(arguments, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["view", *arguments, "--no-browser"]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_steps_of_a_file_give_way_to_stiffer_bodies():
+    """The bungee's file has a step that springs ten times as stiff would not bear."""
+    soft = view.simulated("bouncing-ball-lossy", {("contact", "restitution"): 0.5})
+    stiff = view.simulated("bungee", {("body", "stiffness"): 2e5})
+    assert soft.times[-1] > 1
+    assert stiff.strain.max() < 0.2

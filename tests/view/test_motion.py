@@ -1,0 +1,116 @@
+"""What the page shows: recordings and episodes as positions over time, with what is drawn beside them."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import springgym  # noqa: F401  (registers)
+from springgym.scenes import load
+from springgym.scenes.film import SPEEDS, TURN_A_FRAME
+from springgym.scenes.recording import record
+from springgym.view.motion import of_recording
+
+pytest.importorskip("viser")
+
+from springgym.view.episodes import find_agent, played
+
+
+def recorded(scene, duration, **changes):
+    return record(replace(load(scene), duration=duration, **changes))
+
+
+@pytest.fixture(scope="module")
+def top():
+    return of_recording(recorded("top", 0.3))
+
+
+def test_strain_is_that_of_the_simulator(top):
+    assert top.strain.shape == (len(top.times), 37)
+    measured = recorded("top", 0.3).measures.strain
+    np.testing.assert_allclose(np.abs(top.strain).max(axis=1), measured, rtol=1e-9)
+
+
+def test_pin_holds_the_weight_and_turns_it():
+    """A pendulum at its lowest: the pin pulls with M (g + v²/r), straight up."""
+    recording = recorded("cube-pendulum", 3.0)
+    m, scene = recording.measures, recording.plan.scene
+    arrows = of_recording(recording, twin=False).arrows
+    n = int(np.argmin(m.centre[:400, 2]))
+    radius = np.linalg.norm(m.centre[n] - recording.positions[n, scene.pinned[0]])
+    speed = np.linalg.norm(m.centre_velocity[n])
+    expected = 1 + speed**2 / radius / 9.81
+    weight, support = (arrows[name].vectors[n] for name in ("weight", "support"))
+    assert speed > 0.1
+    assert support[2] / -weight[2] == pytest.approx(expected, rel=0.02)
+
+
+def test_floor_holds_what_lies_on_it():
+    recording = recorded("block-holds", 0.5)
+    arrows = of_recording(recording).arrows
+    np.testing.assert_allclose(
+        arrows["support"].vectors[-1], -arrows["weight"].vectors[-1], rtol=1e-3, atol=1e-4
+    )
+    lowest = recording.plan.scene.surfaces[0].height(recording.positions[-1]).min()
+    assert recording.plan.scene.surfaces[0].height(arrows["support"].origins[-1]) == pytest.approx(
+        lowest, abs=1e-3
+    )
+
+
+def test_in_flight_nothing_holds():
+    arrows = of_recording(recorded("cube-drop", 0.2)).arrows
+    assert not arrows["support"].vectors[1:-1].any()
+    assert arrows["weight"].vectors.any()
+
+
+def test_slow_enough_to_see_which_way_it_turns(top):
+    fastest = top.speed(30.0)
+    assert fastest in SPEEDS
+    assert top.fastest * fastest / 30 <= TURN_A_FRAME < top.fastest * 2 * fastest / 30
+    assert of_recording(recorded("rope-swing", 0.1)).speed(30.0) == 1.0
+
+
+def test_between_two_times(top):
+    assert top.at(-1.0) == (0, 0.0)
+    assert top.at(1e9) == (len(top.times) - 2, 1.0)
+    n, share = top.at(0.25 * top.times[3] + 0.75 * top.times[4])
+    assert (n, share) == (3, pytest.approx(0.75))
+
+
+def test_energies_that_hardly_move_are_shown_as_changes(top):
+    assert "energy moved [J]" in top.graphs
+    swing = of_recording(recorded("rope-swing", 1.0)).graphs
+    assert "energy [J]" in swing
+    assert "tilt [°]" not in swing  # a rope has no axis
+    curves = swing["energy [J]"]
+    assert np.ptp(curves["sum"].values) < 1e-3 * np.ptp(curves["kinetic"].values)
+
+
+@pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringRope-v0"])
+def test_an_episode_is_the_environment_s_own(env_id):
+    """The states between come from playing each control period again; its end must stay as it was."""
+    motion = played(find_agent("random", env_id), 3)
+    env = gym.make(env_id)
+    env.action_space.seed(0)
+    env.reset(seed=3)
+    positions = [env.unwrapped.episodes.particles[0][0].copy()]
+    over = False
+    while not over:
+        *_, terminated, truncated, _ = env.step(env.action_space.sample())
+        over = terminated or truncated
+        positions.append(env.unwrapped.episodes.particles[0][0].copy())
+    parts = (len(motion.times) - 1) // (len(positions) - 1)
+    assert parts > 1
+    np.testing.assert_array_equal(motion.positions[::parts], positions)
+    ways = np.linalg.norm(np.diff(motion.positions, axis=0), axis=2).max(axis=1)
+    np.testing.assert_array_less(ways, 3 * np.median(ways))  # no leaps between
+    assert motion.times[-1] == pytest.approx((len(positions) - 1) * env.unwrapped.episodes.task.period)
+    assert np.diff(motion.times).min() > 0
+
+
+def test_unknown_agent(tmp_path):
+    with pytest.raises(ValueError, match="no run folder"):
+        find_agent(str(tmp_path), "SpringTop-v0")
+    with pytest.raises(ValueError, match="no environment of springgym"):
+        played(find_agent("zero", "CartPole-v1"), 0)
