@@ -28,7 +28,7 @@ from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.contact import Bowl, Planes
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.paper_contact import PaperLaw
-from springgym.forces.springs import Dampers, Decay, Springs, half_step_decay, interleaved
+from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.integrators.record import COUNTS, Control, Integrator, refusal, workspace
 from springgym.measures import Measures, Readout
 from springgym.scene import Scene
@@ -291,9 +291,10 @@ class Simulator:
             Dampers(
                 parameter({"damping"}, body.damping[order]),
                 *(
-                    parameter({"damping", "masses"}, value)
-                    for value in self._decay(body.damping, body.masses)
+                    Decay(*(parameter({"damping", "masses"}, value) for value in each))
+                    for each in self._decays(body.damping, body.masses)
                 ),
+                paired=body.floppy,
             )
             if damped
             else None,
@@ -349,14 +350,13 @@ class Simulator:
             damping = parameter({"restitution"}, d)
         return planes, bowl, friction, damping, law
 
-    def _decay(self, damping: np.ndarray, masses: np.ndarray) -> Decay:
-        """For damping of the springs in the body's order."""
+    def _decays(self, damping: np.ndarray, masses: np.ndarray) -> tuple[Decay, Decay]:
+        """Of half a step and of a step, for damping of the springs in the body's order."""
         inverse = 1 / masses
         inverse[..., list(self.scene.pinned)] = 0.0
         first, second = self.scene.body.springs[self._order].T
-        return half_step_decay(
-            damping[..., self._order], inverse[..., first], inverse[..., second], self.step
-        )
+        given = (damping[..., self._order], inverse[..., first], inverse[..., second])
+        return decay(*given, self.step / 2), decay(*given, self.step)
 
     # --- State ------------------------------------------------------------------------------------
 
@@ -485,9 +485,10 @@ class Simulator:
             if self._twin:
                 rigid.set_masses(self._twin, self.scene, index, given["masses"])
         if terms.dampers and given.keys() & {"masses", "damping"}:
-            decay = self._decay(self._now("damping", index), self._now("masses", index))
-            for name, value in decay._asdict().items():
-                set_copies(getattr(terms.dampers, name), index, value)
+            decays = self._decays(self._now("damping", index), self._now("masses", index))
+            for place, values in zip((terms.dampers.half, terms.dampers.whole), decays, strict=True):
+                for array, value in zip(place, values, strict=True):
+                    set_copies(array, index, value)
 
     def _parameter(self, name: str) -> Any:
         """Where the values of a parameter are; None if the scene has none."""

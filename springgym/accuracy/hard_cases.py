@@ -21,7 +21,7 @@ from springgym import theory
 from springgym.blocks import numbers
 from springgym.bodies import Body, box, cube, rope, start, top
 from springgym.bodies.motion import spring_force_and_jacobian
-from springgym.forces.springs import Decay, half_step_decay
+from springgym.forces.springs import Decay, decay
 from springgym.scene import GRAVITY, Scene
 from springgym.simulator import SimulationDivergedError, Simulator
 from springgym.surfaces import Contact, Plane, floor, incline
@@ -81,10 +81,12 @@ def terms(simulator: Simulator) -> Any:
     return simulator._terms
 
 
-def set_dampers(simulator: Simulator, decay: Decay) -> None:
-    """Change what half a step of its dampers does."""
-    for name, value in decay._asdict().items():
-        getattr(terms(simulator).dampers, name)[:] = value
+def set_dampers(simulator: Simulator, decaying: Callable[[float], Decay]) -> None:
+    """Change what its dampers do in some time [s]."""
+    dampers = terms(simulator).dampers
+    for arrays, time in ((dampers.half, simulator.step / 2), (dampers.whole, simulator.step)):
+        for array, value in zip(arrays, decaying(time), strict=True):
+            array[:] = value
 
 
 def drag(simulator: Simulator, share: float) -> None:
@@ -221,8 +223,8 @@ def damping_range(broken: bool) -> Outcome:
         for damping in (0.0, critical, 100 * critical):
             simulator = plucked_cube(damping)
             if broken and damping:
-                impulse = np.array(damping * simulator.step / 2)
-                set_dampers(simulator, Decay(impulse, 8 * impulse, 8 * impulse, impulse))
+                impulse = np.array(damping)
+                set_dampers(simulator, lambda t, c=impulse: Decay(c * t, 8 * c * t, 8 * c * t, c * t))
             energy = energies(simulator, 500)
             rise = np.max(energy - np.minimum.accumulate(energy)) / energy[0]
             worst = max(worst, np.inf if np.isnan(rise) else float(rise))
@@ -343,7 +345,7 @@ def printed_sign(broken: bool) -> Outcome:
     simulator = plucked_cube(10.0)
     if broken:
         damping = -simulator.scene.body.damping
-        set_dampers(simulator, half_step_decay(damping, 8.0, 8.0, simulator.step))
+        set_dampers(simulator, lambda time: decay(damping, 8.0, 8.0, time))
     energy = energies(simulator, 500)
     refusal = refused(lambda: cube(damping=-10.0), "damping[0]", "not negative")
     ratio = energy[-1] / energy[0]

@@ -142,9 +142,17 @@ def act(v: Any, b: Any, tau: Any, ledger: Any, terms: Any) -> None:
 
 
 @compiled
-def relax(v: Any, direction: Any, backward: Any, ledger: Any, terms: Any) -> None:
-    """Let the dampers act for half a step."""
-    damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward)
+def relax(v: Any, direction: Any, backward: Any, whole: Any, ledger: Any, terms: Any) -> None:
+    """Let the dampers act for a ``whole`` step, or for half of one."""
+    damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward, whole)
+
+
+@compiled
+def paired(dampers: Any) -> bool:
+    """Whether the dampers, if there are any, take two sweeps a step."""
+    if dampers is None:
+        return True
+    return dampers.paired
 
 
 @compiled

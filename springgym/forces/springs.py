@@ -35,15 +35,16 @@ class Dampers(NamedTuple):
 
     coefficient: np.ndarray
     """c [kg/s]"""
-    impulse: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
-    loss: np.ndarray
-    """These four: `Decay`."""
+    half: Decay
+    """of half a step"""
+    whole: Decay
+    """of a step"""
+    paired: bool
+    """whether every step takes two sweeps of half its time, there and back; or one, in alternating direction"""
 
 
 class Decay(NamedTuple):
-    """What half a step of a damper's exact decay does, per relative speed of its ends."""
+    """What a damper's exact decay does in some time, per relative speed of its ends."""
 
     impulse: np.ndarray
     """impulse on the first end [kg], opposite on the second"""
@@ -55,11 +56,11 @@ class Decay(NamedTuple):
     """energy lost, per relative speed² [kg]"""
 
 
-def half_step_decay(damping: Any, inverse_first: Any, inverse_second: Any, step: float) -> Decay:
-    """With w = 1/m₁ + 1/m₂, the impulse is g = (1 − exp(−c w h/2)) / w and the loss g (1 − g w/2)."""
+def decay(damping: Any, inverse_first: Any, inverse_second: Any, time: float) -> Decay:
+    """With w = 1/m₁ + 1/m₂, the impulse is g = (1 − exp(−c w time)) / w and the loss g (1 − g w/2)."""
     w = inverse_first + inverse_second
     moving = w > 0  # between two pinned particles there is nothing to damp
-    impulse = np.where(moving, -np.expm1(-damping * w * step / 2) / np.where(moving, w, 1.0), 0.0)
+    impulse = np.where(moving, -np.expm1(-damping * w * time) / np.where(moving, w, 1.0), 0.0)
     loss = impulse * (1 - impulse * w / 2)
     return Decay(impulse, impulse * inverse_first, impulse * inverse_second, loss)
 
@@ -191,13 +192,17 @@ def pull_on(x: Any, particle: Any, springs: Any) -> Any:
 
 
 @compiled
-def damp(v: Any, direction: Any, springs: Any, dampers: Any, drive: Any, ledger: Any, backward: Any) -> None:
-    """Let the relative speed along each spring decay for half a step, one spring after the other.
+def damp(
+    v: Any, direction: Any, springs: Any, dampers: Any, drive: Any, ledger: Any, backward: Any, whole: Any
+) -> None:
+    """Let the relative speed along each spring decay, one spring after the other, for a ``whole`` step or half.
 
-    A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so
-    that the pair around a step is symmetric, hence of second order.
+    A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that
+    a pair around a step, or steps of alternating direction, are of second order. In bodies that hold their
+    shape the order makes no difference beyond round-off of what is seen; in ropes it is their accuracy.
     """
     if dampers is not None:
+        decay = dampers.whole if whole else dampers.half
         count = springs.first.size
         energy = 0.0 * load(v, (0, 0))
         for n in range(count):
@@ -205,14 +210,14 @@ def damp(v: Any, direction: Any, springs: Any, dampers: Any, drive: Any, ledger:
             i, j = springs.first[s], springs.second[s]
             along = row(direction, s)
             speed = dot(minus(row(v, j), row(v, i)), along)
-            energy = energy + load(dampers.loss, s) * speed * speed
+            energy = energy + load(decay.loss, s) * speed * speed
             if drive is not None:
-                impulse = load(dampers.impulse, s) * speed
+                impulse = load(decay.impulse, s) * speed
                 if i == drive.particle:
                     record(ledger, WORK, -1.0 * impulse * dot(along, row(v, i)))
                 if j == drive.particle:
                     record(ledger, WORK, impulse * dot(along, row(v, j)))
             # what needs the speed comes last: each spring waits for the velocities of the one before
-            add_scaled(v, i, speed, times(load(dampers.first, s), along))
-            add_scaled(v, j, -speed, times(load(dampers.second, s), along))
+            add_scaled(v, i, speed, times(load(decay.first, s), along))
+            add_scaled(v, j, -speed, times(load(decay.second, s), along))
         record(ledger, DAMPING, energy)

@@ -29,8 +29,8 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, t
     for _ in range(steps):
         accelerate(x, a, direction, terms)
         actuate(x, b, terms)
-        relax(v, direction, False, ledger, terms)
+        relax(v, direction, False, False, ledger, terms)
         act(v, b, h, ledger, terms)
-        relax(v, direction, True, ledger, terms)
+        relax(v, direction, True, False, ledger, terms)
         kick(v, a, h)
         move(x, v, a, h, ledger, terms)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces import accelerate, act, actuate, kick, move, relax
+from springgym.forces import accelerate, act, actuate, kick, move, paired, relax
 from springgym.integrators.record import Integrator
 
 RECORD = Integrator(
@@ -28,17 +28,23 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, t
 
     What loses or adds energy does so where velocities and positions are of the same time: half a kick
     later, spinning alone would look like stretching. All that depends on the positions x_n is found
-    once, when the step arrives there: ``steps`` steps take ``steps`` + 1 force evaluations.
+    once, when the step arrives there: ``steps`` steps take ``steps`` + 1 force evaluations. Between two steps
+    the damping of both is one sweep, its direction alternating, where the body allows it.
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
+    pair = paired(terms.dampers)
     for n in range(steps + 1):
         accelerate(x, a, direction, terms)
         actuate(x, b, terms)
+        inner = 0 < n < steps
+        whole = inner and not pair
         if n > 0:
             kick(v, a, 0.5 * h)
-            relax(v, direction, True, ledger, terms)
-        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, terms)
+            if not whole or n % 2 == 1:
+                relax(v, direction, True, whole, ledger, terms)
+        act(v, b, h if inner else 0.5 * h, ledger, terms)
         if n < steps:
-            relax(v, direction, False, ledger, terms)
+            if not whole or n % 2 == 0:
+                relax(v, direction, False, whole, ledger, terms)
             kick(v, a, 0.5 * h)
             move(x, v, a, h, ledger, terms)

@@ -59,9 +59,10 @@ def simulator(scene: Scene, name: str, step: float, **options: Any) -> Simulator
     made.step = step
     made._control = made._control._replace(step=step) if isinstance(made._control, Control) else step
     if made._terms.dampers:
-        decay = made._decay(scene.body.damping, scene.body.masses)
-        for array, value in zip(made._terms.dampers[1:], decay, strict=True):
-            array[:] = value
+        decays = made._decays(scene.body.damping, scene.body.masses)
+        for arrays, values in zip(made._terms.dampers[1:3], decays, strict=True):
+            for array, value in zip(arrays, values, strict=True):
+                array[:] = value
     return made
 
 
