@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, NamedTuple, Self
@@ -163,12 +163,7 @@ class Simulator:
         if integrator is not None:
             checks.instance("integrator", integrator, str)
         self.integrator = method.integrator(method.default(scene) if integrator is None else integrator)
-        if isinstance(varying, str) or not isinstance(varying, Collection):
-            raise TypeError(
-                f"varying is {checks.shown(varying)}; it must be names out of {', '.join(VARYING)}"
-            )
-        for name in varying:
-            checks.chosen("a name in varying", name, VARYING)
+        varying = _checked_names(varying)
         if dynamics == "springs" and (reason := refusal(self.integrator, scene, varying)):
             raise ValueError(reason)
         self.largest_step = method.largest_step(scene, self.integrator)
@@ -196,7 +191,7 @@ class Simulator:
         # the dampers of a rope act on its motion, not on vibrations alone: their order is its accuracy
         self._order = np.arange(len(springs)) if scene.body.floppy else interleaved(springs, particles)
         self._twin: tuple[Any, ...] = ()
-        self._terms = self._build(frozenset(varying))
+        self._terms = self._build(varying)
         self._actuators = self._actuated()
         self._advance = self._kernel()
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
@@ -242,7 +237,9 @@ class Simulator:
         """What the method is given in place of h: that, or the `Control`."""
         if not self.integrator.controlled:
             if tolerance is not None:
-                raise ValueError(f"tolerance is {tolerance}; {self.integrator.name} has none: leave it out")
+                raise ValueError(
+                    f"tolerance is {checks.shown(tolerance)}; {self.integrator.name} has none: leave it out"
+                )
             return self.step
         relative, absolute = (
             (1e-6, 1e-9) if tolerance is None else checks.array("tolerance", tolerance, (2,), low=0.0)
@@ -767,11 +764,18 @@ def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="springgym")
 
 
+def _checked_names(varying: Any) -> frozenset[str]:
+    """Names out of `VARYING`."""
+    if isinstance(varying, str) or not isinstance(varying, (Set, Sequence, Mapping)):
+        raise TypeError(f"varying is {checks.shown(varying)}; it must be names out of {', '.join(VARYING)}")
+    return frozenset(checks.chosen("a name in varying", name, VARYING) for name in varying)
+
+
 def _checked_dtype(dtype: Any) -> np.dtype:
     """The dtype, float64 or float32."""
     try:
         given = np.dtype(dtype)
-    except TypeError:
+    except Exception:  # whatever a foreign class raises
         given = None
     if given not in WIDTH:
         raise (TypeError if given is None else ValueError)(
