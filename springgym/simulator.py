@@ -304,7 +304,8 @@ class Simulator:
     def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
         """What `actuate` sets, by name: the array, the shape of its values, and a view of a single copy's."""
         wrench, thrust, drive = self._terms.wrench, self._terms.thrust, self._terms.drive
-        arrays = {n: getattr(wrench, n) for n in ("force", "torque", "body_torque")} if wrench else {}
+        of_wrench = ("force", "torque", "body_torque") if self.scene.body.oriented else ("force", "torque")
+        arrays = {name: getattr(wrench, name) for name in of_wrench} if wrench else {}
         arrays |= {"thrust": thrust.force} if thrust else {}
         arrays |= {"acceleration": drive.acceleration} if drive else {}
         return {
@@ -546,7 +547,7 @@ class Simulator:
         values
             ``force`` [N], ``torque``, ``body_torque`` [N·m] of the wrench, ``acceleration`` [m/s²] of
             the drive, each (copies, 3), ``thrust`` [N] (copies, thrusters, 3); or without the copies, for
-            all of them.
+            all of them. There is a ``body_torque`` only for bodies that are `Body.oriented`.
 
         Raises
         ------
@@ -645,12 +646,14 @@ class Simulator:
         time += steps * self.step
         if check:
             strain = self.readout.rows[:, measures.STRAIN]
-            diverged = ~(strain <= STRAIN_LIMIT)
+            strained = ~(strain <= STRAIN_LIMIT)
+            diverged = strained | ~np.isfinite(self.readout.rows).all(axis=1)
             if diverged.any():
                 n = int(np.argmax(diverged))
+                what = f"strain {strain[n]:g}, limit {STRAIN_LIMIT}" if strained[n] else "not finite"
                 raise SimulationDivergedError(
-                    f"copy {n} diverged before t = {self.time[n]:g} s: strain {strain[n]:g}, limit "
-                    f"{STRAIN_LIMIT}; step {self.step:g} s, stability limit {self.largest_step:g} s"
+                    f"copy {n} diverged before t = {self.time[n]:g} s: {what}; step {self.step:g} s, "
+                    f"stability limit {self.largest_step:g} s"
                 )
 
     def _run(self, thread: int, first: int, last: int, steps: int, reads: bool) -> None:
