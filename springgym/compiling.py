@@ -58,6 +58,9 @@ if hasattr(os, "register_at_fork"):
         after_in_child=global_compiler_lock.release,
     )
 
+CHECKED = bool(numba.config.BOUNDSCHECK)
+"""Whether compiled functions check indices, and `SameTypes` types."""
+
 
 class Inner(CPUDispatcher):
     """A compiled function without the code by which Python would call it: half of the compiler's work."""
@@ -92,21 +95,27 @@ class SameTypes:
 
     If it is a kernel, it asks for the types once. Numba does at every call, which for a simulator's sixty
     arrays takes five times as long as the call itself. Nobody checks afterwards: arguments of other types
-    are read as if they were of the first, so this is for callers who made all the arrays themselves.
+    are read as if they were of the first. So callers make all arrays themselves, and convert what they were
+    given to one type: an int to int, a flag to bool. Where Numba checks bounds (``NUMBA_BOUNDSCHECK=1``),
+    the types of every call are compared, and others are an error.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
         self._code: Callable[..., Any] | None = None
+        self._types: tuple[Any, ...] | None = None
 
     def __call__(self, *arguments: Any) -> Any:
         if self._code is None:
             self._code = self._function
             if isinstance(self._function, Dispatcher):
-                types = tuple(map(numba.typeof, arguments))
+                self._types = types = tuple(map(numba.typeof, arguments))
                 if types not in self._function.overloads:  # compiling waits for the compiler's lock
                     self._function.compile(types)
                 self._code = self._function.get_overload(types)
+        elif CHECKED and self._types and self._types != (types := tuple(map(numba.typeof, arguments))):
+            name = self._function.__name__
+            raise TypeError(f"{name} was compiled for {self._types} and is called with {types}")
         return self._code(*arguments)
 
 

@@ -12,10 +12,15 @@ from springgym.forces import potential_energy
 from springgym.forces.ledger import ENTRIES, WORK
 from springgym.lanes import load, sqrt, store
 from springgym.vectors import (
+    ROUND_OFF,
     angular_momentum,
+    choose,
+    cross,
     dot,
+    epsilon,
     inertia,
     mass_centre,
+    minus,
     row,
     solve_symmetric,
     times,
@@ -91,9 +96,9 @@ class Measures(NamedTuple):
     angular_velocity: np.ndarray
     """ω of the rigid rotation with that angular momentum: I ω = L [rad/s]"""
     side: np.ndarray
-    """first axis of the body's triad, a unit vector"""
+    """first axis of the body's triad, a unit vector; zero while the particles of its frame lie on a line"""
     axis: np.ndarray
-    """third axis of the body's triad, a unit vector"""
+    """third axis of the body's triad, a unit vector; zero if the body is a single particle"""
     work: np.ndarray
     """done by the actuators since the start [J]; this and the losses are 0 without a ledger"""
     damping_loss: np.ndarray
@@ -157,6 +162,10 @@ def measure_block(x: Any, v: Any, ledger: Any, out: Any, pivot: Any, frame: Any,
     about = row(x, pivot) if pivot >= 0 else centre
     spin = angular_momentum(x, v, mass, about)
     e1, _, e3 = triad(x, frame)
+    sideways = minus(row(x, frame[2]), row(x, frame[0]))
+    across, share = cross(e3, sideways), ROUND_OFF * epsilon(kinetic)
+    straight = dot(across, across) <= share * share * dot(sideways, sideways)
+    e1 = choose(straight, times(0.0, e1), e1)
     write(out, CENTRE, centre)
     velocity = mass_centre(v, mass)
     write(out, CENTRE_VELOCITY, velocity)

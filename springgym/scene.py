@@ -121,6 +121,11 @@ class Scene:
             instance(name, getattr(self, name), kind, type(None))
         if self.thrust:
             indices("thrust.particles", self.thrust.particles, count)
+            if self.thrust.turns and not body.oriented:
+                raise ValueError(
+                    f"thrust cannot turn with body {body.name!r}: the particles {body.frame} of its frame "
+                    "lie on one line and tell no orientation; it must be fixed in the world"
+                )
         if self.drive and self.drive.particle not in self.pinned:
             raise ValueError(f"drive.particle {self.drive.particle} must be pinned: the drive alone moves it")
         self._check_surfaces()

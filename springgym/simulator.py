@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, NamedTuple, Self
@@ -163,12 +163,7 @@ class Simulator:
         if integrator is not None:
             checks.instance("integrator", integrator, str)
         self.integrator = method.integrator(method.default(scene) if integrator is None else integrator)
-        if isinstance(varying, str) or not isinstance(varying, Collection):
-            raise TypeError(
-                f"varying is {checks.shown(varying)}; it must be names out of {', '.join(VARYING)}"
-            )
-        for name in varying:
-            checks.chosen("a name in varying", name, VARYING)
+        varying = _checked_names(varying)
         if dynamics == "springs" and (reason := refusal(self.integrator, scene, varying)):
             raise ValueError(reason)
         self.largest_step = method.largest_step(scene, self.integrator)
@@ -196,7 +191,7 @@ class Simulator:
         # the dampers of a rope act on its motion, not on vibrations alone: their order is its accuracy
         self._order = np.arange(len(springs)) if scene.body.floppy else interleaved(springs, particles)
         self._twin: tuple[Any, ...] = ()
-        self._terms = self._build(frozenset(varying))
+        self._terms = self._build(varying)
         self._actuators = self._actuated()
         self._advance = self._kernel()
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
@@ -242,7 +237,9 @@ class Simulator:
         """What the method is given in place of h: that, or the `Control`."""
         if not self.integrator.controlled:
             if tolerance is not None:
-                raise ValueError(f"tolerance is {tolerance}; {self.integrator.name} has none: leave it out")
+                raise ValueError(
+                    f"tolerance is {checks.shown(tolerance)}; {self.integrator.name} has none: leave it out"
+                )
             return self.step
         relative, absolute = (
             (1e-6, 1e-9) if tolerance is None else checks.array("tolerance", tolerance, (2,), low=0.0)
@@ -308,7 +305,8 @@ class Simulator:
     def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
         """What `actuate` sets, by name: the array, the shape of its values, and a view of a single copy's."""
         wrench, thrust, drive = self._terms.wrench, self._terms.thrust, self._terms.drive
-        arrays = {n: getattr(wrench, n) for n in ("force", "torque", "body_torque")} if wrench else {}
+        of_wrench = ("force", "torque", "body_torque") if self.scene.body.oriented else ("force", "torque")
+        arrays = {name: getattr(wrench, name) for name in of_wrench} if wrench else {}
         arrays |= {"thrust": thrust.force} if thrust else {}
         arrays |= {"acceleration": drive.acceleration} if drive else {}
         return {
@@ -550,7 +548,7 @@ class Simulator:
         values
             ``force`` [N], ``torque``, ``body_torque`` [N·m] of the wrench, ``acceleration`` [m/s²] of
             the drive, each (copies, 3), ``thrust`` [N] (copies, thrusters, 3); or without the copies, for
-            all of them.
+            all of them. There is a ``body_torque`` only for bodies that are `Body.oriented`.
 
         Raises
         ------
@@ -649,12 +647,14 @@ class Simulator:
         time += steps * self.step
         if check:
             strain = self.readout.rows[:, measures.STRAIN]
-            diverged = ~(strain <= STRAIN_LIMIT)
+            strained = ~(strain <= STRAIN_LIMIT)
+            diverged = strained | ~np.isfinite(self.readout.rows).all(axis=1)
             if diverged.any():
                 n = int(np.argmax(diverged))
+                what = f"strain {strain[n]:g}, limit {STRAIN_LIMIT}" if strained[n] else "not finite"
                 raise SimulationDivergedError(
-                    f"copy {n} diverged before t = {self.time[n]:g} s: strain {strain[n]:g}, limit "
-                    f"{STRAIN_LIMIT}; step {self.step:g} s, stability limit {self.largest_step:g} s"
+                    f"copy {n} diverged before t = {self.time[n]:g} s: {what}; step {self.step:g} s, "
+                    f"stability limit {self.largest_step:g} s"
                 )
 
     def _run(self, thread: int, first: int, last: int, steps: int, reads: bool) -> None:
@@ -768,11 +768,18 @@ def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="springgym")
 
 
+def _checked_names(varying: Any) -> frozenset[str]:
+    """Names out of `VARYING`."""
+    if isinstance(varying, str) or not isinstance(varying, (Set, Sequence, Mapping)):
+        raise TypeError(f"varying is {checks.shown(varying)}; it must be names out of {', '.join(VARYING)}")
+    return frozenset(checks.chosen("a name in varying", name, VARYING) for name in varying)
+
+
 def _checked_dtype(dtype: Any) -> np.dtype:
     """The dtype, float64 or float32."""
     try:
         given = np.dtype(dtype)
-    except TypeError:
+    except Exception:  # whatever a foreign class raises
         given = None
     if given not in WIDTH:
         raise (TypeError if given is None else ValueError)(

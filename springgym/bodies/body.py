@@ -40,7 +40,7 @@ class Body:
     frame : (3,)
         Particles i, j, k: the body's third axis points from i to j, its first towards k as far as that
         is perpendicular to it. The first three particles if not given. Unless the body is a single
-        particle, i and j lie at different places.
+        particle, i and j lie at different places; with all on one line, the body is not `oriented`.
     parts
         Names of particles: ``{"tip": (13,), "ring": (0, …, 11)}``.
     triangles : (T, 3)
@@ -191,6 +191,14 @@ class Body:
     def with_(self, **changes: Any) -> Self:
         """A copy with some fields changed, checked anew."""
         return replace(self, **changes)
+
+    @cached_property
+    def oriented(self) -> bool:
+        """Whether the particles of its frame span a plane, and so tell all of its orientation."""
+        i, j, k = self.positions[list(self.frame)]
+        third, sideways = j - i, k - i
+        across = np.linalg.norm(np.cross(third, sideways))
+        return bool(across > 1e-9 * np.linalg.norm(third) * np.linalg.norm(sideways))
 
     @cached_property
     def mass(self) -> float:

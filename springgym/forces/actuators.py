@@ -37,7 +37,8 @@ class Wrench(NamedTuple):
 
     Particle i receives m_i (a + β × r_i): a from the force, shared out by mass, and β from I β = τ with
     the inertia of the present shape, so that force and moment are exactly as asked. r_i counts from the
-    pivot if the body is pinned there (the pin takes the net force), else from the centre of mass.
+    pivot if the body is pinned there (the pin takes the net force), else from the centre of mass. Where
+    there is no moment of inertia, a torque does nothing: about a line of particles, or on a single one.
     """
 
     force: np.ndarray
@@ -125,7 +126,10 @@ def set_wrench(x: Any, acceleration: Any, particles: Any, wrench: Any) -> None:
     linear = times(1.0 / total, vector(wrench.force))
     for i in range(mass.size):
         if particles.free[i]:
-            set_row(acceleration, i, plus(linear, cross(angular, minus(row(x, i), about))))
+            change = linear
+            if mass.size > 1:  # else r is the round-off of the centre of mass
+                change = plus(linear, cross(angular, minus(row(x, i), about)))
+            set_row(acceleration, i, change)
         else:
             set_row(acceleration, i, (0.0, 0.0, 0.0))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,19 +24,10 @@ from springgym.bodies import (
     top,
     union,
 )
-from tests.api.values import KINDS, NUMBERS, arrays, attempt
+from tests.api.values import KINDS, NUMBERS, Door, arguments, arrays, attempt, door
 
 CUBE, TOP = cube(), top(ring=5)
 TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
-
-Door = tuple[Callable[..., Any], dict[str, Any]]
-
-
-def door(call: Callable[..., Any], **given: Any) -> Door:
-    """A call, and arguments for it that are right: its defaults where none is given."""
-    parameters = inspect.signature(call).parameters.values()
-    return call, {p.name: p.default for p in parameters if p.default is not p.empty} | given
-
 
 DOORS: list[Door] = [
     door(
@@ -85,25 +74,18 @@ def wrong_for(right: Any) -> list[Any]:
     return KINDS + NUMBERS + held
 
 
-@pytest.mark.parametrize(
-    ("door", "argument"),
-    [
-        pytest.param(n, argument, id=f"{getattr(door, '__name__', 'shape')}-{argument}")
-        for n, (door, arguments) in enumerate(DOORS)
-        for argument in arguments
-    ],
-)
-def test_an_argument_is_refused_by_name_or_right(door: int, argument: str) -> None:
+@pytest.mark.parametrize(("number", "argument"), arguments(DOORS))
+def test_an_argument_is_refused_by_name_or_right(number: int, argument: str) -> None:
     """Whatever it is: refused, or the result holds finite numbers, and no warning is given."""
-    call, right = DOORS[door]
+    call, right = DOORS[number]
     refused = 0
     for value in wrong_for(right[argument]):
         result = attempt(
             [argument, *right], value, lambda value=value: call(**right | {argument: value}), KeyError
         )
         refused += result is None
-        for number in finite_numbers(result):
-            assert np.isfinite(number).all(), (argument, value)
+        for held in finite_numbers(result):
+            assert np.isfinite(held).all(), (argument, value)
     assert refused > len(KINDS) / 2
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Sequence
 from decimal import Decimal
@@ -9,6 +10,7 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+import pytest
 
 
 class Strange:
@@ -36,6 +38,24 @@ NUMBERS = [
     *(np.array(2), np.array(math.nan), np.longdouble(1), True, False, np.True_, None),
 ]
 """Numbers and what passes for them."""
+
+
+Door = tuple[Callable[..., Any], dict[str, Any]]
+
+
+def door(call: Callable[..., Any], **given: Any) -> Door:
+    """A call, and arguments for it that are right: its defaults where none is given."""
+    parameters = inspect.signature(call).parameters.values()
+    return call, {p.name: p.default for p in parameters if p.default is not p.empty} | given
+
+
+def arguments(doors: Sequence[Door]) -> list[Any]:
+    """Parameters of a test: the number of a door and one of its arguments."""
+    return [
+        pytest.param(n, argument, id=f"{getattr(call, '__name__', type(call).__name__)}-{argument}")
+        for n, (call, right) in enumerate(doors)
+        for argument in right
+    ]
 
 
 def arrays(shape: tuple[int, ...]) -> list[Any]:

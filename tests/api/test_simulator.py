@@ -1,0 +1,357 @@
+"""Every argument of `Simulator` and its methods, given what it could not be."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from springgym import compiling
+from springgym.blocks import to_copies
+from springgym.bodies import cube, top
+from springgym.compiling import SameTypes, kernel
+from springgym.measures import Measures
+from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
+from springgym.simulator import VARYING, SimulationDivergedError, Simulator
+from springgym.surfaces import Contact, floor, impact_damping
+from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
+
+COPIES = 10
+CUBE = cube()
+SCENE = Scene(
+    CUBE,
+    CUBE.positions + np.eye(3)[2],
+    pinned=(0,),
+    wrench=WrenchActuator(),
+    thrust=ThrustActuator((1, 5)),
+    drive=DriveActuator(0, 1.0),
+    surfaces=(floor(),),
+    contact=Contact(0.5, 0.5),
+)
+PLAIN = Scene(top(ring=3), gravity=None)
+
+
+def everything(**options: Any) -> Simulator:
+    """A simulator with everything that methods can set."""
+    return Simulator(SCENE, copies=COPIES, varying=VARYING, **options)
+
+
+def shape_of(name: str) -> tuple[int, ...]:
+    """Of the values of one copy."""
+    if name in ("friction", "restitution", "strength"):
+        return ()
+    body = {"masses": (8,), "gravity": (3,), "positions": (8, 3), "velocities": (8, 3), "thrust": (2, 3)}
+    springs = {"stiffness": (28,), "damping": (28,), "lengths": (28,)}
+    return (body | springs).get(name, (3,))
+
+
+DRIVES = ("force", "torque", "body_torque", "acceleration", "thrust")
+
+RIGHT = {
+    **{name: np.ones(shape_of(name)) for name in VARYING},
+    **{name: np.zeros(shape_of(name)) for name in DRIVES},
+    "stiffness": np.full(28, 1e5),
+    "masses": np.full(8, 0.125),
+    "restitution": np.array(0.5),
+    "positions": SCENE.positions,
+    "velocities": np.zeros((8, 3)),
+}
+
+COPY_VALUES: list[Any] = [
+    *([-1], [-100000], [COPIES], [5_000_000], [2**63], np.array([2**64 - 1], np.uint64), [0, 0], [0.0]),
+    *([True] * COPIES, [False] * COPIES, [True] * 3, np.ones(COPIES, bool), np.ones((COPIES, 1), bool)),
+    *([[0]], [], (), range(3), range(30), [3, 1], np.array([7], np.int8), {1}, "1", slice(2), [None]),
+    *([True, 1], [0.5], np.arange(COPIES + 1)),
+]
+
+
+def same(first: dict[str, np.ndarray], second: dict[str, np.ndarray]) -> bool:
+    return all(np.array_equal(first[name], second[name]) for name in first | second)
+
+
+def finite(measured: Measures) -> bool:
+    return all(np.isfinite(value).all() for value in measured)
+
+
+# --- Making one --------------------------------------------------------------------------------------
+
+DOORS = [
+    door(Simulator, scene=PLAIN),
+    door(Simulator.paper, scene=PLAIN),
+]
+
+
+@pytest.mark.parametrize(("number", "argument"), [p for p in arguments(DOORS) if p.values[1] != "options"])
+def test_an_option_is_refused_by_name_or_right(number: int, argument: str) -> None:
+    """Whatever it is: refused, or the simulator stands, and no warning is given."""
+    call, right = DOORS[number]
+    names = ["verlet", "dopri5", "springs", "rigid", "suzuki", "masses", "float32", "f4", ">f8", "int8"]
+    names += [*map(np.dtype, ("f4", "f8", "i4", "c16", "O")), float, int, complex, bool, object]
+    many = [("masses",), ("masses", "masses"), {"friction"}, ("no",), (1,)]
+    many += [(0.0, 0.0), (1e-6, math.nan), (1e-6, 1e-9)]
+    for value in (*KINDS, *NUMBERS, *names, *many, SCENE, CUBE, 1e-9, 1e-5):
+        made = attempt([argument, *right], value, lambda value=value: call(**right | {argument: value}))
+        if made is not None:
+            assert made.step > 0
+            assert made.time.shape == (made.copies,)
+            assert type(made.copies) is int
+            assert type(made.threads) is int
+            assert np.isfinite(made.positions[:1]).all()
+
+
+def test_what_it_was_made_with_is_read_only() -> None:
+    simulator = Simulator(PLAIN, copies=2)
+    for name in ("scene", "step", "copies", "threads", "dtype", "time", "readout", "largest_step"):
+        with pytest.raises(AttributeError, match=f"{name} of a simulator is what it was made with"):
+            setattr(simulator, name, 3)
+        getattr(simulator, name)
+
+
+# --- Methods -----------------------------------------------------------------------------------------
+
+
+def methods(simulator: Simulator) -> list[tuple[str, Callable[[str, Any], Any], list[Any]]]:
+    """Each argument of each method: how to give it, and what to give."""
+    x, v = SCENE.positions, np.zeros((8, 3))
+    found: list[tuple[str, Callable[[str, Any], Any], list[Any]]] = [
+        ("steps", lambda name, value: simulator.advance(min_or_same(value), check=False), []),
+        ("check", lambda name, value: simulator.advance(0, check=value), []),
+        ("read", lambda name, value: simulator.advance(0, check=False, read=value), []),
+        ("copies", lambda name, value: simulator.read(value), COPY_VALUES),
+        ("copies", lambda name, value: simulator.place(x, v, value), COPY_VALUES),
+        ("copies", lambda name, value: simulator.vary(value, friction=0.5), COPY_VALUES),
+        ("positions", lambda name, value: simulator.place(value, v), []),
+        ("velocities", lambda name, value: simulator.place(x, value), []),
+        ("state", lambda name, value: simulator.restore(value), []),
+    ]
+    found += [(name, lambda name, value: simulator.vary(None, **{name: value}), []) for name in VARYING]
+    found += [(name, lambda name, value: simulator.actuate(**{name: value}), []) for name in DRIVES]
+    return found
+
+
+def min_or_same(steps: Any) -> Any:
+    """Numbers of steps that end."""
+    return min(steps, 100) if type(steps) is int and steps <= 2**53 else steps
+
+
+def test_an_argument_is_refused_by_name_and_changes_nothing_or_is_right() -> None:
+    simulator = everything()
+    simulator.advance(3)
+    began = simulator.state()
+    for name, call, more in methods(simulator):
+        values = [*KINDS, *NUMBERS, *more]
+        if name in RIGHT:
+            values += [np.ones(shape) for shape in (0, 1, 3, COPIES, (COPIES, 3), (1, 3))]
+            for shape in {shape_of(name), (COPIES, *shape_of(name))} - {()}:
+                values += arrays(shape)
+        for value in values:
+            names = [name, "copy", "particle", "spring"]
+            try:
+                done = attempt(names, value, lambda name=name, call=call, value=value: (call(name, value),))
+            except SimulationDivergedError:
+                done = True
+            if done is None:
+                assert same(began, simulator.state()), (name, value)
+            elif name not in ("state", "steps"):
+                assert finite(simulator.measure()), (name, value)
+            simulator.restore(began)
+
+
+def test_steps_are_what_the_clock_counts() -> None:
+    """Whatever type the first call had, later ones take their own."""
+    for first in (0, 1, np.int8(5), np.uint64(2)):
+        simulator, other = everything(), everything()
+        simulator.advance(first)
+        simulator.advance(1000, check=False)
+        other.advance(int(first) + 1000, check=False)
+        assert simulator.time == pytest.approx(other.time, rel=1e-13)
+        assert same(simulator.state() | {"time": np.zeros(1)}, other.state() | {"time": np.zeros(1)})
+    for wrong in (True, 2.7, -5, None, "3", np.array([3]), math.nan):
+        simulator = everything()
+        with pytest.raises((TypeError, ValueError), match="steps is"):
+            simulator.advance(wrong)
+        assert (simulator.time == 0).all()
+        simulator.advance(1, check=False, read=False)
+        assert finite(simulator.measure())
+        assert simulator.measure().kinetic.all()
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Simulator:
+    return everything()
+
+
+def values_of(simulator: Simulator, name: str) -> np.ndarray:
+    """What the copies hold, (COPIES, …), in the body's order."""
+    if name in ("positions", "velocities"):
+        return getattr(simulator, name)
+    if name not in VARYING:
+        return to_copies(simulator._actuators[name][0], COPIES)
+    rows = to_copies(simulator._parameter(name), COPIES)
+    if shape_of(name) == (28,):
+        rows[:, simulator._order] = rows.copy()
+    return rows if shape_of(name) else rows[:, 0]
+
+
+NAMED = [*VARYING, "positions"]
+
+
+@settings(max_examples=150)
+@given(
+    name=st.sampled_from(NAMED),
+    chosen=st.lists(st.integers(0, COPIES - 1), unique=True),
+    form=st.sampled_from(["list", "tuple", "int64", "uint8", "mask", "list of bools", "all"]),
+    rows=st.booleans(),
+    scale=st.floats(0.5, 1.0),
+)
+def test_rows_go_to_the_copies_named_and_to_no_others(
+    simulator: Simulator, name: str, chosen: list[int], form: str, rows: bool, scale: float
+) -> None:
+    """By indices in any order or a mask, with a row for each of these copies or one for all."""
+    mask = np.isin(np.arange(COPIES), chosen)
+    if form in ("mask", "list of bools"):
+        chosen = sorted(chosen)
+    elif form == "all":
+        chosen = list(range(COPIES))
+    forms = {
+        "list": chosen,
+        "tuple": tuple(chosen),
+        "mask": mask,
+        "list of bools": mask.tolist(),
+        "all": None,
+    }
+    copies = (forms | {kind: np.array(chosen, kind) for kind in ("int64", "uint8")})[form]
+    each = np.linspace(scale, 1.0, len(chosen)).reshape(-1, *[1] * len(shape_of(name)))
+    value = RIGHT[name] * each if rows else RIGHT[name] * scale
+    if name == "positions":  # above the floor
+        value = value + np.eye(3)[2]
+    expected = values_of(simulator, name)
+    meant = impact_damping(value, 1.0) if name == "restitution" else value
+    expected[chosen] = meant
+    if name == "positions":
+        simulator.place(value, np.zeros((8, 3)), copies)
+    else:
+        simulator.vary(copies, **{name: value})
+    assert np.array_equal(values_of(simulator, name), expected)
+
+
+@pytest.mark.parametrize("copies", [1, COPIES])
+@pytest.mark.parametrize("name", DRIVES)
+def test_actuators_take_a_row_for_each_copy_or_one_for_all(name: str, copies: int) -> None:
+    simulator, shape = Simulator(SCENE, copies=copies), shape_of(name)
+    rng = np.random.default_rng(1)
+    for value in (rng.normal(size=(copies, *shape)), rng.normal(size=shape), np.ones(shape).tolist()):
+        simulator.actuate(**{name: value})
+        held = to_copies(simulator._actuators[name][0], copies)
+        assert np.array_equal(held, np.broadcast_to(value, held.shape))
+    again = copy.deepcopy(pickle.loads(pickle.dumps(simulator)))
+    for each in (simulator, again):  # copies have their own
+        each.actuate(**{name: np.full(shape, 2.0)})
+        assert (to_copies(each._actuators[name][0], copies) == 2.0).all()
+    assert same(simulator.state(), again.state())
+    for wrong in ((1, *shape), (copies + 1, *shape), (16, *shape), (*shape, 1), (2,), ()):
+        if wrong not in ((copies, *shape), shape):
+            with pytest.raises(ValueError, match=rf"{name} is .*; it must be an array of shape \({copies}, "):
+                simulator.actuate(**{name: np.ones(wrong)})
+    with pytest.raises(ValueError, match="the scene has no actuator for 'push'; it has force, torque"):
+        simulator.actuate(push=np.ones(3))
+
+
+def test_state_holds_all_that_changes() -> None:
+    """What actuators do and what was varied goes on after `restore` as it would have."""
+    first = everything()
+    first.vary([2, 3], masses=np.full(8, 0.2), stiffness=np.full(28, 9e4), friction=0.1, restitution=0.7)
+    first.vary([5], gravity=(0, 0, -3), strength=0.1, lengths=CUBE.lengths)
+    first.actuate(force=np.ones(3), thrust=np.ones((COPIES, 2, 3)), acceleration=(0.5, 0, 0))
+    first.advance(50, check=False)
+    state = first.state()
+    first.advance(50, check=False)
+    second = everything()
+    second.advance(7, check=False)
+    second.actuate(torque=np.ones(3))
+    for simulator in (first, second):
+        simulator.restore(state)
+        assert same(simulator.state(), state)
+        simulator.advance(50, check=False)
+    assert same(first.state(), second.state())
+    assert not same(first.state(), state)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"copies": 3}, {"copies": 16}, {"dtype": np.float32}, {"ledger": False}, {"varying": ("masses",)}],
+    ids=str,
+)
+def test_a_state_of_another_simulator_is_refused_and_changes_nothing(options: dict[str, Any]) -> None:
+    own = everything()
+    own.advance(2, check=False)
+    other = Simulator(SCENE, **{"copies": COPIES, "varying": tuple(VARYING)} | options)
+    before = own.state()
+    with pytest.raises(ValueError, match="the state lacks|the state holds|is of shape"):
+        own.restore(other.state())
+    assert same(own.state(), before)
+    for name, array in before.items():
+        for wrong in (array[:0], array[None], None, array.tolist()):
+            with pytest.raises((TypeError, ValueError), match=rf"state\['{name}'\] is"):
+                own.restore(before | {name: wrong})
+    with pytest.raises(ValueError, match="the state lacks 'time'"):
+        own.restore({name: array for name, array in before.items() if name != "time"})
+    assert same(own.state(), before)
+
+
+def test_parameters_that_make_the_step_unstable_are_refused() -> None:
+    """Whole bodies by a bound, single springs and particles by the limit of their copy."""
+    simulator = Simulator(PLAIN, copies=3, varying=("stiffness", "masses", "damping"))
+    body, room = PLAIN.body, simulator.largest_step / simulator.step
+    for name, factor in (("stiffness", 1.01 * room**2), ("masses", 1 / (1.01 * room**2))):
+        with pytest.raises(ValueError, match=f"these {name} make the step of .* s unstable in copy 1"):
+            simulator.vary([0, 1], **{name: getattr(body, name) * np.array([[1.0], [factor]])})
+        simulator.vary([0, 1], **{name: getattr(body, name) * np.array([[1.0], [0.98 * factor]]) ** 0.5})
+        simulator.vary(None, **{name: getattr(body, name)})
+    one = body.stiffness.copy()
+    one[0] *= 3.0  # by the bound too much, but not for the whole body
+    simulator.vary([2], stiffness=one)
+    one[0] *= 1e3
+    with pytest.raises(ValueError, match="unstable in copy 2"):
+        simulator.vary([2], stiffness=one)
+    simulator.vary([2], stiffness=body.stiffness * 1.5)
+    with pytest.raises(ValueError, match="unstable in copy 2"):  # with the stiffness it has by now
+        simulator.vary([2], masses=body.masses / (room**2 / 1.4))
+
+
+def test_masses_and_damping_are_varied_in_any_order() -> None:
+    """How dampers act follows from both, whichever was given last."""
+    masses, damping = CUBE.masses * np.linspace(0.8, 1.2, 8), CUBE.damping * np.linspace(0.1, 2, 28)
+    states = []
+    for calls in (
+        [{"masses": masses, "damping": damping}],
+        [{"masses": masses}, {"damping": damping}],
+        [{"damping": damping}, {"masses": masses}],
+    ):
+        simulator = everything()
+        for values in calls:
+            simulator.vary([1, 4], **values)
+        states.append(simulator.state())
+    assert same(states[0], states[1])
+    assert same(states[0], states[2])
+
+
+def test_compiled_code_is_not_given_other_types(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where Numba checks indices, the types of every call are compared with those of the first."""
+
+    @kernel
+    def twice(n: Any) -> Any:
+        return 2 * n
+
+    monkeypatch.setattr(compiling, "CHECKED", True)
+    same_types = SameTypes(twice)
+    assert same_types(3) == same_types(4) - 2
+    with pytest.raises(TypeError, match=r"twice was compiled for .*int64.* and is called with .*float64"):
+        same_types(3.0)
