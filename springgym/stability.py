@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from springgym.bodies.motion import spring_force_and_jacobian
+from springgym.checks import TINY
 from springgym.integrators.record import Integrator
 from springgym.scene import Scene
 
@@ -30,7 +31,7 @@ def highest_decay_rate(scene: Scene) -> float:
     """λ_max(M⁻¹C) [1/s] of the dampers about the unstretched shape, pins held."""
     if not scene.body.damping.any():
         return 0.0
-    dampers = scene.body.with_(stiffness=np.maximum(scene.body.damping, 1e-300))
+    dampers = scene.body.with_(stiffness=np.maximum(scene.body.damping, TINY))
     _, jacobian = spring_force_and_jacobian(dampers, scene.body.positions)
     return _largest_eigenvalue(scene, -jacobian)
 

@@ -13,6 +13,7 @@ import numpy as np
 from springgym import theory
 from springgym.accuracy.problems import Problem
 from springgym.bodies.motion import spring_force_and_jacobian
+from springgym.checks import TINY
 from springgym.scene import Scene
 from springgym.stability import largest_step
 from springgym.surfaces import Plane, scales
@@ -143,7 +144,7 @@ def jacobian(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
     """Derivative of `derivative` by the state; the dampers' along their springs alone."""
     body, count = scene.body, 3 * len(scene.body.masses)
     weight = np.repeat(scene.free / body.masses, 3)[:, None]
-    dampers = body.with_(stiffness=np.maximum(body.damping, 1e-300))
+    dampers = body.with_(stiffness=np.maximum(body.damping, TINY))
 
     def matrix(_: float, state: np.ndarray) -> np.ndarray:
         x = state.reshape(2, -1, 3)[0]

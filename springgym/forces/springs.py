@@ -40,7 +40,7 @@ class Dampers(NamedTuple):
     whole: Decay
     """of a step"""
     paired: bool
-    """whether every step takes two sweeps of half its time, there and back; or one, in alternating direction"""
+    """whether a step takes two sweeps of half its time, there and back; or one, in alternating direction"""
 
 
 class Decay(NamedTuple):
@@ -195,7 +195,7 @@ def pull_on(x: Any, particle: Any, springs: Any) -> Any:
 def damp(
     v: Any, direction: Any, springs: Any, dampers: Any, drive: Any, ledger: Any, backward: Any, whole: Any
 ) -> None:
-    """Let the relative speed along each spring decay, one spring after the other, for a ``whole`` step or half.
+    """Let the relative speed along each spring decay, one after the other, for a ``whole`` step or half of one.
 
     A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that
     a pair around a step, or steps of alternating direction, are of second order. In bodies that hold their

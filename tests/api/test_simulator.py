@@ -294,7 +294,7 @@ def test_a_state_of_another_simulator_is_refused_and_changes_nothing(options: di
     own.advance(2, check=False)
     other = Simulator(SCENE, **{"copies": COPIES, "varying": tuple(VARYING)} | options)
     before = own.state()
-    with pytest.raises(ValueError, match="the state lacks|the state holds|is of shape"):
+    with pytest.raises(ValueError, match=r"the state lacks|the state holds|is of shape"):
         own.restore(other.state())
     assert same(own.state(), before)
     for name, array in before.items():

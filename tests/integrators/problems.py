@@ -56,7 +56,7 @@ def simulator(scene: Scene, name: str, step: float, **options: Any) -> Simulator
     if integrator(name).iterative:
         options.setdefault("tolerance", (1e-11, 0.0))
     made = Simulator(scene, integrator=name, step=1e-9, **options)
-    made.step = step
+    vars(made)["step"] = step
     made._control = made._control._replace(step=step) if isinstance(made._control, Control) else step
     if made._terms.dampers:
         decays = made._decays(scene.body.damping, scene.body.masses)
