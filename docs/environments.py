@@ -248,9 +248,23 @@ batch. Functions take the `Measures`, positions and velocities (n, N, 3) of all 
 actions, too:
 
 ```python
+import gymnasium
+import numpy as np
+import springgym
+from springgym.bodies import cube
+from springgym.scene import Scene
+from springgym.surfaces import floor
+
+scene = Scene(cube(), positions=cube().positions + [0, 0, 1.5], surfaces=(floor(),))
+
+
+def near_one_metre(m, x, v, action):
+    return np.exp(-np.abs(m.centre[:, 2] - 1.0))
+
+
 env = springgym.make_scene_env(
     scene,
-    reward=lambda m, x, v, action: np.exp(-np.abs(m.centre[:, 2] - 1.0)),
+    reward=near_one_metre,
     actuators={"force": 20.0},
     observe=lambda m, x, v: np.concatenate([m.centre, m.centre_velocity], axis=1),
     failed=lambda m, x, v: m.centre[:, 2] < 0.2,
@@ -267,7 +281,7 @@ no functions. Under an id of your own, it is registered like any other:
 ```python
 def hover(**options):
     own = {"actuators": {"force": 20.0}, "max_episode_steps": None}
-    return springgym.make_scene_env(scene, reward, **own, **options)
+    return springgym.make_scene_env(scene, near_one_metre, **own, **options)
 
 
 gymnasium.register("Hover-v0", entry_point=hover, max_episode_steps=200)

@@ -277,6 +277,10 @@ class Simulator:
             thrust = Thrust(named, self._blocks(len(named), 3), self._frame, scene.thrust.turns)
         if scene.drive:
             drive = Drive(scene.drive.particle, self._blocks(3), scene.drive.speed)
+        half, whole = (
+            Decay(*(parameter({"damping", "masses"}, value) for value in decaying))
+            for decaying in self._decays(body.damping, body.masses)
+        )
         return Terms(
             Particles(parameter({"masses"}, body.masses), parameter({"masses"}, free / body.masses), free),
             Springs(
@@ -285,14 +289,7 @@ class Simulator:
                 parameter({"lengths"}, body.lengths[order]),
                 parameter({"stiffness"}, body.stiffness[order]),
             ),
-            Dampers(
-                parameter({"damping"}, body.damping[order]),
-                *(
-                    Decay(*(parameter({"damping", "masses"}, value) for value in each))
-                    for each in self._decays(body.damping, body.masses)
-                ),
-                paired=body.floppy,
-            )
+            Dampers(parameter({"damping"}, body.damping[order]), half, whole, body.floppy)
             if damped
             else None,
             None if scene.gravity is None else parameter({"gravity"}, np.array(scene.gravity, float)),
@@ -484,8 +481,8 @@ class Simulator:
                 rigid.set_masses(self._twin, self.scene, index, given["masses"])
         if terms.dampers and given.keys() & {"masses", "damping"}:
             decays = self._decays(self._now("damping", index), self._now("masses", index))
-            for place, values in zip((terms.dampers.half, terms.dampers.whole), decays, strict=True):
-                for array, value in zip(place, values, strict=True):
+            for arrays, of in zip((terms.dampers.half, terms.dampers.whole), decays, strict=True):
+                for array, value in zip(arrays, of, strict=True):
                     set_copies(array, index, value)
 
     def _parameter(self, name: str) -> Any:

@@ -367,7 +367,7 @@ def test_bounds_are_checked_when_that_is_asked_for(
     """As ``NUMBA_BOUNDSCHECK=1`` does."""
     monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
     again = kernel(function.py_func)
-    array = block_array(10, (4, 3), float)
+    array = block_array(20, (4, 3), float)
     again(array, 1, 2)
     with pytest.raises(IndexError, match=r"index outside of its array; the numbers are printed"):
         again(array, block, i)

@@ -205,7 +205,7 @@ def test_names_of_a_page_are_there(page: Path) -> None:
     for env_id in set(re.findall(r"\bSpring\w+-v\d+\b", page.read_text(encoding="utf-8"))):
         assert env_id in gym.registry or page.name == "CHANGELOG.md", env_id
     for path in set(re.findall(r"`((?:springgym|docs|tests|agents|configs)/[\w/.-]+)`", text)):
-        assert (ROOT / path).exists(), path
+        assert (ROOT / path).exists() or path.startswith("docs/_build"), path
 
 
 def counts() -> dict[str, int]:

@@ -195,7 +195,7 @@ def pull_on(x: Any, particle: Any, springs: Any) -> Any:
 def damp(
     v: Any, direction: Any, springs: Any, dampers: Any, drive: Any, ledger: Any, backward: Any, whole: Any
 ) -> None:
-    """Let the relative speed along each spring decay, one after the other, for a ``whole`` step or half of one.
+    """Let the relative speed along each spring decay, one after the other, for a ``whole`` step or for half.
 
     A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that
     a pair around a step, or steps of alternating direction, are of second order. In bodies that hold their

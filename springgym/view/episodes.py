@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -74,7 +73,7 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
     text = read_yaml(folder / "config.yaml").value
     config = text["config"]
     kwargs = {**config.get("env_kwargs", {}), **config.get("eval_env_kwargs", {})}
-    return Agent(folder.name, text["env_id"], kwargs, lambda env: _trained(folder, text["algo"], config))
+    return Agent(folder.name, text["env_id"], kwargs, lambda env: _trained(folder, text["algo"], config, env))
 
 
 def _zero(env: gym.Env) -> Policy:
@@ -86,19 +85,36 @@ def _random(env: gym.Env) -> Policy:
     return lambda observations: np.stack([env.action_space.sample() for _ in observations])
 
 
-def _trained(folder: Path, algo: str, config: dict[str, Any]) -> Policy:
-    """The deterministic policy of a run's newest checkpoint, normalisation included."""
-    import stable_baselines3
+def _trained(folder: Path, algo: str, config: dict[str, Any], env: gym.Env) -> Policy:
+    """The deterministic policy of a run's newest checkpoint; nothing is unpickled."""
+    import torch
+    from stable_baselines3.common.policies import ActorCriticPolicy
+    from stable_baselines3.sac.policies import SACPolicy
 
-    path = folder / "model.zip"
+    path = folder / "agent.npz"
     if not path.exists():
-        raise ValueError(f"{folder} has no model.zip yet: its training has not reached a checkpoint")
-    model = getattr(stable_baselines3, algo.upper()).load(path, device="cpu")
-    if not config.get("normalize"):
-        return lambda observations: model.predict(observations, deterministic=True)[0]
-    with zipfile.ZipFile(path) as archive:
-        normalize = pickle.loads(archive.read("vecnormalize.pkl"))
-    return lambda observations: model.predict(normalize.normalize_obs(observations), deterministic=True)[0]
+        raise ValueError(f"{folder} has no agent.npz yet: its training has not reached a checkpoint")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = dict(archive)
+        activation = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}[config["activation"]]
+        make: Any = {"ppo": ActorCriticPolicy, "sac": SACPolicy}[algo]
+        networks = {"net_arch": config["net_arch"], "activation_fn": activation}
+        policy = make(env.observation_space, env.action_space, lambda _: 0.0, **networks)
+        seen = [arrays.pop(f"observations.{name}", None) for name in ("mean", "variance", "limits")]
+        policy.load_state_dict({name: torch.from_numpy(array) for name, array in arrays.items()})
+    except (OSError, EOFError, KeyError, RuntimeError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path}: not the agent of its config.yaml: {error}") from error
+    mean, variance, limits = seen
+
+    def act(observations: np.ndarray) -> np.ndarray:
+        if limits is not None:
+            observations = (observations - mean) / np.sqrt(variance + limits[0])
+            observations = np.clip(observations, -limits[1], limits[1]).astype(np.float32)
+        actions: np.ndarray = policy.predict(observations, deterministic=True)[0]
+        return actions
+
+    return act
 
 
 def played(agent: Agent, seed: int) -> Motion:

@@ -408,7 +408,7 @@ def test_contradicting_arguments(arguments, says, capsys):
         (["--resume", "absent"], "absent/config.yaml: cannot read it"),
         (["SpringTop-v0", "--timesteps", "0"], "total_timesteps: must lie between 1 and inf, got 0"),
         (["SpringTop-v0", "--set", "env_kwargs.obs=frame"], "SpringTop-v0: "),
-        (["SpringTop-v0", "--set", "env_kwargs.observation=fram"], "observation='fram' is unknown"),
+        (["SpringTop-v0", "--set", "env_kwargs.observation=fram"], "observation is 'fram'"),
     ],
 )
 def test_wrong_configuration(arguments, says, capsys, monkeypatch, tmp_path):

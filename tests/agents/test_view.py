@@ -1,12 +1,10 @@
 """`springgym view --agent RUN` shows the agent that a run folder holds, as the scripts load it."""
 
-import pickle
-import zipfile
-
 import gymnasium as gym
 import numpy as np
 import pytest
 import runs
+from agent import policy_kwargs, save_agent
 from config import load_config
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
@@ -22,16 +20,16 @@ def test_an_agent_of_a_run_folder(tmp_path, normalize):
     config = load_config("ppo", "SpringTop-v0", overrides)
     run = runs.create_run(runs.Run(tmp_path / "run", "ppo", "SpringTop-v0", 0, config))
     envs = DummyVecEnv([lambda: gym.make("SpringTop-v0", **config.env_kwargs)])
-    PPO("MlpPolicy", envs, seed=0).save(run.model)
-    scaled = VecNormalize(envs)
-    scaled.obs_rms.mean[:], scaled.obs_rms.var[:] = 0.3, 2.0
-    with zipfile.ZipFile(run.model, "a") as archive:
-        archive.writestr("vecnormalize.pkl", pickle.dumps(scaled))
+    if config.normalize:
+        envs = VecNormalize(envs)
+        envs.obs_rms.mean[:], envs.obs_rms.var[:] = 0.3, 2.0
+    save_agent(run.agent, PPO("MlpPolicy", envs, seed=0, policy_kwargs=policy_kwargs(config)))
     agent = find_agent(str(run.folder), "SpringRope-v0")
     assert agent.env_id == "SpringTop-v0"
     assert agent.env_kwargs["hard"] is True
     env = gym.make("SpringTop-v0", **agent.env_kwargs)
-    ours, theirs = agent.policy(env), runs.load_policy(runs.open_run(run.folder))
+    spaces = env.observation_space, env.action_space
+    ours, theirs = agent.policy(env), runs.load_policy(runs.open_run(run.folder), *spaces)
     observations = np.random.default_rng(0).normal(size=(5, *env.observation_space.shape)).astype(np.float32)
     np.testing.assert_array_equal(ours(observations), theirs(observations))
     assert played(agent, 0).title == "SpringTop-v0: run"
@@ -39,5 +37,5 @@ def test_an_agent_of_a_run_folder(tmp_path, normalize):
 
 def test_a_run_without_a_checkpoint(tmp_path):
     (tmp_path / "config.yaml").write_text("algo: ppo\nenv_id: SpringTop-v0\nconfig: {}\n")
-    with pytest.raises(ValueError, match=r"no model\.zip yet"):
+    with pytest.raises(ValueError, match=r"no agent\.npz yet"):
         played(find_agent(str(tmp_path), ""), 0)

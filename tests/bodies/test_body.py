@@ -74,8 +74,11 @@ def test_error_names_the_offender(changes, message):
     ("changes", "message"),
     [
         ({"name": 5}, "name of a body is 5"),
-        ({"frame": (0.5, 1, 2)}, "body 'triangle': frame[0] is 0.5; it must be a whole number"),
-        ({"springs": [(0, 1.5), (1, 2), (2, 0)]}, "body 'triangle': springs[0, 0] is 0.0"),
+        (
+            {"frame": (0.5, 1, 2)},
+            "body 'triangle': frame is (0.5, 1, 2); it must be an array of whole numbers",
+        ),
+        ({"springs": [(0, 1.5), (1, 2), (2, 0)]}, "body 'triangle': springs is [(0, 1.5), (1, 2), (2, 0)]"),
         ({"parts": {"end": "tip"}}, "body 'triangle': parts['end'] is 'tip'"),
         ({"parts": [0, 1]}, "body 'triangle': parts is [0, 1]; it must be Mapping"),
         ({"floppy": 1}, "body 'triangle': floppy is 1; it must be True or False"),

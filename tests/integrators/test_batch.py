@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from springgym.blocks import set_all
 from springgym.integrators import METHODS, integrator
 from springgym.simulator import SimulationDivergedError
 from tests.integrators.problems import simulator, tetrahedron
@@ -21,9 +22,10 @@ def batch(name: str, copies: Any, threads: int = 1, spoilt: int | None = None, *
     scale = 1 + 0.2 * np.asarray(copies)[:, None, None]
     velocities = made.velocities * scale
     positions = made.positions
-    if spoilt is not None:
-        positions[spoilt, 2] = np.nan
     made.place(positions, velocities)
+    if spoilt is not None:  # which no call would
+        positions[spoilt, 2] = np.nan
+        set_all(made._x, positions)
     made.actuate(torque=np.multiply.outer(0.1 * np.asarray(copies), [1.0, 2.0, -1.0]))
     made.advance(STEPS, check=False)
     measures = made.measure()
