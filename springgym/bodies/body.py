@@ -9,6 +9,11 @@ from typing import Any, Self
 
 import numpy as np
 
+from springgym.bodies.elastic import Cable, Elastic
+
+PHYSICAL = ("positions", "masses", "springs", "stiffness", "damping", "lengths")
+"""Fields of a `Body` that decide how it moves."""
+
 
 @dataclass(frozen=True, eq=False)
 class Body:
@@ -37,6 +42,8 @@ class Body:
         Its surface, for drawing; corners in the order that points the normal outwards.
     floppy
         Whether its springs may leave it free to change shape, as a rope is.
+    solid
+        What it stands for, if it was made from a material (`springgym.bodies.solid`).
 
     Raises
     ------
@@ -57,6 +64,7 @@ class Body:
     parts: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), int))
     floppy: bool = False
+    solid: Elastic | Cable | None = None
 
     def __post_init__(self) -> None:
         def freeze(name: str, dtype: Any, shape: tuple[int, ...]) -> None:
@@ -169,7 +177,12 @@ class Body:
         return self.parts[name][0]
 
     def with_(self, **changes: Any) -> Self:
-        """A copy with some fields changed, checked anew."""
+        """A copy with some fields changed, checked anew.
+
+        With other particles or springs it stands for no ``solid`` any more, unless that is given anew.
+        """
+        if not changes.keys().isdisjoint(PHYSICAL):
+            changes = {"solid": None} | changes
         return replace(self, **changes)
 
     @cached_property
@@ -204,7 +217,7 @@ class Body:
         return (
             f"Body({self.name!r}: {len(self.masses)} particles of {_span(self.masses)} kg, "
             f"{self.mass:g} kg in all; {springs}{', floppy' if self.floppy else ''}; "
-            f"parts: {', '.join(self.parts) or 'none'})"
+            f"parts: {', '.join(self.parts) or 'none'}{f'; {self.solid!r}' if self.solid else ''})"
         )
 
 
