@@ -21,6 +21,12 @@ class Elastic:
     material: Material
     shape: str
     """what it is a solid of, in words"""
+    mass: float
+    """[kg]"""
+    centre: np.ndarray
+    """(3,) centre of mass [m]"""
+    inertia: np.ndarray
+    """(3, 3) about it [kg·m²]"""
     frequency: float
     """lowest frequency ω₁ of the free solid [rad/s]"""
     axes: np.ndarray

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from itertools import permutations, product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -62,11 +62,9 @@ class Unit(NamedTuple):
     network: Network
     stiffness: np.ndarray
     """(S,)"""
+    solid: theory.ElasticSolid
     axes: np.ndarray
     """(3, 3) axes of spin, columns"""
-    frequency: float
-    stretch: np.ndarray
-    """(3,), both of the solid"""
     frequency_ratio: float
     stretch_ratios: np.ndarray
     """(3,), both of the springs over those of the solid"""
@@ -225,8 +223,8 @@ def _unit_lattice(sides: tuple[float, ...], counts: tuple[int, ...]) -> Unit:
     """A box of cells with edges and face diagonals, see `lattice`."""
     network, stiffness = lattice(sides, counts)
     tensor = tuple(theory.isotropic(1.0, 0.25).ravel())
-    targets = theory.elastic_solid(theory.box_rule(sides), 1.0, np.reshape(tensor, (3,) * 4))
-    return _measured(network, stiffness, np.eye(3), float(targets.frequencies[0]), targets.stretch)
+    solid = theory.elastic_solid(theory.box_rule(sides), 1.0, np.reshape(tensor, (3,) * 4))
+    return _measured(network, stiffness, np.eye(3), solid)
 
 
 def solid_hull(points: Sequence[Sequence[float]], material: Material | str, softened: float = 1.0) -> Body:
@@ -296,15 +294,13 @@ def _polyhedron(
         tuple(map(tuple, triangles.tolist())),
         _tensor(material),
     )
-    body = _body(unit, material, size, shape)
+    body = _body(unit, material, size, shape, at=middle)
     last = len(body.masses) - 1
     return body.with_(
         name=name,
-        positions=body.positions + middle,
         frame=(last, 0, 1),
         parts={"surface": tuple(range(last)), "centre": (last,)},
         triangles=outside,
-        solid=body.solid,
     )
 
 
@@ -431,45 +427,47 @@ def _solved(network: Network, rule: theory.Rule, tensor: Tensor, symmetries: Seq
     axes = np.eye(3)
     if np.abs(second - np.diag(np.diag(second))).max() > 1e-9 * np.trace(second):
         axes = np.linalg.eigh(second)[1]
-    targets = theory.elastic_solid(rule, 1.0, np.reshape(tensor, (3,) * 4), axes, degree)
-    frequency = float(targets.frequencies[0])
-    stiffness = calibrated(network, axes, frequency, targets.stretch, orbits(network, symmetries))
-    return _measured(network, stiffness, axes, frequency, targets.stretch)
+    solid = theory.elastic_solid(rule, 1.0, np.reshape(tensor, (3,) * 4), axes, degree)
+    groups = orbits(network, symmetries)
+    stiffness = calibrated(network, axes, float(solid.frequencies[0]), solid.stretch, groups)
+    return _measured(network, stiffness, axes, solid)
 
 
-def _measured(
-    network: Network, stiffness: np.ndarray, axes: np.ndarray, frequency: float, stretch: np.ndarray
-) -> Unit:
+def _measured(network: Network, stiffness: np.ndarray, axes: np.ndarray, solid: theory.ElasticSolid) -> Unit:
     reached = response(network, stiffness, axes)
-    return Unit(
-        network,
-        stiffness,
-        axes,
-        frequency,
-        stretch,
-        math.sqrt(reached.squares[0]) / frequency,
-        reached.stretch / stretch,
-    )
+    ratio = math.sqrt(reached.squares[0]) / float(solid.frequencies[0])
+    return Unit(network, stiffness, solid, axes, ratio, reached.stretch / solid.stretch)
 
 
-def _body(unit: Unit, material: Material, size: float, shape: str, lacks: str | None = None) -> Body:
-    """The body of a unit whose length 1 is ``size`` [m]; its triangles and parts are still to come."""
-    frequency = unit.frequency * math.sqrt(material.young / material.density) / size
+def _body(
+    unit: Unit,
+    material: Material,
+    size: float,
+    shape: str,
+    lacks: str | None = None,
+    at: Any = (0.0, 0.0, 0.0),
+) -> Body:
+    """The body of a unit whose length 1 is ``size`` [m], moved to ``at``; its parts are still to come."""
+    solid, scale = unit.solid, material.density * size**3
+    frequency = float(solid.frequencies[0]) * math.sqrt(material.young / material.density) / size
     stiffness = unit.stiffness * material.young * size
     stands_for = Elastic(
         material=material,
         shape=shape,
+        mass=solid.mass * scale,
+        centre=solid.centre * size + at,
+        inertia=solid.inertia * scale * size**2,
         frequency=frequency,
         axes=unit.axes,
-        stretch=unit.stretch * material.density * size**2 / material.young,
+        stretch=solid.stretch * material.density * size**2 / material.young,
         frequency_ratio=unit.frequency_ratio,
         stretch_ratios=unit.stretch_ratios,
         **({} if lacks is None else {"missed": lacks}),
     )
     return Body(
         name=shape,
-        positions=unit.network.positions * size,
-        masses=unit.network.masses * material.density * size**3,
+        positions=unit.network.positions * size + at,
+        masses=unit.network.masses * scale,
         springs=unit.network.springs,
         stiffness=stiffness,
         damping=material.loss * stiffness / frequency,

@@ -15,6 +15,7 @@ from springgym.scenes.checks.contact import (
     straight_fall,
 )
 from springgym.scenes.checks.free import energy, flips, momentum, spun_length, twin
+from springgym.scenes.checks.solids import cable, ring_down, ring_frequency, solid_inertia, spin_gap, wobble
 from springgym.scenes.checks.swings import (
     bungee,
     pendulum,
@@ -31,6 +32,7 @@ CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
     for function in (
         bounces,
         bungee,
+        cable,
         dish_period,
         energy,
         flips,
@@ -39,17 +41,22 @@ CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
         pendulum,
         rest_height,
         restitution,
+        ring_down,
+        ring_frequency,
         rope_modes,
         rope_stretch,
         rope_swing,
         sleep,
         slope,
         small_swings,
+        solid_inertia,
+        spin_gap,
         spun_length,
         steady_precession,
         stopping,
         straight_fall,
         twin,
+        wobble,
     )
 }
 

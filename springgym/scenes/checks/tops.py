@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from springgym.bodies.precession import heavy_top
 from springgym.scenes.checks.basis import Check, peaks, slack, spread
-from springgym.scenes.plan import heavy_top
 from springgym.scenes.recording import Recording
 from springgym.theory import top as theory
 from springgym.theory.top import HeavyTop, TopState
