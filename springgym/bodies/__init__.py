@@ -7,7 +7,7 @@ from springgym.bodies.irregular import from_mesh, from_points, union
 from springgym.bodies.motion import Start, relative_equilibrium, rotation, spinning, start, stretched_shapes
 from springgym.bodies.network import vibrations
 from springgym.bodies.rope import rope
-from springgym.bodies.solid import solid_box, solid_hull, solid_mesh, solid_rope, solid_top
+from springgym.bodies.solid import softened, solid_box, solid_hull, solid_mesh, solid_rope, solid_top
 from springgym.bodies.top import top
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "relative_equilibrium",
     "rope",
     "rotation",
+    "softened",
     "solid_box",
     "solid_hull",
     "solid_mesh",

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from itertools import permutations, product
 from pathlib import Path
@@ -310,8 +311,7 @@ def _unit_polyhedron(
 ) -> tuple[Unit, np.ndarray]:
     """The unit with the fewest particles that meets the solid, and the triangles of its surface."""
     vertices, triangles = np.array(points), np.array(faces)
-    order = theory.DEGREE + 2 if len(faces) <= FINE else 8
-    rule = theory.polyhedron_rule(vertices, triangles, order)
+    rule = theory.polyhedron_rule(vertices, triangles, theory.DEGREE if len(faces) <= FINE else 6)
     centre = rule.weights @ rule.points / rule.weights.sum()
     symmetries = SWAPS if _is_isotropic(tensor) else REFLECTIONS
     found: list[tuple[Unit, np.ndarray]] = []
@@ -407,6 +407,33 @@ def solid_rope(
     )
 
 
+def softened(body: Body, factor: float) -> Body:
+    """A body with all stiffnesses divided by a factor, and damping ratios that stay: dampers by its root.
+
+    A body of a material is as if made of `Material.softened`. Works for any other, too.
+
+    Raises
+    ------
+    ValueError
+        If the factor is not positive and finite.
+    """
+    if not 0 < factor < math.inf:
+        raise ValueError(f"factor is {factor}; it must be positive and finite")
+    solid = body.solid
+    if isinstance(solid, Elastic):
+        solid = replace(
+            solid,
+            material=solid.material.softened(factor),
+            frequency=solid.frequency / math.sqrt(factor),
+            stretch=solid.stretch * factor,
+        )
+    elif solid is not None:
+        solid = replace(solid, material=solid.material.softened(factor))
+    return body.with_(
+        stiffness=body.stiffness / factor, damping=body.damping / math.sqrt(factor), solid=solid
+    )
+
+
 # --- From a shape to a body -------------------------------------------------------------------------
 
 
@@ -422,12 +449,11 @@ def _is_isotropic(tensor: Tensor) -> bool:
 
 def _solved(network: Network, rule: theory.Rule, tensor: Tensor, symmetries: Sequence[np.ndarray]) -> Unit:
     """A network with calibrated springs."""
-    degree = theory.DEGREE if len(rule.weights) <= 1000 * FINE else 6
     second = second_moments(network)
     axes = np.eye(3)
     if np.abs(second - np.diag(np.diag(second))).max() > 1e-9 * np.trace(second):
         axes = np.linalg.eigh(second)[1]
-    solid = theory.elastic_solid(rule, 1.0, np.reshape(tensor, (3,) * 4), axes, degree)
+    solid = theory.elastic_solid(rule, 1.0, np.reshape(tensor, (3,) * 4), axes)
     groups = orbits(network, symmetries)
     stiffness = calibrated(network, axes, float(solid.frequencies[0]), solid.stretch, groups)
     return _measured(network, stiffness, axes, solid)

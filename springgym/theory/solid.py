@@ -21,13 +21,12 @@ doi:10.1121/1.401643, for the method; Nye, *Physical Properties of Crystals*, fo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from itertools import pairwise
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from springgym.theory.frames import Floats
 
@@ -39,10 +38,14 @@ CHUNK = 20_000
 
 
 class Rule(NamedTuple):
-    """Points, shape (Q, 3), m, and weights, shape (Q,), m^3, that integrate over a solid."""
+    """Points, shape (Q, 3), m, and weights, shape (Q,), m^3, that integrate over a solid.
+
+    Exact for products of two polynomials of total degree up to `degree`.
+    """
 
     points: Floats
     weights: Floats
+    degree: int
 
 
 class ElasticSolid(NamedTuple):
@@ -128,53 +131,53 @@ def orthotropic(young: ArrayLike, poisson: ArrayLike, shear: ArrayLike) -> Float
 # --- Shapes -----------------------------------------------------------------------------------------
 
 
-def box_rule(sides: ArrayLike, order: int = DEGREE + 1) -> Rule:
-    """A box about the origin with these sides, shape (3,), m; exact up to degree 2 order - 1 an axis."""
-    t, w = legendre.leggauss(order)
+def box_rule(sides: ArrayLike, degree: int = DEGREE) -> Rule:
+    """A box about the origin with these sides, shape (3,), m."""
+    t, w = legendre.leggauss(degree + 1)
     half = np.asarray(sides, float) / 2
     grid = np.meshgrid(*(h * t for h in half), indexing="ij")
     weights = np.einsum("i,j,k->ijk", *(h * w for h in half))
-    return Rule(np.stack(grid, axis=-1).reshape(-1, 3), weights.ravel())
+    return Rule(np.stack(grid, axis=-1).reshape(-1, 3), weights.ravel(), degree)
 
 
-def cone_rule(radius: float, height: float, order: int = DEGREE + 2) -> Rule:
-    """A circular cone on its tip at the origin, opening along z; exact up to degree 2 order - 3."""
-    return _revolved(lambda z: radius * z / height, height, order)
+def cone_rule(radius: float, height: float, degree: int = DEGREE) -> Rule:
+    """A circular cone on its tip at the origin, opening along z, m."""
+    return _revolved(lambda z: radius * z / height, height, degree)
 
 
-def cylinder_rule(radius: float, height: float, order: int = DEGREE + 2) -> Rule:
-    """A cylinder about z between z = 0 and its height; exact up to degree 2 order - 2."""
-    return _revolved(lambda z: np.full_like(z, radius), height, order)
+def cylinder_rule(radius: float, height: float, degree: int = DEGREE) -> Rule:
+    """A cylinder about z between z = 0 and its height, m."""
+    return _revolved(lambda z: np.full_like(z, radius), height, degree)
 
 
-def _revolved(profile: Callable[[Floats], Floats], height: float, order: int) -> Rule:
-    """A solid of revolution about z from z = 0 to its height, of radius profile(z)."""
-    t, w = legendre.leggauss(order)
+def _revolved(profile: Callable[[Floats], Floats], height: float, degree: int) -> Rule:
+    """A solid of revolution about z from z = 0 to its height, of radius profile(z), linear in z."""
+    t, w = legendre.leggauss(degree + 2)
     share, weight = (t + 1) / 2, w / 2
-    turns = 2 * order
+    turns = 2 * degree + 1
     angle = 2 * math.pi * (np.arange(turns) + 0.5) / turns
     z, s, a = np.meshgrid(height * share, share, angle, indexing="ij")
     edge = profile(z)
     points = np.stack([edge * s * np.cos(a), edge * s * np.sin(a), z], axis=-1)
     weights = height * weight[:, None, None] * weight[None, :, None] * (2 * math.pi / turns) * edge**2 * s
-    return Rule(points.reshape(-1, 3), weights.ravel())
+    return Rule(points.reshape(-1, 3), weights.ravel(), degree)
 
 
-def ball_rule(radius: float, order: int = DEGREE + 2) -> Rule:
-    """A ball about the origin; exact up to degree 2 order - 3."""
-    t, w = legendre.leggauss(order)
+def ball_rule(radius: float, degree: int = DEGREE) -> Rule:
+    """A ball about the origin, m."""
+    t, w = legendre.leggauss(degree + 2)
     share, weight = (t + 1) / 2, w / 2
-    turns = 2 * order
+    turns = 2 * degree + 1
     angle = 2 * math.pi * (np.arange(turns) + 0.5) / turns
     r, u, a = np.meshgrid(radius * share, t, angle, indexing="ij")
     across = np.sqrt(1 - u**2)
     points = np.stack([r * across * np.cos(a), r * across * np.sin(a), r * u], axis=-1)
     weights = radius * weight[:, None, None] * w[None, :, None] * (2 * math.pi / turns) * r**2
-    return Rule(points.reshape(-1, 3), weights.ravel())
+    return Rule(points.reshape(-1, 3), weights.ravel(), degree)
 
 
-def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, order: int = DEGREE + 2) -> Rule:
-    """What a closed surface of triangles bounds; exact up to degree 2 order - 3.
+def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, degree: int = DEGREE) -> Rule:
+    """What a closed surface of triangles bounds.
 
     A sum over the tetrahedra between each triangle and the mean of the points. Where the surface is
     not convex some have negative volume, and the sum is as exact.
@@ -189,62 +192,74 @@ def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, order: int = DEGREE
     corners = np.asarray(points, float)
     middle = corners.mean(axis=0)
     edges = corners[np.asarray(triangles, int)] - middle
-    t, w = legendre.leggauss(order)
+    t, w = legendre.leggauss(degree + 2)
     share, weight = (t + 1) / 2, w / 2
     a, b, c = (axis.ravel() for axis in np.meshgrid(share, share, share, indexing="ij"))
     places = np.stack([a * (1 - b), a * b * (1 - c), a * b * c], axis=-1)  # Duffy's collapsed cube
     collapsed = a**2 * b * np.einsum("i,j,k->ijk", weight, weight, weight).ravel()
     inside = middle + np.einsum("qe,tei->tqi", places, edges)
     weights = np.linalg.det(edges)[:, None] * collapsed
-    return Rule(inside.reshape(-1, 3), weights.ravel())
+    return Rule(inside.reshape(-1, 3), weights.ravel(), degree)
 
 
 # --- Rayleigh and Ritz ------------------------------------------------------------------------------
 
 
 def elastic_solid(
-    rule: Rule,
-    density: float,
-    elasticity: ArrayLike,
-    axes: ArrayLike | None = None,
-    degree: int = DEGREE,
+    rule: Rule, density: float, elasticity: ArrayLike, axes: ArrayLike | None = None
 ) -> ElasticSolid:
     """Mass, inertia, frequencies and spin stretch of a free elastic solid.
+
+    Polynomials are of the rule's degree: 8 has 495 unknowns.
 
     Parameters
     ----------
     rule : Rule
-        Integrates over the solid: exact up to 2 degree.
+        Integrates over the solid.
     density : float
         kg/m^3.
     elasticity : array_like, shape (3, 3, 3, 3)
         `isotropic` or `orthotropic`, Pa.
     axes : array_like, shape (3, 3), optional
         The axes of spin, columns; those of the coordinates if not given.
-    degree : int
-        Largest total degree of the polynomials; 8 has 495 unknowns.
     """
     mass = density * float(rule.weights.sum())
     centre = density * rule.weights @ rule.points / mass
     arm = rule.points - centre
     second = density * (rule.weights * arm.T) @ arm
-    basis = _basis(rule, centre, degree)
+    basis = _basis(rule, centre)
     root = np.linalg.inv(np.linalg.cholesky(basis.gram))  # root phi are orthonormal
     slopes = [root @ derivative for derivative in basis.derivatives]
     products = np.array([[a @ basis.gram @ b.T for b in slopes] for a in slopes])
     count = len(root)
     matrix = np.einsum("ikjl,klab->iajb", np.asarray(elasticity, float), products, optimize=True)
-    squares, modes = np.linalg.eigh(matrix.reshape(3 * count, 3 * count))
-    squares, modes = squares[6:], modes[:, 6:]
+    matrix = matrix.reshape(3 * count, 3 * count)
     directions = np.eye(3) if axes is None else np.asarray(axes, float)
-    stretch = np.zeros(3)
-    for n, axis in enumerate(directions.T):
-        across = np.eye(3) - np.outer(axis, axis)
-        # the force rho r of unit omega: its moments with all polynomials; it has no resultant
-        load = modes.T @ (density * across @ (root @ basis.arms).T).ravel()
-        inertia = np.sum(across * second)
-        stretch[n] = 2 * np.sum(load**2 / squares) / inertia
-    return ElasticSolid(mass, centre, second, np.sqrt(squares / density), stretch)
+    across = np.eye(3) - np.einsum("in,jn->nij", directions, directions)
+    # the force rho r of unit omega about each axis, its moments with all polynomials; it has no resultant
+    forces = density * np.einsum("nij,aj->ian", across, root @ basis.arms).reshape(3 * count, 3)
+    squares, loads = [], []
+    for block in _blocks(matrix):
+        values, modes = np.linalg.eigh(matrix[np.ix_(block, block)])
+        squares.append(values)
+        loads.append(modes.T @ forces[block])
+    values, load = np.concatenate(squares), np.concatenate(loads)
+    elastic = np.argsort(values)[6:]
+    inertia = np.einsum("nij,ij->n", across, second)
+    stretch = 2 * np.sum(load[elastic] ** 2 / values[elastic, None], axis=0) / inertia
+    return ElasticSolid(mass, centre, second, np.sqrt(values[elastic] / density), stretch)
+
+
+def _blocks(matrix: Floats) -> list[NDArray[np.intp]]:
+    """Unknowns that a symmetric matrix couples: those of one parity, if the solid is symmetric."""
+    coupled = np.abs(matrix) > 1e-13 * np.abs(matrix).max()
+    np.fill_diagonal(coupled, True)
+    label = np.arange(len(matrix))
+    while True:
+        lower = np.where(coupled, label, len(matrix)).min(axis=1)
+        if (lower == label).all():
+            return [np.flatnonzero(label == first) for first in np.unique(label)]
+        label = lower
 
 
 class _Basis(NamedTuple):
@@ -258,13 +273,15 @@ class _Basis(NamedTuple):
     """int phi_a (x - centre), (n, 3)"""
 
 
-def _basis(rule: Rule, centre: Floats, degree: int) -> _Basis:
+def _basis(rule: Rule, centre: Floats) -> _Basis:
+    degree = rule.degree
     low, high = rule.points.min(axis=0), rule.points.max(axis=0)
     middle, half = (high + low) / 2, (high - low) / 2
     powers = np.array([p for p in np.ndindex((degree + 1,) * 3) if sum(p) <= degree])
     count = len(powers)
     gram, arms = np.zeros((count, count)), np.zeros((count, 3))
-    for points, weights in _chunks(rule):
+    for start in range(0, len(rule.weights), CHUNK):
+        points, weights = rule.points[start : start + CHUNK], rule.weights[start : start + CHUNK]
         t = (points - middle) / half
         along = [legendre.legvander(t[:, k], degree)[:, powers[:, k]] for k in range(3)]
         phi = along[0] * along[1] * along[2]
@@ -279,9 +296,3 @@ def _basis(rule: Rule, centre: Floats, degree: int) -> _Basis:
                 lower = tuple(j if axis == k else p[axis] for axis in range(3))
                 derivatives[k][n, index[lower]] = (2 * j + 1) / half[k]
     return _Basis(gram, derivatives, arms)
-
-
-def _chunks(rule: Rule) -> Iterator[Rule]:
-    edges = [*range(0, len(rule.weights), CHUNK), len(rule.weights)]
-    for start, stop in pairwise(edges):
-        yield Rule(rule.points[start:stop], rule.weights[start:stop])

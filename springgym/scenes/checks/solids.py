@@ -10,7 +10,7 @@ from springgym.bodies import vibrations
 from springgym.bodies.elastic import Cable, Elastic
 from springgym.bodies.precession import precession_gap, wobble_growth
 from springgym.scenes.checks.basis import Check, crossings, peaks, period
-from springgym.scenes.checks.tops import angles, rigid_top
+from springgym.scenes.checks.tops import angles, mean_rate, rigid_top
 from springgym.scenes.recording import Recording
 from springgym.theory import rope, top
 
@@ -96,7 +96,7 @@ def spin_gap(recording: Recording) -> list[Check]:
     _, azimuth = angles(recording)
     rate = top.steady_precession(rigid, state.theta, state.omega3)[0]
     expected = precession_gap(scene.body, scene.pinned, scene.gravity or (), state.theta, state.omega3)
-    measured = _mean_rate(recording.times, azimuth) / rate - 1
+    measured = mean_rate(recording.times, azimuth) / rate - 1
     share = (rigid.i1 * rate / (rigid.i3 * state.omega3)) ** 2
     by = abs(expected) + (state.omega3 / solid.frequency) ** 2 + share
     resolved = (state.omega3 * recording.step) ** 2 * rate / state.omega3
@@ -106,13 +106,6 @@ def spin_gap(recording: Recording) -> list[Check]:
 def _mean(times: np.ndarray, values: np.ndarray) -> float:
     """Mean over time, by the trapezoidal rule."""
     return float(np.trapezoid(values, times) / (times[-1] - times[0]))
-
-
-def _mean_rate(times: np.ndarray, angle: np.ndarray) -> float:
-    """Slope of an angle that also swings: weights that vanish at both ends leave little of the swing."""
-    weights = np.sin(math.pi * np.arange(len(times)) / (len(times) - 1)) ** 2
-    middle = weights @ times / weights.sum()
-    return float(weights * (times - middle) @ angle / (weights @ (times - middle) ** 2))
 
 
 def wobble(recording: Recording) -> list[Check]:

@@ -36,6 +36,13 @@ def angles(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     return np.arctan2(np.hypot(x, y), z), np.unwrap(np.arctan2(y, x))
 
 
+def mean_rate(times: np.ndarray, angle: np.ndarray) -> float:
+    """Slope of an angle that also swings: weights that vanish at both ends leave little of the swing."""
+    weights = np.sin(math.pi * np.arange(len(times)) / (len(times) - 1)) ** 2
+    middle = weights @ times / weights.sum()
+    return float(weights * (times - middle) @ angle / (weights @ (times - middle) ** 2))
+
+
 def _compared(
     quantity: str, of: Callable[[HeavyTop], float], top: HeavyTop, measured: float, by: float, unit: str
 ) -> Check:
