@@ -137,9 +137,9 @@ def calibrated(
 ) -> np.ndarray:
     """Stiffnesses (S,) that give a network the lowest frequency and the growth under spin of a solid.
 
-    From k ~ 1/L² of the right size, groups of springs change by the smallest shares that meet the linearised
-    conditions, a step after the other: ln ω_q = ln ω₁ for the lowest mode and for all below ω₁, with
-    ∂ ln ω_q²/∂ ln k = k e²/ω_q², and ln s = that of the solid for three axes, with
+    From k ~ 1/L, bars of equal section with Σ k L² = 6 E V, groups of springs change by the smallest shares
+    that meet the linearised conditions, a step after the other: ln ω_q = ln ω₁ for the lowest mode and for
+    all below ω₁, with ∂ ln ω_q²/∂ ln k = k e²/ω_q², and ln s = that of the solid for three axes, with
     ∂ ln s/∂ ln k = −2 k e²/(I s), e being elongations. Stiffnesses stay positive.
 
     Parameters
@@ -160,7 +160,7 @@ def calibrated(
     """
     positions, masses, springs = network
     lengths = np.linalg.norm(positions[springs[:, 1]] - positions[springs[:, 0]], axis=1)
-    stiffness = 6 * masses.sum() / len(springs) / lengths**2
+    stiffness = 6 * masses.sum() / lengths.sum() / lengths
     sizes = np.bincount(groups)
     best, least = stiffness, math.inf
     for iteration in range(ITERATIONS):
