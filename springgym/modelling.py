@@ -102,9 +102,10 @@ def needed(
     if not 0 < wanted < 1:
         raise ValueError(f"the wanted share is {wanted}; it must lie between 0 and 1")
     scene = plan.scene
-    tilt, spin = _turning(scene)
     pull = scene.gravity or (0.0, 0.0, 0.0)
-    rigid = float(steady_precession(heavy_top(scene.body, scene.pinned, pull), tilt, spin)[0])
+    top = heavy_top(scene.body, scene.pinned, pull)
+    tilt, spin = _turning(scene)
+    rigid = float(steady_precession(top, tilt, spin)[0])
     gap = precession_gap(scene.body, scene.pinned, pull, tilt, spin)
 
     def tried(dynamics: str, integrator: str, factor: float, step: float | None) -> Model:

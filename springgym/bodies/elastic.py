@@ -9,6 +9,9 @@ import numpy as np
 
 from springgym.materials import Material
 
+HIGHER = "higher frequencies and the contraction across a stretch"
+"""What bodies with calibrated springs do not have of a solid."""
+
 
 @dataclass(frozen=True, eq=False)
 class Elastic:
@@ -37,7 +40,9 @@ class Elastic:
     """lowest frequency of the springs over that of the solid: what calibration reached"""
     stretch_ratios: np.ndarray
     """(3,) the same for s"""
-    missed: str = "higher frequencies and the contraction across a stretch"
+    precession_ratio: float | None = None
+    """of a top pinned at its tip, by how much stretch slows its precession over the same of the solid"""
+    missed: str = HIGHER
     """what the body does not have of the solid, in words"""
 
     @property
@@ -47,6 +52,8 @@ class Elastic:
 
     def __repr__(self) -> str:
         ratios = ", ".join(_ratio(value) for value in self.stretch_ratios)
+        if self.precession_ratio is not None:
+            ratios += f", slowing of its precession × {self.precession_ratio:.2f}"
         return (
             f"as a {self.shape} of {self.material}: mass, centre and inertia exact; lowest frequency "
             f"{self.frequency / (2 * math.pi):.5g} Hz × {_ratio(self.frequency_ratio)}, growth under spin × "

@@ -112,6 +112,8 @@ class Response(NamedTuple):
     """(3,) s"""
     spun: np.ndarray
     """(3, S) 2 e²/I, e the elongation under unit ω: −∂s/∂k"""
+    moved: np.ndarray
+    """(3, N, 3) displacements under unit ω about each axis, from the centre of mass"""
 
 
 def response(network: Network, stiffness: np.ndarray, axes: np.ndarray) -> Response:
@@ -122,25 +124,39 @@ def response(network: Network, stiffness: np.ndarray, axes: np.ndarray) -> Respo
     squares, modes = squares[6:], modes[:, 6:]
     elongation = rigidity @ modes
     arm = positions - masses @ positions / masses.sum()
-    stretch, spun = np.zeros(3), np.zeros((3, len(springs)))
+    stretch, spun, moved = np.zeros(3), np.zeros((3, len(springs))), np.zeros((3, *positions.shape))
     for n, axis in enumerate(axes.T):
         across = arm - np.outer(arm @ axis, axis)
         load = modes.T @ (np.repeat(np.sqrt(masses), 3) * across.ravel())
         inertia = np.sum(masses[:, None] * across**2)
         stretch[n] = 2 * np.sum(load**2 / squares) / inertia
         spun[n] = 2 * (elongation @ (load / squares)) ** 2 / inertia
-    return Response(squares, elongation, stretch, spun)
+        moved[n] = (modes @ (load / squares) / root).reshape(positions.shape)
+    return Response(squares, elongation, stretch, spun, moved)
+
+
+def bars(network: Network) -> np.ndarray:
+    """Stiffnesses (S,) of bars of equal section, k ~ 1/L, with Σ k L² = 6 E V: of the right size."""
+    ends = network.positions[network.springs]
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    return np.asarray(6 * network.masses.sum() / lengths.sum() / lengths)
 
 
 def calibrated(
-    network: Network, axes: np.ndarray, frequency: float, stretch: np.ndarray, groups: np.ndarray
+    network: Network,
+    axes: np.ndarray,
+    frequency: float,
+    stretch: np.ndarray,
+    groups: np.ndarray,
+    begin: np.ndarray,
+    reluctance: np.ndarray | float = 1.0,
 ) -> np.ndarray:
     """Stiffnesses (S,) that give a network the lowest frequency and the growth under spin of a solid.
 
-    From k ~ 1/L, bars of equal section with Σ k L² = 6 E V, groups of springs change by the smallest shares
-    that meet the linearised conditions, a step after the other: ln ω_q = ln ω₁ for the lowest mode and for
-    all below ω₁, with ∂ ln ω_q²/∂ ln k = k e²/ω_q², and ln s = that of the solid for three axes, with
-    ∂ ln s/∂ ln k = −2 k e²/(I s), e being elongations. Stiffnesses stay positive.
+    Groups of springs change by the smallest shares that meet the linearised conditions, a step after the
+    other: ln ω_q = ln ω₁ for the lowest mode and for all below ω₁, with ∂ ln ω_q²/∂ ln k = k e²/ω_q², and
+    ln s = that of the solid for three axes, with ∂ ln s/∂ ln k = −2 k e²/(I s), e being elongations.
+    Stiffnesses stay positive.
 
     Parameters
     ----------
@@ -152,17 +168,19 @@ def calibrated(
         ω₁ and s (3,) of the solid.
     groups
         (S,) numbers, from 0, of springs that keep the ratio of their stiffnesses.
+    begin
+        (S,) stiffnesses to begin with.
+    reluctance
+        (S,) weights of the squares of their changes.
 
     Returns
     -------
     stiffness
         The best that was found; what it misses is for the caller to see.
     """
-    positions, masses, springs = network
-    lengths = np.linalg.norm(positions[springs[:, 1]] - positions[springs[:, 0]], axis=1)
-    stiffness = 6 * masses.sum() / lengths.sum() / lengths
-    sizes = np.bincount(groups)
-    best, least = stiffness, math.inf
+    weights = np.bincount(groups, np.broadcast_to(reluctance, groups.shape))
+    stiffness = best = begin
+    least = math.inf
     for iteration in range(ITERATIONS):
         now = response(network, stiffness, axes)
         ratios = now.stretch / stretch
@@ -176,10 +194,10 @@ def calibrated(
         share = stiffness[:, None] * now.elongation[:, modes] ** 2 / now.squares[modes]
         rows = np.vstack([share.T / 2, -stiffness * now.spun / now.stretch[:, None]])
         gaps = np.concatenate([np.log(frequency**2 / now.squares[modes]) / 2, -np.log(ratios)])
-        jacobian = np.array([np.bincount(groups, row) for row in rows]) / np.sqrt(sizes)
+        jacobian = np.array([np.bincount(groups, row) for row in rows]) / np.sqrt(weights)
         normal = jacobian @ jacobian.T
         ridge = max(0.03 * 0.8**iteration, 1e-3) * np.trace(normal) / len(normal)
-        change = jacobian.T @ np.linalg.solve(normal + ridge * np.eye(len(normal)), gaps) / np.sqrt(sizes)
+        change = jacobian.T @ np.linalg.solve(normal + ridge * np.eye(len(normal)), gaps) / np.sqrt(weights)
         change *= min(1.0, 0.5 / np.abs(change).max(initial=1e-300))
         stiffness = stiffness * np.exp(change[groups])
     return best

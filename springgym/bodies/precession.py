@@ -25,6 +25,8 @@ def heavy_top(body: Body, pinned: Sequence[int], gravity: Sequence[float]) -> He
     if len(pinned) != 1 or any(gravity[:2]):
         raise ValueError(f"body {body.name!r} is no heavy top: it needs one pin, and vertical gravity")
     pin = body.positions[pinned[0]]
+    if body.floppy:
+        raise ValueError(f"body {body.name!r} is no heavy top: it is floppy")
     own = axes(body.positions, body.frame)
     tensor, arm = own.T @ body.inertia(pin) @ own, own.T @ (body.centre - pin)
     i1, i3 = tensor[0, 0], tensor[2, 2]

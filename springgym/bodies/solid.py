@@ -25,17 +25,20 @@ import numpy as np
 
 from springgym.bodies.body import Body
 from springgym.bodies.cube import CORNERS, FACES
-from springgym.bodies.elastic import Cable, Elastic
+from springgym.bodies.elastic import HIGHER, Cable, Elastic
 from springgym.bodies.irregular import MOST_VERTICES, braces, convex_hull, edges_of, read_mesh
 from springgym.bodies.lattice import grid, lattice
 from springgym.bodies.network import (
     Network,
+    bars,
     calibrated,
-    missed,
     moment_masses,
     orbits,
     response,
     second_moments,
+)
+from springgym.bodies.network import (
+    missed as missed_by,
 )
 from springgym.materials import Material, material_of
 from springgym.theory import rope as chain
@@ -43,6 +46,9 @@ from springgym.theory import solid as theory
 
 ENOUGH = 0.01
 """A hull is given more particles if its frequency and growths are missed by more than this share."""
+
+AXIS_RELUCTANCE = 30.0
+"""The spring along the axis of a top changes less than others in calibration, by this weight."""
 
 FINE = 60
 """Solids of more triangles than this are solved with polynomials of a lower degree, 6: 2e-3 off at most."""
@@ -69,6 +75,8 @@ class Unit(NamedTuple):
     frequency_ratio: float
     stretch_ratios: np.ndarray
     """(3,), both of the springs over those of the solid"""
+    moved: np.ndarray
+    """(3, N, 3) displacements of the particles under unit ω about each axis, from the centre of mass"""
 
 
 # --- Shapes -----------------------------------------------------------------------------------------
@@ -107,8 +115,14 @@ def solid_top(
     made = material_of(material).softened(softened)
     unit = _unit_top(radius / height, ring, _tensor(made))
     heart, tip, edge = ring, ring + 1, [(n, (n + 1) % ring) for n in range(ring)]
-    return _body(unit, made, height, "cone").with_(
+    body = _body(unit, made, height, "cone")
+    # pinned at its tip, at a height l = ¾ h below its centre, a top precesses at Ω = M g l/I₃ω
+    of_springs = unit.solid.stretch[2] * unit.stretch_ratios[2] + unit.moved[2, tip, 2] / 0.75
+    of_solid = unit.solid.stretch[2] + unit.solid.moved[2, 0, 2] / 0.75
+    assert isinstance(body.solid, Elastic)
+    return body.with_(
         name="top",
+        solid=replace(body.solid, precession_ratio=float(of_springs / of_solid)),
         frame=(tip, heart, 0),
         parts={"ring": tuple(range(ring)), "heart": (heart,), "tip": (tip,)},
         triangles=np.array([(heart, i, j) for i, j in edge] + [(tip, j, i) for i, j in edge]),
@@ -127,11 +141,18 @@ def _unit_top(ratio: float, ring: int, tensor: Tensor) -> Unit:
     masses = math.pi * ratio**2 / 3 * np.array([0.3 / ring] * ring + [0.675, 0.025])
     step = 2 * math.pi / ring
     turn = np.array([[math.cos(step), -math.sin(step), 0], [math.sin(step), math.cos(step), 0], [0, 0, 1]])
+    network = Network(positions, masses, np.array([*springs, (heart, tip)]))
+    begin, reluctance = bars(network), np.ones(len(network.springs))
+    # the core of the cone: its mean section over the length of the spring; flat tops would get small steps
+    begin[-1], reluctance[-1] = min(1.5 * masses.sum(), 1.0), AXIS_RELUCTANCE
     return _solved(
-        Network(positions, masses, np.array([*springs, (heart, tip)])),
+        network,
         theory.cone_rule(ratio, 1.0),
         tensor,
         [*REFLECTIONS, *([turn] if _is_isotropic(tensor) else [])],
+        begin,
+        reluctance,
+        marks=positions[tip],
     )
 
 
@@ -326,14 +347,14 @@ def _unit_polyhedron(
         springs = np.vstack([springs, braces(positions, springs)])
         unit = _solved(Network(positions, masses, springs), rule, tensor, list(symmetries))
         found.append((unit, outside))
-        if missed(unit.frequency_ratio, unit.stretch_ratios) < ENOUGH:
+        if missed_by(unit.frequency_ratio, unit.stretch_ratios) < ENOUGH:
             break
     if not found:
         raise ValueError(
             f"no positive masses at the {len(vertices)} corners and the centre of mass have the moments of "
             "the solid: it is too far from convex, or too fine to be refined"
         )
-    return min(found, key=lambda pair: missed(pair[0].frequency_ratio, pair[0].stretch_ratios))
+    return min(found, key=lambda pair: missed_by(pair[0].frequency_ratio, pair[0].stretch_ratios))
 
 
 def _subdivided(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -447,22 +468,33 @@ def _is_isotropic(tensor: Tensor) -> bool:
     return bool(np.isclose(c[0, 0, 0, 0], c[2, 2, 2, 2]) and np.isclose(c[0, 0, 0, 0], c[1, 1, 1, 1]))
 
 
-def _solved(network: Network, rule: theory.Rule, tensor: Tensor, symmetries: Sequence[np.ndarray]) -> Unit:
-    """A network with calibrated springs."""
+def _solved(
+    network: Network,
+    rule: theory.Rule,
+    tensor: Tensor,
+    symmetries: Sequence[np.ndarray],
+    begin: np.ndarray | None = None,
+    reluctance: np.ndarray | float = 1.0,
+    marks: Any = (),
+) -> Unit:
+    """A network with calibrated springs; see `calibrated` and `springgym.theory.solid.elastic_solid`."""
     second = second_moments(network)
     axes = np.eye(3)
     if np.abs(second - np.diag(np.diag(second))).max() > 1e-9 * np.trace(second):
         axes = np.linalg.eigh(second)[1]
-    solid = theory.elastic_solid(rule, 1.0, np.reshape(tensor, (3,) * 4), axes)
+    solid = theory.elastic_solid(rule, 1.0, np.reshape(tensor, (3,) * 4), axes, marks)
     groups = orbits(network, symmetries)
-    stiffness = calibrated(network, axes, float(solid.frequencies[0]), solid.stretch, groups)
+    frequency = float(solid.frequencies[0])
+    begin = bars(network) if begin is None else begin
+    stiffness = calibrated(network, axes, frequency, solid.stretch, groups, begin, reluctance)
     return _measured(network, stiffness, axes, solid)
 
 
 def _measured(network: Network, stiffness: np.ndarray, axes: np.ndarray, solid: theory.ElasticSolid) -> Unit:
     reached = response(network, stiffness, axes)
     ratio = math.sqrt(reached.squares[0]) / float(solid.frequencies[0])
-    return Unit(network, stiffness, solid, axes, ratio, reached.stretch / solid.stretch)
+    ratios = reached.stretch / solid.stretch
+    return Unit(network, stiffness, solid, axes, ratio, ratios, reached.moved)
 
 
 def _body(
@@ -470,7 +502,7 @@ def _body(
     material: Material,
     size: float,
     shape: str,
-    lacks: str | None = None,
+    missed: str = HIGHER,
     at: Any = (0.0, 0.0, 0.0),
 ) -> Body:
     """The body of a unit whose length 1 is ``size`` [m], moved to ``at``; its parts are still to come."""
@@ -488,7 +520,7 @@ def _body(
         stretch=solid.stretch * material.density * size**2 / material.young,
         frequency_ratio=unit.frequency_ratio,
         stretch_ratios=unit.stretch_ratios,
-        **({} if lacks is None else {"missed": lacks}),
+        missed=missed,
     )
     return Body(
         name=shape,

@@ -53,7 +53,8 @@ class ElasticSolid(NamedTuple):
 
     `mass`, kg; `centre`, shape (3,), m; `second`, shape (3, 3), int rho r r^T about the centre, kg m^2;
     `frequencies`, shape (n,), rad/s, ascending, those of the free solid without rigid motion;
-    `stretch`, shape (3,), s^2: dI/I = stretch * omega^2 for spin about each of the axes given.
+    `stretch`, shape (3,), s^2: dI/I = stretch * omega^2 for spin about each of the axes given;
+    `moved`, shape (3, P, 3), m s^2: how far it moves the marks, per omega^2, from the centre of mass.
     """
 
     mass: float
@@ -61,6 +62,7 @@ class ElasticSolid(NamedTuple):
     second: Floats
     frequencies: Floats
     stretch: Floats
+    moved: Floats
 
     @property
     def inertia(self) -> Floats:
@@ -206,7 +208,11 @@ def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, degree: int = DEGRE
 
 
 def elastic_solid(
-    rule: Rule, density: float, elasticity: ArrayLike, axes: ArrayLike | None = None
+    rule: Rule,
+    density: float,
+    elasticity: ArrayLike,
+    axes: ArrayLike | None = None,
+    marks: ArrayLike = (),
 ) -> ElasticSolid:
     """Mass, inertia, frequencies and spin stretch of a free elastic solid.
 
@@ -222,6 +228,8 @@ def elastic_solid(
         `isotropic` or `orthotropic`, Pa.
     axes : array_like, shape (3, 3), optional
         The axes of spin, columns; those of the coordinates if not given.
+    marks : array_like, shape (P, 3), optional
+        Points of the solid, m.
     """
     mass = density * float(rule.weights.sum())
     centre = density * rule.weights @ rule.points / mass
@@ -238,16 +246,18 @@ def elastic_solid(
     across = np.eye(3) - np.einsum("in,jn->nij", directions, directions)
     # the force rho r of unit omega about each axis, its moments with all polynomials; it has no resultant
     forces = density * np.einsum("nij,aj->ian", across, root @ basis.arms).reshape(3 * count, 3)
-    squares, loads = [], []
-    for block in _blocks(matrix):
-        values, modes = np.linalg.eigh(matrix[np.ix_(block, block)])
-        squares.append(values)
-        loads.append(modes.T @ forces[block])
-    values, load = np.concatenate(squares), np.concatenate(loads)
-    elastic = np.argsort(values)[6:]
+    parts = [(block, *np.linalg.eigh(matrix[np.ix_(block, block)])) for block in _blocks(matrix)]
+    every = np.sort(np.concatenate([values for _, values, _ in parts]))
+    response = np.zeros_like(forces)
+    for block, values, modes in parts:
+        elastic = values > every[5]  # the six lowest are of rigid motion, 0 but for round-off
+        load = modes[:, elastic].T @ forces[block]
+        response[block] = modes[:, elastic] @ (load / values[elastic, None])
     inertia = np.einsum("nij,ij->n", across, second)
-    stretch = 2 * np.sum(load[elastic] ** 2 / values[elastic, None], axis=0) / inertia
-    return ElasticSolid(mass, centre, second, np.sqrt(values[elastic] / density), stretch)
+    stretch = 2 * np.sum(forces * response, axis=0) / inertia
+    at = basis.at(np.reshape(np.asarray(marks, float), (-1, 3))) @ root.T
+    moved = np.einsum("pa,ian->npi", at, response.reshape(3, count, 3))
+    return ElasticSolid(mass, centre, second, np.sqrt(every[6:] / density), stretch, moved)
 
 
 def _blocks(matrix: Floats) -> list[NDArray[np.intp]]:
@@ -271,6 +281,8 @@ class _Basis(NamedTuple):
     """d phi_a/dx_k = sum of derivatives[k][a, b] phi_b, each (n, n)"""
     arms: Floats
     """int phi_a (x - centre), (n, 3)"""
+    at: Callable[[Floats], Floats]
+    """phi at points (Q, 3), (Q, n)"""
 
 
 def _basis(rule: Rule, centre: Floats) -> _Basis:
@@ -280,11 +292,15 @@ def _basis(rule: Rule, centre: Floats) -> _Basis:
     powers = np.array([p for p in np.ndindex((degree + 1,) * 3) if sum(p) <= degree])
     count = len(powers)
     gram, arms = np.zeros((count, count)), np.zeros((count, 3))
+
+    def at(points: Floats) -> Floats:
+        t = (points - middle) / half
+        x, y, z = (legendre.legvander(t[:, k], degree)[:, powers[:, k]] for k in range(3))
+        return np.asarray(x * y * z)
+
     for start in range(0, len(rule.weights), CHUNK):
         points, weights = rule.points[start : start + CHUNK], rule.weights[start : start + CHUNK]
-        t = (points - middle) / half
-        along = [legendre.legvander(t[:, k], degree)[:, powers[:, k]] for k in range(3)]
-        phi = along[0] * along[1] * along[2]
+        phi = at(points)
         gram += phi.T @ (weights[:, None] * phi)
         arms += phi.T @ (weights[:, None] * (points - centre))
     index = {tuple(p): n for n, p in enumerate(powers.tolist())}
@@ -295,4 +311,4 @@ def _basis(rule: Rule, centre: Floats) -> _Basis:
             for j in range(p[k] - 1, -1, -2):
                 lower = tuple(j if axis == k else p[axis] for axis in range(3))
                 derivatives[k][n, index[lower]] = (2 * j + 1) / half[k]
-    return _Basis(gram, derivatives, arms)
+    return _Basis(gram, derivatives, arms, at)

@@ -22,7 +22,7 @@ from springgym.bodies import (
 )
 from springgym.bodies.elastic import Elastic
 from springgym.bodies.lattice import lattice
-from springgym.bodies.network import Network, calibrated, missed, moment_masses, orbits, response
+from springgym.bodies.network import Network, bars, calibrated, missed, moment_masses, orbits, response
 from springgym.materials import MATERIALS
 from springgym.theory import solid as theory
 
@@ -92,7 +92,7 @@ def test_beech_without_its_grain_misses_its_frequency_fourfold():
 def test_without_calibration_frequency_and_growth_are_far_off():
     """Bars of equal section and the right size, which the calibration starts from."""
     body = solid_top(0.03, 0.04, "steel")
-    plain = 6 * 210e9 * (math.pi * 0.03**2 * 0.04 / 3) / body.lengths.sum() / body.lengths
+    plain = 210e9 / 7800 * bars(Network(body.positions, body.masses, body.springs))
     frequency, stretch = reached(body.with_(stiffness=plain, solid=body.solid))
     assert abs(math.log(frequency)) > 0.2
     assert np.abs(np.log(stretch)).max() > 0.5
@@ -119,6 +119,15 @@ def test_tops_of_all_shapes(ring, ratio):
         frequency, stretch = reached(solid_top(ratio * 0.04, 0.04, material, ring))
         assert frequency == pytest.approx(1, abs=1e-3)
         assert stretch == pytest.approx([1, 1, 1], abs=1e-3)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+@pytest.mark.parametrize("ratio", [0.3, 0.5, 0.75, 1.0, 2.0])
+def test_precession_slows_by_two_thirds_of_what_it_does_in_a_solid_or_more(ratio, name):
+    """The contraction along the axis is out of reach for so few springs; this is what is left of it."""
+    solid = solid_top(ratio * 0.04, 0.04, name).solid
+    assert 0.62 < solid.precession_ratio < 1.02
+    assert f"slowing of its precession × {solid.precession_ratio:.2f}" in repr(solid)
 
 
 def test_top_is_symmetric():
@@ -202,13 +211,12 @@ def test_lattice_of_few_cells_is_near_the_solid():
 
 @pytest.mark.slow
 def test_lattice_converges_to_the_solid():
-    ratios = {n: lattice_ratios(n) for n in (4, 6, 8)}
-    errors = np.array([[abs(value - 1) for value in ratios[n]] for n in (4, 6, 8)])
-    assert (np.diff(errors, axis=0) < 0).all()
-    orders = np.log(errors[0] / errors[2]) / np.log(2)
-    assert orders[0] > 1.5
-    assert errors[2, 0] < 0.035
-    assert errors[2, 1] < 0.01
+    """The frequency to second order; the growth is within 1.5 % from 4 cells on, and crosses it at 5."""
+    (f4, s4), (f6, s6), (f8, s8) = (lattice_ratios(n) for n in (4, 6, 8))
+    assert f4 > f6 > f8 > 1
+    assert np.log((f4 - 1) / (f8 - 1)) / np.log(2) == pytest.approx(2, abs=0.25)
+    assert [s4, s6, s8] == pytest.approx([1, 1, 1], abs=0.015)
+    assert [s6, s8] == pytest.approx([1, 1], abs=0.006)
 
 
 @pytest.mark.parametrize("n", [2, 4, 8])
@@ -335,7 +343,7 @@ def test_softened_body_is_as_of_softened_material():
 def test_repr_says_what_is_exact_what_was_reached_and_what_is_missed():
     said = repr(solid_top(0.03, 0.04, "steel"))
     assert "as a cone of steel: mass, centre and inertia exact; lowest frequency 29836 Hz × 1," in said
-    assert "growth under spin × 1, 1, 1; damping ratio 0.0001 there; not matched: higher frequencies" in said
+    assert "growth under spin × 1, 1, 1, slowing of its precession × 0.78; damping ratio 0.0001 there" in said
     assert "not matched: a Poisson's ratio of 0.31" in repr(solid_box((1, 1, 1), "steel", cells=2))
     assert "as a cable of nylon, 10 mm thick" in repr(solid_rope("nylon", 0.01))
 
@@ -359,9 +367,8 @@ def test_calibration_that_cannot_reach_ends_where_it_is_best():
         now = response(network, stiffness, np.eye(3))
         return missed(math.sqrt(now.squares[0]) / target[0], now.stretch / target[1])
 
-    found = calibrated(network, np.eye(3), *target, np.zeros(len(body.springs), int))
-    lengths = body.lengths
-    assert gap(found) <= gap(6 / lengths.sum() / lengths)
+    found = calibrated(network, np.eye(3), *target, np.zeros(len(body.springs), int), bars(network))
+    assert gap(found) <= gap(bars(network))
     assert gap(found) > 0.1
     assert np.isfinite(found).all()
 

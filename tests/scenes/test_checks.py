@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from springgym.bodies import softened
 from springgym.scenes import load, names
 from springgym.scenes.checks import CHECKS, check
 from springgym.scenes.checks.basis import crossings, peaks, period, spread
@@ -101,7 +102,32 @@ def unbalanced(recording):
     return off(recording, body=body.with_(masses=body.masses * np.where(body.masses > 0.6, 1.0, 1.05)))
 
 
+def of_softer_material(recording):
+    """By 20 %."""
+    return off(recording, body=softened(recording.plan.scene.body, 1.2))
+
+
+def of_lossier_material(recording):
+    body = recording.plan.scene.body
+    material = replace(body.solid.material, loss=1.1 * body.solid.material.loss)
+    return off(recording, body=body.with_(solid=replace(body.solid, material=material)))
+
+
+def with_a_heavy_tip(recording):
+    body = recording.plan.scene.body
+    masses = body.masses * np.where(np.arange(len(body.masses)) == body.particle("tip"), 1 + 1e-9, 1.0)
+    return off(recording, body=body.with_(masses=masses, solid=body.solid))
+
+
 BROKEN = [
+    ("beech-top", "solid_inertia", with_a_heavy_tip),
+    ("beech-top", "spin_gap", of_softer_material),
+    ("rubber-top", "spin_gap", of_softer_material),
+    ("ringing-rubber-top", "ring_frequency", of_softer_material),
+    ("ringing-rubber-top", "ring_down", of_lossier_material),
+    ("steel-rope", "cable", heavier_gravity),
+    ("nylon-rope", "cable", of_softer_material),
+    ("turning-over", "wobble", of_softer_material),
     ("bouncing-ball", "bounces", heavier_gravity),
     ("bouncing-ball-lossy", "restitution", livelier),
     ("bungee", "bungee", softer),
@@ -174,6 +200,8 @@ def test_run_too_short_to_see_anything_raises_nothing(name):
         ("pendulum", "nothing is pinned"),
         ("slope", "it has no surface"),
         ("nutation", "'box' is no heavy top"),
+        ("ring_down", "'box' is made of no material"),
+        ("cable", "'box' is made of no material"),
     ],
 )
 def test_check_that_does_not_fit_is_named(check_name, why):

@@ -146,6 +146,10 @@ def test_spinning_disc(poisson):
     found = solved(solid.cylinder_rule(1.0, 0.02), poisson)
     expected = (1 - poisson) * (7 + poisson) / 12
     assert found.stretch[2] == pytest.approx(expected, rel=1e-4)
+    rim = solid.elastic_solid(
+        solid.cylinder_rule(1.0, 0.02), 1.0, solid.isotropic(1.0, poisson), marks=[(0.6, 0.8, 0.01)]
+    ).moved[2, 0]
+    assert rim == pytest.approx(np.array([0.6, 0.8, 0]) * (1 - poisson) / 4, abs=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,12 @@ def angles(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
 
 
 def mean_rate(times: np.ndarray, angle: np.ndarray) -> float:
-    """Slope of an angle that also swings: weights that vanish at both ends leave little of the swing."""
+    """Slope of an angle that also swings; NaN of fewer than five samples.
+
+    Weights that vanish at both ends leave little of the swing.
+    """
+    if len(times) < 5:
+        return math.nan
     weights = np.sin(math.pi * np.arange(len(times)) / (len(times) - 1)) ** 2
     middle = weights @ times / weights.sum()
     return float(weights * (times - middle) @ angle / (weights @ (times - middle) ** 2))
