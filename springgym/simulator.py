@@ -302,7 +302,7 @@ class Simulator:
         inverse[..., list(self.scene.pinned)] = 0.0
         first, second = self.scene.body.springs[self._order].T
         return half_step_decay(
-            damping[..., self._order], inverse[..., first], inverse[..., second], self.step
+            damping[..., self._order], inverse[..., first], inverse[..., second], 2 * self.step
         )
 
     # --- State ------------------------------------------------------------------------------------

@@ -24,9 +24,9 @@ from springgym.forces.actuators import (
     push,
     set_actuation,
 )
-from springgym.forces.contact import Bowl, Planes, bowl_energy, move_above_planes, move_in_bowl, planes_energy
+from springgym.forces.contact import Bowl, Planes, bowl_energy, planes_energy
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
-from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
+from springgym.forces.springs import Dampers, Springs, add_spring_forces, spring_energy
 from springgym.lanes import load
 from springgym.vectors import add_row, add_scaled, dot, row, set_row, times, vector
 
@@ -142,35 +142,10 @@ def act(v: Any, b: Any, tau: Any, ledger: Any, terms: Any) -> None:
 
 
 @compiled
-def relax(v: Any, direction: Any, backward: Any, ledger: Any, terms: Any) -> None:
-    """Let the dampers act for half a step."""
-    damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward)
-
-
-@compiled
 def drift(x: Any, v: Any, tau: Any) -> None:
     """Let the particles move for ``tau`` seconds, with nothing in their way."""
     for i in range(x.shape[0]):
         add_row(x, i, times(tau, row(v, i)))  # rounded as above a surface
-
-
-@compiled
-def drift_without(planes: Any, bowl: Any, x: Any, v: Any, tau: Any) -> None:
-    """`drift`, if there are no surfaces."""
-    if planes is None and bowl is None:
-        drift(x, v, tau)
-
-
-@compiled
-def move(x: Any, v: Any, a: Any, tau: Any, ledger: Any, terms: Any) -> None:
-    """Let the particles move for ``tau`` seconds, and meet the surfaces.
-
-    ``a`` are the accelerations that acted for ``tau`` seconds since the last move.
-    """
-    particles, friction, damping = terms.particles, terms.friction, terms.impact_damping
-    move_above_planes(x, v, a, tau, ledger, particles, terms.planes, friction, damping)
-    move_in_bowl(x, v, a, tau, ledger, particles, terms.bowl, friction, damping)
-    drift_without(terms.planes, terms.bowl, x, v, tau)
 
 
 @compiled

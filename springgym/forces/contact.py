@@ -1,23 +1,23 @@
 """Contact with surfaces: an inverse-square barrier (equation 8 of the paper) that nothing gets through.
 
 A particle at height h < Δ is pushed along the surface's normal with F = (c/h² − c/Δ²)(1 − d ḣ)₊, whose
-conservative part has the energy U(h) = c (Δ − h)²/(h Δ²). The second factor is the loss of Hunt and
-Crossley, J. Appl. Mech. 42 (1975) 440, doi:10.1115/1.3423596. Friction is Coulomb's.
+conservative part has the energy U(h) = c (Δ − h)²/(h Δ²), and 0 from Δ on. The second factor is the loss of
+Hunt and Crossley, J. Appl. Mech. 42 (1975) 440, doi:10.1115/1.3423596. Friction is Coulomb's.
 
-Contact is no force that an integrator samples; it stands in place of the drift. Without loss, a move by
-the exact discrete gradient F̄ = −(U₁ − U₀)/(h₁ − h₀) = c/(h₀h₁) − c/Δ² takes
+Contact is an impulse at the node of a step (`springgym.forces.node`), where springs, gravity and all else
+act, too: a particle flies straight for half a step before the node and half a step after it. With h₀ and h₁
+the heights where the step begins and ends, and u₀ and u₁ the speeds along the normal before and after the
+node, h₁ = h₀ + τ (u₀ + u₁)/2. The impulse is τ times the discrete gradient of the barrier,
 
-    h₁ = h₀ + τ (v₀ + v₁)/2,    v₁ = v₀ + (τ/m) F̄:
+    F̄ = −(U(h₁) − U(h₀))/(h₁ − h₀),    J = τ F̄ (1 − d (h₁ − h₀)/τ)₊,
 
-a quadratic in h₁ whose roots have a negative product. So h₁ > 0 for every step and speed, and
-m v²/2 + U is kept to round-off. Loss leaves this structure: with the impulse per mass J = (τ/m) F̄ in
-place of the velocity, dJ = F dt/m and v(J) = v₀ + (1 − d v₀)(1 − exp(−dJ))/d, and
+so that without loss its work, J (u₀ + u₁)/2, is exactly −(U(h₁) − U(h₀)), whatever else acts at the node
+(Gonzalez, J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162, for discrete gradients). With a the height
+that would be reached without contact, h₁ is the one root of
 
-    h₁ = h₀ + τ V̄,    V̄ = (1/J) ∫ v dJ,
+    h₁ = a + (τ/2m) J(h₀, h₁),
 
-keeps the integral of motion ∫ m v dv/(1 − d v) + U. It is what fixes the rebound, so restitution too is
-exact for every step. (Gonzalez, J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162, for discrete
-gradients.) Outside Δ particles fly straight; steps are split where they enter or leave.
+positive for every a: nothing that starts in front of a surface ends behind it, whatever step and speed.
 """
 
 from __future__ import annotations
@@ -27,18 +27,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym.compiling import compiled
-from springgym.forces.ledger import CONTACT, FRICTION, record
-from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
-from springgym.vectors import TINY, choose, dot, minus, plus, row, set_row, times, unit, vector
+from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
+from springgym.vectors import TINY, choose, dot, minus, plus, plus_scaled, row, times, vector
 
-CONVERGED = 5e-4
-"""Relative change at which Newton's method, which squares it each time, has the impulse."""
+ROUNDS = 12
+"""Most rounds of Newton's method for a particle that enters a barrier; it squares the error each time."""
 
-ITERATIONS = 40
-"""More than Newton's method takes: some 30 at most in 100 000 impacts over ten decades of c, d and v."""
+CONVERGED = 1e-7
+"""Change of the height, as a share of Δ, at which Newton's method has it: the error left is the square."""
 
-NORMALS = 3
-"""How often the normal of a curved surface is found."""
+TURNS = 20
+"""How often planes at a wide angle are taken in turn, at the most."""
+
+NORMALS = 4
+"""How often the end of a step in a dish is found: each time the error shrinks by some (τ v/R)²."""
 
 
 class Planes(NamedTuple):
@@ -69,158 +71,99 @@ class Bowl(NamedTuple):
     """Δ [m]"""
 
 
-# --- The motion along one normal ----------------------------------------------------------------------
+# --- The law along one normal ---------------------------------------------------------------------------
 
 
 @compiled
-def decay_means(x: Any) -> Any:
-    """φ = (1 − e⁻ˣ)/x and ψ = (1 − φ)/x for x ≥ 0, to 1e-7 up to x = 2, without cancellation.
-
-    For y = x/16, e^y is its Taylor polynomial D of degree 5, and φ and ψ what follows from it; then
-    e⁻²ʸ = (e⁻ʸ)², φ(2y) = φ (1 + e⁻ʸ)/2 and ψ(2y) = ψ/2 + φ²/4, four times.
-    """
-    y = 0.0625 * x
-    numerator = 1.0 + y * (1 / 2 + y * (1 / 6 + y * (1 / 24 + y * (1 / 120))))
-    decay = 1.0 / (1.0 + y * numerator)
-    phi = numerator * decay
-    psi = (1 / 2 + y * (1 / 3 + y * (1 / 8 + y * (1 / 30 + y * (1 / 120))))) * decay
-    for _ in range(4):
-        psi = 0.5 * psi + 0.25 * phi * phi
-        phi = 0.5 * phi * (1.0 + decay)
-        decay = decay * decay
-    return phi, psi
+def positive_root(square: Any, linear: Any, product: Any) -> Any:
+    """The smallest h > 0 with square h² + linear h = product, for product > 0, without cancellation."""
+    root = sqrt(maximum(linear * linear + 4.0 * square * product, 0.0))
+    rising = linear > 0.0
+    size = select(rising, linear, -linear) + root
+    return select(rising, 2.0 * product, size) / select(rising, size, 2.0 * square)
 
 
 @compiled
-def squeeze(reached: Any, gain: Any, pull: Any, static: Any, inverse_start: Any) -> Any:
-    """The height h₁ > 0 with h₁ = reached + gain · J, and J = pull/(h₀ h₁) − static."""
-    half = 0.5 * (reached - gain * static)
-    product = gain * pull * inverse_start
-    rising = half > 0.0
-    size = sqrt(half * half + product) + select(rising, half, -half)
-    end = select(rising, size, product) / select(rising, 1.0, size)
-    return end, pull * inverse_start / end - static
-
-
-@compiled
-def escape(linear: Any, square: Any, energy: Any) -> Any:
-    """The J > 0 with linear · J + square · J² = energy."""
-    root = sqrt(linear * linear + 4.0 * square * energy)
-    return select(linear > 0.0, 2.0 * energy / (linear + root), (root - linear) / (2.0 * square))
-
-
-@compiled
-def response(impulse: Any, u: Any, damping: Any) -> Any:
-    """What an impulse J per mass does to a speed ``u``.
-
-    Returns
-    -------
-    the change of speed averaged over the impulse, V̄ − u; its derivative by J; the change of speed
-    """
+def loss_rate(like: Any, tau: Any, damping: Any) -> Any:
+    """d/τ [1/m]"""
     if damping is None:
-        return 0.5 * impulse, 0.5 + 0.0 * u, impulse
-    d = load(damping, 0)
-    loss = maximum(1.0 - d * u, 0.0)
-    phi, psi = decay_means(d * impulse)
-    return loss * impulse * psi, loss * (phi - psi), loss * impulse * phi
+        return 0.0 * like
+    return 0.0 * like + load(damping, 0) / tau
 
 
 @compiled
-def rounds(damping: Any) -> int:
-    """How many rounds of Newton's method to allow: without loss the first is exact."""
-    return 1 if damping is None else ITERATIONS
+def meet(start: Any, free: Any, tau: Any, c: Any, reach: Any, damping: Any) -> Any:
+    """What a barrier does in a step of ``tau`` seconds.
 
-
-@compiled
-def bounce(h: Any, u: Any, tau: Any, c: Any, reach: Any, damping: Any, touching: Any, kick: Any = 0.0) -> Any:
-    """Move along a normal for ``tau`` seconds, from height ``h`` at speed ``u``.
-
-    ``c`` is the strength per mass, ``damping`` d [s/m] or None. Lanes that are not ``touching`` get
-    numbers without a meaning. ``kick`` is what the potential forces gave along the normal since the last
-    move: as far as it is held, they do no work, and no energy is lost. Newton's method rises to the impulse
-    from below, lane by lane: in `response` alone the tangent stands for the curve.
+    ``start`` is the height h₀ [m] at the start of the step, ``free`` the height a that is reached at its end
+    without the barrier, of which at least one must be less than ``reach``; ``c`` is the strength per mass
+    [m³/s²], ``damping`` d [s/m] or None.
 
     Returns
     -------
-    displacement, change of speed, energy lost per mass
+    the change of speed [m/s], and the energy lost per mass [m²/s²]
     """
-    inside, start = tau + 0.0 * u, minimum(h, reach)
-    entering = h > reach
-    if any_lane(entering):
-        left = tau - (reach - h) / u
-        left = select(minimum(left, tau - left) > 0.0, left, 0.0)  # 0: not brought here by u
-        inside = select(entering, left, inside)
-    inverse_start = 1.0 / start
-    pull = c * inside
-    static = pull * (1.0 / (reach * reach))
-    reached = start + inside * u
-    end, impulse, moving = start, 0.0 * u, 1.0 + 0.0 * u
-    for _ in range(rounds(damping)):
-        more, slope, _ = response(impulse, u, damping)
-        tangent = reached + inside * (more - slope * impulse)
-        new_end, new = squeeze(tangent, inside * slope, pull, static, inverse_start)
-        active = moving > 0.5
-        moving = select(new - impulse > CONVERGED * new, moving, 0.0)
-        end, impulse = select(active, new_end, end), select(active, new, impulse)
-        if not any_lane(select(touching, moving, 0.0) > 0.5):
-            break
-    more, _, change = response(impulse, u, damping)
-    displacement = end - h
-    leaving = minimum(end - reach, reach - h) > 0.0
+    loss = loss_rate(start, tau, damping)
+    lossy = 1.0 + loss * start
+    gain, flat = (0.5 * tau * tau) * c, 1.0 / (reach * reach)
+    inverse = 1.0 / start
+    end = positive_root(
+        1.0 - gain * loss * flat, gain * (lossy * flat + loss * inverse) - free, gain * lossy * inverse
+    )
+    slack = loss * free > lossy  # leaves faster than the surface's force follows
+    end = select(slack, free, end)
+    mean = inverse / end - flat
+    inside = start < reach
+    leaving = select(inside, end, 0.0) > reach
     if any_lane(leaving):
         depth = reach - start
-        energy = c * depth * depth * inverse_start * (1.0 / (reach * reach))
-        outward, moving = 0.0 * u, 1.0 + 0.0 * u
-        for _ in range(rounds(damping)):
-            more, slope, _ = response(outward, u, damping)
-            new = escape(u + (more - slope * outward), slope, energy)
-            active = moving > 0.5
-            moving = select(new - outward > CONVERGED * new, moving, 0.0)
-            outward = select(active, new, outward)
-            if not any_lane(select(leaving, moving, 0.0) > 0.5):
+        energy = depth * depth * inverse * flat
+        # (h - a)(h - h₀) = q E (A - B h), for the way s = h - h₀ > 0
+        away = start - free + gain * energy * loss
+        way = positive_root(1.0 + 0.0 * away, away, gain * energy * (lossy - loss * start))
+        way = select(slack, free - start, way)
+        end = select(leaving, start + way, end)
+        mean = select(leaving, energy / way, mean)
+    entering = start >= reach
+    if any_lane(entering):
+        low, high = maximum(free, 0.0), reach + 0.0 * free
+        guess = minimum(maximum(end, low), high)
+        active = select(entering, 1.0 + 0.0 * free, 0.0)
+        for _ in range(ROUNDS):
+            here = maximum(guess, 1e-6 * reach)
+            depth, gap = reach - here, start - here
+            share = flat * depth * depth / (here * gap)
+            factor = maximum(lossy - loss * here, 0.0)
+            wrong = here - free - gain * share * factor
+            above = wrong > 0.0
+            high, low = select(above, here, high), select(above, low, here)
+            # d share/dh = share (1/gap - 2/depth - 1/h)
+            slope = share * (1.0 / gap - 1.0 / here) - 2.0 * flat * depth / (here * gap)
+            new = here - wrong / (1.0 - gain * (slope * factor - share * loss))
+            outside = minimum(new - low, high - new) < 0.0
+            new = select(outside, 0.5 * (low + high), new)
+            change = maximum(new - here, here - new)
+            guess = select(active > 0.5, new, guess)
+            active = select(change > CONVERGED * reach, active, 0.0)
+            if not any_lane(active > 0.5):
                 break
-        impulse = select(leaving, outward, impulse)
-        more, _, change = response(impulse, u, damping)
-        aloft = tau - minimum(depth / (u + more), tau)
-        displacement = select(leaving, depth + aloft * (u + change), displacement)
-    mean = u + 0.5 * change
-    loss = impulse * (u + more) - change * mean - kick * (mean - (u + more))
-    return displacement, change, loss
-
-
-@compiled
-def keep_energy(velocity: Any, given: Any, gained: Any) -> Any:
-    """The change of velocity along ``given`` that takes the kinetic energy ``gained`` elsewhere, per mass.
-
-    Where there is not so much to take, none of the speed along ``given`` is left.
-    """
-    along = unit(given)
-    before = dot(along, velocity)
-    after = before + dot(along, given)
-    speed = sqrt(maximum(before * before - 2.0 * gained, 0.0))
-    return times(select(after > 0.0, speed, -speed) - before, along)
+        depth = reach - guess
+        end = select(entering, guess, end)
+        mean = select(entering, flat * depth * depth / (guess * (start - guess)), mean)
+    full = tau * c * maximum(mean, 0.0)
+    if damping is None:
+        return full, 0.0 * full
+    change = full * maximum(lossy - loss * end, 0.0)
+    return change, (full - change) * (end - start) / tau
 
 
 # --- Friction -----------------------------------------------------------------------------------------
 
 
 @compiled
-def hold_back(slip: Any, limit: Any, kick: Any) -> Any:
-    """Friction that changes a speed by ``limit`` at most, against the tangential velocity ``slip``.
-
-    It stops exactly, and what rests stays where it is: a particle moves with its velocity after friction,
-    times (3 − s)/2 if friction leaves the share s of it, so that quick sliding is the mean of before and
-    after, as uniform deceleration has it. ``kick`` is what the potential forces gave since the last move:
-    as far as it is held, they do no work, and no energy is lost.
-
-    Returns
-    -------
-    what is taken from the velocity; the velocity it moves with; energy lost per mass
-    """
-    share = maximum(1.0 - limit / sqrt(dot(slip, slip) + TINY), 0.0)
-    taken, moving = times(1.0 - share, slip), times(share * (1.5 - 0.5 * share), slip)
-    mean = times(0.5 + 0.5 * share, slip)
-    return taken, moving, dot(taken, mean) - dot(kick, minus(mean, moving))
+def hold_back(slip: Any, limit: Any) -> Any:
+    """What friction takes from the tangential velocity ``slip``: ``limit`` [m/s] of it, or all there is."""
+    return times(minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0), slip)
 
 
 # --- Surfaces -----------------------------------------------------------------------------------------
@@ -253,109 +196,6 @@ def planes_energy(x: Any, particles: Any, planes: Any) -> Any:
 
 
 @compiled
-def move_above_planes(
-    x: Any,
-    v: Any,
-    a: Any,
-    tau: Any,
-    ledger: Any,
-    particles: Any,
-    planes: Any,
-    friction: Any,
-    damping: Any,
-) -> None:
-    """Let the particles move for ``tau`` seconds, above planes."""
-    if planes is not None:
-        for i in range(particles.mass.size):
-            start = row(x, i)
-            move = times(tau, row(v, i))
-            if particles.free[i]:
-                margin = 1.0 + 0.0 * start[0]
-                for k in range(planes.offset.size):
-                    h = height(start, planes, k)
-                    lowest = minimum(h, h + dot(row(planes.normal, k), move))
-                    margin = minimum(margin, lowest - planes.reach)
-                if any_lane(margin < 0.0):
-                    move = push_off_planes(
-                        i, start, move, margin, v, a, tau, ledger, particles, planes, friction, damping
-                    )
-            set_row(x, i, plus(start, move))
-
-
-@compiled
-def push_off_planes(
-    i: Any,
-    start: Any,
-    move: Any,
-    margin: Any,
-    v: Any,
-    a: Any,
-    tau: Any,
-    ledger: Any,
-    particles: Any,
-    planes: Any,
-    friction: Any,
-    damping: Any,
-) -> Any:
-    """The move of particle ``i`` where its ``margin`` is negative; its velocity is set.
-
-    Plane after plane. At a right angle they do not know of each other. At a wider angle what one gives
-    moves the particle from the other, too: a plane acts on the velocity changed by half of what the
-    planes before it gave, and lifts the particle to the height it asks for if it is not there yet, so
-    that no plane is ever pierced; then the energy is put right. Friction acts along what the planes that
-    are touched leave free.
-    """
-    velocity, mass = row(v, i), load(particles.mass, i)
-    c = load(planes.strength, 0) * load(particles.inverse_mass, i)
-    slip = velocity
-    given, first = times(0.0, velocity), times(0.0, velocity)
-    touched, pressed = 0.0 * velocity[0], 0.0 * velocity[0]
-    lost, gained = touched, touched
-    for k in range(planes.offset.size):
-        n = row(planes.normal, k)
-        h = height(start, planes, k)
-        ahead = dot(n, move)
-        u = dot(n, velocity) + 0.5 * dot(n, given)
-        lowest = minimum(h, h + minimum(ahead, tau * u))
-        touching = maximum(margin, lowest - planes.reach) < 0.0
-        if any_lane(touching):
-            displacement, change, loss = bounce(
-                h, u, tau, c, planes.reach, damping, touching, tau * dot(n, row(a, i))
-            )
-            change = select(touching, change, 0.0)
-            move = plus(move, times(select(touching, maximum(displacement - ahead, 0.0), 0.0), n))
-            given = plus(given, times(change, n))
-            lost = lost + select(touching, loss, 0.0)
-            if planes.oblique:
-                assumed = barrier_energy(h + displacement, c, planes.reach)
-                gained = gained - select(touching, change * (u + 0.5 * change) + assumed, 0.0)
-            if friction is not None:
-                across = minus(n, times(dot(n, first), first))
-                if k > 0:
-                    across = times(1.0 / sqrt(dot(across, across) + TINY), across)
-                slip = minus(slip, times(select(touching, dot(across, slip), 0.0), across))
-                first = choose(touched > 0.0, first, times(select(touching, 1.0 + 0.0 * h, 0.0), n))
-                touched = touched + select(touching, 1.0 + 0.0 * h, 0.0)
-                pressed = pressed + change
-    if planes.oblique:
-        for k in range(planes.offset.size):
-            end = height(start, planes, k) + dot(row(planes.normal, k), move)
-            gained = gained + barrier_energy(end, c, planes.reach)
-        given = keep_energy(velocity, given, gained)
-    velocity = plus(velocity, given)
-    if damping is not None:
-        record(ledger, CONTACT, mass * lost)
-    if friction is not None:
-        slip = choose(touched > 2.0, times(0.0, slip), slip)
-        taken, moving, loss = hold_back(slip, load(friction, 0) * pressed, times(tau, row(a, i)))
-        velocity = minus(velocity, taken)
-        move = minus(move, times(tau, minus(slip, moving)))
-        record(ledger, FRICTION, mass * loss)
-    set_row(v, i, velocity)
-    return move
-
-
-@compiled
 def bowl_energy(x: Any, particles: Any, bowl: Any) -> Any:
     """Energy of the particles in the bowl's barrier [J]."""
     energy = 0.0 * load(x, (0, 0))
@@ -369,83 +209,129 @@ def bowl_energy(x: Any, particles: Any, bowl: Any) -> Any:
 
 
 @compiled
-def move_in_bowl(
-    x: Any,
-    v: Any,
-    a: Any,
-    tau: Any,
-    ledger: Any,
-    particles: Any,
-    bowl: Any,
-    friction: Any,
-    damping: Any,
-) -> None:
-    """Let the particles move for ``tau`` seconds, in a bowl."""
-    if bowl is not None:
-        free = bowl.radius - bowl.reach
-        for i in range(particles.mass.size):
-            start = row(x, i)
-            move = times(tau, row(v, i))
-            if particles.free[i]:
-                here = minus(start, vector(bowl.centre))
-                there = plus(here, move)
-                near = maximum(dot(here, here), dot(there, there)) > free * free
-                if any_lane(near):
-                    move = push_off_bowl(
-                        i, here, move, near, v, a, tau, ledger, particles, bowl, friction, damping
-                    )
-            set_row(x, i, plus(start, move))
-
-
-@compiled
-def push_off_bowl(
+def contact_change(
     i: Any,
-    here: Any,
-    move: Any,
-    near: Any,
-    v: Any,
-    a: Any,
+    position: Any,
+    before: Any,
+    velocity: Any,
     tau: Any,
-    ledger: Any,
+    space: Any,
     particles: Any,
+    planes: Any,
     bowl: Any,
     friction: Any,
     damping: Any,
 ) -> Any:
-    """The move of particle ``i``, ``here`` from the centre, where it is ``near``; its velocity is set.
+    """The change of velocity [m/s] of particle ``i`` by the surfaces and their friction, at a node.
 
-    With the normal n̄ = −(d₀ + d₁)/(r₀ + r₁), d = x − centre, r = |d|, the heights differ by exactly
-    n̄ · (d₁ − d₀), and the motion along n̄ is that above a plane. n̄ is found by iteration; an error of it
-    shrinks by about τ v/r a time.
+    ``before`` is its velocity before the node, ``velocity`` the one after it without the surfaces; ``space``
+    (surfaces, 3) is workspace. Returns also what of that is friction, and the energy lost in the contact [J].
     """
-    velocity, mass = row(v, i), load(particles.mass, i)
-    c = load(bowl.strength, 0) * load(particles.inverse_mass, i)
-    distance = sqrt(dot(here, here) + TINY)
-    h = bowl.radius - distance
-    straight, there, farther = move, here, distance
-    kick = times(tau, row(a, i))
-    for _ in range(NORMALS):
-        n = times(-1.0 / (distance + farther), plus(here, there))
-        u = dot(n, velocity)
-        touching = minimum(h, h + tau * u) < bowl.reach
-        displacement, change, loss = bounce(h, u, tau, c, bowl.reach, damping, touching, dot(n, kick))
-        displacement = select(touching, displacement, tau * u)
-        change, loss = select(touching, change, 0.0), select(touching, loss, 0.0)
-        slip = minus(velocity, times(u, n))
-        move = plus(times(tau, slip), times(displacement, n))
-        if friction is not None:
-            taken, moving, rubbed = hold_back(slip, load(friction, 0) * change, kick)
-            move = minus(move, times(tau, minus(slip, moving)))
-        there = plus(here, move)
-        farther = sqrt(dot(there, there) + TINY)
-    assumed = barrier_energy(h + displacement, c, bowl.reach)
-    gained = barrier_energy(bowl.radius - farther, c, bowl.reach) - assumed
-    gained = gained - change * (u + 0.5 * change)
-    new = plus(velocity, keep_energy(velocity, times(change, n), gained))
-    if damping is not None:
-        record(ledger, CONTACT, select(near, mass * loss, 0.0))
+    change, rub = times(0.0, velocity), times(0.0, velocity)
+    lost = change[0]
+    if particles.free[i]:
+        if planes is not None:
+            change, rub, lost = planes_change(
+                i, position, before, velocity, tau, space, particles, planes, friction, damping
+            )
+        if bowl is not None:
+            change, rub, lost = bowl_change(
+                i, position, before, velocity, tau, particles, bowl, friction, damping
+            )
+    return change, rub, lost
+
+
+@compiled
+def planes_change(
+    i: Any, position: Any, before: Any, velocity: Any, tau: Any, pushes: Any, particles: Any, planes: Any, friction: Any, damping: Any
+) -> Any:
+    """`contact_change` of planes; ``pushes`` (planes, 3) is workspace.
+
+    At a right angle they do not know of each other. At a wider one what one gives moves the particle from
+    the other, too: they are taken in turn until they agree. Friction acts along what the planes that are
+    touched leave free, so that it moves nothing towards a plane.
+    """
+    begin = plus_scaled(position, -0.5 * tau, before)
+    end = plus_scaled(position, 0.5 * tau, velocity)
+    nothing = times(0.0, velocity)
+    given, lost = nothing, nothing[0]
+    c = load(planes.strength, 0) * load(particles.inverse_mass, i)
+    for turn in range(TURNS if planes.oblique else 1):
+        lost, changed = nothing[0], nothing[0]
+        for k in range(planes.offset.size):
+            n = row(planes.normal, k)
+            start, free = height(begin, planes, k), height(end, planes, k)
+            own = nothing[0]
+            if planes.oblique:
+                if turn > 0:
+                    own = load(pushes, (k, 0))
+                free = free + (0.5 * tau) * (dot(n, given) - own)
+            touching = minimum(start, free) < planes.reach
+            push = nothing[0]
+            if any_lane(touching):
+                push, loss = meet(start, free, tau, c, planes.reach, damping)
+                push = select(touching, push, 0.0)
+                lost = lost + select(touching, loss, 0.0)
+            store(pushes, (k, 0), push)
+            given = plus_scaled(given, push - own, n)
+            changed = maximum(changed, maximum(push - own, own - push))
+        if not any_lane(tau * changed > CONVERGED * planes.reach):
+            break
+    rub = nothing
     if friction is not None:
-        new = minus(new, taken)
-        record(ledger, FRICTION, select(near, mass * rubbed, 0.0))
-    set_row(v, i, choose(near, new, velocity))
-    return choose(near, move, straight)
+        slip, first, pressed, touched = velocity, nothing, nothing[0], nothing[0]
+        for k in range(planes.offset.size):
+            push = load(pushes, (k, 0))
+            touching = push > 0.0
+            if any_lane(touching):
+                n = row(planes.normal, k)
+                across = minus(n, times(dot(n, first), first))
+                if k > 0:
+                    across = times(1.0 / sqrt(dot(across, across) + TINY), across)
+                slip = minus(slip, times(select(touching, dot(across, slip), 0.0), across))
+                one = select(touching, 1.0 + nothing[0], 0.0)
+                first = choose(touched > 0.0, first, times(one, n))
+                touched = touched + one
+                pressed = pressed + push
+        slip = choose(touched > 2.0, nothing, slip)
+        rub = times(-1.0, hold_back(slip, load(friction, 0) * pressed))
+    return plus(given, rub), rub, load(particles.mass, i) * lost
+
+
+@compiled
+def bowl_change(
+    i: Any, position: Any, before: Any, velocity: Any, tau: Any, particles: Any, bowl: Any, friction: Any, damping: Any
+) -> Any:
+    """`contact_change` of a bowl.
+
+    The impulse acts along the normal n at the node. With d from the centre and r = |d|, the heights at the
+    ends of the step differ by exactly n̄ · (d₁ − d₀), n̄ = −(d₀ + d₁)/(r₀ + r₁) = s n: the motion along n̄ is
+    that above a plane. What the impulse does to d₁ is found by iteration.
+    """
+    here = minus(position, vector(bowl.centre))
+    n = times(-1.0 / sqrt(dot(here, here) + TINY), here)
+    first = plus_scaled(here, -0.5 * tau, before)
+    free = plus_scaled(here, 0.5 * tau, velocity)
+    near = sqrt(dot(first, first) + TINY)
+    start = bowl.radius - near
+    far = sqrt(dot(free, free) + TINY)
+    touching = minimum(start, bowl.radius - far) < bowl.reach
+    push, lost = 0.0 * start, 0.0 * start
+    c = load(bowl.strength, 0) * load(particles.inverse_mass, i)
+    if any_lane(touching):
+        for _ in range(NORMALS):
+            last = plus_scaled(free, 0.5 * tau * push, n)
+            far = sqrt(dot(last, last) + TINY)
+            mean = times(-1.0 / (near + far), plus(first, last))
+            s = dot(mean, n)
+            reached = start + dot(mean, minus(free, first))
+            meeting = minimum(start, reached) < bowl.reach
+            push, lost = meet(start, reached, tau, c * s * s, bowl.reach, damping)
+            push = select(meeting, push / s, 0.0)
+            lost = select(meeting, lost / (s * s), 0.0)
+        push, lost = select(touching, push, 0.0), select(touching, lost, 0.0)
+    rub = times(0.0, velocity)
+    if friction is not None:
+        slip = minus(velocity, times(dot(n, velocity), n))
+        rub = times(-1.0, hold_back(slip, load(friction, 0) * push))
+    return plus(times(push, n), rub), rub, load(particles.mass, i) * lost

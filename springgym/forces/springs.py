@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym.compiling import compiled
-from springgym.forces.ledger import DAMPING, WORK, record
+from springgym.forces.ledger import DAMPING, record
 from springgym.lanes import load, maximum, sqrt
 from springgym.vectors import TINY, add_scaled, dot, minus, plus, row, set_row, times
 
@@ -191,28 +191,19 @@ def pull_on(x: Any, particle: Any, springs: Any) -> Any:
 
 
 @compiled
-def damp(v: Any, direction: Any, springs: Any, dampers: Any, drive: Any, ledger: Any, backward: Any) -> None:
-    """Let the relative speed along each spring decay for half a step, one spring after the other.
+def damp(v: Any, direction: Any, springs: Any, dampers: Any, backward: Any) -> None:
+    """Let the relative speed along each spring decay, one spring after the other.
 
-    A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so
-    that the pair around a step is symmetric, hence of second order.
+    A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that
+    steps of alternating direction, or a pair within a step, are of second order.
     """
     if dampers is not None:
         count = springs.first.size
-        energy = 0.0 * load(v, (0, 0))
         for n in range(count):
             s = count - 1 - n if backward else n
             i, j = springs.first[s], springs.second[s]
             along = row(direction, s)
             speed = dot(minus(row(v, j), row(v, i)), along)
-            energy = energy + load(dampers.loss, s) * speed * speed
-            if drive is not None:
-                impulse = load(dampers.impulse, s) * speed
-                if i == drive.particle:
-                    record(ledger, WORK, -1.0 * impulse * dot(along, row(v, i)))
-                if j == drive.particle:
-                    record(ledger, WORK, impulse * dot(along, row(v, j)))
             # what needs the speed comes last: each spring waits for the velocities of the one before
             add_scaled(v, i, speed, times(load(dampers.first, s), along))
             add_scaled(v, j, -speed, times(load(dampers.second, s), along))
-        record(ledger, DAMPING, energy)

@@ -24,13 +24,4 @@ RECORD = Integrator(
 
 @compiled
 def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
-    """Damp h/2, actuate h, damp h/2, kick h, all with the forces at x_n, then drift h."""
-    a, b, direction = workspace[0], workspace[1], workspace[2]
-    for _ in range(steps):
-        accelerate(x, a, direction, terms)
-        actuate(x, b, terms)
-        relax(v, direction, False, ledger, terms)
-        act(v, b, h, ledger, terms)
-        relax(v, direction, True, ledger, terms)
-        kick(v, a, h)
-        move(x, v, a, h, ledger, terms)
+    raise NotImplementedError

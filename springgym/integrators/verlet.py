@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces import accelerate, act, actuate, kick, move, relax
+from springgym.forces import accelerate, actuate, drift
+from springgym.forces.node import impulse
 from springgym.integrators.record import Integrator
 
 RECORD = Integrator(
@@ -16,7 +17,7 @@ RECORD = Integrator(
     real_limit=float("inf"),
     symplectic=True,
     negative_substeps=False,
-    workspace=3,
+    workspace=6,
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
     meets_surfaces=True,
 )
@@ -24,21 +25,13 @@ RECORD = Integrator(
 
 @compiled
 def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
-    """Damp h/2, kick h/2, drift h, kick h/2, damp h/2; the actuators act amid the damping.
-
-    What loses or adds energy does so where velocities and positions are of the same time: half a kick
-    later, spinning alone would look like stretching. All that depends on the positions x_n is found
-    once, when the step arrives there: ``steps`` steps take ``steps`` + 1 force evaluations.
-    """
-    a, b, direction = workspace[0], workspace[1], workspace[2]
-    for n in range(steps + 1):
-        accelerate(x, a, direction, terms)
+    """Drift h/2, all impulses at once, drift h/2; between two nodes the drifts are one."""
+    a, b = workspace[0], workspace[1]
+    space = (workspace[2], workspace[3], workspace[4], workspace[5])
+    for n in range(steps):
+        drift(x, v, 0.5 * h if n == 0 else h)
+        accelerate(x, a, space[0], terms)
         actuate(x, b, terms)
-        if n > 0:
-            kick(v, a, 0.5 * h)
-            relax(v, direction, True, ledger, terms)
-        act(v, b, h if 0 < n < steps else 0.5 * h, ledger, terms)
-        if n < steps:
-            relax(v, direction, False, ledger, terms)
-            kick(v, a, 0.5 * h)
-            move(x, v, a, h, ledger, terms)
+        impulse(x, v, a, b, h, n % 2 == 1, space, ledger, terms)
+    if steps > 0:
+        drift(x, v, 0.5 * h)

@@ -22,7 +22,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces.contact import bounce
+from springgym.forces.contact import meet as bounce
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
