@@ -18,7 +18,7 @@ from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.contact import Bowl, Planes
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.paper_contact import PaperLaw
-from springgym.forces.springs import Dampers, Decay, Springs, half_step_decay, interleaved
+from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.integrators.record import COUNTS, Control, Integrator, refusal, workspace
 from springgym.measures import Measures, Readout
 from springgym.scene import Scene
@@ -256,6 +256,7 @@ class Simulator:
                     parameter({"damping", "masses"}, value)
                     for value in self._decay(body.damping, body.masses)
                 ),
+                body.floppy,
             )
             if damped
             else None,
@@ -301,9 +302,8 @@ class Simulator:
         inverse = 1 / masses
         inverse[..., list(self.scene.pinned)] = 0.0
         first, second = self.scene.body.springs[self._order].T
-        return half_step_decay(
-            damping[..., self._order], inverse[..., first], inverse[..., second], 2 * self.step
-        )
+        time = self.step / 2 if self.scene.body.floppy else self.step
+        return decay(damping[..., self._order], inverse[..., first], inverse[..., second], time)
 
     # --- State ------------------------------------------------------------------------------------
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
+from springgym.forces.actuators import driven_acceleration
 from springgym.forces.contact import contact_change
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
 from springgym.forces.springs import damp
@@ -36,9 +37,10 @@ def impulse(x: Any, v: Any, a: Any, b: Any, tau: Any, backward: Any, space: Any,
         start = row(v, i)
         set_row(before, i, start)
         kick = with_actuators(row(a, i), b, i, terms.wrench, terms.thrust)
+        kick = unless_driven(kick, start, i, tau, terms.drive)
         set_row(a, i, kick)
         set_middle(i, x, v, start, kick, tau, half, pushes, particles, dampers, *surfaces)
-    damp(v, direction, terms.springs, dampers, backward)
+    sweep(v, direction, b, tau, backward, terms.springs, dampers, terms.drive)
     work = 0.0 * load(v, (0, 0))
     damped, rubbed, lost = work, work, work
     for i in range(v.shape[0]):
@@ -55,7 +57,7 @@ def impulse(x: Any, v: Any, a: Any, b: Any, tau: Any, backward: Any, space: Any,
             rubbed = rubbed - dot(rub, twice)
             lost = lost + loss
     if ledger is not None:
-        record(ledger, WORK, (0.5 * tau) * work)
+        record(ledger, WORK, (0.5 * tau) * (work + work_of_drive(before, v, b, terms.drive)))
         record(ledger, DAMPING, 0.5 * damped)
         record(ledger, CONTACT, lost)
         record(ledger, FRICTION, 0.5 * rubbed)
@@ -74,6 +76,22 @@ def work_of_actuators(b: Any, i: Any, twice: Any, wrench: Any, thrust: Any) -> A
     if wrench is None and thrust is None:
         return 0.0 * twice[0]
     return dot(row(b, i), twice)
+
+
+@compiled
+def unless_driven(acceleration: Any, velocity: Any, i: Any, tau: Any, drive: Any) -> Any:
+    """An acceleration, or that of the drive for its particle: as asked for, up to its largest speed."""
+    if drive is not None and i == drive.particle:
+        acceleration = driven_acceleration(velocity, tau, drive)
+    return acceleration
+
+
+@compiled
+def work_of_drive(before: Any, v: Any, holding: Any, drive: Any) -> Any:
+    if drive is None:
+        return 0.0 * load(v, (0, 0))
+    i = drive.particle
+    return dot(row(holding, i), plus(row(before, i), row(v, i)))
 
 
 @compiled
@@ -112,3 +130,14 @@ def taken_by_dampers(v: Any, half: Any, i: Any, dampers: Any) -> Any:
     if dampers is None:
         return times(0.0, row(v, i))
     return minus(row(v, i), row(half, i))
+
+
+@compiled
+def sweep(v: Any, direction: Any, holding: Any, tau: Any, backward: Any, springs: Any, dampers: Any, drive: Any) -> None:
+    """Let the dampers act for ``tau`` seconds."""
+    if dampers is not None:
+        if dampers.paired:
+            damp(v, direction, holding, tau, springs, dampers, drive, False)
+            damp(v, direction, holding, tau, springs, dampers, drive, True)
+        else:
+            damp(v, direction, holding, tau, springs, dampers, drive, backward)

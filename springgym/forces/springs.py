@@ -38,12 +38,13 @@ class Dampers(NamedTuple):
     impulse: np.ndarray
     first: np.ndarray
     second: np.ndarray
-    loss: np.ndarray
-    """These four: `Decay`."""
+    """These three: `Decay`."""
+    paired: bool
+    """whether a step takes two sweeps of half the decay, there and back, or one, in alternating direction"""
 
 
 class Decay(NamedTuple):
-    """What half a step of a damper's exact decay does, per relative speed of its ends."""
+    """What a damper's exact decay does in a sweep, per relative speed of its ends."""
 
     impulse: np.ndarray
     """impulse on the first end [kg], opposite on the second"""
@@ -51,17 +52,14 @@ class Decay(NamedTuple):
     """what the first end's velocity gains [1]"""
     second: np.ndarray
     """what the second end's velocity loses [1]"""
-    loss: np.ndarray
-    """energy lost, per relative speed² [kg]"""
 
 
-def half_step_decay(damping: Any, inverse_first: Any, inverse_second: Any, step: float) -> Decay:
-    """With w = 1/m₁ + 1/m₂, the impulse is g = (1 − exp(−c w h/2)) / w and the loss g (1 − g w/2)."""
+def decay(damping: Any, inverse_first: Any, inverse_second: Any, time: float) -> Decay:
+    """With w = 1/m₁ + 1/m₂, the impulse in ``time`` [s] is (1 − exp(−c w time)) / w."""
     w = inverse_first + inverse_second
     moving = w > 0  # between two pinned particles there is nothing to damp
-    impulse = np.where(moving, -np.expm1(-damping * w * step / 2) / np.where(moving, w, 1.0), 0.0)
-    loss = impulse * (1 - impulse * w / 2)
-    return Decay(impulse, impulse * inverse_first, impulse * inverse_second, loss)
+    impulse = np.where(moving, -np.expm1(-damping * w * time) / np.where(moving, w, 1.0), 0.0)
+    return Decay(impulse, impulse * inverse_first, impulse * inverse_second)
 
 
 def interleaved(springs: np.ndarray, particles: int) -> np.ndarray:
@@ -191,11 +189,12 @@ def pull_on(x: Any, particle: Any, springs: Any) -> Any:
 
 
 @compiled
-def damp(v: Any, direction: Any, springs: Any, dampers: Any, backward: Any) -> None:
-    """Let the relative speed along each spring decay, one spring after the other.
+def damp(v: Any, direction: Any, holding: Any, tau: Any, springs: Any, dampers: Any, drive: Any, backward: Any) -> None:
+    """Let the relative speed along each spring decay for ``tau`` seconds, one spring after the other.
 
-    A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that
-    steps of alternating direction, or a pair within a step, are of second order.
+    A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that steps
+    of alternating direction, or a pair of sweeps within a step, are of second order. What holds a driven
+    particle against its dampers is added to its row of ``holding`` (N, 3) [N].
     """
     if dampers is not None:
         count = springs.first.size
@@ -204,6 +203,11 @@ def damp(v: Any, direction: Any, springs: Any, dampers: Any, backward: Any) -> N
             i, j = springs.first[s], springs.second[s]
             along = row(direction, s)
             speed = dot(minus(row(v, j), row(v, i)), along)
-            # what needs the speed comes last: each spring waits for the velocities of the one before
-            add_scaled(v, i, speed, times(load(dampers.first, s), along))
-            add_scaled(v, j, -speed, times(load(dampers.second, s), along))
+            add_scaled(v, i, load(dampers.first, s) * speed, along)
+            add_scaled(v, j, -load(dampers.second, s) * speed, along)
+            if drive is not None:
+                push = load(dampers.impulse, s) * speed / tau
+                if i == drive.particle:
+                    add_scaled(holding, i, -push, along)
+                if j == drive.particle:
+                    add_scaled(holding, j, push, along)

@@ -77,7 +77,7 @@ class Control(NamedTuple):
 def workspace(method: Integrator, scene: Scene, dtype: Any) -> Any:
     """What a method computes in, on elements of ``dtype``: its arrays and, if implicit, its matrix."""
     particles, springs = len(scene.body.masses), scene.body.springs
-    arrays = aligned_zeros((method.workspace, max(particles, len(springs)), 3), dtype)
+    arrays = aligned_zeros((method.workspace, max(particles, len(springs), len(scene.surfaces)), 3), dtype)
     return (arrays, envelope(particles, springs, dtype)) if method.implicit else arrays
 
 

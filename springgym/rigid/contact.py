@@ -1,20 +1,18 @@
-"""Contact of the rigid body: the barrier law of the particles (`springgym.forces.contact`), joined.
+"""Contact of the rigid body: the law of `springgym.forces.contact` for particles that move as one.
 
-In a flight of τ seconds each particle near a surface receives an impulse J along the normal: the share s
-where the flight begins and the rest where it ends; between them the body flies freely. The particle gives
-way along n by the ease A = 1/M + (r × n) · I⁻¹ (r × n) per impulse. What remains is its motion along the
-normal,
+A step flies freely for half of it, receives all impulses at its node, and flies freely for the other half.
+A particle near a surface gives way along the normal n by the ease A = 1/M + (r × n) · I⁻¹ (r × n) per impulse.
+With h the height at the node, u the speed along n after it without the particle's own impulse J, and κ what
+the second flight bends, the step ends at
 
-    h₁ = h₀ + τ (u + A s),    u = n · v + (curvature of the flight)/τ, without its own s,
+    h₁ = h + τ/2 (u + A J) + κ:
 
-in which `bounce` finds J and s, as for a particle of mass 1/A: the law is the same, and so is that nothing
-gets through. Friction p acts with either impulse: it stops the particle's motion along the surface if the
-size it needs is within μ times that impulse, else it is that, against the motion. So what rests stays
-where it is.
+`meet` finds J as for a particle of mass 1/A. Friction stops the particle's motion along the surface if the
+impulse that this needs is within μ J, else it is that, against the motion. So what rests stays where it is.
 
-All particles act on each other through the motion of the body. They are taken one after the other until
-none changes (Gauss and Seidel; without friction and loss, the solution is the minimum of a convex
-function), then the flight is flown and its curvature put right, until that does not change either.
+All particles act on each other through the motion of the body. They are taken one after the other until none
+changes (Gauss and Seidel; without friction and loss, the solution is the minimum of a convex function), then
+the second flight is flown and κ put right, until that does not change either.
 """
 
 from __future__ import annotations
@@ -22,15 +20,15 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces.contact import meet as bounce
+from springgym.forces.contact import meet
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
-from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
+from springgym.rigid.flight import angular_velocity, components, combine, fly, turned
 from springgym.surfaces import NEAREST
 from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times, vector
 
-FLIGHTS = 12
-"""How often the flight is flown with new impulses, at the most; what is left of the effect of its curvature
+FLIGHTS = 8
+"""How often the flight after the node is flown, at the most; what is left of the effect of its curvature
 shrinks by the angle turned in it each time."""
 
 FLAT = 1e-5
@@ -46,10 +44,11 @@ CONVERGED = 1e-4
 SURFACES = 7
 """How many surfaces there may be. For each the workspace has `ARRAYS` arrays, a row a particle:"""
 
-PUSH, RUB, NORMAL, GAP = range(4)
-"""(J, s, A), friction, n, (h₀ and curvature of the flight, least height − Δ); what is not near has J = 0."""
+PUSH, RUB, NORMAL, GAP, LOSS = range(5)
+"""(J, A, h₀), friction, n, (h, κ, whether it may touch: least height − Δ), (energy lost, –, –); what is not
+near has J = 0. Vectors are in body coordinates at the node."""
 
-ARRAYS = 4
+ARRAYS = 5
 
 
 @compiled
@@ -133,87 +132,99 @@ def hold(
 
 
 @compiled
-def start_over(workspace: Any, nothing: Any, particles: Any, planes: Any, bowl: Any) -> None:
-    """Forget all impulses."""
+def begin(workspace: Any, pose: Any, warm: Any, rigid: Any, particles: Any, planes: Any, bowl: Any) -> Any:
+    """Set the heights that a step begins with; forget the impulses of the step before unless ``warm``.
+
+    Returns the least of the heights of free particles.
+    """
+    nothing = 0.0 * pose[0][0]
+    _, reach = law(nothing, planes, bowl)
+    lowest = nothing + 1e300
     for k in range(surfaces(planes, bowl)):
         for i in range(particles.mass.size):
-            set_row(workspace[ARRAYS * k + PUSH], i, nothing)
-            set_row(workspace[ARRAYS * k + RUB], i, nothing)
+            h, _ = touch(i, k, pose, rigid, planes, bowl)
+            h = select(h > 0.0, h, NEAREST * reach)  # thrown behind by a flight that bent too much
+            impulse = nothing
+            if warm:
+                impulse, _, _ = row(workspace[ARRAYS * k + PUSH], i)
+            else:
+                set_row(workspace[ARRAYS * k + RUB], i, (nothing, nothing, nothing))
+            set_row(workspace[ARRAYS * k + PUSH], i, (impulse, nothing, h))
+            if particles.free[i]:
+                lowest = minimum(lowest, h)
+    return lowest
+
+
+@compiled
+def least_height(pose: Any, rigid: Any, particles: Any, planes: Any, bowl: Any) -> Any:
+    """Of the free particles above the surfaces."""
+    lowest = 0.0 * pose[0][0] + 1e300
+    for k in range(surfaces(planes, bowl)):
+        for i in range(particles.mass.size):
+            if particles.free[i]:
+                h, _ = touch(i, k, pose, rigid, planes, bowl)
+                lowest = minimum(lowest, h)
+    return lowest
 
 
 @compiled
 def approach(
-    workspace: Any, begin: Any, lightness: Any, rigid: Any, particles: Any, planes: Any, bowl: Any
-) -> None:
-    """Set what the flight begins with: heights, normals and eases."""
-    _, reach = law(0.0 * begin[0][0], planes, bowl)
-    for k in range(surfaces(planes, bowl)):
-        for i in range(particles.mass.size):
-            h, n = touch(i, k, begin, rigid, planes, bowl)
-            h = select(h > 0.0, h, NEAREST * reach)  # thrown behind by a flight that bent too much
-            impulse, share, _ = row(workspace[ARRAYS * k + PUSH], i)
-            a = ease(cross(row(rigid.shape, i), n), lightness, rigid)
-            set_row(workspace[ARRAYS * k + PUSH], i, (impulse, share, a))
-            set_row(workspace[ARRAYS * k + NORMAL], i, n)
-            set_row(workspace[ARRAYS * k + GAP], i, (h, h, h))
-
-
-@compiled
-def bend(
     workspace: Any,
-    tau: Any,
-    end: Any,
+    pose: Any,
+    near: Any,
     motion: Any,
-    margin: Any,
-    rigid: Any,
-    particles: Any,
-    planes: Any,
-    bowl: Any,
-) -> Any:
-    """Set what the flight adds: curvatures and gaps, given the motion that it begins with.
-
-    Returns the largest change of the curvatures of what is near.
-    """
-    _, reach = law(0.0 * margin, planes, bowl)
-    changed = 0.0 * margin
-    for k in range(surfaces(planes, bowl)):
-        for i in range(particles.mass.size):
-            ahead, _ = touch(i, k, end, rigid, planes, bowl)
-            n = row(workspace[ARRAYS * k + NORMAL], i)
-            h, before, _ = row(workspace[ARRAYS * k + GAP], i)
-            curvature = ahead - h - tau * dot(n, velocity_of(row(rigid.shape, i), motion, rigid))
-            gap = select(margin < 0.0, minimum(h, ahead) - reach, 1.0)
-            set_row(workspace[ARRAYS * k + GAP], i, (h, curvature, gap))
-            change = maximum(curvature - before, before - curvature)
-            changed = maximum(changed, select(gap < 0.0, change, 0.0))
-    return changed
-
-
-@compiled
-def resume(
-    motion: Any,
-    workspace: Any,
-    margin: Any,
     lightness: Any,
     rigid: Any,
     particles: Any,
     planes: Any,
     bowl: Any,
 ) -> Any:
-    """The motion with the impulses of the step before, as a guess; they are dropped where none is near."""
+    """Set heights, normals and eases at the node; returns the motion with the impulses of the step before.
+
+    They are a good guess, and dropped where nothing is ``near``.
+    """
     for k in range(surfaces(planes, bowl)):
         for i in range(particles.mass.size):
-            impulse, share, a = row(workspace[ARRAYS * k + PUSH], i)
+            h, n = touch(i, k, pose, rigid, planes, bowl)
+            place = row(rigid.shape, i)
+            impulse, _, start = row(workspace[ARRAYS * k + PUSH], i)
+            impulse = select(near, impulse, 0.0)
+            held = row(workspace[ARRAYS * k + RUB], i)
+            held = minus(held, times(dot(n, held), n))
+            held = choose(near, held, times(0.0, held))
+            a = ease(cross(place, n), lightness, rigid)
+            set_row(workspace[ARRAYS * k + PUSH], i, (impulse, a, start))
+            set_row(workspace[ARRAYS * k + RUB], i, held)
+            set_row(workspace[ARRAYS * k + NORMAL], i, n)
+            set_row(workspace[ARRAYS * k + GAP], i, (h, 0.0 * h, 0.0 * h))
             if any_lane(impulse > 0.0):
-                near = margin < 0.0
-                impulse, share = select(near, impulse, 0.0), select(near, share, 0.0)
-                held = row(workspace[ARRAYS * k + RUB], i)
-                held = choose(near, held, times(0.0, held))
-                set_row(workspace[ARRAYS * k + PUSH], i, (impulse, share, a))
-                set_row(workspace[ARRAYS * k + RUB], i, held)
-                push = plus(held, times(share, row(workspace[ARRAYS * k + NORMAL], i)))
-                motion = pushed(motion, row(rigid.shape, i), push, lightness)
+                motion = pushed(motion, place, plus(held, times(impulse, n)), lightness)
     return motion
+
+
+@compiled
+def bend(
+    workspace: Any, tau: Any, end: Any, motion: Any, near: Any, rigid: Any, particles: Any, planes: Any, bowl: Any
+) -> Any:
+    """Set what the second flight adds to the heights where it ends, given the motion that it begins with.
+
+    Returns the largest change of that among what may touch.
+    """
+    nothing = 0.0 * tau * motion[0][0]
+    _, reach = law(nothing, planes, bowl)
+    changed = nothing
+    for k in range(surfaces(planes, bowl)):
+        for i in range(particles.mass.size):
+            ahead, _ = touch(i, k, end, rigid, planes, bowl)
+            n = row(workspace[ARRAYS * k + NORMAL], i)
+            h, old, _ = row(workspace[ARRAYS * k + GAP], i)
+            _, _, start = row(workspace[ARRAYS * k + PUSH], i)
+            curvature = ahead - h - 0.5 * tau * dot(n, velocity_of(row(rigid.shape, i), motion, rigid))
+            gap = select(near, minimum(start, ahead) - reach, 1.0)
+            set_row(workspace[ARRAYS * k + GAP], i, (h, curvature, gap))
+            change = maximum(curvature - old, old - curvature)
+            changed = maximum(changed, select(gap < 0.0, change, 0.0))
+    return changed
 
 
 @compiled
@@ -230,35 +241,37 @@ def push_apart(
     friction: Any,
     damping: Any,
 ) -> Any:
-    """Find J, s and the friction with s where ``active`` is 1; returns the motion with s and friction."""
+    """Find the impulses where ``active`` is 1; returns the motion after them."""
     strength, reach = law(0.0 * active, planes, bowl)
     for _ in range(SWEEPS):
         changed, fastest = 0.0 * active, 0.0 * active
         for k in range(surfaces(planes, bowl)):
             for i in range(particles.mass.size):
-                impulse, share, a = row(workspace[ARRAYS * k + PUSH], i)
+                impulse, a, start = row(workspace[ARRAYS * k + PUSH], i)
                 h, curvature, gap = row(workspace[ARRAYS * k + GAP], i)
-                near = minimum(gap, -impulse)
-                if particles.free[i] and any_lane(near < 0.0):
+                if particles.free[i] and any_lane(minimum(gap, -impulse) < 0.0):
                     place = row(rigid.shape, i)
                     n = row(workspace[ARRAYS * k + NORMAL], i)
-                    u = dot(n, velocity_of(place, motion, rigid)) - a * share + curvature / tau
-                    touching = maximum(near, minimum(h, h + tau * u) - reach) < 0.0
-                    displacement, change, _ = bounce(h, u, tau, strength * a, reach, damping, touching)
-                    total = select(touching, change / a, 0.0)
-                    early = select(total > 0.0, (displacement / tau - u) / a, 0.0)
-                    total = select(active > 0.5, total, impulse)
-                    early = select(active > 0.5, early, share)
-                    set_row(workspace[ARRAYS * k + PUSH], i, (total, early, a))
-                    motion = pushed(motion, place, times(early - share, n), lightness)
-                    changed = maximum(changed, a * maximum(early - share, share - early))
-                    fastest = maximum(fastest, a * total)
+                    u = dot(n, velocity_of(place, motion, rigid)) - a * impulse
+                    free = h + 0.5 * tau * u + curvature
+                    touching = minimum(start, free) < reach
+                    change, lost = meet(start, free, tau, strength * a, reach, damping)
+                    new = select(touching, change / a, 0.0)
+                    new = select(active > 0.5, new, impulse)
+                    set_row(workspace[ARRAYS * k + PUSH], i, (new, a, start))
+                    if damping is not None:
+                        old, _, _ = row(workspace[ARRAYS * k + LOSS], i)
+                        lost = select(active > 0.5, select(touching, lost / a, 0.0), old)
+                        set_row(workspace[ARRAYS * k + LOSS], i, (lost, lost, lost))
+                    motion = pushed(motion, place, times(new - impulse, n), lightness)
+                    changed = maximum(changed, a * maximum(new - impulse, impulse - new))
+                    fastest = maximum(fastest, a * new)
                     if friction is not None:
                         held, motion, change = hold(
                             place,
                             n,
                             row(workspace[ARRAYS * k + RUB], i),
-                            load(friction, 0) * early,
+                            load(friction, 0) * new,
                             motion,
                             active,
                             lightness,
@@ -276,10 +289,8 @@ def push_apart(
 def account(
     before: Any,
     motion: Any,
-    tau: Any,
     ledger: Any,
     workspace: Any,
-    lightness: Any,
     rigid: Any,
     particles: Any,
     planes: Any,
@@ -287,193 +298,63 @@ def account(
     friction: Any,
     damping: Any,
 ) -> None:
-    """Enter what was lost in contact, and by friction that acted just before s, on the motion ``before``.
-
-    In this order s and J − s do the work of J over the flight that `bounce` has.
-    """
-    rubbed = before
-    if friction is not None:
-        for k in range(surfaces(planes, bowl)):
-            for i in range(particles.mass.size):
-                push = row(workspace[ARRAYS * k + RUB], i)
-                rubbed = pushed(rubbed, row(rigid.shape, i), push, lightness)
-    strength, reach = law(0.0 * tau * before[0][0], planes, bowl)
+    """Enter what was lost in contact and, at the mean of the motions before and after, by friction."""
     for k in range(surfaces(planes, bowl)):
         for i in range(particles.mass.size):
-            impulse, share, a = row(workspace[ARRAYS * k + PUSH], i)
-            h, curvature, gap = row(workspace[ARRAYS * k + GAP], i)
-            near = minimum(gap, -impulse)
-            if particles.free[i] and any_lane(near < 0.0):
-                place = row(rigid.shape, i)
+            impulse, _, _ = row(workspace[ARRAYS * k + PUSH], i)
+            if particles.free[i] and any_lane(impulse > 0.0):
                 if damping is not None:
-                    n = row(workspace[ARRAYS * k + NORMAL], i)
-                    u = dot(n, velocity_of(place, motion, rigid)) - a * share + curvature / tau
-                    touching = maximum(near, minimum(h, h + tau * u) - reach) < 0.0
-                    _, _, loss = bounce(h, u, tau, strength * a, reach, damping, touching)
-                    record(ledger, CONTACT, select(touching, loss / a, 0.0))
+                    lost, _, _ = row(workspace[ARRAYS * k + LOSS], i)
+                    record(ledger, CONTACT, select(impulse > 0.0, lost, 0.0))
                 if friction is not None:
-                    mean = plus(velocity_of(place, before, rigid), velocity_of(place, rubbed, rigid))
-                    record(ledger, FRICTION, -0.5 * dot(row(workspace[ARRAYS * k + RUB], i), mean))
+                    place = row(rigid.shape, i)
+                    twice = plus(velocity_of(place, before, rigid), velocity_of(place, motion, rigid))
+                    record(ledger, FRICTION, -0.5 * dot(row(workspace[ARRAYS * k + RUB], i), twice))
 
 
 @compiled
-def slide(
+def bounce(
     q: Any,
-    spin: Any,
+    motion: Any,
+    before: Any,
     position: Any,
-    velocity: Any,
+    near: Any,
+    end: Any,
     tau: Any,
-    warm: Any,
     ledger: Any,
     workspace: Any,
     axes: Any,
+    asymmetry: Any,
     lightness: Any,
     rigid: Any,
-    asymmetry: Any,
     particles: Any,
     planes: Any,
     bowl: Any,
     friction: Any,
     damping: Any,
 ) -> Any:
-    """Fly for ``tau`` seconds, with the impulses of surfaces.
+    """The motion after a node, given that without surfaces and the pose ``end`` to which it would lead.
 
-    If ``warm``, the workspace has those of the step before. Returns q, spin, position, velocity, and a
-    number that is negative where surfaces are near.
+    ``q`` and ``position`` are those of the node, ``before`` is the motion before it. Motions are of the body's
+    point and in body coordinates; what is not ``near`` keeps its own to the bit.
     """
-    begin = (position, turned(axes, q))
-    q_end, spin_end, position_end = fly(q, spin, position, velocity, tau, rigid, asymmetry)
-    end = (position_end, turned(axes, q_end))
-    _, reach = law(0.0 * spin[0], planes, bowl)
-    margin = 1.0 + 0.0 * spin[0]
-    for k in range(surfaces(planes, bowl)):
-        for i in range(particles.mass.size):
-            if particles.free[i]:
-                h, _ = touch(i, k, begin, rigid, planes, bowl)
-                ahead, _ = touch(i, k, end, rigid, planes, bowl)
-                margin = minimum(margin, minimum(h, ahead) - reach)
-    if any_lane(margin < 0.0):
-        if not warm:
-            start_over(workspace, times(0.0, spin), particles, planes, bowl)
-        before = (components(begin[1], velocity), spin)
-        approach(workspace, begin, lightness, rigid, particles, planes, bowl)
-        bend(workspace, tau, end, before, margin, rigid, particles, planes, bowl)
-        motion = resume(before, workspace, margin, lightness, rigid, particles, planes, bowl)
-        active = select(margin < 0.0, 1.0 + 0.0 * margin, 0.0)
-        for flight in range(FLIGHTS):
-            if flight > 0:
-                changed = bend(workspace, tau, end, motion, margin, rigid, particles, planes, bowl)
-                active = select(changed > FLAT * reach, active, 0.0)
-                if not any_lane(active > 0.5):
-                    break
-            motion = push_apart(
-                motion,
-                tau,
-                active,
-                workspace,
-                lightness,
-                rigid,
-                particles,
-                planes,
-                bowl,
-                friction,
-                damping,
-            )
-            # What is not near keeps its velocity to the bit.
-            velocity = choose(margin < 0.0, combine(begin[1], motion[0]), velocity)
-            q_end, spin_end, position_end = fly(q, motion[1], position, velocity, tau, rigid, asymmetry)
-            end = (position_end, turned(axes, q_end))
-        if ledger is not None:
-            account(
-                before,
-                motion,
-                tau,
-                ledger,
-                workspace,
-                lightness,
-                rigid,
-                particles,
-                planes,
-                bowl,
-                friction,
-                damping,
-            )
-        motion = (components(end[1], velocity), spin_end)
-        for k in range(surfaces(planes, bowl)):
-            for i in range(particles.mass.size):
-                impulse, share, _ = row(workspace[ARRAYS * k + PUSH], i)
-                if any_lane(impulse > 0.0):
-                    _, n = touch(i, k, end, rigid, planes, bowl)
-                    motion = pushed(motion, row(rigid.shape, i), times(impulse - share, n), lightness)
-        velocity = choose(margin < 0.0, combine(end[1], motion[0]), velocity)
-        spin_end = motion[1]
-    return q_end, spin_end, position_end, velocity, margin
-
-
-@compiled
-def rub(
-    q: Any,
-    spin: Any,
-    position: Any,
-    velocity: Any,
-    margin: Any,
-    ledger: Any,
-    workspace: Any,
-    axes: Any,
-    lightness: Any,
-    rigid: Any,
-    particles: Any,
-    planes: Any,
-    bowl: Any,
-    friction: Any,
-) -> Any:
-    """Friction with the impulses J − s at the end of a flight; returns spin and velocity."""
     pose = (position, turned(axes, q))
-    before = (components(pose[1], velocity), spin)
-    motion = before
-    for k in range(surfaces(planes, bowl)):
-        for i in range(particles.mass.size):
-            impulse, share, _ = row(workspace[ARRAYS * k + PUSH], i)
-            if any_lane(impulse > 0.0):
-                # The friction that the flight began with is a good guess.
-                place = row(rigid.shape, i)
-                _, n = touch(i, k, pose, rigid, planes, bowl)
-                held = row(workspace[ARRAYS * k + RUB], i)
-                held = minus(held, times(dot(n, held), n))
-                limit = load(friction, 0) * (impulse - share)
-                held = times(minimum(limit / sqrt(dot(held, held) + TINY), 1.0), held)
-                set_row(workspace[ARRAYS * k + RUB], i, held)
-                set_row(workspace[ARRAYS * k + NORMAL], i, n)
-                motion = pushed(motion, place, held, lightness)
-    active = select(margin < 0.0, 1.0 + 0.0 * margin, 0.0)
-    for _ in range(SWEEPS):
-        changed, fastest = 0.0 * margin, 0.0 * margin
-        for k in range(surfaces(planes, bowl)):
-            for i in range(particles.mass.size):
-                impulse, share, a = row(workspace[ARRAYS * k + PUSH], i)
-                if any_lane(impulse > 0.0):
-                    held, motion, change = hold(
-                        row(rigid.shape, i),
-                        row(workspace[ARRAYS * k + NORMAL], i),
-                        row(workspace[ARRAYS * k + RUB], i),
-                        load(friction, 0) * (impulse - share),
-                        motion,
-                        active,
-                        lightness,
-                        rigid,
-                    )
-                    set_row(workspace[ARRAYS * k + RUB], i, held)
-                    changed = maximum(changed, change)
-                    fastest = maximum(fastest, a * impulse)
-        active = select(changed > CONVERGED * fastest, active, 0.0)
+    free = motion
+    motion = approach(workspace, pose, near, motion, lightness, rigid, particles, planes, bowl)
+    bend(workspace, tau, end, free, near, rigid, particles, planes, bowl)
+    _, reach = law(0.0 * tau * position[0], planes, bowl)
+    active = select(near, 1.0 + 0.0 * position[0], 0.0)
+    for _ in range(FLIGHTS):
+        motion = push_apart(
+            motion, tau, active, workspace, lightness, rigid, particles, planes, bowl, friction, damping
+        )
+        velocity = combine(pose[1], motion[0])
+        q_end, _, position_end = fly(q, motion[1], position, velocity, 0.5 * tau, rigid, asymmetry)
+        end = (position_end, turned(axes, q_end))
+        changed = bend(workspace, tau, end, motion, near, rigid, particles, planes, bowl)
+        active = select(changed > FLAT * reach, active, 0.0)
         if not any_lane(active > 0.5):
             break
     if ledger is not None:
-        for k in range(surfaces(planes, bowl)):
-            for i in range(particles.mass.size):
-                impulse, _, _ = row(workspace[ARRAYS * k + PUSH], i)
-                if any_lane(impulse > 0.0):
-                    place = row(rigid.shape, i)
-                    mean = plus(velocity_of(place, before, rigid), velocity_of(place, motion, rigid))
-                    record(ledger, FRICTION, -0.5 * dot(row(workspace[ARRAYS * k + RUB], i), mean))
-    return motion[1], choose(margin < 0.0, combine(pose[1], motion[0]), velocity)
+        account(before, motion, ledger, workspace, rigid, particles, planes, bowl, friction, damping)
+    return choose(near, motion[0], free[0]), choose(near, motion[1], free[1])

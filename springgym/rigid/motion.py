@@ -21,12 +21,13 @@ import numpy as np
 from springgym.blocks import at
 from springgym.compiling import compiled, kernel
 from springgym.forces.ledger import WORK, record
-from springgym.lanes import any_lane, load
-from springgym.rigid.contact import rub, slide
+from springgym.lanes import any_lane, load, minimum
+from springgym.rigid.contact import begin, bounce, law, least_height
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.rigid.rotation import turn, turn_back
 from springgym.vectors import (
     angular_momentum,
+    choose,
     cross,
     dot,
     mass_centre,
@@ -114,6 +115,19 @@ def kick(
 
 
 @compiled
+def record_work(
+    q: Any, motion: Any, tau: Any, ledger: Any, axes: Any, centre: Any, rigid: Any, wrench: Any, thrust: Any
+) -> None:
+    """Enter the actuators' work in ``tau`` seconds at a motion (angular momentum, velocity)."""
+    if wrench is not None or thrust is not None:
+        force, torque = load_of_actuators(q, centre, axes, rigid, wrench, thrust)
+        spin, velocity = motion
+        record(ledger, WORK, tau * dot(angular_velocity(spin, rigid), torque))
+        if rigid.pivot < 0:
+            record(ledger, WORK, tau * dot(velocity, combine(axes, turn(q, force))))
+
+
+@compiled
 def load_of_actuators(q: Any, centre: Any, axes: Any, rigid: Any, wrench: Any, thrust: Any) -> Any:
     """Force [N] and torque [N·m] of the actuators about the body's point, in body coordinates."""
     force = times(0.0 * q[0], centre)
@@ -174,47 +188,29 @@ def move(
         lightness = 0.0 * lightness
     act = (axes, total, centre, rigid, gravity, wrench, thrust)
     if planes is not None or bowl is not None:
-        near = False
+        world = (rigid, particles, planes, bowl)
+        _, reach = law(zero, planes, bowl)
+        warm = False
         for _ in range(steps):
-            spin, velocity = kick(q, spin, velocity, 0.5 * h, ledger, *act)
-            q, spin, position, velocity, margin = slide(
-                q,
-                spin,
-                position,
-                velocity,
-                h,
-                near,
-                ledger,
-                workspace,
-                axes,
-                lightness,
-                rigid,
-                asymmetry,
-                particles,
-                planes,
-                bowl,
-                friction,
-                impact_damping,
-            )
-            near = any_lane(margin < 0.0)
-            spin, velocity = kick(q, spin, velocity, 0.5 * h, ledger, *act)
-            if friction is not None and near:
-                spin, velocity = rub(
-                    q,
-                    spin,
-                    position,
-                    velocity,
-                    margin,
-                    ledger,
-                    workspace,
-                    axes,
-                    lightness,
-                    rigid,
-                    particles,
-                    planes,
-                    bowl,
-                    friction,
-                )
+            lowest = begin(workspace, (position, turned(axes, q)), warm, *world)
+            q, spin, position = fly(q, spin, position, velocity, 0.5 * h, rigid, asymmetry)
+            spin_before, velocity_before = spin, velocity
+            spin, velocity = kick(q, spin, velocity, h, None, *act)
+            end, turning, ahead = fly(q, spin, position, velocity, 0.5 * h, rigid, asymmetry)
+            near = minimum(lowest, least_height((ahead, turned(axes, end)), *world)) < reach
+            warm = any_lane(near)
+            if warm:
+                frame = turned(axes, q)
+                before = (components(frame, velocity_before), spin_before)
+                motion = (components(frame, velocity), spin)
+                pose = (ahead, turned(axes, end))
+                rest = (axes, asymmetry, lightness, *world, friction, impact_damping)
+                motion = bounce(q, motion, before, position, near, pose, h, ledger, workspace, *rest)
+                velocity, spin = choose(near, combine(frame, motion[0]), velocity), motion[1]
+                end, turning, ahead = fly(q, spin, position, velocity, 0.5 * h, rigid, asymmetry)
+            twice = (plus(spin_before, spin), plus(velocity_before, velocity))
+            record_work(q, twice, 0.5 * h, ledger, axes, centre, rigid, wrench, thrust)
+            q, spin, position = end, turning, ahead
     else:
         last = steps * rigid.stages.size
         before = 0.0

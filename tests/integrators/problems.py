@@ -60,7 +60,7 @@ def simulator(scene: Scene, name: str, step: float, **options: Any) -> Simulator
     made._control = made._control._replace(step=step) if isinstance(made._control, Control) else step
     if made._terms.dampers:
         decay = made._decay(scene.body.damping, scene.body.masses)
-        for array, value in zip(made._terms.dampers[1:], decay, strict=True):
+        for array, value in zip(made._terms.dampers[1:4], decay, strict=True):
             array[:] = value
     return made
 
