@@ -197,6 +197,7 @@ def approach(
             set_row(workspace[ARRAYS * k + RUB], i, held)
             set_row(workspace[ARRAYS * k + NORMAL], i, n)
             set_row(workspace[ARRAYS * k + GAP], i, (h, 0.0 * h, 0.0 * h))
+            set_row(workspace[ARRAYS * k + LOSS], i, (0.0, 0.0, 0.0))
             if any_lane(impulse > 0.0):
                 motion = pushed(motion, place, plus(held, times(impulse, n)), lightness)
     return motion
@@ -301,11 +302,10 @@ def account(
     """Enter what was lost in contact and, at the mean of the motions before and after, by friction."""
     for k in range(surfaces(planes, bowl)):
         for i in range(particles.mass.size):
-            impulse, _, _ = row(workspace[ARRAYS * k + PUSH], i)
-            if particles.free[i] and any_lane(impulse > 0.0):
+            if particles.free[i]:
                 if damping is not None:
                     lost, _, _ = row(workspace[ARRAYS * k + LOSS], i)
-                    record(ledger, CONTACT, select(impulse > 0.0, lost, 0.0))
+                    record(ledger, CONTACT, lost)
                 if friction is not None:
                     place = row(rigid.shape, i)
                     twice = plus(velocity_of(place, before, rigid), velocity_of(place, motion, rigid))
