@@ -6,7 +6,8 @@ duplicate, missing or mistyped key is a `ConfigError` naming the file, the line 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import argparse
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf
@@ -26,8 +27,27 @@ def making(env_id: str) -> Iterator[None]:
     """Where an environment is made: its complaint about its name or its arguments is a `ConfigError`."""
     try:
         yield
-    except (TypeError, ValueError, gym.error.Error) as error:
-        raise ConfigError(f"{env_id}: {error}") from error
+    except (TypeError, ValueError, ArithmeticError, MemoryError, ImportError, gym.error.Error) as error:
+        raise ConfigError(f"{env_id}: {str(error) or 'not enough memory'}") from error
+
+
+#: What the scripts tell in a line, see `springgym.cli.guarded`.
+MENDABLE = (ConfigError, OSError, MemoryError, gym.error.Error)
+
+
+def whole(low: int, high: int) -> Callable[[str], int]:
+    """The type of an argument that is a whole number from ``low`` to ``high``."""
+
+    def parse(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = low - 1
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r} must be a whole number from {low} to {high}")
+        return value
+
+    return parse
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,23 +96,26 @@ CONFIG_OF: dict[str, type[Config]] = {"ppo": PPOConfig, "sac": SACConfig}
 
 RANGES = {
     "total_timesteps": (1, inf),
-    "n_envs": (1, inf),
-    "batch_size": (2, inf),
+    "n_envs": (1, 1_000_000),
+    "batch_size": (2, 1_000_000_000),
     "learning_rate": (1e-8, 1.0),
     "gamma": (0.0, 1.0),
-    "net_arch": (1, inf),
+    "net_arch": (1, 10_000),
     "log_every": (1, inf),
     "checkpoint_every": (1, inf),
-    "n_steps": (1, inf),
+    "n_steps": (1, 1_000_000_000),
     "n_epochs": (1, inf),
     "gae_lambda": (0.0, 1.0),
     "log_std_init": (-10.0, 2.0),
     "ent_coef": (0.0, 1.0),
     "tau": (1e-6, 1.0),
-    "buffer_size": (1, inf),
+    "buffer_size": (1, 1_000_000_000),
     "learning_starts": (0, inf),
     "gradient_steps": (1, inf),
 }
+
+
+MOST_LAYERS = 100
 
 
 def load_config(algo: str, env_id: str, overrides: Iterable[str] = (), path: Path | None = None) -> Config:
@@ -142,6 +165,9 @@ def build_config(algo: str, tree: Tree, path: tuple[str, ...]) -> Config:
         if not all(low <= number <= high for number in numbers):
             here = tree.where[*path, key]
             raise ConfigError(f"{here}: {key}: must lie between {low} and {high}, got {value!r}")
+    if len(config.net_arch) > MOST_LAYERS:
+        here = tree.where[*path, "net_arch"]
+        raise ConfigError(f"{here}: net_arch: has {len(config.net_arch)} layers; at most {MOST_LAYERS}")
     if isinstance(config, PPOConfig) and config.n_envs * config.n_steps % config.batch_size:
         raise ConfigError(
             f"{tree.where[*path, 'batch_size']}: batch_size {config.batch_size} must divide "

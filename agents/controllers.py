@@ -11,9 +11,10 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
+from agent import Policy
 from config import ConfigError
 from gymnasium import spaces
-from runs import HELD_OUT_SEED, Policy
+from runs import HELD_OUT_SEED
 
 from springgym.bodies.motion import axes
 from springgym.envs import detumble, tumble
@@ -312,7 +313,8 @@ def make_controller(
     ConfigError
         If there is no such controller.
     """
-    assert isinstance(action_space, spaces.Box)
+    if not isinstance(action_space, spaces.Box):
+        raise ConfigError(f"{env_id} has no continuous actions: its action space is {action_space}")
     if name == "zero":
         return lambda observations: np.zeros((len(observations), *action_space.shape), np.float32)
     if name == "random":

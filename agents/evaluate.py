@@ -21,23 +21,30 @@ from typing import Any
 
 import numpy as np
 import torch
+from agent import Policy
 from config import (
     CONFIG_FOLDER,
+    MENDABLE,
     Config,
     ConfigError,
     load_config,
     making,
     parse_assignments,
+    whole,
 )
 from controllers import controller_env_kwargs, make_controller
-from runs import HELD_OUT_SEED, Policy, load_policy, open_run, write_atomically
+from runs import HELD_OUT_SEED, Run, load_policy, open_run, write_atomically
 
 import springgym  # noqa: F401  (registers the environments)
+from springgym.cli import guarded
 from springgym.envs.sb3 import make_sb3
 from springgym.strict_yaml import read_yaml
 
 #: Keyword arguments of an environment that belong to the agent and not to the task.
 INTERFACE = ("observation", "action")
+
+MOST_EPISODES = 1_000_000
+LAST_SEED = 2**31 - 1 - MOST_EPISODES
 
 
 @dataclass(frozen=True)
@@ -70,10 +77,17 @@ def task_kwargs(config: Config) -> dict[str, Any]:
 def find_task(
     agents: Sequence[str], env_id: str | None, overrides: Sequence[str]
 ) -> tuple[str, dict[str, Any]]:
-    """Environment and keyword arguments: those of the first run folder, or of configs/ppo.yaml."""
+    """Environment and keyword arguments: those of the first run folder, or of configs/ppo.yaml.
+
+    A run folder may be anyone's: a module that it names is imported only if ``env_id`` names it, too.
+    """
     runs = [open_run(Path(agent)) for agent in agents if Path(agent).is_dir()]
     if not runs and not env_id:
         raise ConfigError("name the environment with --env, or give a run folder")
+    if not env_id and ":" in runs[0].env_id:
+        raise ConfigError(
+            f"{runs[0].folder} asks for a module to be imported; if that is to be, add --env {runs[0].env_id}"
+        )
     env_id = env_id or runs[0].env_id
     if runs:
         kwargs = task_kwargs(runs[0].config)
@@ -92,21 +106,16 @@ def evaluate(
     first_seed: int = HELD_OUT_SEED,
 ) -> Evaluation:
     """Run one episode from each of ``episodes`` seeds, all at once, with one agent."""
-    if Path(agent).is_dir():
-        run = open_run(Path(agent))
-        if run.env_id != env_id:
-            raise ConfigError(f"{agent} was trained on {run.env_id}, not on {env_id}")
-        # The task is the one asked for, seen and acted upon the way the agent was trained.
-        task = {k: v for k, v in env_kwargs.items() if k not in INTERFACE}
-        own = {k: v for k, v in run.config.env_kwargs.items() if k in INTERFACE}
-        with making(env_id):
-            env = make_sb3(env_id, episodes, **task, **own)
-        policy = load_policy(run)
-    else:
-        with making(env_id):
-            env = make_sb3(env_id, episodes, **controller_env_kwargs(agent, env_kwargs))
-        policy = make_controller(agent, env_id, env_kwargs, env.action_space)
+    run = trained_on(agent, env_id)
+    kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_kwargs)
+    with making(env_id):
+        env = make_sb3(env_id, episodes, **kwargs)
     try:
+        policy = (
+            load_policy(run, env.observation_space, env.action_space)
+            if run
+            else make_controller(agent, env_id, env_kwargs, env.action_space)
+        )
         last_infos = _run_one_episode_each(env, policy, first_seed)
         spec = env.get_attr("spec")[0]
     finally:
@@ -131,6 +140,22 @@ def evaluate(
         else None,
         last_infos={key: [float(info[key]) for info in last_infos] for key in scalars},
     )
+
+
+def trained_on(agent: str, env_id: str) -> Run | None:
+    """The run of an agent's folder; None for the name of a baseline."""
+    if not Path(agent).is_dir():
+        return None
+    run = open_run(Path(agent))
+    if run.env_id != env_id:
+        raise ConfigError(f"{agent} was trained on {run.env_id}, not on {env_id}")
+    return run
+
+
+def trained_kwargs(run: Run, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    """The task that is asked for, seen and acted upon the way the agent was trained."""
+    task = {k: v for k, v in env_kwargs.items() if k not in INTERFACE}
+    return task | {k: v for k, v in run.config.env_kwargs.items() if k in INTERFACE}
 
 
 def _run_one_episode_each(env: Any, policy: Policy, first_seed: int) -> list[dict[str, Any]]:
@@ -190,8 +215,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("agents", nargs="+", help="run folders; zero, random, classical")
     parser.add_argument("--env", help="environment id, where no run folder tells it")
-    parser.add_argument("--episodes", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=HELD_OUT_SEED, help="the first of the seeds")
+    parser.add_argument("--episodes", type=whole(1, MOST_EPISODES), default=100)
+    parser.add_argument(
+        "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="the first of the seeds"
+    )
     parser.add_argument(
         "--set",
         dest="overrides",
@@ -203,15 +230,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--json", type=Path, help="write the evaluations here")
     options = parser.parse_args(arguments)
+    if options.json and not options.json.absolute().parent.is_dir():
+        parser.error(f"--json {options.json}: there is no folder {options.json.absolute().parent}")
     torch.set_num_threads(1)  # networks this small are fastest on one
-    try:
-        env_id, env_kwargs = find_task(options.agents, options.env, options.overrides)
-        evaluations = [
-            evaluate(agent, env_id, env_kwargs, options.episodes, options.seed) for agent in options.agents
-        ]
-    except (ConfigError, FileNotFoundError) as error:
-        print(f"evaluate.py: {error}", file=sys.stderr)
-        return 2
+    return guarded("evaluate.py", lambda: _compare(options), MENDABLE)
+
+
+def _compare(options: argparse.Namespace) -> int:
+    env_id, env_kwargs = find_task(options.agents, options.env, options.overrides)
+    evaluations = [
+        evaluate(agent, env_id, env_kwargs, options.episodes, options.seed) for agent in options.agents
+    ]
     print(f"{env_id}: {options.episodes} episodes, seeds from {options.seed}\n{table(evaluations)}")
     if options.json:
         write_json(options.json, evaluations)

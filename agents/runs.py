@@ -3,40 +3,45 @@
 =====================  ==========================================================================
 ``config.yaml``        algorithm, environment, seed and every hyperparameter, as used
 ``versions.json``      Python, packages, processor and git revision it was made with
-``model.zip``          the newest checkpoint: a Stable-Baselines3 model file (``PPO.load`` reads
-                       it) that also holds ``vecnormalize.pkl`` and ``training_state.pkl``
+``agent.npz``          the newest agent: arrays of numbers and nothing else
 ``metrics.csv``        the learning curve, drawn in ``learning_curve.png``
 ``tensorboard/``       everything Stable-Baselines3 logs
 ``evaluation.json``    the finished agent beside the baselines, on held-out seeds
 ``episode.gif``        one held-out episode of the finished agent
+``model.zip``          the newest checkpoint: a Stable-Baselines3 model file (``PPO.load`` reads
+                       it) that also holds all else that training depends on
+``lock``               held by the process that trains
 =====================  ==========================================================================
+
+``config.yaml`` and ``agent.npz`` are enough to evaluate and watch an agent: share these two. They may
+come from anyone. ``model.zip`` is pickled, and whoever unpickles a file runs what its author wrote: resume
+your own runs only.
 """
 
 from __future__ import annotations
 
+import errno
 import json
 import os
-import pickle
 import platform
 import subprocess
 import sys
-import zipfile
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import IO, Any, Literal, NamedTuple
 
-import numpy as np
 import stable_baselines3
 import yaml
-from config import Config, build_config
+from agent import Policy, load_agent
+from config import Config, ConfigError, build_config
+from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 
+from springgym.cli import whole_file
 from springgym.strict_yaml import build, read_yaml
-
-#: Maps observations ``(n, ...)`` to actions ``(n, ...)``.
-Policy = Callable[[np.ndarray], np.ndarray]
 
 #: Evaluation episodes start from this seed upwards, training from seeds below it.
 HELD_OUT_SEED = 1_000_000
@@ -60,6 +65,41 @@ class Run(NamedTuple):
     def model(self) -> Path:
         """The newest checkpoint."""
         return self.folder / "model.zip"
+
+    @property
+    def agent(self) -> Path:
+        """The newest agent."""
+        return self.folder / "agent.npz"
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep others from training in a folder; the system lets go when this process ends, in whatever way.
+
+    Raises
+    ------
+    ConfigError
+        If another process trains in it.
+    """
+    with open(folder / "lock", "ab") as file:
+        try:
+            _lock(file)
+        except OSError as error:
+            if error.errno in (errno.EACCES, errno.EAGAIN, errno.EDEADLK):
+                raise ConfigError(f"{folder}: another process trains in this folder") from error
+            print(f"{folder} cannot be locked here ({error.strerror}): train in it once at a time")
+        yield
+
+
+def _lock(file: IO[bytes]) -> None:
+    if sys.platform == "win32":
+        import msvcrt
+
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+    else:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def create_run(run: Run) -> Run:
@@ -113,38 +153,27 @@ def _header(
     return algo, env_id, seed
 
 
-def load_policy(run: Run) -> Policy:
-    """The deterministic policy of a run's newest checkpoint, normalisation included.
+def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> Policy:
+    """The deterministic policy of a run's newest agent, normalisation included, see `load_agent`.
 
     Raises
     ------
-    FileNotFoundError
-        If the run was stopped before its first checkpoint.
+    ConfigError
+        If there is none, or it does not fit.
     """
-    if not run.model.exists():
-        raise FileNotFoundError(
-            f"{run.folder} has no model.zip yet: train.py --resume {run.folder} continues the run"
+    if not run.agent.exists():
+        old = ": runs of springgym 0.1.0 have none" if run.model.exists() else ""
+        raise ConfigError(
+            f"{run.folder} has no agent.npz{old}; if the run is your own, train.py --resume {run.folder} "
+            "goes on with it and writes one"
         )
-    model = ALGORITHMS[run.algo].load(run.model, device="cpu")
-    if not run.config.normalize:
-        return lambda observations: model.predict(observations, deterministic=True)[0]
-    with zipfile.ZipFile(run.model) as archive:
-        normalize = pickle.loads(archive.read("vecnormalize.pkl"))
-    return lambda observations: model.predict(normalize.normalize_obs(observations), deterministic=True)[0]
+    return load_agent(run.agent, run.config, observation_space, action_space)
 
 
 def write_atomically(path: Path, text: str) -> None:
     """Replace a file by ``text``: a kill at any moment leaves the old file or the new one."""
-    temporary = path.with_name(f"{path.name}.tmp")
-    temporary.write_text(text, encoding="utf-8")
-    replace_atomically(temporary, path)
-
-
-def replace_atomically(temporary: Path, path: Path) -> None:
-    """Put a finished file in another's place, once its content is on the disk."""
-    with open(temporary, "rb+") as file:  # Windows syncs what may be written
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def versions() -> dict[str, object]:
@@ -177,7 +206,7 @@ def _cpu_model() -> str:
 
 def _git_revision() -> str | None:
     """Revision of the source tree, ``-dirty`` if it was changed since; None outside git."""
-    command = ["git", "describe", "--always", "--dirty", "--abbrev=40"]
+    command = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=40"]
     try:
         result = subprocess.run(
             command, cwd=Path(__file__).parent, capture_output=True, text=True, check=True

@@ -7,36 +7,42 @@
 
 Hyperparameters come from configs/<algo>.yaml. The run folder (see runs.py) holds all that comes
 out. A run that was stopped in whatever way goes on from its newest checkpoint with --resume; if
-the environment can save its state, exactly as if it had never stopped.
+the environment can save its state, exactly as if it had never stopped. It keeps the configuration
+that it was started with. --resume unpickles the checkpoint: do that with runs of your own only.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import json
+import math
+import os
 import pickle
+import platform
 import random
 import sys
 import time
 import zipfile
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
 import torch
-from config import CONFIG_OF, ConfigError, PPOConfig, SACConfig, load_config, making
+from agent import policy_kwargs, save_agent
+from config import CONFIG_OF, MENDABLE, ConfigError, PPOConfig, SACConfig, load_config, making, whole
 from controllers import CLASSICAL
-from evaluate import Evaluation, evaluate, table, task_kwargs, write_json
+from evaluate import MOST_EPISODES, Evaluation, evaluate, table, task_kwargs, write_json
 from runs import (
     ALGORITHMS,
     HELD_OUT_SEED,
     Run,
     create_run,
+    locked,
     open_run,
-    replace_atomically,
     write_atomically,
     write_config,
 )
@@ -46,11 +52,14 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, filter_excluded_keys
 from stable_baselines3.common.utils import safe_mean
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
-from torch.utils.tensorboard import SummaryWriter
+from tensorboard.compat.proto.event_pb2 import Event, SessionLog
+from tensorboard.compat.proto.summary_pb2 import Summary
+from tensorboard.summary.writer.record_writer import RecordWriter
 from tqdm import tqdm
 from watch import record
 
 import springgym  # noqa: F401  (registers the environments)
+from springgym.cli import INTERRUPTED, guarded, whole_file
 from springgym.envs.sb3 import SB3VecEnv, make_sb3
 
 matplotlib.use("Agg")
@@ -78,7 +87,22 @@ def make_training_env(run: Run) -> VecMonitor:
 
 
 def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
-    """An untrained agent."""
+    """An untrained agent.
+
+    Raises
+    ------
+    MemoryError
+        If it does not fit into memory.
+    """
+    try:
+        return _new_model(run, env)
+    except RuntimeError as error:
+        if "memory" not in str(error):
+            raise
+        raise MemoryError(f"not enough memory for the networks of {run.algo}") from error
+
+
+def _new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
     config = run.config
     common: dict[str, Any] = {
         "policy": "MlpPolicy",
@@ -88,9 +112,8 @@ def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
         "gamma": config.gamma,
         "seed": run.seed,
         "device": "cpu",
+        "policy_kwargs": policy_kwargs(config),
     }
-    activation = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}[config.activation]
-    policy_kwargs: dict[str, Any] = {"net_arch": config.net_arch, "activation_fn": activation}
     if isinstance(config, PPOConfig):
         return PPO(
             **common,
@@ -98,7 +121,6 @@ def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
             n_epochs=config.n_epochs,
             gae_lambda=config.gae_lambda,
             ent_coef=config.ent_coef,
-            policy_kwargs={**policy_kwargs, "log_std_init": config.log_std_init},
         )
     assert isinstance(config, SACConfig)
     return SAC(
@@ -107,15 +129,17 @@ def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
         buffer_size=config.buffer_size,
         learning_starts=config.learning_starts,
         gradient_steps=config.gradient_steps,
-        policy_kwargs=policy_kwargs,
     )
 
 
 # ---------------------------------------------------------------- checkpoints
 
+#: What of a configuration may change while a run goes on.
+MAY_CHANGE = ("total_timesteps", "log_every", "checkpoint_every", "eval_env_kwargs")
+
 
 def save_checkpoint(run: Run, env: VecMonitor, model: BaseAlgorithm, recorder: Recorder) -> None:
-    """Write the model and all that training depends on into one file, swapped in whole.
+    """Write the model and all that training depends on into one file, swapped in whole, and the agent.
 
     To be called between iterations: after an update and before the next step is taken.
     """
@@ -131,31 +155,59 @@ def save_checkpoint(run: Run, env: VecMonitor, model: BaseAlgorithm, recorder: R
         "logger": (dict(logger.name_to_value), dict(logger.name_to_count), logger.name_to_excluded),
         "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002
     }
-    temporary = run.model.with_suffix(".tmp.zip")
-    model.save(temporary)
-    with zipfile.ZipFile(temporary, "a") as archive:
-        archive.writestr("training_state.pkl", pickle.dumps(state))
-        if normalize:
-            archive.writestr("vecnormalize.pkl", pickle.dumps(normalize))
-    replace_atomically(temporary, run.model)
+    with whole_file(run.model) as temporary:
+        model.save(temporary)
+        with zipfile.ZipFile(temporary, "a") as archive:
+            archive.writestr("run.json", json.dumps(asked_for(run)))
+            archive.writestr("training_state.pkl", pickle.dumps(state))
+            if normalize:
+                archive.writestr("vecnormalize.pkl", pickle.dumps(normalize))
+    save_agent(run.agent, model)
 
 
 def load_checkpoint(run: Run, env: VecMonitor, recorder: Recorder) -> BaseAlgorithm:
-    """Restore an agent and everything around it as :func:`save_checkpoint` found it."""
-    with zipfile.ZipFile(run.model) as archive:
-        state = pickle.loads(archive.read("training_state.pkl"))
-        normalize = None
-        if run.config.normalize:
-            normalize = pickle.loads(archive.read("vecnormalize.pkl"))
-            normalize.set_venv(env)
-    exact = state["env"] is not None
-    if exact:
+    """Restore an agent and everything around it as :func:`save_checkpoint` found it.
+
+    Raises
+    ------
+    ConfigError
+        If the checkpoint is damaged, or of another run.
+    """
+    try:
+        with zipfile.ZipFile(run.model) as archive:
+            if damaged := archive.testzip():
+                raise ConfigError(f"{run.model}: {damaged} in it is damaged")
+            whose = json.loads(archive.read("run.json")) if "run.json" in archive.namelist() else None
+            if whose is not None:
+                check_same(run, whose)
+            state = pickle.loads(archive.read("training_state.pkl"))
+            normalize = pickle.loads(archive.read("vecnormalize.pkl")) if run.config.normalize else None
+        return _restore(run, env, recorder, state, normalize, exact=whose is not None)
+    except (ConfigError, MemoryError):
+        raise
+    except Exception as error:  # it may be any file, and be wrong in any way
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ConfigError(
+            f"{run.model}: no checkpoint of this run: {reason}. Put a copy of it there, or start a new run"
+        ) from error
+
+
+def _restore(
+    run: Run, env: VecMonitor, recorder: Recorder, state: dict[str, Any], normalize: Any, exact: bool
+) -> BaseAlgorithm:
+    """What `load_checkpoint` does with what it read."""
+    if normalize:
+        normalize.set_venv(env)
+    if not exact:
+        print("the checkpoint is of springgym 0.1.0: the episodes under way start anew")
+    elif state["env"] is None:
+        print(f"{run.env_id} cannot save its state: the episodes under way start anew")
+        exact = False
+    else:
         native_env(env).set_state(state["env"])
         env.episode_returns, env.episode_lengths, env.episode_count = state["monitor"]
         if normalize:
             normalize.returns = state["discounted_returns"]
-    else:
-        print(f"{run.env_id} cannot save its state: the episodes under way start anew")
     model = ALGORITHMS[run.algo].load(run.model, env=normalize or env, device="cpu", force_reset=not exact)
     if isinstance(model, SAC):
         model.replay_buffer = state["replay_buffer"]
@@ -173,6 +225,28 @@ def load_checkpoint(run: Run, env: VecMonitor, recorder: Recorder) -> BaseAlgori
     return model
 
 
+def asked_for(run: Run) -> dict[str, Any]:
+    """What was asked for of a run, as JSON has it."""
+    asked = {"algo": run.algo, "env_id": run.env_id, "seed": run.seed, **asdict(run.config)}
+    return dict(json.loads(json.dumps(asked, default=str)))
+
+
+def check_same(run: Run, whose: dict[str, Any]) -> None:
+    """Refuse a ``config.yaml`` that says something else than when the checkpoint was made.
+
+    Raises
+    ------
+    ConfigError
+        Naming what differs.
+    """
+    for key, value in asked_for(run).items():
+        if key not in MAY_CHANGE and whose.get(key) != value:
+            raise ConfigError(
+                f"{run.folder / 'config.yaml'}: {key} is {value!r}, but the checkpoint was made with "
+                f"{whose.get(key)!r}. A run keeps what it was started with: put it back, or start a new run"
+            )
+
+
 def native_env(env: VecMonitor) -> Any:
     """The native vector environment under Stable-Baselines3's wrappers."""
     adapter = env.unwrapped
@@ -184,23 +258,37 @@ def native_env(env: VecMonitor) -> Any:
 
 
 class TensorBoard(KVWriter):
-    """TensorBoard scalars, hiding what a stopped run wrote beyond ``timesteps``."""
+    """TensorBoard scalars, hiding what a stopped run wrote beyond ``timesteps``.
+
+    They are written at once; PyTorch's writer does that in a thread, where nobody hears of a full disk.
+    """
 
     def __init__(self, folder: Path, timesteps: int) -> None:
-        self.writer = SummaryWriter(str(folder), purge_step=timesteps + 1)
+        folder.mkdir(parents=True, exist_ok=True)
+        self.path = folder / f"events.out.tfevents.{time.time_ns()}.{platform.node()}.{os.getpid()}"
+        start = SessionLog(status=SessionLog.START)
+        self._append(Event(file_version="brain.Event:2"), Event(step=timesteps + 1, session_log=start))
 
     def write(
         self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
     ) -> None:
         """Write what is a number and not excluded."""
-        for key, value in filter_excluded_keys(key_values, key_excluded, "tensorboard").items():
-            if isinstance(value, (int, float, np.number)):
-                self.writer.add_scalar(key, value, step)
-        self.writer.flush()
+        shown = filter_excluded_keys(key_values, key_excluded, "tensorboard")
+        scalars = [
+            Summary.Value(tag=key, simple_value=float(value))
+            for key, value in shown.items()
+            if isinstance(value, (int, float, np.number))
+        ]
+        self._append(Event(step=step, summary=Summary(value=scalars)))
+
+    def _append(self, *events: Any) -> None:
+        with open(self.path, "ab") as file:
+            for event in events:
+                event.wall_time = time.time()
+                RecordWriter(file).write(event.SerializeToString())
 
     def close(self) -> None:
-        """Close the file."""
-        self.writer.close()
+        """Nothing is left open."""
 
 
 def make_logger(run: Run, timesteps: int) -> Logger:
@@ -233,15 +321,43 @@ class Recorder(BaseCallback):
         self.__dict__.update(state)
 
     def drop_rows_after(self, timesteps: int) -> None:
-        """Keep the rows a checkpoint knows of; a kill may have left later ones, or half a row."""
+        """Keep the rows a checkpoint knows of; a kill may have left later ones, or half a row.
+
+        Raises
+        ------
+        ConfigError
+            If a row cannot be one of this run.
+        """
         kept = [",".join(COLUMNS)]
-        if self.path.exists():
-            for line in self.path.read_text().splitlines(keepends=True)[1:]:
-                cells = line.rstrip("\n").split(",")
-                whole = line.endswith("\n") and len(cells) == len(COLUMNS)
-                if whole and int(cells[0]) <= timesteps:
-                    kept.append(line.rstrip("\n"))
+        reached = 0
+        for number, line in enumerate(self._lines(), start=2):
+            if not line.endswith("\n"):
+                break  # cut short
+            try:
+                cells = [float(cell) if cell else 0.0 for cell in line.rstrip("\n").split(",")]
+                steps = int(cells[0]) if len(cells) == len(COLUMNS) and all(map(math.isfinite, cells)) else 0
+            except ValueError:
+                steps = 0
+            if steps <= reached:
+                raise ConfigError(
+                    f"{self.path}:{number}: no row of this run: {line[:80]!r}; mend or delete it"
+                )
+            reached = steps
+            if steps <= timesteps:
+                kept.append(line.rstrip("\n"))
         write_atomically(self.path, "\n".join(kept) + "\n")
+
+    def _lines(self) -> list[str]:
+        """The lines of metrics.csv below its head, with their ends."""
+        if not self.path.exists():
+            return []
+        try:
+            head, *lines = self.path.read_text(encoding="utf-8").splitlines(keepends=True) or [""]
+        except UnicodeDecodeError as error:
+            raise ConfigError(f"{self.path}: no text: {error}") from error
+        if head.rstrip("\n") != ",".join(COLUMNS):
+            raise ConfigError(f"{self.path}:1: not the columns of this version: {head[:80]!r}")
+        return lines
 
     def _on_training_start(self) -> None:
         self.checkpoint_at = self.num_timesteps
@@ -299,8 +415,8 @@ class Recorder(BaseCallback):
 # ---------------------------------------------------------------- results
 
 
-def plot_learning_curve(run: Run, evaluations: Sequence[Evaluation]) -> None:
-    """Draw metrics.csv, and what the finished agent and the baselines reach, as a PNG."""
+def plot_learning_curve(run: Run, end: int, evaluations: Sequence[Evaluation]) -> None:
+    """Draw metrics.csv, and what the agent after ``end`` steps and the baselines reach, as a PNG."""
     with open(run.folder / "metrics.csv", newline="") as file:
         rows = list(csv.DictReader(file))
 
@@ -311,7 +427,6 @@ def plot_learning_curve(run: Run, evaluations: Sequence[Evaluation]) -> None:
             [scale * float(row[column]) for row in given],
         )
 
-    end = int(rows[-1]["timesteps"])
     trained, *baselines = evaluations
     figure, (top, bottom) = plt.subplots(
         2, 1, figsize=(7, 6), sharex=True, layout="constrained", height_ratios=(3, 2)
@@ -330,10 +445,9 @@ def plot_learning_curve(run: Run, evaluations: Sequence[Evaluation]) -> None:
     bottom.xaxis.set_major_formatter(EngFormatter())
     for axes in (top, bottom):
         axes.grid(alpha=0.3)
-    temporary = run.folder / "learning_curve.tmp.png"
-    figure.savefig(temporary, dpi=120)
+    with whole_file(run.folder / "learning_curve.png") as path:
+        figure.savefig(path, dpi=120)
     plt.close(figure)
-    replace_atomically(temporary, run.folder / "learning_curve.png")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -342,8 +456,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("env_id", nargs="?", help="environment id")
-    parser.add_argument("--algo", choices=sorted(CONFIG_OF), default="ppo")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--algo", choices=sorted(CONFIG_OF), help="algorithm (ppo)")
+    parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), help="below those of evaluation (0)")
     parser.add_argument("--run", type=Path, help="run folder (runs/<env id>-<algo>-<seed>)")
     parser.add_argument("--config", type=Path, help="hyperparameters (configs/<algo>.yaml)")
     parser.add_argument(
@@ -357,43 +471,69 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--timesteps", type=int, help="same as --set total_timesteps=...")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="go on with this run")
-    parser.add_argument("--episodes", type=int, default=100, help="to evaluate on, at the end")
+    parser.add_argument(
+        "--episodes", type=whole(1, MOST_EPISODES), default=100, help="to evaluate on, at the end"
+    )
     options = parser.parse_args(arguments)
     if bool(options.env_id) == bool(options.resume):
         parser.error("give an environment id, or --resume and a run folder")
-    if options.resume and (options.overrides or options.run or options.config):
-        parser.error("--resume goes on with the run's own configuration; only --timesteps changes it")
-    if not 0 <= options.seed < HELD_OUT_SEED:
-        parser.error(f"--seed must lie in [0, {HELD_OUT_SEED}): evaluation uses those from there on")
+    ignored = {name: getattr(options, name) for name in ("algo", "seed", "run", "config")}
+    ignored["set"] = options.overrides or None
+    if options.resume and (given := [f"--{name}" for name, value in ignored.items() if value is not None]):
+        parser.error(f"--resume goes on with the run's own configuration: drop {', '.join(given)}")
 
     torch.set_num_threads(1)  # networks this small are fastest on one
-    try:
-        if options.resume:
-            run = open_run(options.resume)
-            if options.timesteps is not None:
-                run = run._replace(config=replace(run.config, total_timesteps=options.timesteps))
-                write_config(run)
-            env = make_training_env(run)
-        else:
-            if options.timesteps is not None:
-                options.overrides.append(f"total_timesteps={options.timesteps}")
-            config = load_config(options.algo, options.env_id, options.overrides, options.config)
-            name = f"{options.env_id.rpartition(':')[2]}-{options.algo}-{options.seed}"
-            folder = options.run or Path("runs") / name
-            run = Run(folder, options.algo, options.env_id, options.seed, config)
-            env = make_training_env(run)  # before the folder: no run is left of a mistyped argument
-            create_run(run)
-    except (ConfigError, FileExistsError) as error:
-        print(f"train.py: {error}", file=sys.stderr)
-        return 2
+    return guarded("train.py", lambda: resume(options) if options.resume else begin(options), MENDABLE)
 
-    recorder = Recorder(run, env)
-    if run.model.exists():
-        model = load_checkpoint(run, env, recorder)
-    else:
-        model = new_model(run, env)
+
+def begin(options: argparse.Namespace) -> int:
+    """Start a new run."""
+    algo, seed, overrides = options.algo or "ppo", options.seed or 0, options.overrides
+    if options.timesteps is not None:
+        overrides = [*overrides, f"total_timesteps={options.timesteps}"]
+    config = load_config(algo, options.env_id, overrides, options.config)
+    folder = options.run or Path("runs") / f"{options.env_id.rpartition(':')[2]}-{algo}-{seed}"
+    run = Run(folder, algo, options.env_id, seed, config)
+    env = make_training_env(run)  # before the folder: no run is left of a mistyped argument
+    model = new_model(run, env)
+    folder.mkdir(parents=True, exist_ok=True)
+    with locked(folder):
+        create_run(run)
+        recorder = Recorder(run, env)
+        recorder.drop_rows_after(0)
         model.set_logger(make_logger(run, 0))
-    recorder.drop_rows_after(model.num_timesteps)
+        return finish(run, env, model, recorder, options.episodes)
+
+
+def resume(options: argparse.Namespace) -> int:
+    """Go on with a run."""
+    folder = options.resume
+    open_run(folder)  # whether there is one, before its folder is locked
+    with locked(folder):
+        run = open_run(folder)
+        if options.timesteps is not None:
+            run = run._replace(config=replace(run.config, total_timesteps=options.timesteps))
+        env = make_training_env(run)
+        recorder = Recorder(run, env)
+        if run.model.exists():
+            model = load_checkpoint(run, env, recorder)
+        else:
+            print(f"{folder} has no checkpoint yet: training starts from the beginning")
+            model = new_model(run, env)
+            model.set_logger(make_logger(run, 0))
+        if options.timesteps is not None:
+            if options.timesteps < model.num_timesteps:
+                raise ConfigError(
+                    f"--timesteps {options.timesteps}: the run has come to {model.num_timesteps} already"
+                )
+            write_config(run)
+        recorder.drop_rows_after(model.num_timesteps)
+        save_agent(run.agent, model)
+        return finish(run, env, model, recorder, options.episodes)
+
+
+def finish(run: Run, env: VecMonitor, model: BaseAlgorithm, recorder: Recorder, episodes: int) -> int:
+    """Train what is left, then evaluate and show the agent."""
     left = run.config.total_timesteps - model.num_timesteps
     try:
         if left > 0:
@@ -409,20 +549,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 model.learn(left, recorder, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
     except KeyboardInterrupt:
         print(f"\nstopped; go on with: python agents/train.py --resume {run.folder}")
-        return 130
+        return INTERRUPTED
+    except OSError as error:
+        if str(run.folder) in str(error):
+            raise
+        raise OSError(f"{run.folder}: {error.strerror or error}") from error
+    except ValueError as error:
+        if all(bool(tensor.isfinite().all()) for tensor in model.policy.parameters()):
+            raise
+        raise ConfigError(
+            f"{run.folder}: after {model.num_timesteps} steps the networks hold numbers that are not finite: "
+            "learning diverged. Start a new run, with a smaller learning_rate"
+        ) from error
     finally:
         env.close()
+    try:
+        return report(run, model.num_timesteps, episodes)
+    except KeyboardInterrupt:
+        print(f"\nstopped, with the agent trained; to see it: python agents/train.py --resume {run.folder}")
+        return INTERRUPTED
 
+
+def report(run: Run, timesteps: int, episodes: int) -> int:
+    """Compare the agent with the baselines, draw how it learnt, and film it."""
     baselines = ["zero", "random", *(["classical"] if run.env_id in CLASSICAL else [])]
     task = task_kwargs(run.config)
-    evaluations = [
-        evaluate(agent, run.env_id, task, options.episodes) for agent in (str(run.folder), *baselines)
-    ]
+    evaluations = [evaluate(agent, run.env_id, task, episodes) for agent in (str(run.folder), *baselines)]
     write_json(run.folder / "evaluation.json", evaluations)
-    plot_learning_curve(run, evaluations)
+    plot_learning_curve(run, timesteps, evaluations)
     record(str(run.folder), run.env_id, task, run.folder / "episode.gif")
-    print(f"{run.env_id}: {options.episodes} held-out episodes\n{table(evaluations)}")
-    print(f"model.zip, learning_curve.png and episode.gif are in {run.folder}")
+    print(f"{run.env_id}: {episodes} held-out episodes\n{table(evaluations)}")
+    print(f"agent.npz, learning_curve.png and episode.gif are in {run.folder}")
     return 0
 
 

@@ -17,12 +17,14 @@ from typing import Any
 
 import gymnasium as gym
 import torch
-from config import ConfigError, making
+from agent import Policy
+from config import MENDABLE, ConfigError, making, whole
 from controllers import controller_env_kwargs, make_controller
-from evaluate import find_task
-from runs import HELD_OUT_SEED, Policy, load_policy, open_run
+from evaluate import LAST_SEED, find_task, trained_kwargs, trained_on
+from runs import HELD_OUT_SEED, load_policy
 
 import springgym  # noqa: F401  (registers the environments)
+from springgym.cli import guarded, whole_file
 
 #: Frames per second of a GIF at most; browsers show many more at the wrong speed.
 GIF_FPS = 25
@@ -32,14 +34,17 @@ def make_watched(
     agent: str, env_id: str, env_kwargs: Mapping[str, Any], render_mode: str
 ) -> tuple[gym.Env, Policy]:
     """One environment and the agent that acts in it."""
-    if Path(agent).is_dir():
-        with making(env_id):
-            env = gym.make(env_id, render_mode=render_mode, **env_kwargs)
-        return env, load_policy(open_run(Path(agent)))
-    kwargs = controller_env_kwargs(agent, env_kwargs)
+    run = trained_on(agent, env_id)
+    kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_kwargs)
     with making(env_id):
         env = gym.make(env_id, render_mode=render_mode, **kwargs)
-    return env, make_controller(agent, env_id, env_kwargs, env.action_space)
+    try:
+        if run:
+            return env, load_policy(run, env.observation_space, env.action_space)
+        return env, make_controller(agent, env_id, env_kwargs, env.action_space)
+    except BaseException:
+        env.close()
+        raise
 
 
 def play_episode(env: gym.Env, policy: Policy, seed: int) -> Iterator[Any]:
@@ -60,10 +65,13 @@ def show(env: gym.Env, policy: Policy, seed: int) -> None:
     """Play episodes in a window, one after the other, until its close button is pressed."""
     import pygame
 
-    for episode in itertools.count(seed):
-        for _ in play_episode(env, policy, episode):
-            if pygame.event.peek(pygame.QUIT):
-                return
+    try:
+        for episode in itertools.count(seed):
+            for _ in play_episode(env, policy, episode):
+                if pygame.event.peek(pygame.QUIT):
+                    return
+    except pygame.error as error:  # such as no display
+        raise ConfigError(f"no window can be shown: {error}; --out writes a film") from error
 
 
 def record(
@@ -79,7 +87,8 @@ def record(
         env.close()
     fps = env.metadata["render_fps"]
     every = -(-fps // GIF_FPS) if path.suffix.lower() == ".gif" else 1
-    save_video(frames[::every], path, fps / every)
+    with whole_file(path) as temporary:
+        save_video(frames[::every], temporary, fps / every)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -89,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("agent", help="a run folder, zero, random or classical")
     parser.add_argument("--env", help="environment id, where no run folder tells it")
-    parser.add_argument("--seed", type=int, default=HELD_OUT_SEED)
+    parser.add_argument("--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED)
     parser.add_argument("--out", type=Path, help="write this .gif or .mp4 and open no window")
     parser.add_argument(
         "--set",
@@ -103,17 +112,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.out and options.out.suffix.lower() not in (".gif", ".mp4"):
         parser.error(f"--out {options.out}: the name must end in .gif or .mp4")
+    if options.out and not options.out.absolute().parent.is_dir():
+        parser.error(f"--out {options.out}: there is no folder {options.out.absolute().parent}")
     torch.set_num_threads(1)  # networks this small are fastest on one
-    try:
-        env_id, env_kwargs = find_task([options.agent], options.env, options.overrides)
-        if options.out:
-            record(options.agent, env_id, env_kwargs, options.out, options.seed)
-            print(f"wrote {options.out}")
-            return 0
-        env, policy = make_watched(options.agent, env_id, env_kwargs, "human")
-    except (ConfigError, FileNotFoundError) as error:
-        print(f"watch.py: {error}", file=sys.stderr)
-        return 2
+    return guarded("watch.py", lambda: _watch(options), MENDABLE)
+
+
+def _watch(options: argparse.Namespace) -> int:
+    env_id, env_kwargs = find_task([options.agent], options.env, options.overrides)
+    if options.out:
+        record(options.agent, env_id, env_kwargs, options.out, options.seed)
+        print(f"wrote {options.out}")
+        return 0
+    env, policy = make_watched(options.agent, env_id, env_kwargs, "human")
     try:
         show(env, policy, options.seed)
     except KeyboardInterrupt:

@@ -13,11 +13,13 @@ _PUBLIC = {
     "Body": "springgym.bodies",
     "Scene": "springgym.scene",
     "Simulator": "springgym.simulator",
+    "get_state": "springgym.envs.base",
     "make_scene_env": "springgym.envs.scene",
+    "set_state": "springgym.envs.base",
 }
 """Public names and the modules they come from, imported when first used: `import springgym` is quick."""
 
-__all__ = ["Body", "Scene", "Simulator", "make_scene_env", "register"]
+__all__ = ["Body", "Scene", "Simulator", "get_state", "make_scene_env", "register", "set_state"]
 
 
 def __getattr__(name: str) -> Any:

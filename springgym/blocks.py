@@ -11,7 +11,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
-from springgym.lanes import block_dtype
+from springgym.lanes import block_dtype, check_index
 
 WIDTH = {np.dtype(np.float64): 8, np.dtype(np.float32): 16}
 """Copies in a block of a batch: one AVX-512 register, two of AVX2, four of NEON."""
@@ -58,6 +58,13 @@ def set_copies(array: np.ndarray, index: np.ndarray, values: Any) -> None:
     np.moveaxis(lanes, -1, 1)[index // width, index % width] = values
 
 
+def get_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """The values (k, *shape) of the copies ``index`` (k,) of a block array, copied."""
+    lanes = numbers(array)
+    width = lanes.shape[-1]
+    return np.moveaxis(lanes, -1, 1)[index // width, index % width]
+
+
 def set_all(array: np.ndarray, values: np.ndarray) -> None:
     """Set all copies of a block array to ``values`` (copies, *shape)."""
     lanes = numbers(array)
@@ -94,6 +101,7 @@ def _at(context: Any, builder: Any, term: types.Type, value: Any, block: Any) ->
     array = context.make_array(term)(context, builder, value)
     view = context.make_array(_one_block(term))(context, builder)
     shape, strides = (cgutils.unpack_tuple(builder, of) for of in (array.shape, array.strides))
+    check_index(context, builder, block, shape[0])
     data = cgutils.pointer_add(builder, array.data, builder.mul(block, strides[0]))
     populate_array(view, data, shape[1:], strides[1:], array.itemsize, array.meminfo, array.parent)
     return view._getvalue()

@@ -6,8 +6,12 @@ only kernels call; it is stored inside the kernels that use it.
 Numba's own cache looks at the file of the cached function alone, so an edit in a file it *calls* would
 silently run the old physics, and its index can be torn by two processes that compile at once. Here a
 cache entry is one file, named by a hash over everything it depends on: the text of every module the
-function is compiled from, the argument types, the CPU, and the versions of Python and Numba.
-Nothing is ever invalidated or locked; another source, another name. Numba's settings are not touched.
+function is compiled from, the argument types, the CPU, the versions of Python and Numba, and those of Numba's
+settings that change the code. Nothing is ever invalidated or locked; another source, another name. Numba's
+settings are not touched. An entry is code of this machine: its folder must be one's own.
+
+With ``NUMBA_BOUNDSCHECK=1`` in the environment all compiled functions check every index, those of `lanes` and
+`blocks` too, and raise an `IndexError`: slow, for the search of a fault.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ import numba
 import numpy as np
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
@@ -35,8 +40,20 @@ from numba.core.serialize import dumps
 PACKAGE = __name__.partition(".")[0]
 
 OPTIONS = {"error_model": "numpy", "_nrt": False}
-"""IEEE arithmetic (no fastmath), no bounds checks; no allocation either, hence no counting of
-references to arrays, which cost as much as the physics where small functions hand arrays on."""
+"""IEEE arithmetic (no fastmath); no allocation, hence no counting of references to arrays, which cost as
+much as the physics where small functions hand arrays on."""
+
+SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO_DEFAULT")
+"""Those of `numba.config` that change what is compiled."""
+
+if hasattr(os, "register_at_fork"):
+    # A forked child has the compiler's lock as it was, but not the thread that held it: it would wait for
+    # ever. So a fork waits until no other thread compiles.
+    os.register_at_fork(
+        before=global_compiler_lock.acquire,
+        after_in_parent=global_compiler_lock.release,
+        after_in_child=global_compiler_lock.release,
+    )
 
 
 class Inner(CPUDispatcher):
@@ -84,13 +101,14 @@ class SameTypes:
             self._code = self._function
             if isinstance(self._function, Dispatcher):
                 types = tuple(map(numba.typeof, arguments))
-                self._function.compile(types)
+                if types not in self._function.overloads:  # compiling waits for the compiler's lock
+                    self._function.compile(types)
                 self._code = self._function.get_overload(types)
         return self._code(*arguments)
 
 
-def cache_directory() -> Path:
-    """Folder of compiled code: ``$SPRINGGYM_CACHE_DIR``, else the user's cache folder."""
+def cache_directory() -> Path | None:
+    """Folder of compiled code: ``$SPRINGGYM_CACHE_DIR``, else the user's cache folder; None if homeless."""
     if chosen := os.environ.get("SPRINGGYM_CACHE_DIR"):
         return Path(chosen)
     if sys.platform == "win32":
@@ -99,7 +117,10 @@ def cache_directory() -> Path:
         base = "~/Library/Caches"
     else:
         base = os.environ.get("XDG_CACHE_HOME", "~/.cache")
-    return Path(base).expanduser() / PACKAGE
+    try:
+        return Path(base).expanduser() / PACKAGE
+    except RuntimeError:  # a user without a home, as in some containers
+        return None
 
 
 class SourceKeyedCache(NullCache):
@@ -118,21 +139,29 @@ class SourceKeyedCache(NullCache):
         if path is None:
             return None
         try:
-            payload = pickle.loads(path.read_bytes())
+            content = path.read_bytes()
+            payload = content[DIGEST:]
+            if content[:DIGEST] != _checksum(path, payload):
+                return None
+            return CompileResult._rebuild(target_context, *pickle.loads(payload))
         except Exception:  # whatever is wrong with an entry: it is compiled anew, and replaced
             return None
-        return CompileResult._rebuild(target_context, *payload)
 
     def save_overload(self, sig: Any, data: CompileResult) -> None:
         path = self._path(sig, data.codegen)
         if path is None:
             return
+        payload = dumps(data._reduce())
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             descriptor, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-            with os.fdopen(descriptor, "wb") as file:
-                file.write(dumps(data._reduce()))
-            os.replace(temporary, path)  # readers see a whole entry or none
+            try:
+                with os.fdopen(descriptor, "wb") as file:
+                    file.write(_checksum(path, payload) + payload)
+                os.replace(temporary, path)  # readers see a whole entry or none
+            except BaseException:
+                os.unlink(temporary)
+                raise
         except OSError:
             pass  # a read-only or full disk costs a compilation, not the program
 
@@ -141,11 +170,22 @@ class SourceKeyedCache(NullCache):
         function = self._function
         if self._sources is None:
             self._sources = _source_digest(function)
-        if not self._sources:
+        folder = cache_directory()
+        if not self._sources or folder is None:
             return None
-        versions = (numba.__version__, platform.python_version(), codegen.magic_tuple())
+        settings = [str(getattr(numba.config, name, None)) for name in SETTINGS]
+        versions = (numba.__version__, platform.python_version(), codegen.magic_tuple(), settings)
         key = hashlib.sha256(repr((sig, versions)).encode() + self._sources).hexdigest()
-        return cache_directory() / f"{function.__module__}.{function.__name__}-{key}.nbc"
+        return folder / f"{function.__module__}.{function.__name__}-{key}.nbc"
+
+
+DIGEST = hashlib.sha256().digest_size
+"""Length of the checksum that an entry begins with [bytes]."""
+
+
+def _checksum(path: Path, payload: bytes) -> bytes:
+    """Hash of what an entry holds and of its name: one that was renamed is another's."""
+    return hashlib.sha256(path.name.encode() + payload).digest()
 
 
 def _source_digest(function: Callable[..., Any]) -> bytes:
@@ -174,9 +214,12 @@ def _source_digest(function: Callable[..., Any]) -> bytes:
     for name in sorted(modules):
         module = sys.modules[name]
         source = getattr(module, "__file__", None)
-        if source is None or os.stat(source).st_mtime_ns > SourceKeyedCache.imported:
-            return b""  # what was imported is not what the file says by now
-        digest.update(name.encode() + Path(source).read_bytes())
+        try:
+            if source is None or os.stat(source).st_mtime_ns > SourceKeyedCache.imported:
+                return b""  # what was imported is not what the file says by now
+            digest.update(name.encode() + Path(source).read_bytes())
+        except OSError:  # it is in an archive, or was removed since
+            return b""
         for key, value in sorted(vars(module).items()):
             if isinstance(value, (int, float, complex, np.ndarray)):
                 digest.update(key.encode() + np.asarray(value).tobytes())

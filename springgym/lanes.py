@@ -14,6 +14,7 @@ every width gives the same bits. `multiply_add` is IEEE's fused operation: proce
 from __future__ import annotations
 
 import operator
+import re
 from typing import Any
 
 import numpy as np
@@ -221,6 +222,30 @@ def _element(array: types.Array) -> types.Type:
     return array.dtype
 
 
+def check_index(context: Any, builder: Any, index: Any, extent: Any, axis: int = 0) -> None:
+    """Raise unless 0 ≤ index < extent, if Numba is told to check bounds: it checks its own accesses only."""
+    if context.enable_boundscheck:
+        # as an unsigned number, a negative one is too large
+        _refuse(context, builder, ">=", index, extent, f"index %lld on axis {axis} of length %lld")
+
+
+def _refuse(context: Any, builder: Any, when: str, left: Any, right: Any, text: str) -> None:
+    """Print both numbers and raise where ``left`` ``when`` ``right``; an exception holds constants only."""
+    name, lengths = builder.function.name.removeprefix("_ZN"), re.compile(r"\d+")
+    parts = []  # of a mangled name, each after its length
+    while length := lengths.match(name):
+        parts.append(name[length.end() :][: int(length[0])])
+        name = name[length.end() + int(length[0]) :]
+    where = ".".join(parts)
+    with cgutils.if_unlikely(builder, builder.icmp_unsigned(when, left, right)):
+        cgutils.printf(builder, f"{where}: {text}\n", left, right)
+        flush = ir.FunctionType(ir.IntType(32), [cgutils.voidptr_t])
+        everything = ir.Constant(cgutils.voidptr_t, None)
+        builder.call(cgutils.get_or_insert_function(builder.module, flush, "fflush"), [everything])
+        message = f"{where}: index outside of its array; the numbers are printed"
+        context.call_conv.return_user_exc(builder, IndexError, (message,))
+
+
 def _address(context: Any, builder: Any, sig: Any, args: Any) -> tuple[Any, int]:
     """Pointer to ``array[index]`` of a C-contiguous array, and its alignment in bytes."""
     array_type, index_type = sig.args[:2]
@@ -231,12 +256,17 @@ def _address(context: Any, builder: Any, sig: Any, args: Any) -> tuple[Any, int]
         given = tuple(index_type)
     else:
         index, given = [args[1]], (index_type,)
+    index = [context.cast(builder, i, integer, types.intp) for i, integer in zip(index, given, strict=True)]
     extents = cgutils.unpack_tuple(builder, array.shape, array_type.ndim)
     if array_type.ndim == 2:
-        extents[1] = ir.Constant(extents[1].type, 3)  # the second index is an axis: a constant offset
+        three = ir.Constant(extents[1].type, 3)  # the second index is an axis: a constant offset
+        if context.enable_boundscheck:
+            _refuse(context, builder, "!=", extents[1], three, "rows of %lld numbers, not of %lld")
+        extents[1] = three
     offset = ir.Constant(extents[0].type, 0)
-    for extent, i, integer in zip(extents, index, given, strict=True):
-        offset = builder.add(builder.mul(offset, extent), context.cast(builder, i, integer, types.intp))
+    for axis, (extent, i) in enumerate(zip(extents, index, strict=True)):
+        check_index(context, builder, i, extent, axis)
+        offset = builder.add(builder.mul(offset, extent), i)
     if isinstance(element, Lanes):
         pointer = _llvm(element.dtype, element.width).as_pointer()
         return builder.gep(builder.bitcast(array.data, pointer), [offset]), element.dtype.bitwidth // 8

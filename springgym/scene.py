@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from springgym.bodies import Body
-from springgym.surfaces import Contact, PaperContact, Surface, check_heights, check_surfaces, scales
+from springgym.checks import TINY, array, flag, indices, instance, number, shown, whole, whole_array
+from springgym.surfaces import (
+    Contact,
+    Dish,
+    PaperContact,
+    Plane,
+    Surface,
+    check_heights,
+    check_surfaces,
+    scales,
+)
 
 GRAVITY = (0.0, 0.0, -9.81)
+
+MOST_SURFACES = 100
+"""A scene has no more: each particle is compared with each surface at every step."""
 
 
 @dataclass(frozen=True)
@@ -18,6 +33,9 @@ class WrenchActuator:
     """A force and a torque on the whole body; ``axial`` keeps the world torque's part along its axis."""
 
     axial: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axial", flag("axial of a wrench", self.axial))
 
 
 @dataclass(frozen=True)
@@ -27,6 +45,11 @@ class ThrustActuator:
     particles: tuple[int, ...]
     turns: bool = False
 
+    def __post_init__(self) -> None:
+        particles = whole_array("particles of a thrust", self.particles, (None,))
+        object.__setattr__(self, "particles", tuple(particles.tolist()))
+        object.__setattr__(self, "turns", flag("turns of a thrust", self.turns))
+
 
 @dataclass(frozen=True)
 class DriveActuator:
@@ -34,6 +57,10 @@ class DriveActuator:
 
     particle: int
     speed: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "particle", whole("particle of a drive", self.particle))
+        object.__setattr__(self, "speed", number("speed of a drive", self.speed, low=TINY))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +74,7 @@ class Scene:
     positions, velocities : (N, 3), optional
         Where it starts [m] and how it moves [m/s]: the unstretched shape, at rest, if not given.
     pinned
-        Particles that are held (zero inverse mass).
+        Particles that are held (zero inverse mass): torques and angular momenta count from the first.
     gravity : (3,) or None
         [m/s²]
     wrench, thrust, drive
@@ -59,10 +86,11 @@ class Scene:
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
         Naming the offender: a wrong shape, a value that is not finite, a particle that does not exist,
-        a pinned particle that moves, a particle that starts behind a surface, surfaces that cannot be
-        together.
+        a start that `check_start` refuses, surfaces that cannot be together.
     """
 
     body: Body
@@ -77,44 +105,83 @@ class Scene:
     contact: Contact | PaperContact = field(default_factory=Contact)
 
     def __post_init__(self) -> None:
-        shape = self.body.positions.shape
-        for name, default in (("positions", self.body.positions), ("velocities", np.zeros(shape))):
+        body = instance("body", self.body, Body)
+        count = len(body.masses)
+        for name, default in (("positions", body.positions), ("velocities", np.zeros((count, 3)))):
             given = getattr(self, name)
-            array = np.array(default if given is None else given, float)
-            if array.shape != shape:
-                raise ValueError(f"{name} must have shape {shape}, not {array.shape}")
-            if not np.isfinite(array).all():
-                raise ValueError(
-                    f"{name} of particle {np.argwhere(~np.isfinite(array))[0][0]} are not finite"
-                )
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        named = {"pinned": self.pinned}
+            value = np.array(array(name, default if given is None else given, (count, 3)))
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        pinned = dict.fromkeys(indices("pinned", self.pinned, count).tolist())
+        object.__setattr__(self, "pinned", tuple(pinned))
+        if self.gravity is not None:
+            object.__setattr__(self, "gravity", tuple(array("gravity", self.gravity, (3,)).tolist()))
+        kinds = {"wrench": WrenchActuator, "thrust": ThrustActuator, "drive": DriveActuator}
+        for name, kind in kinds.items():
+            instance(name, getattr(self, name), kind, type(None))
         if self.thrust:
-            named["thrust.particles"] = self.thrust.particles
-        if self.drive:
-            named["drive.particle"] = (self.drive.particle,)
-        for name, particles in named.items():
-            for i in particles:
-                if not 0 <= i < shape[0]:
-                    raise ValueError(f"{name} names particle {i}; the body has 0 to {shape[0] - 1}")
+            indices("thrust.particles", self.thrust.particles, count)
         if self.drive and self.drive.particle not in self.pinned:
             raise ValueError(f"drive.particle {self.drive.particle} must be pinned: the drive alone moves it")
-        for i in self.pinned:
-            if self.velocities[i].any() and not (self.drive and self.drive.particle == i):
-                raise ValueError(f"pinned particle {i} has velocity {self.velocities[i]}; it must be zero")
-        if self.gravity is not None and not np.isfinite(self.gravity).all():
-            raise ValueError(f"gravity is {self.gravity}; it must be finite")
-        object.__setattr__(self, "surfaces", tuple(self.surfaces))
-        if self.surfaces:
-            _, reach = scales(self.contact, self.body)
-            check_surfaces(self.surfaces, reach)
-            check_heights(self.surfaces, reach, self.positions, self.free)
+        self._check_surfaces()
+        self.check_start(self.positions, self.velocities)
 
-    @property
+    def _check_surfaces(self) -> None:
+        if not isinstance(self.surfaces, Sequence):
+            raise TypeError(f"surfaces is {shown(self.surfaces)}; it must be a tuple of surfaces")
+        if len(self.surfaces) > MOST_SURFACES:
+            raise ValueError(f"surfaces are {len(self.surfaces)}; there must be at most {MOST_SURFACES}")
+        made = [instance(f"surfaces[{n}]", surface, Plane, Dish) for n, surface in enumerate(self.surfaces)]
+        object.__setattr__(self, "surfaces", tuple(made))
+        instance("contact", self.contact, Contact, PaperContact)
+        if self.surfaces:
+            check_surfaces(self.surfaces, scales(self.contact, self.body)[1])
+
+    def check_start(self, positions: np.ndarray, velocities: np.ndarray, copies: Any = None) -> None:
+        """Refuse what cannot be started from.
+
+        Parameters
+        ----------
+        positions, velocities : (N, 3) or (k, N, 3)
+            [m], [m/s], checked to be numbers.
+        copies : (k,), optional
+            What errors call the copies.
+
+        Raises
+        ------
+        ValueError
+            If a pinned particle moves and is not driven, or driven faster than it can be; if the ends of a
+            spring are at the same place, so that it has no direction; if a particle is behind a surface.
+        """
+
+        def refuse(wrong: np.ndarray, what: str) -> None:
+            """Raise if anything (N,) or (k, N) is wrong; ``what`` may name the number and the copy."""
+            if wrong.any():
+                *row, n = np.argwhere(wrong)[0].tolist()
+                raise ValueError(
+                    what.format(n=n, of=f" of copy {copies[row[0]]}" if row and copies is not None else "")
+                )
+
+        if self.pinned:
+            moves = ~self.free & velocities.any(axis=-1)
+            if self.drive:
+                driven = np.abs(velocities[..., self.drive.particle, :]).max(axis=-1, keepdims=True)
+                fast = "particle %d{of} starts faster than its drive moves it, %g m/s at most"
+                refuse(driven > self.drive.speed, fast % (self.drive.particle, self.drive.speed))
+                moves[..., self.drive.particle] = False
+            refuse(moves, "pinned particle {n}{of} has a velocity; it must be zero")
+        first, second = self.body.springs.T
+        apart = np.abs(positions[..., second, :] - positions[..., first, :]).max(axis=-1)
+        refuse(apart < TINY, "spring {n}{of} starts with both ends at the same place; it has no direction")
+        if self.surfaces:
+            check_heights(self.surfaces, scales(self.contact, self.body)[1], positions, self.free, copies)
+
+    @cached_property
     def free(self) -> np.ndarray:
         """Which particles are not pinned, (N,)."""
-        return ~np.isin(np.arange(len(self.body.masses)), self.pinned)
+        free = ~np.isin(np.arange(len(self.body.masses)), self.pinned)
+        free.setflags(write=False)
+        return free
 
     @property
     def pivot(self) -> int:

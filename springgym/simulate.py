@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from springgym.cli import INTERRUPTED
+from springgym.cli import INTERRUPTED, whole_file
 from springgym.integrators import METHODS
-from springgym.scenes.checks import Check, check
-from springgym.scenes.plan import Plan
+from springgym.scenes.checks import Check, check, fitting
+from springgym.scenes.plan import SHORTEST, Plan
 from springgym.scenes.reading import load
 from springgym.scenes.reading import names as scene_names
 from springgym.scenes.recording import Recording, record
@@ -59,24 +59,30 @@ def run(args: argparse.Namespace) -> int:
     if args.scene is None:
         raise ValueError("which scene? Give a name out of springgym simulate --list, or a YAML file")
     _check_files(args)
-    plan = _changed(load(args.scene), args)
+    scene = load(args.scene)
+    plan = _changed(scene, args)
+    if args.check:
+        fitting(plan)
     recording = record(plan, progress=_bar(plan.name))
     if not recording.complete:
         print(f"interrupted; what follows ends at t = {recording.times[-1]:g} s", file=sys.stderr)
     print(_summary(recording))
     if args.trace:
-        save_trace(recording, args.trace)
+        with whole_file(args.trace) as path:
+            save_trace(recording, path)
     if args.plot:
         from springgym.scenes.plots import draw
 
-        draw(recording).savefig(args.plot)
+        with whole_file(args.plot) as path:
+            draw(recording).savefig(path)
     if args.video:
         from springgym.scenes.film import save_film
 
-        save_film(recording, args.video)
+        with whole_file(args.video) as path:
+            save_film(recording, path)
     for path in filter(None, (args.trace, args.plot, args.video)):
         print(f"wrote {path}")
-    status = _report(recording) if args.check else 0
+    status = _report(recording, scene.duration) if args.check else 0
     return status if recording.complete else INTERRUPTED
 
 
@@ -96,8 +102,9 @@ def _check_files(args: argparse.Namespace) -> None:
 
 def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
     """The plan with what the options change."""
-    if args.duration is not None and not 0 < args.duration < np.inf:
-        raise ValueError(f"--duration {args.duration:g}: it must be positive and finite")
+    for option in ("duration", "step"):
+        if (seconds := getattr(args, option)) is not None and not SHORTEST <= seconds < np.inf:
+            raise ValueError(f"--{option} {seconds:g}: it must be at least {SHORTEST:g} s, and finite")
     if args.integrator is not None:
         plan = replace(plan, integrator=args.integrator, step=None)
     if args.method == "paper":
@@ -158,23 +165,33 @@ def save_trace(recording: Recording, path: Path) -> None:
 # --- Theory beside measurement ----------------------------------------------------------------------
 
 
-def _report(recording: Recording) -> int:
-    """Print the checks of a scene; exit status 1 if one fails."""
+def _report(recording: Recording, whole: float) -> int:
+    """Print the checks of a scene that takes ``whole`` seconds by its file; exit status 1 if one fails."""
     checks = check(recording)
     if not checks:
         print("this scene has no checks")
         return 0
-    print(table(checks))
+    length = float(recording.times[-1])
+    short = length < (1 - 1e-6) * whole
+    print(table(checks, "too short" if short else "FAILED"))
     failed = sum(not result.passed for result in checks)
-    if failed:
+    unseen = sum(bool(np.isnan(result.measured)) for result in checks)
+    if failed and short:
+        print(f"the run is too short for {failed} of {len(checks)} checks: {length:g} s of {whole:g} s")
+    elif failed:
         print(f"{failed} of {len(checks)} checks failed")
+    if unseen and not short:
+        print(f"{unseen} of them: nothing to measure in {length:g} s; a longer run may show it (--duration)")
     return 1 if failed else 0
 
 
-def table(checks: list[Check]) -> str:
-    """Checks as lines of text; differences are relative, or absolute where theory says 0."""
+def table(checks: list[Check], otherwise: str = "FAILED") -> str:
+    """Checks as lines of text; differences are relative, or absolute where theory says 0.
+
+    What does not pass is followed by ``otherwise``.
+    """
     head = ("", "theory", "measured", "", "difference", "tolerance", "")
-    rows = [head, *(_row(each) for each in checks)]
+    rows = [head, *(_row(each, otherwise) for each in checks)]
     widths = [max(len(row[n]) for row in rows) for n in range(len(head))]
     return "\n".join(
         "  ".join(
@@ -185,15 +202,16 @@ def table(checks: list[Check]) -> str:
     )
 
 
-def _row(result: Check) -> tuple[str, ...]:
+def _row(result: Check, otherwise: str) -> tuple[str, ...]:
     scale = abs(result.theory) or 1.0
     relative = "" if result.theory else f" {result.unit}"
+    seen = not np.isnan(result.measured)
     return (
         result.quantity,
         f"{result.theory:.6g}",
-        f"{result.measured:.6g}",
+        f"{result.measured:.6g}" if seen else "not seen",
         result.unit,
-        f"{(result.measured - result.theory) / scale:+.1e}{relative}",
-        f"{result.tolerance / scale:.1e}{relative}",
-        "ok" if result.passed else "FAILED",
+        f"{(result.measured - result.theory) / scale:+.1e}{relative}" if seen else "",
+        f"{result.tolerance / scale:.1e}{relative}" if np.isfinite(result.tolerance) else "",
+        "ok" if result.passed else otherwise,
     )

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from springgym import integrators, measures, rigid, stability
-from springgym.blocks import WIDTH, aligned_zeros, block_array, numbers, set_all, set_copies, to_copies
+from springgym import checks, integrators, measures, rigid, stability
+from springgym.blocks import (
+    WIDTH,
+    aligned_zeros,
+    block_array,
+    get_copies,
+    numbers,
+    set_all,
+    set_copies,
+    to_copies,
+)
+from springgym.checks import HUGE, MANY, TINY
 from springgym.compiling import SameTypes
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
@@ -27,7 +37,6 @@ from springgym.surfaces import (
     Dish,
     PaperContact,
     Plane,
-    check_heights,
     impact_damping,
     oblique,
     scales,
@@ -36,14 +45,28 @@ from springgym.surfaces import (
 STRAIN_LIMIT = 0.5
 """A spring stretched or squeezed by more than this share of its length has left what the model means."""
 
+FLOAT = np.dtype(np.float64)
+
 WORTH_A_THREAD = 10_000
 """Springs × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms) pays."""
 
 PAPER_STEP = 5e-4
 """h of the paper [s]."""
 
-VARYING = ("masses", "stiffness", "damping", "lengths", "gravity", "friction", "restitution", "strength")
-"""Parameters that may differ from copy to copy."""
+VARYING = {
+    "masses": TINY,
+    "stiffness": TINY,
+    "damping": 0.0,
+    "lengths": TINY,
+    "gravity": -HUGE,
+    "friction": 0.0,
+    "restitution": 0.0,
+    "strength": TINY,
+}
+"""Parameters that may differ from copy to copy, and the least that each may be."""
+
+MOST_PARTICLES, MOST_THREADS = 10**8, 1024
+"""Of all copies together, some 10 GB of memory; and what threads may be asked for."""
 
 
 class Dynamics(NamedTuple):
@@ -77,7 +100,11 @@ class SimulationDivergedError(ArithmeticError):
 
 
 class Simulator:
-    """Steps copies of a scene through time.
+    """Steps copies of a scene through time. What it was made with is read, not set.
+
+    Arguments are checked as `springgym.checks` says. Where a method takes ``copies``, these are their
+    indices, each once and none negative, or a mask (copies,); all of them if None. What it sets them to
+    has one row for each of these copies, or is one row for all.
 
     Parameters
     ----------
@@ -92,11 +119,12 @@ class Simulator:
         h [s]; chosen from the stability limit if not given, or for rigid dynamics from the rates of the
         start.
     copies
-        How many, all starting as the scene says.
+        How many, all starting as the scene says; of at most `MOST_PARTICLES` particles together.
     dtype
         float64, or float32 for about twice the speed at single precision.
     threads
-        How many share the copies. Results do not depend on it, to the bit, nor on ``copies``.
+        How many, at most `MOST_THREADS`, share the copies. Results do not depend on it, to the bit, nor on
+        ``copies``.
     varying
         Parameters, out of `VARYING`, that `vary` may set copy by copy.
     ledger
@@ -107,9 +135,12 @@ class Simulator:
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        If the dynamics or the integrator is unknown, the step is beyond the stability limit, the scene has
-        no rigid twin, or the integrator makes no sense in it or has no tolerance to set.
+        If a number is out of bounds, the dynamics or the integrator is unknown, the step is beyond the
+        stability limit, the scene has no rigid twin, or the integrator makes no sense in it or has no
+        tolerance to set.
     """
 
     def __init__(
@@ -126,40 +157,47 @@ class Simulator:
         ledger: bool = True,
         tolerance: tuple[float, float] | None = None,
     ) -> None:
-        self.scene = scene
-        if dynamics not in DYNAMICS:
-            raise ValueError(f"dynamics is {dynamics!r}; it must be one of {', '.join(DYNAMICS)}")
-        self.dynamics = dynamics
+        self.scene = checks.instance("scene", scene, Scene)
+        self.dynamics = checks.chosen("dynamics", dynamics, DYNAMICS)
         method = DYNAMICS[dynamics]
+        if integrator is not None:
+            checks.instance("integrator", integrator, str)
         self.integrator = method.integrator(method.default(scene) if integrator is None else integrator)
+        if isinstance(varying, str) or not isinstance(varying, Collection):
+            raise TypeError(
+                f"varying is {checks.shown(varying)}; it must be names out of {', '.join(VARYING)}"
+            )
+        for name in varying:
+            checks.chosen("a name in varying", name, VARYING)
         if dynamics == "springs" and (reason := refusal(self.integrator, scene, varying)):
             raise ValueError(reason)
         self.largest_step = method.largest_step(scene, self.integrator)
         """stability limit [s]"""
         self.step = self._checked_step(step)
-        self.copies = _positive("copies", copies)
-        self.threads = _positive("threads", threads)
-        self.dtype = np.dtype(dtype)
-        if self.dtype not in WIDTH:
-            raise ValueError(f"dtype is {self.dtype}; it must be float64 or float32")
-        self.time = np.zeros(copies)
+        self.copies = checks.whole("copies", copies, 1, MOST_PARTICLES // len(scene.body.masses))
+        self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
+        self.dtype = _checked_dtype(dtype)
+        ledger = checks.flag("ledger", ledger)
+        self.time = np.zeros(self.copies)
         """[s], (copies,)"""
         particles = len(scene.body.masses)
         self._x = self._blocks(particles, 3)
         self._v = self._blocks(particles, 3)
         self._ledger = self._blocks(ENTRIES) if ledger else None
-        self._workspace = [workspace(self.integrator, scene, self._x.dtype) for _ in range(threads)]
+        shares = range(min(self.threads, self._x.shape[0]))
+        self._workspace = [workspace(self.integrator, scene, self._x.dtype) for _ in shares]
         self._control = self._controlled(tolerance)
-        rows, shape = np.zeros((copies, measures.SIZE)), (copies, particles, 3)
+        rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
         self.readout = Readout(rows, np.zeros(shape), np.zeros(shape))
         """what was read off the copies last, see `read`: one row a copy, of no use to write to"""
-        self._space = aligned_zeros((threads, measures.SIZE), self._x.dtype)
-        self._frame = np.array(scene.body.frame, np.uint32)
+        self._space = aligned_zeros((len(shares), measures.SIZE), self._x.dtype)
+        self._pivot, self._frame = scene.pivot, np.array(scene.body.frame, np.uint32)
         springs = scene.body.springs
         # the dampers of a rope act on its motion, not on vibrations alone: their order is its accuracy
         self._order = np.arange(len(springs)) if scene.body.floppy else interleaved(springs, particles)
         self._twin: tuple[Any, ...] = ()
         self._terms = self._build(frozenset(varying))
+        self._actuators = self._actuated()
         self._advance = self._kernel()
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
             numbers(array)[:] = start[..., None]  # the padding of the last block, too
@@ -181,7 +219,7 @@ class Simulator:
         ValueError
             If restitution is asked for: the paper has a damping in its place, see `PaperContact`.
         """
-        contact = scene.contact
+        contact = checks.instance("scene", scene, Scene).contact
         if scene.surfaces and isinstance(contact, Contact):
             if contact.restitution < 1:
                 raise ValueError(
@@ -206,15 +244,15 @@ class Simulator:
             if tolerance is not None:
                 raise ValueError(f"tolerance is {tolerance}; {self.integrator.name} has none: leave it out")
             return self.step
-        relative, absolute = (1e-6, 1e-9) if tolerance is None else tolerance
-        if not (relative >= 0 and absolute >= 0 and relative + absolute > 0):
-            raise ValueError(f"tolerance is {tolerance}; both must be at least 0, and one of them more")
+        relative, absolute = (
+            (1e-6, 1e-9) if tolerance is None else checks.array("tolerance", tolerance, (2,), low=0.0)
+        )
+        if not relative + absolute >= TINY:
+            raise ValueError(f"tolerance is {tolerance}; one of the two must be more than 0")
         return Control(self.step, float(relative), float(absolute), self._blocks(COUNTS))
 
     def _build(self, varying: frozenset[str]) -> Terms:
         """The scene as compiled functions take it."""
-        if unknown := varying - set(VARYING):
-            raise ValueError(f"{sorted(unknown)[0]!r} cannot vary; {', '.join(VARYING)} can")
         scene, body = self.scene, self.scene.body
         order = self._order
         first, second = body.springs[order].T.astype(np.uint32)
@@ -266,6 +304,21 @@ class Simulator:
             drive,
             *self._contact_terms(varying, parameter),
         )
+
+    def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
+        """What `actuate` sets, by name: the array, the shape of its values, and a view of a single copy's."""
+        wrench, thrust, drive = self._terms.wrench, self._terms.thrust, self._terms.drive
+        arrays = {n: getattr(wrench, n) for n in ("force", "torque", "body_torque")} if wrench else {}
+        arrays |= {"thrust": thrust.force} if thrust else {}
+        arrays |= {"acceleration": drive.acceleration} if drive else {}
+        return {
+            name: (
+                array,
+                (self.copies, *array.shape[1:]),
+                numbers(array)[..., 0] if self.copies == 1 else None,
+            )
+            for name, array in arrays.items()
+        }
 
     def _contact_terms(
         self, varying: frozenset[str], parameter: Callable[..., np.ndarray]
@@ -329,23 +382,46 @@ class Simulator:
 
         Raises
         ------
+        TypeError
+            Naming what is of the wrong kind; nothing is changed.
         ValueError
-            If a particle starts behind a surface.
+            If a shape is another, a number not finite, there is no such copy, or `Scene.check_start` refuses
+            the start; nothing is changed.
         """
-        index = np.arange(self.copies) if copies is None else np.asarray(copies)
-        self._check_heights(positions, index)
-        set_copies(self._x, index, positions)
-        set_copies(self._v, index, velocities)
+        index = self._index(copies)
+        shape = self.scene.positions.shape
+        x, v = (
+            self._rows("positions", positions, index, shape),
+            self._rows("velocities", velocities, index, shape),
+        )
+        self.scene.check_start(x, v, index)
+        set_copies(self._x, index, x)
+        set_copies(self._v, index, v)
         self._settle(index)
         if self._ledger is not None:
             set_copies(self._ledger, index, 0.0)
         self.time[index] = 0.0
 
-    def _check_heights(self, positions: Any, index: np.ndarray) -> None:
-        scene = self.scene
-        if scene.surfaces:
-            _, reach = scales(scene.contact, scene.body)
-            check_heights(scene.surfaces, reach, positions, scene.free, index)
+    def _index(self, copies: Any) -> np.ndarray:
+        """Indices (k,) of copies, checked."""
+        return (
+            np.arange(self.copies)
+            if copies is None
+            else checks.indices("copies", copies, self.copies, once=True)
+        )
+
+    def _rows(
+        self,
+        name: str,
+        value: Any,
+        index: np.ndarray,
+        shape: tuple[int, ...],
+        low: float = -HUGE,
+        **high: float,
+    ) -> np.ndarray:
+        """A value for each of some copies, (k, *shape), given so or as one for all."""
+        rows = (len(index), *shape)
+        return np.broadcast_to(checks.array(name, value, rows, shape, low=low, **high), rows)
 
     def _settle(self, index: np.ndarray) -> None:
         """In rigid dynamics, move some copies to the rigid shape; their momenta stay."""
@@ -371,39 +447,99 @@ class Simulator:
             Which.
         values
             ``masses`` (k, N), ``stiffness``, ``damping``, ``lengths`` (k, S), ``gravity`` (k, 3),
-            ``friction``, ``restitution`` (at the contact's impact speed), ``strength`` (k,) of the surfaces.
-            ``masses`` and ``damping`` are given together if both vary.
+            ``friction``, ``restitution`` (at the contact's impact speed), ``strength`` (k,) of the surfaces;
+            or without the k, for all of these copies.
+
+        Raises
+        ------
+        TypeError
+            Naming what is of the wrong kind; nothing is changed.
+        ValueError
+            If a shape is another, a number out of bounds, there is no such copy, the parameter does not vary
+            in this simulator, or makes its step unstable; nothing is changed.
         """
-        index, terms = np.asarray(copies), self._terms
-        place: dict[str, Any] = {
+        index, terms = self._index(copies), self._terms
+        given = {}
+        for name, value in values.items():
+            place = self._parameter(checks.chosen("a parameter to vary", name, VARYING))
+            if place is None or place.dtype.names is None:
+                raise ValueError(f"{name!r} does not vary in this simulator; name it in varying")
+            single = name in ("friction", "restitution", "strength")
+            shape = () if single else place.shape[1:]
+            low = rigid.LEAST_RESTITUTION if name == "restitution" and self._twin else VARYING[name]
+            given[name] = self._rows(
+                name, value, index, shape, low, high=1.0 if name == "restitution" else HUGE
+            )
+        self._check_stability(index, given)
+        for name, value in given.items():
+            if name == "restitution":
+                each, copy = np.unique(value, return_inverse=True)
+                value = impact_damping(each, self.scene.contact.impact_speed)[copy]
+            if name in ("friction", "restitution", "strength"):
+                value = value[:, None]
+            elif name in ("stiffness", "damping", "lengths"):
+                value = value[:, self._order]
+            set_copies(self._parameter(name), index, value)
+        if "masses" in given:
+            set_copies(terms.particles.inverse_mass, index, terms.particles.free / given["masses"])
+            if self._twin:
+                rigid.set_masses(self._twin, self.scene, index, given["masses"])
+        if terms.dampers and given.keys() & {"masses", "damping"}:
+            decay = self._decay(self._now("damping", index), self._now("masses", index))
+            for name, value in decay._asdict().items():
+                set_copies(getattr(terms.dampers, name), index, value)
+
+    def _parameter(self, name: str) -> Any:
+        """Where the values of a parameter are; None if the scene has none."""
+        terms = self._terms
+        places: dict[str, Any] = {
+            "masses": terms.particles.mass,
             "stiffness": terms.springs.stiffness if terms.springs else None,
+            "damping": terms.dampers.coefficient if terms.dampers else None,
             "lengths": terms.springs.length if terms.springs else None,
             "gravity": terms.gravity,
-            "damping": terms.dampers.coefficient if terms.dampers else None,
-            "masses": terms.particles.mass,
             "friction": terms.friction,
             "restitution": terms.impact_damping,
             "strength": surface.strength if (surface := terms.planes or terms.bowl) else None,
         }
-        for name, value in values.items():
-            if place.get(name) is None or place[name].dtype.names is None:
-                raise ValueError(f"{name!r} does not vary in this simulator; name it in varying")
-            if name == "restitution" and isinstance(self.scene.contact, Contact):
-                value = impact_damping(value, self.scene.contact.impact_speed)
-            if name in ("friction", "restitution", "strength"):
-                value = np.reshape(value, (-1, 1))
-            elif name in ("stiffness", "damping", "lengths"):
-                value = np.asarray(value)[..., self._order]
-            set_copies(place[name], index, value)
-        if "masses" in values:
-            set_copies(terms.particles.inverse_mass, index, terms.particles.free / values["masses"])
-            if self._twin:
-                rigid.set_masses(self._twin, self.scene, index, values["masses"])
-        if terms.dampers and values.keys() & {"masses", "damping"}:
-            damping = np.asarray(values.get("damping", self.scene.body.damping))
-            masses = np.array(values.get("masses", self.scene.body.masses), float)
-            for name, value in self._decay(damping, masses)._asdict().items():
-                set_copies(getattr(terms.dampers, name), index, value)
+        return places[name]
+
+    def _now(self, name: str, index: np.ndarray) -> np.ndarray:
+        """Present values of ``masses`` (k, N), ``stiffness`` or ``damping`` (k, S), in the body's order."""
+        place, of_body = self._parameter(name), getattr(self.scene.body, name)
+        if place is None or place.dtype.names is None:
+            return np.broadcast_to(of_body, (len(index), len(of_body)))
+        values = get_copies(place, index).astype(float)
+        if name != "masses":
+            values[:, self._order] = values.copy()
+        return values
+
+    def _check_stability(self, index: np.ndarray, given: Mapping[str, np.ndarray]) -> None:
+        """Refuse parameters that push the stability limit of a copy below the step.
+
+        With stiffness at most a times and masses at least 1/b times those of the scene, K ≤ a K₀ and
+        M ≥ M₀/b, so that ω² ≤ a b ω₀²; likewise for dampers. Only where that does not suffice, the limit
+        is found.
+        """
+        names = ("masses", "stiffness", "damping")
+        if self._twin or not given.keys() & set(names) or self.largest_step == np.inf:
+            return
+        body, now = self.scene.body, {name: given.get(name, self._now(name, index)) for name in names}
+        lighter = (body.masses / now["masses"]).max(axis=1)
+        faster = np.sqrt(lighter * (now["stiffness"] / body.stiffness).max(axis=1, initial=0.0))
+        if np.isfinite(self.integrator.real_limit):
+            damped = now["damping"] > body.damping
+            with np.errstate(divide="ignore"):
+                more = np.divide(now["damping"], body.damping, out=np.ones(damped.shape), where=damped)
+            faster = np.maximum(faster, lighter * more.max(axis=1, initial=0.0))
+        for n in np.flatnonzero(self.step * faster > self.largest_step):
+            own = body.with_(**{name: values[n] for name, values in now.items()})
+            limit = stability.largest_step(self.scene.with_(body=own), self.integrator)
+            if self.step > limit:
+                raise ValueError(
+                    f"these {', '.join(given)} make the step of {self.step:g} s unstable in copy {index[n]}: "
+                    f"{self.integrator.name} allows at most {limit:.4g} s there"
+                )
 
     def actuate(self, **values: Any) -> None:
         """Set what the scene's actuators do until further notice.
@@ -412,31 +548,74 @@ class Simulator:
         ----------
         values
             ``force`` [N], ``torque``, ``body_torque`` [N·m] of the wrench, ``acceleration`` [m/s²] of
-            the drive, each (copies, 3); ``thrust`` [N] (copies, thrusters, 3).
+            the drive, each (copies, 3), ``thrust`` [N] (copies, thrusters, 3); or without the copies, for
+            all of them.
+
+        Raises
+        ------
+        TypeError
+            Naming what is of the wrong kind; nothing is changed.
+        ValueError
+            If a shape is another, a number not finite, or the scene has no such actuator; nothing is changed.
         """
-        terms = self._terms
+        actuators = self._actuators
         for name, value in values.items():
-            if name == "thrust" and terms.thrust:
-                set_all(terms.thrust.force, value)
-            elif name == "acceleration" and terms.drive:
-                set_all(terms.drive.acceleration, value)
-            elif name in ("force", "torque", "body_torque") and terms.wrench:
-                set_all(getattr(terms.wrench, name), value)
+            if name not in actuators:
+                known = ", ".join(actuators) or "none"
+                raise ValueError(f"the scene has no actuator for {name!r}; it has {known}")
+            shape = actuators[name][1]
+            # What environments give at every step passes at once: the sum of the squares bounds each number.
+            if not (
+                value.__class__ is np.ndarray
+                and value.dtype is FLOAT
+                and value.shape == shape
+                and np.vdot(value, value) <= HUGE
+            ):
+                values[name] = np.broadcast_to(checks.array(name, value, shape, shape[1:]), shape)
+        for name, value in values.items():
+            array, _, single = actuators[name]
+            if single is not None:
+                single[...] = value
             else:
-                raise ValueError(f"the scene has no actuator for {name!r}")
+                set_all(array, value)
 
     def state(self) -> dict[str, np.ndarray]:
-        """All that changes, copied: give it to `restore`."""
-        arrays = {"x": self._x, "v": self._v, "time": self.time}
-        if self._ledger is not None:
-            arrays["ledger"] = self._ledger
-        return {name: array.copy() for name, array in arrays.items()}
+        """All that changes, copied: give it to `restore`, of this simulator or one made the same way."""
+        return {name: array.copy() for name, array in self._changing()}
 
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Return to what `state` gave, to the bit."""
-        self._x[:], self._v[:], self.time[:] = state["x"], state["v"], state["time"]
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Return to what `state` gave, to the bit.
+
+        Raises
+        ------
+        TypeError
+            If it is no such state; nothing is changed.
+        ValueError
+            If it is that of another simulator: of another number of copies, dtype or scene, with a ledger, or
+            with other parameters that vary; nothing is changed.
+        """
+        own = dict(self._changing())
+        if checks.instance("state", state, Mapping).keys() != own.keys():
+            wrong = sorted(map(str, state.keys() ^ own.keys()))[0]
+            has = "holds" if wrong in state else "lacks"
+            raise ValueError(f"the state {has} {wrong!r}; it must be that of a simulator made like this one")
+        for name, array in own.items():
+            given = checks.instance(f"state[{name!r}]", state[name], np.ndarray)
+            if given.shape != array.shape or given.dtype != array.dtype:
+                raise ValueError(
+                    f"state[{name!r}] is of shape {given.shape} and {given.dtype}; in this simulator, of "
+                    f"{self.copies} copies, it must be {array.shape} and {array.dtype}"
+                )
+        for name, array in own.items():
+            array[:] = state[name]
+
+    def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
+        """Names and arrays of all that changes: what moves, what actuators do, and what was varied."""
+        yield from (("x", self._x), ("v", self._v), ("time", self.time))
         if self._ledger is not None:
-            self._ledger[:] = state["ledger"]
+            yield "ledger", self._ledger
+        yield from _blocks_in("terms", self._terms)
+        yield from _blocks_in("twin", self._twin)
 
     # --- Time -------------------------------------------------------------------------------------
 
@@ -446,7 +625,7 @@ class Simulator:
         Parameters
         ----------
         steps
-            How many; none is one of them.
+            How many; 0 takes none.
         check
             Whether it is checked that no copy has diverged.
         read
@@ -454,12 +633,19 @@ class Simulator:
 
         Raises
         ------
+        TypeError, ValueError
+            If ``steps`` is not a whole number, at least 0, or a flag no bool; nothing is changed.
         SimulationDivergedError
             If ``check`` and a copy has diverged. The other copies are not touched by it.
         """
-        reads = check or read
-        self._share(steps, reads)
-        self.time += steps * self.step
+        # Compiled code is given an int and a bool, and no other type: see `SameTypes`.
+        if steps.__class__ is not int or not 0 <= steps <= MANY:
+            steps = checks.whole("steps", steps)
+        if check.__class__ is not bool or read.__class__ is not bool:
+            check, read = checks.flag("check", check), checks.flag("read", read)
+        self._share(steps, check or read)
+        time = self.time
+        time += steps * self.step
         if check:
             strain = self.readout.rows[:, measures.STRAIN]
             diverged = ~(strain <= STRAIN_LIMIT)
@@ -485,7 +671,7 @@ class Simulator:
             reads,
             self.readout,
             self._space[thread],
-            self.scene.pivot,
+            self._pivot,
             self._frame,
         )
 
@@ -506,21 +692,26 @@ class Simulator:
         self.read()
         return measures.view(self.readout.rows.copy())
 
-    def read(self, copies: np.ndarray | None = None) -> None:
+    def read(self, copies: Any = None) -> None:
         """Write measures, positions and velocities of some copies (all) to their rows of `readout`.
 
         Those of the others in the same blocks are written, too.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there are no such copies.
         """
         if copies is None:
             self._share(-1, True)
         else:
-            for first, last in self._block_ranges(copies):
+            for first, last in self._block_ranges(self._index(copies)):
                 self._run(0, first, last, -1, True)
 
     def _block_ranges(self, copies: np.ndarray) -> list[tuple[int, int]]:
         """Ranges of blocks that together hold the copies and no other block."""
         blocks = np.unique(copies // numbers(self._x).shape[-1])
-        parts = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1)
+        parts = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1) if len(blocks) else []
         return [(int(part[0]), int(part[-1]) + 1) for part in parts]
 
     def _share(self, steps: int, reads: bool) -> None:
@@ -544,24 +735,30 @@ class Simulator:
             f"step {self.step:g} s of at most {self.largest_step:.5g} s, {self.dtype})"
         )
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in vars(self) and not name.startswith("_"):
+            raise AttributeError(f"{name} of a simulator is what it was made with; make another")
+        super().__setattr__(name, value)
+
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "_advance"}
+        left_out = ("_advance", "_actuators")  # made anew: views do not survive being copied
+        return {name: value for name, value in vars(self).items() if name not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
+        self._actuators = self._actuated()
         self._advance = self._kernel()
 
     def _checked_step(self, step: float | None) -> float:
         if step is None:
             return DYNAMICS[self.dynamics].automatic_step(self.scene, self.integrator)
-        if not 0 < step < np.inf:
-            raise ValueError(f"step is {step} s; it must be positive and finite")
+        step = checks.number("step", step, low=TINY)
         if step > self.largest_step:
             raise ValueError(
                 f"a step of {step:g} s is unstable: {self.integrator.name} on this body allows at most "
                 f"{self.largest_step:.4g} s. Take a smaller step, softer springs or heavier particles"
             )
-        return float(step)
+        return step
 
 
 @lru_cache(maxsize=8)
@@ -570,7 +767,23 @@ def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="springgym")
 
 
-def _positive(name: str, value: int) -> int:
-    if value < 1:
-        raise ValueError(f"{name} is {value}; it must be at least 1")
-    return int(value)
+def _checked_dtype(dtype: Any) -> np.dtype:
+    """The dtype, float64 or float32."""
+    try:
+        given = np.dtype(dtype)
+    except TypeError:
+        given = None
+    if given not in WIDTH:
+        raise (TypeError if given is None else ValueError)(
+            f"dtype is {checks.shown(dtype)}; it must be float64 or float32"
+        )
+    return given
+
+
+def _blocks_in(name: str, term: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """The arrays of values per copy in nested tuples, with names that say where they are."""
+    if isinstance(term, np.ndarray) and term.dtype.names:
+        yield name, term
+    elif isinstance(term, tuple):
+        for key, part in zip(getattr(term, "_fields", range(len(term))), term, strict=True):
+            yield from _blocks_in(f"{name}.{key}", part)

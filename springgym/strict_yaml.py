@@ -19,6 +19,8 @@ try:
 except ImportError as missing:
     raise ImportError("reading YAML needs pyyaml: pip install springgym[scenes]") from missing
 
+from springgym.checks import HUGE, shown
+
 
 class YamlError(ValueError):
     """A file that cannot be used; the message says where and why."""
@@ -38,15 +40,28 @@ class Tree(NamedTuple):
         return value
 
 
+MOST_REPEATED = 10_000
+"""Values that aliases may add to a document: a few hundred bytes of aliases to aliases make billions."""
+
+
 class _Loader(yaml.SafeLoader):
-    """YAML 1.1 as PyYAML reads it, and exponents without a point, which it takes for text."""
+    """YAML 1.1 as PyYAML reads it, but for numbers.
+
+    Exponents without a point make a number, which PyYAML takes for text. `010` and `1:30` are text, which
+    it takes for 8 and 90.
+    """
 
 
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
-    list("-+.0123456789"),
-)
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, written) for tag, written in resolvers if tag.rpartition(":")[2] not in ("int", "float")]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+for _kind, _written in {
+    "int": r"^[-+]?(0|[1-9][0-9_]*|0b[01_]+|0x[0-9a-fA-F_]+)$",
+    "float": r"^[-+]?(([0-9][0-9_]*\.[0-9_]*|\.[0-9][0-9_]*)([eE][-+]?[0-9]+)?|[0-9][0-9_]*[eE][-+]?[0-9]+)$"
+    r"|^[-+]?\.(inf|Inf|INF)$|^\.(nan|NaN|NAN)$",
+}.items():
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_kind}", re.compile(_written), list("-+.0123456789"))
 
 
 def read_yaml(path: Path) -> Tree:
@@ -70,26 +85,32 @@ def parse_yaml(text: str, source: str) -> Tree:
     Raises
     ------
     YamlError
-        If it is not valid, or a key is given twice.
+        If it is not valid, or a key is given twice, or aliases repeat more than `MOST_REPEATED` values.
     """
     where: dict[tuple[str, ...], str] = {}
+    most = len(text) + MOST_REPEATED  # a value that is written takes a character at least
 
     def value_of(node: yaml.Node, path: tuple[str, ...], here: str) -> Any:
         where[path] = here
+        if len(where) > most:
+            raise YamlError(f"{here}: aliases repeat more than {MOST_REPEATED} values")
         if isinstance(node, yaml.SequenceNode):
             return [value_of(item, (*path, str(n)), _line(source, item)) for n, item in enumerate(node.value)]
         if not isinstance(node, yaml.MappingNode):
             try:
                 return loader.construct_object(node)
-            except ValueError as error:  # such as the 99th of a month
-                raise YamlError(f"{here}: {error}") from error
+            except yaml.YAMLError:
+                raise
+            except Exception as error:  # such as the 99th of a month, or a !!bool that is none
+                kind = node.tag.rpartition(":")[2]
+                raise YamlError(f"{here}: {shown(node.value)} is no {kind}: {shown(str(error))}") from error
         entries: dict[str, Any] = {}
         for key_node, value_node in node.value:
             here, key = _line(source, key_node), key_node.value
             if not isinstance(key, str):
                 raise YamlError(f"{here}: a key must be a word")
             if key in entries:
-                raise YamlError(f"{here}: duplicate key {key!r}")
+                raise YamlError(f"{here}: duplicate key {shown(key)}")
             entries[key] = value_of(value_node, (*path, key), here)
         return entries
 
@@ -101,9 +122,14 @@ def parse_yaml(text: str, source: str) -> Tree:
         finally:
             loader.dispose()
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = mark.line + 1 if mark else 1
-        raise YamlError(f"{source}:{line}: not valid YAML: {getattr(error, 'problem', error)}") from error
+        if isinstance(error, yaml.reader.ReaderError):
+            line = text.count("\n", 0, error.position) + 1
+            problem = f"the character {chr(error.character)!r} is not allowed"
+        else:
+            mark = getattr(error, "problem_mark", None)
+            line = mark.line + 1 if mark else 1
+            problem = " ".join(str(getattr(error, "problem", None) or error).split())
+        raise YamlError(f"{source}:{line}: not valid YAML: {problem}") from error
     except RecursionError:
         raise YamlError(f"{source}: nested too deeply, or an alias that refers to itself") from None
 
@@ -135,17 +161,17 @@ def build(
     Raises
     ------
     YamlError
-        For an unknown, missing or mistyped key, or if ``make`` raises `ValueError`.
+        For an unknown, missing or mistyped key, or if ``make`` refuses its arguments or lacks memory.
     """
     entries, place = tree.at(path), tree.where[path]
     name = ".".join(path) or "the file"
     if not isinstance(entries, dict):
-        raise YamlError(f"{place}: {name} must be a mapping of keys to values, not {entries!r}")
+        raise YamlError(f"{place}: {name} must be a mapping of keys to values, not {shown(entries)}")
     parameters = {key: value for key, value in inspect.signature(make).parameters.items() if key not in given}
     for key in entries:
         if key not in parameters and key not in skip:
             known = [*skip, *parameters]
-            raise YamlError(f"{tree.where[*path, key]}: unknown key {key!r}{suggestion(key, known)}")
+            raise YamlError(f"{tree.where[*path, key]}: unknown key {shown(key)}{suggestion(key, known)}")
     missing = [
         key for key, value in parameters.items() if key not in entries and value.default is value.empty
     ]
@@ -157,8 +183,8 @@ def build(
         return make(**given, **values)
     except YamlError:
         raise
-    except ValueError as error:
-        raise YamlError(f"{place}: {name}: {error}") from error
+    except (ValueError, TypeError, ArithmeticError, MemoryError) as error:
+        raise YamlError(f"{place}: {name}: {str(error) or 'not enough memory'}") from error
 
 
 def fit(kind: Any, tree: Tree, path: tuple[str, ...]) -> Any:
@@ -180,9 +206,9 @@ def fit(kind: Any, tree: Tree, path: tuple[str, ...]) -> Any:
 
     if kind is Any:
         return value
-    if kind is float and type(value) is int:
-        return float(value)
-    if kind in (int, float, bool, str) and type(value) is kind:
+    if kind is float and type(value) in (int, float):
+        return _number(tree, path, value)
+    if kind in (int, bool, str) and type(value) is kind:
         return value
     if kind in (None, type(None)) and value is None:
         return None
@@ -200,18 +226,29 @@ def fit(kind: Any, tree: Tree, path: tuple[str, ...]) -> Any:
             items = [fit(arguments[0], tree, (*path, str(n))) for n in range(len(value))]
             return items if origin is list else tuple(items)
     if origin in (dict, Mapping) and isinstance(value, dict):
-        keys = {key: _key(arguments[0], key, tree, path) for key in value}
-        return {keys[key]: fit(arguments[1], tree, (*path, key)) for key in value}
-    key = ".".join(path)
-    raise YamlError(f"{tree.where[path]}: {key}: expected {_described(kind)}, got {value!r}")
+        found: dict[Any, Any] = {}
+        for name in value:
+            key = _key(arguments[0], name, tree, path)
+            if key in found:
+                raise YamlError(f"{tree.where[*path, name]}: duplicate key {name!r}")
+            found[key] = fit(arguments[1], tree, (*path, name))
+        return found
+    raise YamlError(f"{tree.where[path]}: {'.'.join(path)}: expected {_described(kind)}, got {shown(value)}")
+
+
+def _number(tree: Tree, path: tuple[str, ...], value: float) -> float:
+    if -HUGE <= value <= HUGE:
+        return float(value)
+    place = f"{tree.where[path]}: {'.'.join(path)}"
+    raise YamlError(f"{place}: expected a number of size {HUGE:g} at most, got {shown(value)}")
 
 
 def _key(kind: Any, key: str, tree: Tree, path: tuple[str, ...]) -> Any:
     if kind is str:
         return key
-    if kind is int and re.fullmatch(r"\d+", key):
+    if kind is int and re.fullmatch(r"[0-9]{1,18}", key):
         return int(key)
-    raise YamlError(f"{tree.where[*path, key]}: expected {_described(kind)} as a key, got {key!r}")
+    raise YamlError(f"{tree.where[*path, key]}: expected {_described(kind)} as a key, got {shown(key)}")
 
 
 def _described(kind: Any) -> str:

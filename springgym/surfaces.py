@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from springgym.bodies import Body
+from springgym.checks import TINY, array, direction, number
 from springgym.theory.contact import damping_for_restitution
 
 REACH = 0.01
@@ -30,17 +31,8 @@ class Plane:
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        for name in ("point", "normal"):
-            value = np.asarray(getattr(self, name), float)
-            if value.shape != (3,) or not np.isfinite(value).all():
-                raise ValueError(
-                    f"{name} of a plane is {getattr(self, name)}; it must be three finite numbers"
-                )
-            if name == "normal":
-                if not value.any():
-                    raise ValueError("the normal of a plane is zero; it must point to its free side")
-                value = value / np.linalg.norm(value)
-            object.__setattr__(self, name, tuple(value.tolist()))
+        object.__setattr__(self, "point", tuple(array("point of a plane", self.point, (3,)).tolist()))
+        object.__setattr__(self, "normal", tuple(direction("normal of a plane", self.normal).tolist()))
 
     @property
     def offset(self) -> float:
@@ -49,7 +41,7 @@ class Plane:
 
     def height(self, positions: np.ndarray) -> np.ndarray:
         """Heights [m] (…) of positions (…, 3): negative behind the plane."""
-        return positions @ np.asarray(self.normal) - self.offset
+        return _points(positions) @ np.asarray(self.normal) - self.offset
 
 
 @dataclass(frozen=True)
@@ -60,16 +52,16 @@ class Dish:
     radius: float
 
     def __post_init__(self) -> None:
-        centre = np.asarray(self.centre, float)
-        if centre.shape != (3,) or not np.isfinite(centre).all():
-            raise ValueError(f"centre of a dish is {self.centre}; it must be three finite numbers")
-        if not 0 < self.radius < math.inf:
-            raise ValueError(f"radius of a dish is {self.radius} m; it must be positive and finite")
-        object.__setattr__(self, "centre", tuple(centre.tolist()))
+        object.__setattr__(self, "centre", tuple(array("centre of a dish", self.centre, (3,)).tolist()))
+        object.__setattr__(self, "radius", number("radius of a dish", self.radius, low=TINY))
 
     def height(self, positions: np.ndarray) -> np.ndarray:
         """Heights [m] (…) of positions (…, 3): negative outside the sphere."""
-        return self.radius - np.linalg.norm(positions - np.asarray(self.centre), axis=-1)
+        return self.radius - np.linalg.norm(_points(positions) - np.asarray(self.centre), axis=-1)
+
+
+def _points(positions: Any) -> np.ndarray:
+    return array("positions", positions, (3,), (None, 3), (None, None, 3))
 
 
 Surface = Plane | Dish
@@ -77,11 +69,12 @@ Surface = Plane | Dish
 
 def floor(z: float = 0.0) -> Plane:
     """The level plane at height z [m]."""
-    return Plane((0.0, 0.0, z))
+    return Plane((0.0, 0.0, number("z", z)))
 
 
 def incline(angle: float, point: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Plane:
     """A slope that rises towards +x by ``angle`` [rad], through a point."""
+    angle = number("angle", angle)
     return Plane(point, (-math.sin(angle), 0.0, math.cos(angle)))
 
 
@@ -114,7 +107,7 @@ class Contact:
 
     def __post_init__(self) -> None:
         _check(self, ("friction",), ("strength", "reach", "impact_speed"))
-        impact_damping(self.restitution, self.impact_speed)
+        object.__setattr__(self, "restitution", number("restitution", self.restitution, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -143,9 +136,9 @@ class PaperContact:
 def _check(contact: Any, not_negative: tuple[str, ...], positive: tuple[str, ...]) -> None:
     for name in not_negative + positive:
         value = getattr(contact, name)
-        if value is not None and not (0 <= value < math.inf and (value > 0 or name in not_negative)):
-            must = "positive" if name in positive else "not negative"
-            raise ValueError(f"{name} of the contact is {value}; it must be finite and {must}")
+        if value is not None or name not in ("strength", "reach"):
+            low = 0.0 if name in not_negative else TINY
+            object.__setattr__(contact, name, number(f"{name} of the contact", value, low))
 
 
 def impact_damping(restitution: Any, speed: float) -> np.ndarray:
@@ -153,12 +146,10 @@ def impact_damping(restitution: Any, speed: float) -> np.ndarray:
 
     Raises
     ------
-    ValueError
-        If a restitution is not in [0, 1].
+    TypeError, ValueError
+        If a restitution is not a number in [0, 1].
     """
-    values = np.asarray(restitution, float)
-    if not ((values >= 0) & (values <= 1)).all():
-        raise ValueError(f"restitution is {restitution}; it must be in [0, 1]")
+    values = array("restitution", restitution, (), (None,), high=1.0, low=0.0)
     found = [
         damping_for_restitution(e, speed) for e in np.maximum(values, LEAST_RESTITUTION).ravel().tolist()
     ]

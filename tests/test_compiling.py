@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 from numba import typeof
+from numba.core.compiler_lock import global_compiler_lock
 
+from springgym.blocks import at, block_array
 from springgym.bodies import cube
-from springgym.compiling import SameTypes, kernel
+from springgym.compiling import SameTypes, _checksum, cache_directory, compiled, kernel
 from springgym.integrators import advance_kernel
+from springgym.lanes import any_lane, load, store
 from springgym.measures import read
 from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
@@ -93,11 +100,95 @@ def test_processes_that_compile_at_once_leave_whole_entries(package: Path, tmp_p
     cache = tmp_path / "cache"
     together = [start(package, cache) for _ in range(3)]
     assert {finish(process)[0] for process in together} == {8.0}
+    assert len(list(cache.iterdir())) == 1
+    assert finish(start(package, cache)) == (8.0, 1)
+
+
+def none_in_an_entry(entry: Path) -> bytes:
+    payload = pickle.dumps(None)
+    return _checksum(entry, payload) + payload
+
+
+def entry_of_another(entry: Path) -> bytes:
+    """As if the file had been renamed."""
+    payload = entry.read_bytes()[32:]
+    return _checksum(entry.with_name("another.nbc"), payload) + payload
+
+
+def flipped(entry: Path) -> bytes:
+    """One bit in the middle: machine code, which unpickles as well as any other."""
+    content = bytearray(entry.read_bytes())
+    content[len(content) // 2] ^= 1
+    return bytes(content)
+
+
+WRONG: dict[str, Callable[[Path], bytes]] = {
+    "empty": lambda entry: b"",
+    "cut short": lambda entry: entry.read_bytes()[:100],
+    "flipped": flipped,
+    "pickled None": lambda entry: pickle.dumps(None),
+    "None with its checksum": none_in_an_entry,
+    "of another": entry_of_another,
+}
+"""What may stand in an entry."""
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache, for kernels of this file."""
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(folder))
+    return folder
+
+
+def hits(value: float = 3.0) -> int:
+    """Compile `total` as a new process would; how often it came from the cache."""
+    again = kernel(total.py_func)
+    assert again(np.array([1.0, value - 1])) == value
+    return sum(again.stats.cache_hits.values())
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_wrong_entry_costs_a_compilation(what: str, cache: Path) -> None:
+    assert hits() == 0
     (entry,) = cache.iterdir()
-    assert finish(start(package, cache)) == (8.0, 1)
-    entry.write_bytes(entry.read_bytes()[:100])
-    assert finish(start(package, cache)) == (8.0, 0)
-    assert finish(start(package, cache)) == (8.0, 1)
+    assert hits() == 1
+    entry.write_bytes(WRONG[what](entry))
+    assert hits() == 0
+    assert hits() == 1
+
+
+def test_a_folder_in_place_of_an_entry(cache: Path) -> None:
+    assert hits() == 0
+    (entry,) = cache.iterdir()
+    entry.unlink()
+    entry.mkdir()
+    assert hits() == 0
+    assert list(cache.iterdir()) == [entry]
+
+
+def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nowhere(path: Path) -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for variable in ("SPRINGGYM_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr(Path, "expanduser", nowhere)
+    assert cache_directory() is None
+    assert hits() == 0
+
+
+FULL = """
+import resource
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))  # an error as of a full disk, EFBIG for ENOSPC
+""" + RUN.lstrip()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits are set as on POSIX")
+def test_a_full_disk_costs_a_compilation_and_leaves_nothing(package: Path, tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    assert finish(start(package, cache, FULL)) == (8.0, 0)
+    assert list(cache.iterdir()) == []
 
 
 def test_a_cache_that_cannot_be_written_costs_a_compilation(package: Path, tmp_path: Path) -> None:
@@ -188,3 +279,107 @@ def test_same_types_asks_once() -> None:
 
 def test_same_types_leaves_plain_functions_alone() -> None:
     assert SameTypes(lambda *a: len(a))(1, "b", None) == 3
+
+
+def test_what_is_compiled_waits_for_no_compiler(cache: Path) -> None:
+    """While another thread compiles, a simulator of a kind that there is already can be made."""
+    again = kernel(total.py_func)
+    arguments = np.array([1.0, 2.0])
+    again(arguments)
+    with global_compiler_lock:
+        thread = threading.Thread(target=SameTypes(again), args=(arguments,))
+        thread.start()
+        thread.join(timeout=20)
+        assert not thread.is_alive()
+
+
+FORK = """
+import os, sys, threading, time
+sys.path.insert(0, {folder!r})
+from numba.core.compiler_lock import global_compiler_lock
+from user.outer import double_sum
+
+compiling = threading.Event()
+
+def compile_for_long():
+    with global_compiler_lock:
+        compiling.set()
+        time.sleep(0.5)
+
+threading.Thread(target=compile_for_long).start()
+compiling.wait()
+child = os.fork()
+if child == 0:
+    os._exit(int(double_sum(3.0)))  # which nobody has compiled yet
+_, status = os.waitpid(child, 0)
+print(os.waitstatus_to_exitcode(status), 0)
+"""
+"""Forks while another thread compiles."""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks")
+def test_a_child_forked_while_another_thread_compiles_can_compile(package: Path, tmp_path: Path) -> None:
+    assert finish(start(package, tmp_path / "cache", FORK)) == (8.0, 0)
+
+
+@compiled
+def positive(a: Any, i: Any) -> Any:
+    return any_lane(load(a, (i, 2)) > 0.0)
+
+
+@kernel
+def read_outside(array: Any, block: Any, i: Any) -> Any:
+    return positive(at(array, block), i)
+
+
+@kernel
+def write_outside(array: Any, block: Any, i: Any) -> None:
+    store(at(array, block), (0, i), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("function", "block", "i", "says"),
+    [
+        (read_outside, 0, 4, "positive: index 4 on axis 0 of length 4"),
+        (read_outside, 0, -1, "positive: index -1 on axis 0 of length 4"),
+        (read_outside, 2, 0, "read_outside: index 2 on axis 0 of length 2"),
+        (read_outside, -1, 0, "read_outside: index -1 on axis 0 of length 2"),
+        (write_outside, 0, 3, "write_outside: index 3 on axis 1 of length 3"),
+    ],
+)
+def test_bounds_are_checked_when_that_is_asked_for(
+    function: Any,
+    block: int,
+    i: int,
+    says: str,
+    cache: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """As ``NUMBA_BOUNDSCHECK=1`` does."""
+    monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
+    again = kernel(function.py_func)
+    array = block_array(10, (4, 3), float)
+    again(array, 1, 2)
+    with pytest.raises(IndexError, match=r"index outside of its array; the numbers are printed"):
+        again(array, block, i)
+    assert capfd.readouterr().out == f"{__name__}.{says}\n"
+
+
+def test_rows_of_another_length_are_refused_when_that_is_asked_for(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """`load` takes it for granted that a row is three numbers."""
+    monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
+    with pytest.raises(IndexError):
+        kernel(write_outside.py_func)(block_array(10, (4, 2), float), 0, 0)
+    assert "write_outside: rows of 2 numbers, not of 3" in capfd.readouterr().out
+
+
+def test_what_checks_bounds_is_not_what_others_get_from_the_cache(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for checks in (None, 1):
+        monkeypatch.setattr(numba.config, "BOUNDSCHECK", checks)
+        assert (hits(), hits()) == (0, 1)
+    assert len(list(cache.iterdir())) == 2

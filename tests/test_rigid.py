@@ -413,7 +413,7 @@ LINE = Body("dumbbell", np.array([(0, 0, 0), (1, 0, 0)]), 1.0, [(0, 1)], 1e5, 0.
         (Scene(BRICK, pinned=(0,), drive=DriveActuator(0, 1.0)), {}, "no drive"),
         (Scene(BRICK), {"varying": ("lengths",)}, "lengths cannot vary"),
         (Scene(BRICK), {"integrator": "rk4"}, "'rk4' for rigid dynamics"),
-        (Scene(BRICK), {"dynamics": "stiff"}, "'stiff'; it must be one of springs, rigid"),
+        (Scene(BRICK), {"dynamics": "stiff"}, "dynamics is 'stiff'; it must be one of 'springs', 'rigid'"),
     ],
 )
 def test_what_has_no_rigid_twin_is_refused_with_the_reason(scene: Scene, options: dict, reason: str) -> None:

@@ -1,10 +1,12 @@
+import itertools
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import pytest
 
-from springgym.strict_yaml import YamlError, build, parse_yaml, read_yaml
+from springgym.strict_yaml import YamlError, build, fit, parse_yaml, read_yaml
 
 
 @dataclass
@@ -79,15 +81,56 @@ def test_every_way_to_write_a_number(number):
         ("? [a]\n: 1", "file.yaml:1: a key must be a word"),
         ("count: [1", "not valid YAML"),
         ("count: !!python/object:os.system x", "not valid YAML: could not determine a constructor"),
-        ("count: 2001-99-99", "file.yaml:1: month must be in"),
+        ("count: 2001-99-99", "file.yaml:1: '2001-99-99' is no timestamp: 'month must be"),
         ("anything: &a [*a]", "an alias that refers to itself"),
-        ("count: \x01", "not valid YAML"),
+        ("count: 1\nsize: \x01", "file.yaml:2: not valid YAML: the character '\\x01' is not allowed"),
+        ("count: 010", "file.yaml:1: count: expected a whole number, got '010'"),
+        ("count: 1:30", "file.yaml:1: count: expected a whole number, got '1:30'"),
+        ("count: 1\nsize: 1:30.5", "file.yaml:2: size: expected a number, got '1:30.5'"),
+        ("count: 1\nsize: .inf", "file.yaml:2: size: expected a number of size 1e+30 at most, got inf"),
+        ("count: 1\nsize: .nan", "file.yaml:2: size: expected a number of size 1e+30 at most, got nan"),
+        (f"count: 1\nsize: {'9' * 400}", "file.yaml:2: size: expected a number of size 1e+30 at most"),
+        (f"count: {'9' * 5000}", "file.yaml:1: '9999"),
+        ("count: !!bool maybe", "file.yaml:1: 'maybe' is no bool"),
+        ("count: !!timestamp soon", "file.yaml:1: 'soon' is no timestamp"),
+        ("count: !!int ''", "file.yaml:1: '' is no int"),
+        ("count: 1\nfactors: {0: 1, 00: 2}", "file.yaml:2: factors: expected a mapping or null"),
+        (f"count: [{'1, ' * 1000}]", "file.yaml:1: count: expected a whole number, got [1, 1, 1"),
+        (f"count: 1\n{'x' * 1000}: 1", "file.yaml:2: unknown key 'xxx"),
     ],
 )
 def test_error_names_file_line_and_key(text, message):
     with pytest.raises(YamlError) as error:
         made(text)
     assert message in str(error.value)
+    assert len(str(error.value)) < 400
+    assert "\n" not in str(error.value)
+
+
+def test_aliases_repeat_a_few_values_and_no_more():
+    """Nine aliases a level are ten times as many values: here 9⁸, in 300 bytes."""
+    assert made("count: &n 3\nsize: *n\nsides: &s [*n, *n]\nanything: [*s, *s]").anything == [[3, 3], [3, 3]]
+    levels = ["count: 1\nanything:\n  a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    for before, name in itertools.pairwise("abcdefgh"):
+        levels.append(f"  {name}: &{name} [{', '.join([f'*{before}'] * 9)}]")
+    began = time.perf_counter()
+    with pytest.raises(YamlError, match=r"file\.yaml:\d+: aliases repeat more than 10000 values"):
+        made("\n".join(levels))
+    assert time.perf_counter() - began < 5
+
+
+def test_a_key_given_twice_in_another_writing_is_an_error():
+    with pytest.raises(YamlError, match=r"file\.yaml:2: duplicate key '00'"):
+        fit(dict[int, float], parse_yaml("a: {0: 1,\n 00: 2}", "file.yaml"), ("a",))
+
+
+@pytest.mark.parametrize("error", [TypeError("a"), ZeroDivisionError("b"), MemoryError("c"), MemoryError()])
+def test_what_is_built_may_fail_in_other_ways(error):
+    def broken(count: int) -> None:
+        raise error
+
+    with pytest.raises(YamlError, match=rf"file\.yaml:1: the file: {str(error) or 'not enough memory'}"):
+        build(broken, parse_yaml("count: 1", "file.yaml"))
 
 
 def test_errors_of_reading_name_the_file(tmp_path):

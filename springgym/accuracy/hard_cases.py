@@ -72,7 +72,7 @@ def case(
 def forced(scene: Scene, step: float) -> Simulator:
     """A simulator of any step, past the check of the stability limit."""
     made = Simulator(scene)
-    made.step = made._control = step
+    vars(made).update(step=step, _control=step)
     return made
 
 
@@ -606,7 +606,9 @@ def wild_actions(broken: bool) -> Outcome:
             env: Any = gym.make_vec(row.id, num_envs=copies, vectorization_mode="vector_entry_point")
             if broken:
                 simulator = env.unwrapped.episodes.simulator
-                simulator.step = simulator._control = 1.5 * simulator.largest_step
+                vars(simulator).update(
+                    step=1.5 * simulator.largest_step, _control=1.5 * simulator.largest_step
+                )
             env.reset(seed=3)
             low, high = env.action_space.low, env.action_space.high
             for n in range(10 if broken else math.ceil(1e5 / copies)):

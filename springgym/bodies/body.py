@@ -9,6 +9,15 @@ from typing import Any, Self
 
 import numpy as np
 
+from springgym.checks import TINY, array, flag, indices, instance, whole_array
+
+MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
+"""Larger bodies are refused: whether springs hold N particles in shape, and the largest stable step, are
+found from matrices of (3 N)² numbers, in a time that grows as N³ and at this limit is half a minute."""
+
+EXACT = 400
+"""Up to so many particles, ways to change shape are counted to the accuracy that doubles allow."""
+
 
 @dataclass(frozen=True, eq=False)
 class Body:
@@ -19,18 +28,19 @@ class Body:
     name
         What it is.
     positions : (N, 3)
-        The unstretched shape [m].
-    masses : (N,)
+        The unstretched shape [m], of at most `MOST_PARTICLES`.
+    masses : (N,) or a number
         [kg], all positive.
     springs : (S, 2)
-        Pairs of particles, each pair once.
+        Pairs of particles, each pair once, at most `MOST_SPRINGS`.
     stiffness, damping : (S,) or a number
         k [N/m], positive; c [kg/s], not negative.
-    lengths : (S,), optional
+    lengths : (S,) or a number, optional
         Unstretched lengths [m]; those of ``positions`` if not given.
     frame : (3,)
         Particles i, j, k: the body's third axis points from i to j, its first towards k as far as that
-        is perpendicular to it. The first three particles if not given.
+        is perpendicular to it. The first three particles if not given. Unless the body is a single
+        particle, i and j lie at different places.
     parts
         Names of particles: ``{"tip": (13,), "ring": (0, …, 11)}``.
     triangles : (T, 3)
@@ -40,10 +50,12 @@ class Body:
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
         Naming the offender: a mass or stiffness that is not positive and finite, a spring of no length,
         given twice or to a particle that does not exist, a part, frame or triangle of one, a body that is
-        in pieces or not held in shape.
+        in pieces or not held in shape, or too large.
     """
 
     name: str
@@ -59,73 +71,71 @@ class Body:
     floppy: bool = False
 
     def __post_init__(self) -> None:
-        def freeze(name: str, dtype: Any, shape: tuple[int, ...]) -> None:
-            try:
-                array = np.array(np.broadcast_to(np.asarray(getattr(self, name), dtype), shape))
-            except ValueError as error:
-                raise ValueError(f"{name} of body {self.name!r} must have shape {shape}: {error}") from None
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        instance("name of a body", self.name, str)
+        what = f"body {self.name!r}: "
 
-        if len(self.positions) == 0:
-            raise ValueError(f"body {self.name!r} has no particles")
-        freeze("positions", float, (len(self.positions), 3))
-        freeze("masses", float, (len(self.positions),))
-        freeze("springs", int, (len(self.springs), 2))
-        freeze("triangles", int, (len(self.triangles), 3))
-        if self.frame is None:
-            last = len(self.masses) - 1
-            object.__setattr__(self, "frame", (0, min(1, last), min(2, last)))
+        def keep(name: str, value: np.ndarray) -> None:
+            value = np.array(value)
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+        def numbers(name: str, count: int, low: float) -> None:
+            given = array(what + name, getattr(self, name), (count,), (), low=low)
+            keep(name, np.broadcast_to(given, (count,)))
+
+        keep("positions", array(what + "positions", self.positions, (None, 3), (0,)))
+        count = len(self.positions)
+        if not 0 < count <= MOST_PARTICLES:
+            raise ValueError(f"{what}it has {count} particles; it must have from 1 to {MOST_PARTICLES}")
+        numbers("masses", count, TINY)
+        for name, ends in (("springs", 2), ("triangles", 3)):
+            given = whole_array(what + name, getattr(self, name), (None, ends), (0,), high=count - 1)
+            keep(name, given.reshape(-1, ends))
         self._check_springs()
-        self._check_names()
         if self.lengths is None:
-            first, second = self.springs.T
-            apart = np.linalg.norm(self.positions[second] - self.positions[first], axis=1)
-            object.__setattr__(self, "lengths", apart)
-        for name in ("stiffness", "damping", "lengths"):
-            freeze(name, float, (len(self.springs),))
-        self._check_values()
+            object.__setattr__(self, "lengths", self._distances())
+        for name, low in (("stiffness", TINY), ("damping", 0.0), ("lengths", TINY)):
+            numbers(name, len(self.springs), low)
+        if self.frame is None:
+            object.__setattr__(self, "frame", (0, min(1, count - 1), min(2, count - 1)))
+        frame = whole_array(what + "frame", self.frame, (3,), high=count - 1)
+        object.__setattr__(self, "frame", tuple(frame.tolist()))
+        i, j, _ = self.frame
+        if count > 1 and (self.positions[i] == self.positions[j]).all():
+            raise ValueError(
+                f"{what}frame is {self.frame}; its first two particles must lie at different places"
+            )
+        parts = {}
+        for name, particles in instance(what + "parts", self.parts, Mapping).items():
+            instance(f"{what}a name of parts", name, str)
+            parts[name] = tuple(indices(f"{what}parts[{name!r}]", particles, count).tolist())
+            if not parts[name]:
+                raise ValueError(f"{what}parts[{name!r}] has no particles")
+        object.__setattr__(self, "parts", parts)
+        flag(what + "floppy", self.floppy)
         self._check_shape()
 
+    def _distances(self) -> np.ndarray:
+        """Distances [m] (S,) of the springs' ends in the unstretched shape."""
+        first, second = self.springs.T
+        return np.linalg.norm(self.positions[second] - self.positions[first], axis=1)
+
     def _check_springs(self) -> None:
-        count = len(self.positions)
+        if len(self.springs) > MOST_SPRINGS:
+            raise ValueError(
+                f"body {self.name!r} has {len(self.springs)} springs; it must have at most {MOST_SPRINGS}"
+            )
         seen: set[tuple[int, int]] = set()
+        apart = self._distances().tolist()
         for n, (i, j) in enumerate(self.springs.tolist()):
             what = f"spring {n} of body {self.name!r} joins"
-            if not (0 <= i < count and 0 <= j < count):
-                raise ValueError(f"{what} particles {i} and {j}; there are 0 to {count - 1}")
             if i == j:
                 raise ValueError(f"{what} particle {i} to itself")
             if (min(i, j), max(i, j)) in seen:
                 raise ValueError(f"{what} particles {i} and {j}, which are joined already")
+            if apart[n] < TINY:
+                raise ValueError(f"{what} particles {i} and {j}, which lie at the same place")
             seen.add((min(i, j), max(i, j)))
-
-    def _check_names(self) -> None:
-        last = len(self.masses) - 1
-        for name, particles in self.parts.items():
-            if not particles:
-                raise ValueError(f"part {name!r} of body {self.name!r} has no particles")
-        named = {f"part {name!r}": particles for name, particles in self.parts.items()}
-        named |= {"frame": self.frame, "triangles": tuple(self.triangles.ravel().tolist())}
-        for name, particles in named.items():
-            for i in particles:
-                if not 0 <= i <= last:
-                    what = f"{name} of body {self.name!r}"
-                    raise ValueError(f"{what} names particle {i}; there are 0 to {last}")
-
-    def _check_values(self) -> None:
-        def check(name: str, wrong: np.ndarray, must: str) -> None:
-            if wrong.any():
-                n = int(np.argmax(wrong))
-                value = getattr(self, name)[n]
-                raise ValueError(f"{name}[{n}] of body {self.name!r} is {value}; it must be {must}")
-
-        check("positions", ~np.isfinite(self.positions).all(axis=1), "finite")
-        for name in ("masses", "stiffness"):
-            values = getattr(self, name)
-            check(name, ~((values > 0) & np.isfinite(values)), "positive and finite")
-        check("lengths", ~((self.lengths > 0) & np.isfinite(self.lengths)), "positive and finite")
-        check("damping", ~((self.damping >= 0) & np.isfinite(self.damping)), "finite and not negative")
 
     def _check_shape(self) -> None:
         piece = pieces(len(self.positions), self.springs)
@@ -142,14 +152,24 @@ class Body:
         """Ways to change shape that stretch no spring, with some particles held.
 
         Of the 3 (N − pins) coordinates, those that neither a spring (the rank of the rigidity matrix) nor
-        a rigid motion past the pins accounts for. Directions that stretch springs by less than 1e-9 of
-        what others do count as stretching none.
+        a rigid motion past the pins accounts for. Directions that stretch springs by less than 1e-9 (in
+        bodies of more than `EXACT` particles 1e-6) of what others do count as stretching none.
         """
-        free = np.setdiff1d(np.arange(len(self.masses)), pinned)
+        held = indices("pinned", pinned, len(self.masses))
+        free = np.setdiff1d(np.arange(len(self.masses)), held)
         rigid = rigid_motions(self.positions)
-        moving = _rank(rigid.reshape(-1, 6)) - _rank(rigid[list(pinned)].reshape(-1, 6))
-        rows = rigidity_matrix(self.positions, self.springs)[:, free]
-        return 3 * len(free) - moving - _rank(rows.reshape(len(rows), 3 * len(free)))
+        moving = _rank(rigid.reshape(-1, 6)) - _rank(rigid[held].reshape(-1, 6))
+        if len(self.masses) > EXACT:
+            first, second = self.springs.T
+            along = (self.positions[second] - self.positions[first]) / self._distances()[:, None]
+            squares = assembled(along[:, :, None] * along[:, None, :], self.springs, len(self.masses))
+            coordinates = (3 * free[:, None] + np.arange(3)).ravel()
+            sizes = np.linalg.eigvalsh(squares[np.ix_(coordinates, coordinates)])  # of the matrix's square
+            rank = int(np.sum(sizes > 1e-12 * sizes[-1])) if len(sizes) else 0
+        else:
+            rows = rigidity_matrix(self.positions, self.springs)[:, free]
+            rank = _rank(rows.reshape(len(rows), 3 * len(free)))
+        return 3 * len(free) - moving - rank
 
     def particle(self, name: str) -> int:
         """The particle of a part that has just one.
@@ -161,7 +181,7 @@ class Body:
         ValueError
             If it has several particles.
         """
-        if name not in self.parts:
+        if instance("name of a part", name, str) not in self.parts:
             known = ", ".join(self.parts) or "no parts"
             raise KeyError(f"body {self.name!r} has no {name!r}; it has {known}")
         if len(self.parts[name]) != 1:
@@ -184,7 +204,7 @@ class Body:
 
     def inertia(self, about: Any = None) -> np.ndarray:
         """Inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), about a point (the centre of mass)."""
-        r = self.positions - (self.centre if about is None else np.asarray(about))
+        r = self.positions - (self.centre if about is None else array("about", about, (3,)))
         return np.sum(self.masses * (r * r).sum(axis=1)) * np.eye(3) - (self.masses * r.T) @ r
 
     def principal(self, about: Any = None) -> tuple[np.ndarray, np.ndarray]:
@@ -226,6 +246,17 @@ def rigid_motions(positions: np.ndarray, about: Any = None) -> np.ndarray:
     motions[:, :, :3] = np.eye(3)
     motions[:, :, 3:] = np.cross(np.eye(3), r[:, None, :]).transpose(0, 2, 1)
     return motions
+
+
+def assembled(blocks: np.ndarray, springs: np.ndarray, count: int) -> np.ndarray:
+    """The matrix (3N, 3N) of springs whose energies are (uᵢ − uⱼ)ᵀ blockₛ (uᵢ − uⱼ)/2, blocks (S, 3, 3)."""
+    first, second = springs.T
+    matrix = np.zeros((count, count, 3, 3))
+    np.add.at(matrix, (first, first), blocks)
+    np.add.at(matrix, (second, second), blocks)
+    np.add.at(matrix, (first, second), -blocks)
+    np.add.at(matrix, (second, first), -blocks)
+    return matrix.transpose(0, 2, 1, 3).reshape(3 * count, 3 * count)
 
 
 def _rank(matrix: np.ndarray) -> int:

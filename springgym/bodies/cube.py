@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from springgym.bodies.body import Body
+from springgym.checks import TINY, array, number
 
 SPRINGS = (
     *((0, 1), (1, 2), (2, 3), (3, 0)),  # top
@@ -49,14 +50,10 @@ def box(
     ValueError
         If there are not three positive sides, or neither one mass nor eight, or `Body` finds fault.
     """
-    half = np.array(sides, float) / 2
-    if half.shape != (3,) or not (half > 0).all():
-        raise ValueError(f"sides are {sides}; a box has three positive sides")
-    masses = np.array(mass, float)
+    half = array("sides", sides, (3,), low=TINY) / 2
+    masses = array("mass", mass, (), (8,), low=TINY)
     if masses.shape == ():
         masses = np.full(8, masses / 8)
-    if masses.shape != (8,):
-        raise ValueError(f"mass is {mass}; give the total, or one for each of the 8 corners")
     return Body(
         name="box",
         positions=half * np.vstack([CORNERS, CORNERS * (1, 1, -1)]),
@@ -90,4 +87,5 @@ def cube(side: float = 1.0, mass: float = 1.0, stiffness: float = 1e5, damping: 
     ValueError
         If the side is not positive, or `Body` finds fault.
     """
+    side, mass = number("side", side, low=TINY), number("mass", mass, low=TINY)
     return box((side, side, side), mass, stiffness, damping).with_(name="cube", frame=(0, 6, 1))

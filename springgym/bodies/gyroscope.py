@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.bodies.body import Body
+from springgym.bodies.body import MOST_PARTICLES, Body
+from springgym.checks import TINY, number, whole
 
 
 def gyroscope(
@@ -38,8 +39,12 @@ def gyroscope(
     ValueError
         If the ring has fewer than three particles, or `Body` finds fault.
     """
-    if ring < 3:
-        raise ValueError(f"ring is {ring}; a ring has at least 3 particles")
+    ring = whole("ring", ring, 3, MOST_PARTICLES - 3)
+    radius = number("radius", radius, low=TINY)
+    axle = number("axle", axle, low=TINY)
+    ring_mass = number("ring_mass", ring_mass, low=TINY)
+    end_mass = number("end_mass", end_mass, low=TINY)
+    centre_mass = number("centre_mass", centre_mass, low=TINY)
     angle = 2 * np.pi * np.arange(ring) / ring
     centre, head, foot = ring, ring + 1, ring + 2
     positions = np.zeros((ring + 3, 3))

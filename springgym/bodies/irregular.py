@@ -5,15 +5,24 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from itertools import combinations
+from os import PathLike
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from springgym.bodies.body import Body, pieces, rigid_motions, rigidity_matrix
+from springgym.checks import TINY, array, chosen, instance, number, shown
 
 MOST_VERTICES = 400
-"""Finer meshes are refused: their particles are so light that only tiny steps are stable."""
+"""Finer bodies are refused: their particles are so light that only tiny steps are stable, and looking for
+braces takes a time that grows as the third power of their number."""
+
+MOST_POINTS = 10_000
+"""Larger clouds of points are refused: finding their hull takes minutes."""
+
+MANY_PAIRS = 10_000
+"""Pairs that are looked at in one go: 100 MB of numbers at `MOST_VERTICES`."""
 
 
 def from_points(
@@ -45,18 +54,18 @@ def from_points(
     ValueError
         If the points have no volume or are not finite, the masses do not fit them, or `Body` finds fault.
     """
-    cloud = np.array(points, float)
+    cloud = array("points", points, (None, 3), (0,))
+    masses = array("mass", mass, (), (len(cloud),), low=TINY)
+    if centre_mass is not None:
+        centre_mass = number("centre_mass", centre_mass, low=TINY)
     triangles = convex_hull(cloud)
     corners, triangles = np.unique(triangles, return_inverse=True)
-    masses = np.array(mass, float)
-    if masses.shape == (len(cloud),):
+    if masses.ndim:
         if len(corners) < len(cloud):
             inside = int(np.setdiff1d(np.arange(len(cloud)), corners)[0])
             raise ValueError(f"point {inside} at {cloud[inside]} lies inside the hull: it cannot have a mass")
-    elif masses.shape == ():
-        masses = np.full(len(corners), masses / len(corners))
     else:
-        raise ValueError(f"mass is {mass}; give one for all, or one for each of the {len(cloud)} points")
+        masses = np.full(len(corners), masses / len(corners))
     return _around_centre(
         "hull",
         cloud[corners],
@@ -111,7 +120,9 @@ def from_mesh(
         import trimesh
     except ImportError as error:
         raise ImportError("from_mesh needs trimesh: pip install springgym[mesh]") from error
-    path = Path(path)
+    mass, scale = number("mass", mass, low=TINY), number("scale", scale, low=TINY)
+    chosen("by", by, ("volume", "area"))
+    path = Path(instance("path", path, str, PathLike))
     if not path.is_file():
         raise FileNotFoundError(f"there is no mesh file {path}")
     try:
@@ -121,8 +132,6 @@ def from_mesh(
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     if len(mesh.vertices) > MOST_VERTICES:
         raise ValueError(f"{path} has {len(mesh.vertices)} vertices; simplify it to at most {MOST_VERTICES}")
-    if by not in ("volume", "area"):
-        raise ValueError(f"by is {by!r}; it is 'volume' or 'area'")
     if not mesh.is_watertight:
         raise ValueError(f"{path} is not a closed surface")
     vertices, triangles = scale * np.array(mesh.vertices), np.array(mesh.faces)
@@ -166,6 +175,13 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
     ValueError
         If two bodies have the same name, or one touches no other, or `Body` finds fault.
     """
+    if isinstance(bodies, (str, Body)) or not isinstance(bodies, Sequence) or not bodies:
+        raise TypeError(f"bodies is {shown(bodies)}; it must be a list of bodies, at least one")
+    bodies = [instance(f"bodies[{n}]", body, Body) for n, body in enumerate(bodies)]
+    count = sum(len(body.masses) for body in bodies)
+    if count > MOST_VERTICES:
+        raise ValueError(f"bodies have {count} particles together; they must have at most {MOST_VERTICES}")
+    instance("name", name, str)
     names = [body.name for body in bodies]
     if len(set(names)) < len(names):
         raise ValueError(f"bodies have the names {', '.join(names)}; they must differ")
@@ -185,13 +201,13 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
         triangles += map(tuple, place[body.triangles].tolist())
     shared = Counter(frozenset(triangle) for triangle in triangles)
     outer = [triangle for triangle in triangles if shared[frozenset(triangle)] == 1]
-    positions, springs = every[kept], np.array(list(strength))
+    positions, springs = every[kept], np.array(list(strength), int).reshape(-1, 2)
     if (apart := pieces(len(positions), springs)).any():
         stray = next(name for name, place in parts.items() if int(np.argmax(apart)) in place)
         raise ValueError(f"body {stray!r} does not touch body {names[0]!r}, nor what that touches")
     added = braces(positions, springs)
-    mean = np.mean(list(strength.values()), axis=0)
-    values = np.array([*strength.values(), *[mean] * len(added)])
+    values = np.array(list(strength.values())).reshape(-1, 2)
+    values = np.vstack([values, *[values.mean(axis=0)] * len(added)])
     return Body(
         name=name,
         positions=positions,
@@ -215,8 +231,8 @@ def convex_hull(points: np.ndarray) -> np.ndarray:
     ValueError
         If the points have no volume or are not finite.
     """
-    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-        raise ValueError(f"points must be finite, of shape (n, 3); their shape is {points.shape}")
+    if not 4 <= len(points) <= MOST_POINTS:
+        raise ValueError(f"points are {len(points)}; there must be from 4 to {MOST_POINTS}")
     r = points - points.mean(axis=0)
     order = np.argsort(-np.linalg.norm(r, axis=1), kind="stable")
     tiny = 1e-9 * np.abs(r).max(initial=0.0)
@@ -231,6 +247,8 @@ def convex_hull(points: np.ndarray) -> np.ndarray:
         edges = {(face[n], face[(n + 1) % 3]) for face in seen for n in range(3)}
         rim = [(a, b) for face in faces if face in seen for a, b in _edges(face) if (b, a) not in edges]
         faces = [face for face in faces if face not in seen] + [(a, b, int(p)) for a, b in rim]
+        if len(faces) > 2 * MOST_VERTICES:  # a hull of V corners has 2 V − 4
+            raise ValueError(f"the hull of the points has more than {MOST_VERTICES} corners")
     return np.array(faces)
 
 
@@ -259,6 +277,8 @@ def braces(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
     One after the other, the pair whose distance the remaining changes of shape alter most.
     """
     count = len(positions)
+    if count < 2:
+        return np.zeros((0, 2), int)
     held = np.vstack(
         [
             rigidity_matrix(positions, springs).reshape(-1, 3 * count),
@@ -267,11 +287,13 @@ def braces(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
     )
     _, sizes, rows = np.linalg.svd(held)
     free = rows[int(np.sum(sizes > 1e-9 * sizes[0])) :].T
+    added: list[np.ndarray] = []
+    if not free.shape[1]:
+        return np.zeros((0, 2), int)
     pairs = np.array(list(combinations(range(count), 2)))
-    stretch = rigidity_matrix(positions, pairs).reshape(-1, 3 * count)
-    added = []
+    parts = np.array_split(pairs, -(-len(pairs) // MANY_PAIRS))
     while free.shape[1]:
-        effect = stretch @ free
+        effect = np.vstack([rigidity_matrix(positions, p).reshape(-1, 3 * count) @ free for p in parts])
         size = np.linalg.norm(effect, axis=1)
         best = int(np.argmax(size))
         if size[best] < 1e-9:

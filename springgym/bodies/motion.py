@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.bodies.body import Body, rigid_motions
+from springgym.bodies.body import Body, assembled, rigid_motions
+from springgym.checks import TINY, array, direction, flag, indices, instance, number
 
 
 class Start(NamedTuple):
@@ -22,8 +24,11 @@ class Start(NamedTuple):
 
 def rotation(axis: Any, angle: float) -> np.ndarray:
     """Matrix (3, 3) of the rotation by ``angle`` [rad] about an axis (Rodrigues' formula)."""
-    u = np.asarray(axis, float)
-    u = skew(u / np.linalg.norm(u))
+    return _turned(direction("axis", axis), number("angle", angle))
+
+
+def _turned(axis: np.ndarray, angle: float) -> np.ndarray:
+    u = skew(axis)
     return np.eye(3) + np.sin(angle) * u + (1 - np.cos(angle)) * u @ u
 
 
@@ -53,7 +58,8 @@ def axes(positions: np.ndarray, frame: Sequence[int]) -> np.ndarray:
 
 def spinning(positions: np.ndarray, omega: Any, about: Any) -> np.ndarray:
     """Velocities ω × (x − about) [m/s] of a rigid rotation, shape of ``positions``."""
-    return np.cross(np.asarray(omega, float), positions - np.asarray(about, float))
+    arms = array("positions", positions, (3,), (None, 3), (None, None, 3)) - array("about", about, (3,))
+    return np.cross(array("omega", omega, (3,)), arms)
 
 
 def start(
@@ -63,14 +69,14 @@ def start(
     azimuth: float = 0.0,
     roll: float = 0.0,
     hanging: bool = False,
-    turn: Sequence[float] = (0.0, 0.0, 0.0),
+    turn: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     spin: float = 0.0,
     precession: float = 0.0,
-    omega: Sequence[float] = (0.0, 0.0, 0.0),
-    position: Sequence[float] = (0.0, 0.0, 0.0),
-    velocity: Sequence[float] = (0.0, 0.0, 0.0),
+    omega: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    position: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    velocity: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     pinned: tuple[int, ...] = (),
-    gravity: Sequence[float] | None = None,
+    gravity: Sequence[float] | np.ndarray | None = None,
     stretched: bool = True,
 ) -> Start:
     """Place a body and set it in rigid motion.
@@ -110,9 +116,24 @@ def start(
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        If there is no such shape, or the pins do not allow the motion.
+        If a number is not finite, there is no such shape, or the pins do not allow the motion.
     """
+    instance("body", body, Body)
+    tilt = None if tilt is None else number("tilt", tilt)
+    azimuth, roll = number("azimuth", azimuth), number("roll", roll)
+    spin, precession = number("spin", spin), number("precession", precession)
+    hanging, stretched = flag("hanging", hanging), flag("stretched", stretched)
+    turn, omega = array("turn", turn, (3,)), array("omega", omega, (3,))
+    position, velocity = array("position", position, (3,)), array("velocity", velocity, (3,))
+    gravity = None if gravity is None else array("gravity", gravity, (3,))
+    pinned = tuple(indices("pinned", pinned, len(body.masses)).tolist())
+    if tilt is None and (azimuth or roll):
+        raise ValueError(f"azimuth is {azimuth} and roll is {roll}; they must come with a tilt")
+    if tilt is not None and hanging:
+        raise ValueError(f"tilt is {tilt}; a body that hangs has none")
     own = axes(body.positions, body.frame)
     if hanging:
         if not pinned:
@@ -127,29 +148,29 @@ def start(
         place = np.eye(3)
     place = _rotating(turn) @ place
     third = place @ own[:, 2]
-    rate = np.asarray(omega, float) + spin * third
+    rate = omega + spin * third
     rate = rate + precession * (np.array([0.0, 0.0, 1.0]) - third[2] * third)
     shape = body.positions
     if stretched:
-        pull = None if gravity is None else place.T @ np.asarray(gravity, float)
+        pull = None if gravity is None else place.T @ gravity
         if pull is not None and body.floppy and pinned:  # what it carries along itself
             along = body.centre - body.positions[pinned[0]]
-            pull = along * (along @ pull) / (along @ along)
+            pull = along * (along @ pull) / (along @ along) if along.any() else None
         shape = relative_equilibrium(body, place.T @ rate, pinned, pull)
     reference = shape[pinned[0]] if pinned else body.masses @ shape / body.mass
     arm = (shape - reference) @ place.T
-    velocities = spinning(arm, rate, (0.0, 0.0, 0.0)) + np.asarray(velocity, float)
+    velocities = spinning(arm, rate, (0.0, 0.0, 0.0)) + velocity
     held = list(pinned)
     if np.abs(velocities[held]).max(initial=0.0) > 1e-9 * np.abs(velocities).max(initial=1.0):
         raise ValueError(f"body {body.name!r} is pinned at {held} and cannot move so: the pins would move")
     velocities[held] = 0.0
-    return Start(np.asarray(position, float) + arm, velocities)
+    return Start(position + arm, velocities)
 
 
-def _rotating(vector: Sequence[float]) -> np.ndarray:
+def _rotating(vector: Sequence[float] | np.ndarray) -> np.ndarray:
     """The rotation by a vector along its axis [rad]."""
     angle = float(np.linalg.norm(vector))
-    return rotation(vector, angle) if angle > 0 else np.eye(3)
+    return _turned(np.asarray(vector) / angle, angle) if angle >= TINY else np.eye(3)
 
 
 def _aligning(source: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -191,13 +212,18 @@ def relative_equilibrium(
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
         If there is no such shape: the springs are too weak, the body is floppy, or a pin is off the axis.
     """
+    instance("body", body, Body)
+    omega, mass = array("omega", omega, (3,)), body.masses[:, None]
+    pinned = tuple(indices("pinned", pinned, len(mass)).tolist())
+    pull = np.zeros(3) if gravity is None else array("gravity", gravity, (3,))
     if not len(body.springs):
         return np.array(body.positions)
-    omega, mass = np.asarray(omega, float), body.masses[:, None]
-    weight = mass * (np.zeros(3) if gravity is None or not pinned else np.asarray(gravity, float))
+    weight = mass * (pull if pinned else np.zeros(3))
     centre = body.positions[pinned[0]] if pinned else body.centre
     free = np.setdiff1d(np.arange(len(mass)), pinned)
     turns = _kernel(_skews(body.positions[list(pinned)] - centre)) if pinned else np.eye(3)
@@ -210,23 +236,24 @@ def relative_equilibrium(
     scale = (body.stiffness * body.lengths).max(initial=0.0)
     x = body.positions.copy()
     residual = np.full_like(x, np.inf)
-    for _ in range(50):
-        r = x - (centre if pinned else body.masses @ x / body.mass)
-        inertia = np.sum(mass * (r * r)) * np.eye(3) - (mass * r).T @ r
-        torque = np.cross(r, weight).sum(axis=0) - np.cross(omega, inertia @ omega)
-        alpha = turns @ np.linalg.lstsq(turns.T @ inertia @ turns, turns.T @ torque, rcond=1e-12)[0]
-        turning = skew(omega) @ skew(omega) + skew(alpha)
-        force, jacobian = spring_force_and_jacobian(body, x)
-        residual = force + weight - mass * (r @ turning.T)
-        if np.abs(residual[free]).max(initial=0.0) < 1e-14 * scale:
-            break
-        for i in free:
-            jacobian[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] -= mass[i] * turning
-        matrix = deforming.T @ jacobian[np.ix_(unknown, unknown)] @ deforming
-        step = deforming @ np.linalg.lstsq(matrix, -deforming.T @ residual[free].ravel(), rcond=1e-12)[0]
-        x.reshape(-1)[unknown] += step
-        if not np.abs(step).max() < 100 * np.ptp(body.positions, axis=0).max():
-            break
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):  # no shape: the residual says so
+        for _ in range(50):
+            r = x - (centre if pinned else body.masses @ x / body.mass)
+            inertia = np.sum(mass * (r * r)) * np.eye(3) - (mass * r).T @ r
+            torque = np.cross(r, weight).sum(axis=0) - np.cross(omega, inertia @ omega)
+            alpha = turns @ np.linalg.lstsq(turns.T @ inertia @ turns, turns.T @ torque, rcond=1e-12)[0]
+            turning = skew(omega) @ skew(omega) + skew(alpha)
+            force, jacobian = spring_force_and_jacobian(body, x)
+            residual = force + weight - mass * (r @ turning.T)
+            if np.abs(residual[free]).max(initial=0.0) < 1e-14 * scale:
+                break
+            for i in free:
+                jacobian[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] -= mass[i] * turning
+            matrix = deforming.T @ jacobian[np.ix_(unknown, unknown)] @ deforming
+            step = deforming @ np.linalg.lstsq(matrix, -deforming.T @ residual[free].ravel(), rcond=1e-12)[0]
+            x.reshape(-1)[unknown] += step
+            if not np.abs(step).max() < 100 * np.ptp(body.positions, axis=0).max():
+                break
     if not np.abs(residual[free]).max(initial=0.0) < 1e-9 * scale:
         raise ValueError(
             f"body {body.name!r} has no steady shape at ω = {omega} rad/s under gravity {gravity}: "
@@ -246,6 +273,7 @@ class StretchedShapes:
 
     def __call__(self, spin: float) -> np.ndarray:
         """The shape (N, 3) at a spin [rad/s]."""
+        spin = number("spin", spin)
         return np.tensordot((spin / self.fastest) ** (2 * np.arange(4, -1, -1)), self.coefficients, 1)
 
 
@@ -255,9 +283,9 @@ def stretched_shapes(body: Body, axis: Any, fastest: float, pinned: tuple[int, .
     Springs are linear, so the shape is a smooth function of ω²: a polynomial through five of them, at
     Chebyshev's points, is exact to about (largest strain)⁵.
     """
-    direction = np.asarray(axis, float) / np.linalg.norm(axis)
+    along, fastest = direction("axis", axis), number("fastest", fastest, low=TINY)
     nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(5) + 0.5) / 5)  # ω²/fastest²
-    shapes = [relative_equilibrium(body, fastest * np.sqrt(u) * direction, pinned) for u in nodes]
+    shapes = [relative_equilibrium(body, fastest * np.sqrt(u) * along, pinned) for u in nodes]
     coefficients = np.linalg.solve(np.vander(nodes), np.reshape(shapes, (5, -1)))
     return StretchedShapes(fastest, coefficients.reshape(5, *body.positions.shape))
 
@@ -287,10 +315,4 @@ def spring_force_and_jacobian(body: Body, x: np.ndarray) -> tuple[np.ndarray, np
     outer = along[:, :, None] * along[:, None, :]
     across = (tension / length)[:, None, None] * (np.eye(3) - outer)
     stiff = body.stiffness[:, None, None] * outer + across
-    count = len(x)
-    jacobian = np.zeros((count, count, 3, 3))
-    np.add.at(jacobian, (first, first), -stiff)
-    np.add.at(jacobian, (second, second), -stiff)
-    np.add.at(jacobian, (first, second), stiff)
-    np.add.at(jacobian, (second, first), stiff)
-    return force, jacobian.transpose(0, 2, 1, 3).reshape(3 * count, 3 * count)
+    return force, assembled(-stiff, body.springs, len(x))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from springgym.bodies.body import Body
+from springgym.bodies.body import MOST_PARTICLES, Body
+from springgym.checks import TINY, number, whole
 
 
 def rope(
@@ -35,8 +36,9 @@ def rope(
     ValueError
         If there are fewer than two beads, or `Body` finds fault.
     """
-    if beads < 2:
-        raise ValueError(f"beads is {beads}; a rope has at least 2: its top and the weight")
+    beads = whole("beads", beads, 2, MOST_PARTICLES)
+    length, end_mass = number("length", length, low=TINY), number("end_mass", end_mass, low=TINY)
+    bead_mass = number("bead_mass", bead_mass, low=TINY)
     last = beads - 1
     positions = np.zeros((beads, 3))
     positions[:, 2] = -length * np.arange(beads) / last

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from springgym.bodies.body import Body
+from springgym.bodies.body import MOST_PARTICLES, Body
+from springgym.checks import TINY, instance, number, whole
 
 
 def top(
@@ -41,13 +42,14 @@ def top(
     ValueError
         If the ring has fewer than three particles, or a factor is given to one that is not in it.
     """
-    if ring < 3:
-        raise ValueError(f"ring is {ring}; a ring has at least 3 particles")
+    ring = whole("ring", ring, 3, MOST_PARTICLES - 2)
+    radius = number("radius", radius, low=TINY)
+    height = number("height", height, low=TINY)
+    mass = number("mass", mass, low=TINY)
     masses = np.array([mass / 2 / ring] * ring + [mass / 4, mass / 4])
-    for n, factor in (scaled or {}).items():
-        if not 0 <= n < ring:
-            raise ValueError(f"scaled names particle {n}; the ring has particles 0 to {ring - 1}")
-        masses[n] *= factor
+    for n, factor in instance("scaled", {} if scaled is None else scaled, Mapping).items():
+        n = whole("a particle that scaled names", n, 0, ring - 1)
+        masses[n] *= number(f"scaled[{n}]", factor, low=TINY)
     angle = 2 * np.pi * np.arange(ring) / ring
     crown, tip = ring, ring + 1
     positions = np.zeros((ring + 2, 3))

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from enum import Enum
+from os import PathLike
 from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
+from gymnasium.wrappers import TimeLimit
 
+from springgym.checks import chosen, whole
 from springgym.envs.task import Episodes, Task
 from springgym.measures import Measures
 from springgym.rendering import Renderer
-
-RENDER_FPS = 50
 
 
 class _Common:
@@ -23,6 +27,7 @@ class _Common:
 
     task_type: ClassVar[type[Task]]
     episodes: Episodes
+    _spec: EnvSpec | None = None
 
     def _make(
         self,
@@ -48,6 +53,17 @@ class _Common:
             randomize=randomize,
             max_episode_steps=max_episode_steps,
         )
+        self._ready = False
+        """whether episodes have begun"""
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How `gymnasium.make` makes the environment again, in data that JSON can hold."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = None if spec is None else replace(spec, kwargs=_written(spec.kwargs))
 
     def _checked(self, action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
         """The action as numbers.
@@ -56,17 +72,23 @@ class _Common:
         ------
         ValueError
             If it has another shape, or holds what is not a number.
+        gymnasium.error.ResetNeeded
+            If no episode has begun.
         """
+        if not self._ready:
+            raise gym.error.ResetNeeded("Cannot call env.step() before calling env.reset()")
         try:
-            checked = np.asarray(action, np.float64)
-        except (TypeError, ValueError):
-            raise ValueError(f"action {action!r} is not an array of numbers") from None
-        if checked.shape != shape:
-            raise ValueError(f"action has shape {checked.shape}; it must be {shape}")
-        return checked
+            given = np.asarray(action)
+        except ValueError:
+            given = np.array(None)
+        if given.dtype.kind not in "fiu":
+            raise ValueError(f"action {action!r} is not an array of numbers")
+        if given.shape != shape:
+            raise ValueError(f"action has shape {given.shape}; it must be {shape}")
+        return given
 
     def _always(self, copies: Any) -> dict[str, Any]:
-        """Arrays (k,) of what ``info`` reports for some copies, after a reset too."""
+        """Arrays (k,) of what ``info`` reports for some copies of whatever task."""
         episodes, task, m = self.episodes, self.episodes.task, self.episodes.measures
         always: dict[str, Any] = {
             "is_success": episodes.held[copies] >= task.hold,
@@ -80,24 +102,32 @@ class _Common:
             always["randomization"] = {name: drawn[..., n] for n, name in enumerate(episodes.ranges)}
         return always
 
-    def _stepped(self) -> dict[str, Any]:
-        """Arrays (n,) of what ``info`` reports besides after a step."""
-        return dict(zip(self.episodes.task.reported, self.episodes.out.T, strict=False))
-
     def _picture(self, renderer: Renderer, copy: int) -> np.ndarray | None:
+        if not self._ready:
+            raise gym.error.ResetNeeded("Cannot call env.render() before calling env.reset()")
         episodes = self.episodes
         positions, _ = episodes.particles
+        if not episodes.diverged[copy]:
+            renderer.camera = renderer.camera.keeping(positions[copy], renderer.size)
         m = Measures(*(values[copy] for values in episodes.measures))
         marks = episodes.task.marks(m, positions[copy], episodes.action[copy], episodes.goal[copy])
         return renderer.frame(positions[copy], marks)
 
+    def _restart(self, renderer: Renderer, copy: int) -> None:
+        """Show the new episode of a copy."""
+        renderer.reset()
+        renderer.follow(self.episodes.particles[0][copy])
+        renderer.camera = self.episodes.task.camera()
+
     def _renderer(self, mode: Any) -> Renderer:
         task = self.episodes.task
-        return Renderer(task.look(), task.camera(), task.scenery(), mode=mode, fps=RENDER_FPS)
+        return Renderer(task.look(), task.camera(), task.scenery(), mode=mode, fps=frame_rate(task))
 
 
 class SpringEnv(_Common, gym.Env):
     """One environment.
+
+    A concrete one names `gymnasium.Env` among its own bases: some libraries look there to tell what it is.
 
     Parameters
     ----------
@@ -108,45 +138,74 @@ class SpringEnv(_Common, gym.Env):
     randomize
         Ranges (low, high) of factors drawn each episode, by name, out of
         `springgym.envs.task.RANDOMIZABLE`.
+    max_episode_steps
+        Time limit; none if not given: `gymnasium.make` sees to the registered one by a wrapper.
     options
         The task's own arguments.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": RENDER_FPS}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"]}  # noqa: RUF012
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if hasattr(cls, "task_type"):
+            cls.metadata = SpringEnv.metadata | {"render_fps": frame_rate(cls.task_type)}
 
     def __init__(self, *, render_mode: str | None = None, **options: Any) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f"render_mode={render_mode!r} is unknown; it is None, 'human' or 'rgb_array'")
+        if render_mode is not None:
+            chosen("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
         self._make(1, **options)
-        self.observation_space = self.episodes.task.observation_space
-        self.action_space = self.episodes.task.action_space
+        task = self.episodes.task
+        self.metadata = type(self).metadata | {"render_fps": frame_rate(task)}
+        self.observation_space = task.observation_space
+        self.action_space = task.action_space
         self._canvas: Renderer | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        super().reset(seed=seed)
-        self.episodes.begin(np.array([0]), [self.np_random], options or {})
+        """Start a new episode. What is refused changes nothing, the random generator included.
+
+        Parameters
+        ----------
+        seed
+            A new one for the random generator.
+        options
+            The task's reset options.
+        """
+        before = self._np_random, self._np_random_seed
+        try:
+            super().reset(seed=_seed("seed", seed))
+            self.episodes.begin(np.array([0]), [self.np_random], options)
+        except BaseException:
+            self._np_random, self._np_random_seed = before
+            raise
+        self._ready = True
         if self._canvas:
-            self._canvas.reset()
+            self._restart(self._canvas, 0)
         if self.render_mode == "human":
             self.render()
-        return self.episodes.observe()[0], _plain(self._always(0))
+        return self.episodes.observe()[0], self._info()
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
         result = self.episodes.step(checked[None])
+        if self._canvas:
+            self._canvas.follow(self.episodes.particles[0][0])
         if self.render_mode == "human":
             self.render()
-        stepped = zip(self.episodes.task.reported, self.episodes.out[0].tolist(), strict=False)
         return (
             self.episodes.observe()[0],
             float(result.reward[0]),
             bool(result.terminated[0]),
             bool(result.truncated[0]),
-            _plain(self._always(0)) | dict(stepped),
+            self._info(),
         )
+
+    def _info(self) -> dict[str, Any]:
+        stepped = zip(self.episodes.task.reported, self.episodes.out[0].tolist(), strict=False)
+        return _plain(self._always(0)) | dict(stepped)
 
     def render(self) -> np.ndarray | None:
         if self.render_mode is None:
@@ -167,12 +226,32 @@ class SpringEnv(_Common, gym.Env):
 
     def get_state(self) -> dict[str, Any]:
         """The true state, with clock and random generator: give it to `set_state`."""
-        return {"episodes": self.episodes.state(), "rng": self.np_random.bit_generator.state}
+        return {
+            "episodes": self.episodes.state(),
+            "rng": self.np_random.bit_generator.state,
+            "seed": self.np_random_seed,
+            "ready": self._ready,
+        }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state, to the bit: what follows is what followed."""
+        """Return to a state, to the bit: what follows is what followed.
+
+        Wrappers are not touched: the time limit that `gymnasium.make` adds goes on counting from where it
+        was, unless the state is set by `springgym.set_state`.
+
+        Raises
+        ------
+        ValueError
+            If the state is not one of this environment, made with as many copies of the same body, of the
+            same type. Nothing is changed then.
+        """
+        _check_keys(state, ("episodes", "rng", "seed", "ready"))
+        generator = _generator(state["rng"])
         self.episodes.restore(state["episodes"])
-        self.np_random.bit_generator.state = state["rng"]
+        self._np_random, self._np_random_seed = generator, state["seed"]
+        self._ready = bool(state["ready"])
+        if self._canvas:
+            self._restart(self._canvas, 0)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_canvas": None}  # pictures do not travel
@@ -180,6 +259,8 @@ class SpringEnv(_Common, gym.Env):
 
 class SpringVectorEnv(_Common, gym.vector.VectorEnv):
     """Many copies stepped by one call, equal to the bit to as many single environments.
+
+    A concrete one names `gymnasium.vector.VectorEnv` among its own bases, see `SpringEnv`.
 
     Parameters
     ----------
@@ -203,24 +284,28 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         **options: Any,
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}; it must be at least 1")
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode={render_mode!r}: a batch is drawn as None or 'rgb_array'")
+        num_envs = whole("num_envs", num_envs, 1)
+        if render_mode is not None:
+            chosen("render_mode of a batch", render_mode, ["rgb_array"])
+        modes = [mode.value for mode in AutoresetMode]
+        if not isinstance(autoreset_mode, AutoresetMode):
+            autoreset_mode = AutoresetMode(chosen("autoreset_mode", autoreset_mode, modes))
         self.num_envs = num_envs
         self.render_mode = render_mode
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.autoreset_mode = autoreset_mode
+        self._make(num_envs, **options)
+        task = self.episodes.task
         self.metadata = {
             "render_modes": ["rgb_array"],
-            "render_fps": RENDER_FPS,
+            "render_fps": frame_rate(task),
             "autoreset_mode": self.autoreset_mode,
         }
-        self._make(num_envs, **options)
-        self.single_observation_space = self.episodes.task.observation_space
-        self.single_action_space = self.episodes.task.action_space
+        self.single_observation_space = task.observation_space
+        self.single_action_space = task.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators: list[np.random.Generator] = []
+        self._seeds: list[int] = []
         self._ended = np.zeros(num_envs, bool)
         self._canvases: list[Renderer] = []
 
@@ -232,6 +317,8 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start new episodes in all copies, or in those of ``options["reset_mask"]``.
 
+        What is refused changes nothing, the random generators included.
+
         Parameters
         ----------
         seed
@@ -239,25 +326,23 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         options
             ``reset_mask`` (num_envs,) of bool, and the task's reset options.
         """
-        seeds = self._seeds(seed)
-        given = dict(options or {})
-        mask = self._mask(given.pop("reset_mask", None))
-        if not self._generators:
-            self._generators = [seeding.np_random(s)[0] for s in seeds]
-        else:
-            for n in np.flatnonzero(mask):
-                if seeds[n] is not None:
-                    self._generators[n] = seeding.np_random(seeds[n])[0]
-        self._begin(np.flatnonzero(mask), given)
+        seeds = self._given_seeds(seed)
+        mask, given = self._mask(options)
+        generators, known = list(self.np_random), list(self.np_random_seed)
+        for n in np.flatnonzero(mask):
+            if seeds[n] is not None:
+                generators[n], known[n] = seeding.np_random(seeds[n])
+        started = np.flatnonzero(mask)
+        self.episodes.begin(started, [generators[n] for n in started], given)
+        self._generators, self._seeds = generators, known
+        self._ready = True
         self._ended[mask] = False
+        self._show_new(started)
         infos: dict[str, Any] = {}
-        always = self._always(slice(None))
-        _add(infos, always, mask)
+        _add(infos, self._info(), mask)
         return self.episodes.observe(), infos
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        if not self._generators:
-            raise gym.error.ResetNeeded("Cannot call env.step() before calling env.reset()")
         checked = self._checked(actions, self.action_space.shape)
         mode, episodes = self.autoreset_mode, self.episodes
         infos: dict[str, Any] = {}
@@ -266,15 +351,14 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
                 f"the episode of copy {int(np.argmax(self._ended))} has ended: "
                 "reset it with options={'reset_mask': …}"
             )
-        result = episodes.step(checked)
+        reward, terminated, truncated = result = episodes.step(checked)
+        for canvas, positions in zip(self._canvases, episodes.particles[0], strict=False):
+            canvas.follow(positions)
         if mode is AutoresetMode.NEXT_STEP and self._ended.any():
             fresh = self._ended.copy()
-            self._begin(np.flatnonzero(fresh))
+            self._begin(fresh)
             for values in result:
                 values[fresh] = 0
-        else:
-            fresh = np.zeros(self.num_envs, bool)
-        reward, terminated, truncated = result
         self._ended = terminated | truncated
         if mode is AutoresetMode.SAME_STEP and self._ended.any():
             fresh = self._ended
@@ -284,40 +368,49 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
                 infos["final_obs"][n] = final[n]
             infos["_final_obs"] = fresh.copy()
             infos["final_info"] = {}
-            always, stepped = self._always(slice(None)), self._stepped()
-            _add(infos["final_info"], always | stepped, fresh)
+            _add(infos["final_info"], self._info(), fresh)
             infos["_final_info"] = fresh.copy()
-            self._begin(np.flatnonzero(fresh))
+            self._begin(fresh)
             self._ended = np.zeros(self.num_envs, bool)
-        everyone = np.ones(self.num_envs, bool)
-        always, stepped = self._always(slice(None)), self._stepped()
-        _add(infos, always, everyone)
-        if not fresh.all():
-            _add(infos, stepped, ~fresh)
+        _add(infos, self._info(), np.ones(self.num_envs, bool))
         return episodes.observe(), reward, terminated, truncated, infos
 
-    def _begin(self, copies: np.ndarray, options: Mapping[str, Any] | None = None) -> None:
-        self.episodes.begin(copies, [self._generators[n] for n in copies], options or {})
-        for n in copies if self._canvases else ():
-            self._canvases[n].reset()
+    def _info(self) -> dict[str, Any]:
+        return self._always(slice(None)) | dict(
+            zip(self.episodes.task.reported, self.episodes.out.T, strict=False)
+        )
 
-    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        if seed is None:
-            return [None] * self.num_envs
-        if isinstance(seed, (int, np.integer)):
-            return [int(seed) + n for n in range(self.num_envs)]
+    def _begin(self, fresh: np.ndarray) -> None:
+        copies = np.flatnonzero(fresh)
+        self.episodes.begin(copies, [self._generators[n] for n in copies], None)
+        self._show_new(copies)
+
+    def _show_new(self, copies: np.ndarray) -> None:
+        for n in copies if self._canvases else ():
+            self._restart(self._canvases[n], n)
+
+    def _given_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        if isinstance(seed, np.ndarray) and seed.ndim:
+            seed = list(seed)
+        if not isinstance(seed, Sequence) or isinstance(seed, (str, bytes)):
+            first = _seed("seed", seed)
+            return [None if first is None else first + n for n in range(self.num_envs)]
         if len(seed) != self.num_envs:
             raise ValueError(f"{len(seed)} seeds were given for {self.num_envs} copies")
-        return list(seed)
+        return [_seed(f"seed[{n}]", given) for n, given in enumerate(seed)]
 
-    def _mask(self, mask: Any) -> np.ndarray:
-        if mask is None:
-            return np.ones(self.num_envs, bool)
+    def _mask(self, options: Any) -> tuple[np.ndarray, Any]:
+        """Which copies are reset, and the other options."""
+        if not isinstance(options, Mapping) or "reset_mask" not in options:
+            return np.ones(self.num_envs, bool), options
+        mask = options["reset_mask"]
         if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != (self.num_envs,):
             raise ValueError(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
         if not mask.any():
             raise ValueError("reset_mask resets no copy")
-        return mask
+        if not self._ready and not mask.all():
+            raise ValueError("reset_mask leaves out copies that have not begun: the first reset takes all")
+        return mask.copy(), {name: value for name, value in options.items() if name != "reset_mask"}
 
     def render(self) -> tuple[Any, ...]:
         """A picture of every copy."""
@@ -332,30 +425,146 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             canvas.close()
         self._canvases = []
 
-    @property  # type: ignore[misc]
-    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The random generators of the copies."""
+    @property  # type: ignore[override]
+    def np_random(self) -> tuple[np.random.Generator, ...]:
+        """The random generators of the copies, one each; seeded at random before the first reset."""
+        if not self._generators:
+            pairs = [seeding.np_random(None) for _ in range(self.num_envs)]
+            self._generators, self._seeds = [rng for rng, _ in pairs], [seed for _, seed in pairs]
         return tuple(self._generators)
+
+    @np_random.setter
+    def np_random(self, generators: Any) -> None:
+        given = list(generators) if isinstance(generators, Sequence) else [generators]
+        if len({id(rng) for rng in given if isinstance(rng, np.random.Generator)}) != self.num_envs:
+            raise ValueError(
+                f"np_random must be {self.num_envs} different random generators, one for each copy; "
+                f"rng.spawn({self.num_envs}) makes them of one"
+            )
+        self._generators, self._seeds = given, [-1] * self.num_envs
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """The seeds of `np_random`, −1 where the generator was set and not seeded."""
+        return tuple(self._seeds) if self.np_random else ()
 
     def get_state(self) -> dict[str, Any]:
         """The true state of all copies, with clocks and random generators: give it to `set_state`."""
         return {
             "episodes": self.episodes.state(),
-            "rng": [generator.bit_generator.state for generator in self._generators],
+            "rng": [generator.bit_generator.state for generator in self.np_random],
+            "seed": list(self.np_random_seed),
+            "ready": self._ready,
             "ended": self._ended.copy(),
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state, to the bit: what follows is what followed."""
+        """Return to a state, to the bit: what follows is what followed.
+
+        Raises
+        ------
+        ValueError
+            If the state is not one of this environment, made with as many copies of the same body, of the
+            same type. Nothing is changed then.
+        """
+        _check_keys(state, ("episodes", "rng", "seed", "ready", "ended"))
+        generators = [_generator(its) for its in state["rng"]]
+        ended = np.array(state["ended"], bool)
+        if not len(generators) == len(state["seed"]) == len(ended) == self.num_envs:
+            raise ValueError(f"the state is one of {len(generators)} copies; there are {self.num_envs}")
         self.episodes.restore(state["episodes"])
-        if not self._generators:
-            self._generators = [seeding.np_random(None)[0] for _ in range(self.num_envs)]
-        for generator, its in zip(self._generators, state["rng"], strict=True):
-            generator.bit_generator.state = its
-        self._ended = state["ended"].copy()
+        self._generators, self._seeds, self._ended = generators, list(state["seed"]), ended
+        self._ready = bool(state["ready"])
+        self._show_new(np.arange(self.num_envs))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_canvases": []}  # pictures do not travel
+
+
+# --- States, through wrappers -------------------------------------------------------------------------
+
+
+def get_state(env: Any) -> dict[str, Any]:
+    """The true state of an environment, or of a native batch, as it came from Gymnasium.
+
+    It holds positions and velocities, clocks, goals, factors, time limits and random generators. Wrappers of
+    yours that remember something are not in it; `copy.deepcopy` takes an environment with all of them.
+
+    Parameters
+    ----------
+    env
+        From `gymnasium.make`, `gymnasium.make_vec` or `springgym.make_scene_env`.
+
+    Raises
+    ------
+    TypeError
+        If it is no environment of springgym, or several in a loop of Gymnasium's.
+    """
+    return _own(env).get_state()
+
+
+def set_state(env: Any, state: Mapping[str, Any]) -> None:
+    """Return to what `get_state` gave, to the bit: what follows is what followed.
+
+    The time limit that `gymnasium.make` adds returns, too.
+
+    Raises
+    ------
+    TypeError
+        If it is no environment of springgym, or several in a loop of Gymnasium's.
+    ValueError
+        If the state is not one of this environment, see `SpringEnv.set_state`. Nothing is changed then.
+    """
+    own = _own(env)
+    begun = own._ready
+    own.set_state(state)
+    if env is not own and not begun:  # wrappers, too, want a first reset
+        env.reset()
+        own.set_state(state)
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, TimeLimit):
+            env._elapsed_steps = int(own.episodes.elapsed[0])  # type: ignore[assignment]
+        env = env.env
+
+
+def _own(env: Any) -> Any:
+    """The environment of springgym in all of its wrappers."""
+    own = getattr(env, "unwrapped", env)
+    if not isinstance(own, (SpringEnv, SpringVectorEnv)):
+        raise TypeError(f"env is {env!r}; it must be an environment, or a native batch, of springgym")
+    return own
+
+
+def _check_keys(state: Any, keys: Sequence[str]) -> None:
+    if not isinstance(state, Mapping) or set(state) != set(keys):
+        given = ", ".join(map(str, state)) if isinstance(state, Mapping) else type(state).__name__
+        raise ValueError(f"state is not one of this environment: it holds {given}, not {', '.join(keys)}")
+
+
+def _generator(state: Any) -> np.random.Generator:
+    """A generator in the state that one had."""
+    try:
+        kind = getattr(np.random, state["bit_generator"])
+        if not issubclass(kind, np.random.BitGenerator):
+            raise TypeError
+        bits = kind(0)
+        bits.state = state
+    except (TypeError, KeyError, AttributeError, ValueError):
+        raise ValueError(f"state['rng'] is not one of a random generator: {state!r}") from None
+    return np.random.Generator(bits)
+
+
+# --- Of info, and of the spec -------------------------------------------------------------------------
+
+
+def frame_rate(task: Task | type[Task]) -> float:
+    """Pictures a second, one for each control period, that show a task in real time."""
+    rate = 1 / task.period
+    return round(rate) if abs(rate - round(rate)) < 1e-9 * rate else rate
+
+
+def _seed(name: str, seed: Any) -> int | None:
+    return None if seed is None else whole(name, seed, 0, 2**128)
 
 
 def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> None:
@@ -372,3 +581,18 @@ def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     """The same with plain Python numbers."""
     return {k: _plain(v) if isinstance(v, dict) else v.item() for k, v in values.items()}
+
+
+def _written(value: Any) -> Any:
+    """An argument in the words and numbers that JSON has for it; what it has none for stays."""
+    if isinstance(value, Mapping):
+        return {str(key): _written(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_written(item) for item in value]
+    if isinstance(value, np.dtype) or (isinstance(value, type) and issubclass(value, (np.generic, float))):
+        return np.dtype(value).name
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    if isinstance(value, PathLike):
+        return str(value)
+    return _written(value.value) if isinstance(value, Enum) else value

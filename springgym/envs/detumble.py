@@ -6,17 +6,19 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, box
 from springgym.bodies import spinning as rigid_velocities
 from springgym.bodies.motion import axes
+from springgym.checks import chosen
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.gyroscope import direction
 from springgym.envs.rewards import gaussian, thrift
-from springgym.envs.task import Particles, Start, Task, chosen, number
+from springgym.envs.starts import any_rotation, direction, principal_axes
+from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, two_tone
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
@@ -86,10 +88,9 @@ class SpringDetumble(Task):
     ) -> None:
         super().__init__(observation, action)
         self.starts = chosen("start", start, ("tumbling", "flat"))
-        given: dict[str, Any] = {"sides": SIDES, "mass": MASSES, "stiffness": 1e5, "damping": 20.0}
-        self.body: Body = box(**(given | dict(body or {})))
+        self.body: Body = made(box, body, sides=SIDES, mass=MASSES, stiffness=1e5, damping=20.0)
         self._shape = self.body.positions - self.body.centre
-        _, self._principal = self.body.principal()
+        self._principal = principal_axes(self.body)
         along = np.array([direction for _, direction in THRUSTERS], float)
         self._thrust = along @ axes(self.body.positions, self.body.frame)
         """directions of the thrusters in the body's triad, (thrusters, 3)"""
@@ -121,8 +122,7 @@ class SpringDetumble(Task):
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         anyhow, near, speed = direction(rng), 0.1 * rng.normal(size=3), rng.uniform(2.0, 6.0)
         upset = rng.uniform() < 0.5
-        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-        turn *= np.linalg.det(turn)
+        turn = any_rotation(rng)
         if self.starts == "flat":
             axis = self._principal[:, 2] + near
         else:
@@ -158,7 +158,7 @@ class SpringDetumble(Task):
         return Marks(arrows=arrows, text=(f"turning {float(np.linalg.norm(m.angular_velocity)):4.2f} rad/s",))
 
 
-class SpringDetumbleEnv(SpringEnv):
+class SpringDetumbleEnv(SpringEnv, gym.Env):
     """
     ## Description
     An uneven box tumbles in free fall, often about the axis of its middle moment of inertia, where it
@@ -218,7 +218,7 @@ class SpringDetumbleEnv(SpringEnv):
     task_type = SpringDetumble
 
 
-class SpringDetumbleVectorEnv(SpringVectorEnv):
+class SpringDetumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringDetumbleEnv`."""
 
     task_type = SpringDetumble

@@ -7,15 +7,17 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, rotation, stretched_shapes, top
 from springgym.bodies import spinning as rigid_velocities
+from springgym.checks import chosen, flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.rewards import gaussian, spinning, thrift
-from springgym.envs.task import Particles, Start, Task, chosen, number
+from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
@@ -89,9 +91,9 @@ class SpringFreeTop(Task):
         self.surface = chosen("surface", surface, ("floor", "dish"))
         self.contact = Contact(friction=friction, restitution=0.5)
         self.steepest, self.farthest, self.spins = (
-            (0.16, 0.6, (4.0, 7.0)) if hard else (0.12, 0.4, (5.0, 9.0))
+            (0.16, 0.6, (4.0, 7.0)) if flag("hard", hard) else (0.12, 0.4, (5.0, 9.0))
         )
-        self.body: Body = top(**({"height": 0.5, "mass": 10.0, "damping": 30.0} | dict(body or {})))
+        self.body: Body = made(top, body, height=0.5, mass=10.0, damping=30.0)
         self.torque = SPIN_UP * float(self.body.inertia()[2, 2])
         self._shape = stretched_shapes(self.body, (0, 0, 1), WANTED + BAND)
         self._strength, self._reach = scales(self.contact, self.body)
@@ -179,7 +181,7 @@ class SpringFreeTop(Task):
         )
 
 
-class SpringFreeTopEnv(SpringEnv):
+class SpringFreeTopEnv(SpringEnv, gym.Env):
     """
     ## Description
     A spinning top stands with its bare tip on near-ice, too slow to stand by itself. Keep it upright, at
@@ -247,7 +249,7 @@ class SpringFreeTopEnv(SpringEnv):
     task_type = SpringFreeTop
 
 
-class SpringFreeTopVectorEnv(SpringVectorEnv):
+class SpringFreeTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringFreeTopEnv`."""
 
     task_type = SpringFreeTop

@@ -7,15 +7,18 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import gyroscope, rotation, stretched_shapes
 from springgym.bodies import spinning as rigid_velocities
+from springgym.checks import flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.rewards import angle_between, long_tail, spinning, thrift
-from springgym.envs.task import Particles, Start, Task, number
+from springgym.envs.starts import direction
+from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
@@ -53,13 +56,6 @@ def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) 
         observation[c, 6] = (spin - USUAL) / 20
 
 
-def direction(rng: Generator) -> np.ndarray:
-    """A unit vector (3,), every direction alike."""
-    z, azimuth = rng.uniform(-1.0, 1.0), rng.uniform(-math.pi, math.pi)
-    across = math.sqrt(1 - z * z)
-    return np.array([across * math.cos(azimuth), across * math.sin(azimuth), z])
-
-
 def turn_to(axis: np.ndarray) -> np.ndarray:
     """Rotation (3, 3) that takes the vertical to a unit vector."""
     azimuth, tilt = math.atan2(axis[1], axis[0]), math.acos(np.clip(axis[2], -1.0, 1.0))
@@ -85,8 +81,8 @@ class SpringGyroscope(Task):
         body: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(observation, action)
-        self.hard = hard
-        self.body = gyroscope(**(body or {}))
+        self.hard = flag("hard", hard)
+        self.body = made(gyroscope, body)
         self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["centre"])
 
     @cached_property
@@ -154,7 +150,7 @@ class SpringGyroscope(Task):
         )
 
 
-class SpringGyroscopeEnv(SpringEnv):
+class SpringGyroscopeEnv(SpringEnv, gym.Env):
     """
     ## Description
     A rotor spins on an axle that is pinned at its centre of mass. Turn the axle to a given direction and
@@ -214,7 +210,7 @@ class SpringGyroscopeEnv(SpringEnv):
     task_type = SpringGyroscope
 
 
-class SpringGyroscopeVectorEnv(SpringVectorEnv):
+class SpringGyroscopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringGyroscopeEnv`."""
 
     task_type = SpringGyroscope

@@ -7,14 +7,16 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import cube, start
+from springgym.checks import chosen
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.rewards import gaussian, spinning, thrift
-from springgym.envs.task import Particles, Start, Task, chosen, number
+from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
@@ -74,7 +76,7 @@ class SpringPendulum(Task):
     ) -> None:
         super().__init__(observation, action)
         self.starts = chosen("start", start, ("hanging", "mixed"))
-        self.body = cube(**(body or {}))
+        self.body = made(cube, body)
         self._shape = self.body.positions - self.body.positions[0]
 
     @cached_property
@@ -138,7 +140,7 @@ class SpringPendulum(Task):
         )
 
 
-class SpringPendulumEnv(SpringEnv):
+class SpringPendulumEnv(SpringEnv, gym.Env):
     """
     ## Description
     A cube hangs from one of its corners. Swing it up and hold it upside down, with half the torque that
@@ -198,7 +200,7 @@ class SpringPendulumEnv(SpringEnv):
     task_type = SpringPendulum
 
 
-class SpringPendulumVectorEnv(SpringVectorEnv):
+class SpringPendulumVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringPendulumEnv`."""
 
     task_type = SpringPendulum

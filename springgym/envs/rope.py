@@ -7,15 +7,17 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import rope, rotation
 from springgym.bodies import spinning as rigid_velocities
+from springgym.checks import flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.rewards import gaussian, long_tail, thrift
-from springgym.envs.task import Particles, Start, Task, number
+from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import GRAVITY, DriveActuator, Scene
@@ -71,9 +73,8 @@ class SpringRope(Task):
         body: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(observation, action)
-        self.sway, self.rate, self.farthest = (0.6, 0.8, 6.0) if hard else (0.25, 0.3, 4.0)
-        given = {"beads": 9, "length": 4.0, "end_mass": 70.0, "damping": 30.0} | dict(body or {})
-        self.body = rope(**given)
+        self.sway, self.rate, self.farthest = (0.6, 0.8, 6.0) if flag("hard", hard) else (0.25, 0.3, 4.0)
+        self.body = made(rope, body, beads=9, length=4.0, end_mass=70.0, damping=30.0)
 
     @cached_property
     def scene(self) -> Scene:
@@ -140,7 +141,7 @@ class SpringRope(Task):
         )
 
 
-class SpringRopeEnv(SpringEnv):
+class SpringRopeEnv(SpringEnv, gym.Env):
     """
     ## Description
     An overhead crane: a load of 70 kg hangs by a 4 m rope from a trolley. Bring it above the target, and
@@ -195,7 +196,7 @@ class SpringRopeEnv(SpringEnv):
     task_type = SpringRope
 
 
-class SpringRopeVectorEnv(SpringVectorEnv):
+class SpringRopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringRopeEnv`."""
 
     task_type = SpringRope

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
+from importlib import import_module
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 try:
@@ -150,13 +152,14 @@ class SB3VecEnv(VecEnv):
         return [None] * self.num_envs if frames is None else list(frames)
 
 
-def make_sb3(env_id: str, num_envs: int, seed: int | None = None, **kwargs: Any) -> VecMonitor:
-    """Make ``num_envs`` native copies of an environment for Stable-Baselines3.
+def make_sb3(env_id: str | EnvSpec, num_envs: int, seed: int | None = None, **kwargs: Any) -> VecMonitor:
+    """Make ``num_envs`` copies of an environment for Stable-Baselines3: native ones if it has them.
 
     Parameters
     ----------
     env_id
-        Registered environment with a ``vector_entry_point`` that takes ``autoreset_mode``.
+        Registered environment, or a spec as that of `springgym.make_scene_env`. Its ``vector_entry_point``
+        takes ``autoreset_mode``; without one, Gymnasium steps single environments in a loop.
     num_envs
         Number of copies.
     seed
@@ -174,17 +177,25 @@ def make_sb3(env_id: str, num_envs: int, seed: int | None = None, **kwargs: Any)
     >>> env = make_sb3("SpringTop-v0", num_envs=64, seed=0)
     >>> model = stable_baselines3.PPO("MlpPolicy", env).learn(100_000)
     """
-    vector_env = gym.make_vec(
-        env_id,
-        num_envs=num_envs,
-        vectorization_mode="vector_entry_point",
-        autoreset_mode=AutoresetMode.SAME_STEP,
-        **kwargs,
-    )
+    mode: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}
+    if _has_native_copies(env_id):
+        mode |= {"vectorization_mode": "vector_entry_point"}
+    else:
+        mode = {"vectorization_mode": "sync", "vector_kwargs": mode}
+    vector_env = gym.make_vec(env_id, num_envs=num_envs, **mode, **kwargs)
     env = VecMonitor(SB3VecEnv(vector_env))
     if seed is not None:
         env.seed(seed)
     return env
+
+
+def _has_native_copies(env_id: str | EnvSpec) -> bool:
+    if isinstance(env_id, EnvSpec):
+        return env_id.vector_entry_point is not None
+    module, _, name = env_id.rpartition(":")
+    if module:
+        import_module(module)
+    return name not in gym.registry or gym.registry[name].vector_entry_point is not None
 
 
 def _info_of(infos: dict[str, Any], i: int) -> dict[str, Any]:

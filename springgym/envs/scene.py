@@ -10,20 +10,24 @@ from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.wrappers import OrderEnforcing, TimeLimit
 from numpy.random import Generator
 
+from springgym import checks
+from springgym.checks import TINY, chosen, instance
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.task import Particles, Start, Task
+from springgym.envs.task import BOUND, Particles, Start, Task, mapping
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene, WrenchActuator
-from springgym.scenes import film, load
+from springgym.scenes import film
+from springgym.simulator import STRAIN_LIMIT
 from springgym.surfaces import Dish, Plane
 
 WRENCH = ("force", "torque", "body_torque")
 Reward = Callable[[Measures, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-Ending = Callable[[Measures, np.ndarray, np.ndarray], np.ndarray]
+Seeing = Callable[[Measures, np.ndarray, np.ndarray], np.ndarray]
 Starting = Callable[[Generator], tuple[np.ndarray, np.ndarray]]
 
 
@@ -33,40 +37,59 @@ def make_scene_env(
     *,
     actuators: Mapping[str, float],
     num_envs: int | None = None,
-    max_episode_steps: int = 500,
+    max_episode_steps: int | None = 500,
     **options: Any,
 ) -> gym.Env | gym.vector.VectorEnv:
     """Make a Gymnasium environment over a scene, or a native batch of it.
 
+    Its ``spec`` makes it again, with `gymnasium.make` or `gymnasium.make_vec`. It pickles if the functions
+    are those of a module; JSON has no functions.
+
     Parameters
     ----------
     scene
-        A `Scene`, the name of a shipped one, or a YAML file.
+        A `Scene`, the name of a shipped one, or a YAML file; reading those needs the extra ``scenes``.
     reward
         Takes the `Measures`, positions and velocities (n, N, 3) and clipped actions (n, A) of all copies
-        after a step; returns their rewards (n,).
+        after a step; returns their rewards (n,). These arrays cannot be written to, and change with the next
+        step: copy what is to be kept.
     actuators
         What the actions drive, and with how much at ±1: "force" [N], "torque", "body_torque" [N·m] on the
         whole body (three entries each), "thrust" [N] (three for each of the scene's thrusters),
         "acceleration" [m/s²] of its drive (three). A wrench is added to a scene that has none.
     num_envs
-        None for a single environment, with a time limit; else how many in a batch.
+        None for a single environment, else how many in a batch.
     max_episode_steps
-        Time limit.
+        Time limit; None for none.
     options
         Of `SceneTask` and of `springgym.envs.base.SpringEnv`.
 
     Raises
     ------
-    ValueError
-        If an actuator is unknown, or is not in the scene.
+    TypeError, ValueError
+        Naming what is wrong: an actuator that is unknown or not in the scene, a function that is none.
     """
-    if isinstance(scene, (str, Path)):
-        scene = load(str(scene)).scene
     options |= {"scene": scene, "reward": reward, "actuators": actuators}
+    spec = EnvSpec(
+        id="SpringScene-v0",
+        entry_point="springgym.envs.scene:SceneEnv",
+        vector_entry_point="springgym.envs.scene:SceneVectorEnv",
+        order_enforce=False,
+        disable_env_checker=True,
+        kwargs=dict(options),
+    )
     if num_envs is None:
-        return TimeLimit(OrderEnforcing(SceneEnv(**options)), max_episode_steps)
-    return SceneVectorEnv(num_envs, max_episode_steps=max_episode_steps, **options)
+        env: gym.Env = SceneEnv(**options)
+        env.unwrapped.spec = spec
+        env = OrderEnforcing(env)
+        if max_episode_steps is None:
+            return env
+        return TimeLimit(env, checks.whole("max_episode_steps", max_episode_steps, 1))
+    envs = SceneVectorEnv(num_envs, max_episode_steps=max_episode_steps, **options)
+    spec.max_episode_steps = max_episode_steps
+    spec.kwargs |= {"num_envs": num_envs, "vectorization_mode": "vector_entry_point"}
+    envs.spec = spec
+    return envs
 
 
 class SceneTask(Task):
@@ -76,8 +99,14 @@ class SceneTask(Task):
     ----------
     scene, reward, actuators
         See `make_scene_env`.
-    failed
-        Takes `Measures`, positions and velocities of all copies, returns which episodes end (n,).
+    failed, succeeded
+        Take `Measures`, positions and velocities of all copies; return bools (n,): whether the episode ends,
+        and whether the aim is met now.
+    hold
+        Steps in a row that the aim must be met for ``info["is_success"]``.
+    observe
+        Takes the same; returns what is observed (n, D), scaled to order one: it is clipped to ±10. Positions
+        and velocities of all particles that can move, if not given.
     start
         Takes a random generator, returns positions and velocities (N, 3) to start from; the scene's own
         start if not given.
@@ -87,7 +116,7 @@ class SceneTask(Task):
         Observed as 1 [m], [m/s]; derived from size and motion of the scene if not given.
     """
 
-    observations: ClassVar = ("particles",)
+    observations: ClassVar = ("particles", "own")
     actions: ClassVar = {"actuators": 0}
     terms = ("own",)
     metrics = ()
@@ -95,28 +124,43 @@ class SceneTask(Task):
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | str | Path,
         reward: Reward,
         actuators: Mapping[str, float],
-        failed: Ending | None = None,
+        failed: Seeing | None = None,
+        succeeded: Seeing | None = None,
+        hold: int = 1,
+        observe: Seeing | None = None,
         start: Starting | None = None,
         period: float = 0.02,
         position_scale: float | None = None,
         velocity_scale: float | None = None,
     ) -> None:
-        super().__init__("particles", "actuators")
-        self.period = period  # type: ignore[misc]
-        self._reward, self._failed, self._start = reward, failed, start
-        self._actuators = dict(actuators)
+        super().__init__("particles" if observe is None else "own", "actuators")
+        scene = _loaded(scene) if isinstance(scene, (str, Path)) else instance("scene", scene, Scene)
+        self._reward = _callable("reward", reward)
+        given = {"failed": failed, "succeeded": succeeded, "observe": observe, "start": start}
+        for name, function in given.items():
+            if function is not None:
+                _callable(name, function)
+        self._failed, self._succeeded, self._observe, self._start = failed, succeeded, observe, start
+        self.hold = checks.whole("hold", hold, 1)  # type: ignore[misc]
+        self.period = checks.number("period", period, TINY)  # type: ignore[misc]
+        self._actuators = {
+            name: checks.number(f"actuators[{name!r}]", most, TINY)
+            for name, most in mapping("actuators", actuators).items()
+        }
         self._scene = _acted_on(scene, self._actuators)
         thrusters = len(scene.thrust.particles) if scene.thrust else 0
         self._sizes = {name: 3 * thrusters if name == "thrust" else 3 for name in self._actuators}
         self.actions = {"actuators": sum(self._sizes.values())}  # type: ignore[misc]
-        self._size = float(np.ptp(scene.body.positions, axis=0).max())
+        self._size = float(np.ptp(scene.body.positions, axis=0).max()) or 1.0  # a particle has none
         fastest = float(np.linalg.norm(scene.velocities, axis=1).max())
         self._scales = (
-            position_scale or self._size,
-            velocity_scale or max(fastest, math.sqrt(9.81 * self._size)),
+            self._size if position_scale is None else checks.number("position_scale", position_scale, TINY),
+            max(fastest, math.sqrt(9.81 * self._size))
+            if velocity_scale is None
+            else checks.number("velocity_scale", velocity_scale, TINY),
         )
 
     @property
@@ -131,8 +175,14 @@ class SceneTask(Task):
         return Particles(moving, np.full(count, self._scales[0]), np.full(count, self._scales[1]))
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        scene = self._scene
-        x, v = (scene.positions, scene.velocities) if self._start is None else self._start(rng)
+        x, v = self._scene.positions, self._scene.velocities
+        if self._start is not None:
+            begun = self._start(rng)
+            if not isinstance(begun, (tuple, list)) or len(begun) != 2:
+                raise TypeError(f"start gave {checks.shown(begun)}; it must give positions and velocities")
+            shape = x.shape
+            x = checks.array("the positions that start gave", begun[0], shape)
+            v = checks.array("the velocities that start gave", begun[1], shape)
         if factors["scale"] != 1:
             x, v = (self._middle(u) + factors["scale"] * (u - self._middle(u)) for u in (x, v))
         return Start(x, v)
@@ -160,9 +210,32 @@ class SceneTask(Task):
         parameters: np.ndarray,
         out: np.ndarray,
     ) -> None:
-        out[:, 0] = self._reward(m, x, v, action)
-        out[:, 1] = 0.0
-        out[:, 2] = 0.0 if self._failed is None else self._failed(m, x, v)
+        sound = _sound(m)
+        with np.errstate(all="warn" if sound.all() else "ignore"):
+            out[:, 0] = _numbers("reward", self._reward(m, x, v, action), (len(out),), sound)
+            for column, name, function in ((1, "succeeded", self._succeeded), (2, "failed", self._failed)):
+                out[:, column] = 0.0 if function is None else _bools(name, function(m, x, v), len(out))
+
+    def frame(
+        self,
+        m: Measures,
+        x: np.ndarray,
+        v: np.ndarray,
+        goal: np.ndarray,
+        parameters: np.ndarray,
+        observation: np.ndarray,
+    ) -> None:
+        observation[:] = np.clip(self._seen(m, x, v, observation.shape), -BOUND, BOUND)
+
+    def prepare(self, m: Measures, x: np.ndarray, v: np.ndarray) -> None:
+        if self._observe is not None:
+            self.frame_size = self._seen(m, x, v, (len(x), None)).shape[1]  # type: ignore[misc]
+
+    def _seen(self, m: Measures, x: np.ndarray, v: np.ndarray, shape: tuple[int | None, ...]) -> np.ndarray:
+        assert self._observe is not None
+        sound = _sound(m)
+        with np.errstate(all="warn" if sound.all() else "ignore"):
+            return _numbers("observe", self._observe(m, x, v), shape, sound)
 
     def look(self) -> Look:
         return film.look(self._scene.body, None)
@@ -180,26 +253,75 @@ class SceneTask(Task):
         return Marks()
 
 
+def _loaded(scene: str | Path) -> Scene:
+    from springgym.scenes import load  # which needs PyYAML
+
+    return load(str(scene)).scene
+
+
+def _callable(name: str, value: Any) -> Any:
+    if not callable(value):
+        raise TypeError(f"{name} is {checks.shown(value)}; it must be a function")
+    return value
+
+
+def _sound(m: Measures) -> np.ndarray:
+    """Which copies have not diverged (n,): of the others, functions may say what they like."""
+    return np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)
+
+
+def _numbers(name: str, given: Any, shape: tuple[int | None, ...], sound: np.ndarray) -> np.ndarray:
+    """What a function gave, as numbers that are finite where the copy is sound."""
+    values = _of_shape(name, given, shape, "biuf", "numbers")
+    if not np.isfinite(values[sound]).all():
+        n = np.flatnonzero(sound)[np.argwhere(~np.isfinite(values[sound]))[0][0]]
+        raise ValueError(f"{name} gave {checks.shown(values[n])} for copy {n}; it must be finite")
+    return values
+
+
+def _bools(name: str, given: Any, copies: int) -> np.ndarray:
+    """What a function gave, as bools."""
+    return _of_shape(name, given, (copies,), "b", "bools")
+
+
+def _of_shape(name: str, given: Any, shape: tuple[int | None, ...], kinds: str, what: str) -> np.ndarray:
+    try:
+        values = np.asarray(given)
+    except ValueError:  # rows of several lengths
+        values = np.array(None)
+    fits = len(values.shape) == len(shape) and all(
+        n in (None, size) for n, size in zip(shape, values.shape, strict=True)
+    )
+    if values.dtype.kind not in kinds or not fits:
+        must = str(tuple("D" if n is None else n for n in shape)).replace("'", "")
+        error = TypeError if values.dtype.kind not in kinds else ValueError
+        raise error(
+            f"{name} gave {checks.shown(given)}; it must give {what} of shape {must}, a row for each copy"
+        )
+    return values
+
+
 def _acted_on(scene: Scene, actuators: Mapping[str, float]) -> Scene:
     """The scene with the actuators that are named, a wrench added if need be."""
     there = {"thrust": scene.thrust, "acceleration": scene.drive}
+    if not actuators:
+        raise ValueError("actuators is empty; the actions must drive something")
     for name in actuators:
-        if name not in (*WRENCH, *there):
-            raise ValueError(f"actuator {name!r} is unknown; it is one of {', '.join((*WRENCH, *there))}")
+        chosen("a name in actuators", name, (*WRENCH, *there))
         if name in there and there[name] is None:
-            raise ValueError(f"the scene has nothing that {name!r} could drive")
+            raise ValueError(f"actuators has {name!r}, but the scene has nothing that it could drive")
     if scene.wrench is None and set(actuators) & set(WRENCH):
         return scene.with_(wrench=WrenchActuator())
     return scene
 
 
-class SceneEnv(SpringEnv):
+class SceneEnv(SpringEnv, gym.Env):
     """One environment over a scene: see `make_scene_env`."""
 
     task_type = SceneTask
 
 
-class SceneVectorEnv(SpringVectorEnv):
+class SceneVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch over a scene: see `make_scene_env`."""
 
     task_type = SceneTask

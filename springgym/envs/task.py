@@ -7,6 +7,8 @@ single environment and one for a batch, only translate; so each MDP is written o
 
 from __future__ import annotations
 
+import hashlib
+import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,16 +17,22 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
+from numba.core.dispatcher import Dispatcher
 from numpy.random import Generator
 
-from springgym import measures
+from springgym import checks, measures
+from springgym.bodies import Body
+from springgym.checks import TINY, chosen, instance
 from springgym.compiling import SameTypes, compiled, kernel
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene
-from springgym.simulator import DYNAMICS, STRAIN_LIMIT, Simulator
+from springgym.simulator import DYNAMICS, STRAIN_LIMIT, Dynamics, Simulator
 from springgym.stability import steps_in
 from springgym.surfaces import Contact
+
+MOST_STEPS = 100_000
+"""Steps in a control period at the most: as many take a control period up to about 0.1 s."""
 
 BOUND = 10.0
 """Observations are scaled to order one and clipped here, so that their space is finite."""
@@ -109,7 +117,7 @@ class Task:
 
     def __init__(self, observation: str = "particles", action: str = "torque") -> None:
         self.observation = chosen("observation", observation, self.observations)
-        self.action = chosen("action", action, tuple(self.actions))
+        self.action = chosen("action", action, self.actions)
 
     @cached_property
     def reported(self) -> tuple[str, ...]:
@@ -159,6 +167,9 @@ class Task:
         """What else is drawn; the arguments are those of one copy."""
         raise NotImplementedError
 
+    def prepare(self, m: Measures, x: np.ndarray, v: np.ndarray) -> None:
+        """For an observation that is called "own": see the scene once, before the first episode."""
+
     @property
     def observation_space(self) -> spaces.Box:
         return spaces.Box(-BOUND, BOUND, (self.observation_size,), np.float32)
@@ -169,7 +180,7 @@ class Task:
 
     @property
     def observation_size(self) -> int:
-        if self.observation == "frame":
+        if self.observation != "particles":
             return self.frame_size
         particles = self.particles
         appended = sum(measures.FIELDS[name] for name in particles.appended)
@@ -184,6 +195,10 @@ class Step(NamedTuple):
     reward: np.ndarray
     terminated: np.ndarray
     truncated: np.ndarray
+
+
+STATE = ("goal", "strength", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
+"""Arrays of `Episodes` that change."""
 
 
 class Episodes:
@@ -205,15 +220,15 @@ class Episodes:
         self.task = task
         self.copies = copies
         self.parameters = task.parameters
-        self.max_episode_steps = max_episode_steps if max_episode_steps is not None else -1
-        chosen("dynamics", dynamics, tuple(DYNAMICS))
-        self.ranges = _checked_ranges(randomize or {}, dynamics)
+        self.max_episode_steps = _checked_limit(max_episode_steps)
+        kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
+        self.ranges = _checked_ranges({} if randomize is None else randomize, dynamics)
         scene = task.scene
         self.simulator = Simulator(
             scene,
             dynamics=dynamics,
             integrator=integrator,
-            step=self._step(scene, dynamics, integrator, step),
+            step=self._step(scene, kind, integrator, step),
             copies=copies,
             dtype=dtype,
             threads=threads,
@@ -231,27 +246,57 @@ class Episodes:
         self.action = np.zeros((copies, task.action_space.shape[0]))
         """clipped to ±1"""
         self._given, self._driven = np.zeros_like(self.action), np.zeros_like(self.action)
-        self.out = np.zeros((copies, columns))
+        self.out, self._fresh = np.zeros((copies, columns)), np.zeros((copies, columns))
         self.diverged = np.zeros(copies, bool)
-        self.measures = measures.view(self.simulator.readout.rows)
         self._columns = self._observed_columns()
+        self._of = self._identity()
         self._use_kernels()
+        if task.observation == "own":
+            self.simulator.read()
+            task.prepare(*self._shown)
 
-    def _step(self, scene: Scene, dynamics: str, integrator: str | None, step: float | None) -> float:
-        """The step: given, or automatic for the stiffest and lightest body of the randomisation."""
-        if step is not None:
-            return step
-        body = scene.body
+    def _step(self, scene: Scene, kind: Dynamics, integrator: str | None, step: float | None) -> float:
+        """The step: given, or automatic, for the stiffest and lightest body of the randomisation.
+
+        Raises
+        ------
+        ValueError
+            If a given one is unstable for that body, or more than `MOST_STEPS` make a control period.
+        """
+        if integrator is not None:
+            instance("integrator", integrator, str)
+        body, period = scene.body, self.task.period
         factor = {name: self.ranges.get(name, (1.0, 1.0)) for name in RANDOMIZABLE}
-        hardest = body.with_(
-            stiffness=body.stiffness * factor["stiffness"][1],
-            damping=body.damping * factor["damping"][1],
-            masses=body.masses * factor["masses"][0],
-        )
-        kind = DYNAMICS[dynamics]
-        method = kind.integrator(integrator or kind.default(scene))
-        automatic = kind.automatic_step(scene.with_(body=hardest), method, self.task.period)
-        return self.task.period / math.ceil(self.task.period / min(automatic, self.task.finest) - 1e-9)
+        if self.ranges:
+            scene = scene.with_(
+                body=body.with_(
+                    stiffness=body.stiffness * factor["stiffness"][1],
+                    damping=body.damping * factor["damping"][1],
+                    masses=body.masses * factor["masses"][0],
+                )
+            )
+        method = kind.integrator(kind.default(scene) if integrator is None else integrator)
+        ranges = f" with randomize={self.ranges}" if self.ranges else ""
+        if step is not None:
+            step = checks.number("step", step, TINY)
+            if self.ranges and step > (limit := kind.largest_step(scene, method)):
+                raise ValueError(
+                    f"a step of {step:g} s is unstable: {method.name} on this body{ranges} allows at most "
+                    f"{limit:.4g} s. Take a smaller step, or narrower ranges"
+                )
+            if period / step > MOST_STEPS:
+                raise ValueError(
+                    f"step is {step:g} s, {period / step:.3g} to a control period of {period:g} s; "
+                    f"there must be at most {MOST_STEPS:,}"
+                )
+            return step
+        automatic = min(kind.automatic_step(scene, method), self.task.finest)
+        if not period <= MOST_STEPS * automatic:
+            raise ValueError(
+                f"{method.name} needs steps of {automatic:.3g} s on this body{ranges}, more than "
+                f"{MOST_STEPS:,} to a control period of {period:g} s: {_fastest(scene, kind)}"
+            )
+        return period / math.ceil(period / automatic - 1e-9)
 
     def _observed_columns(self) -> tuple[Any, ...]:
         """What `observe_particles` takes before the observation."""
@@ -277,28 +322,45 @@ class Episodes:
 
     # --- Episodes ---------------------------------------------------------------------------------
 
-    def begin(self, copies: np.ndarray, generators: Sequence[Generator], options: Mapping[str, Any]) -> None:
+    def begin(
+        self, copies: np.ndarray, generators: Sequence[Generator], options: Mapping[str, Any] | None
+    ) -> None:
         """Start new episodes in some copies (k,), each drawing from its own generator.
+
+        What is refused changes nothing, the generators included.
 
         Raises
         ------
-        ValueError
-            Naming an option that the task does not have, or a value out of range.
+        TypeError, ValueError
+            Naming an option that the task does not have, or a value that is none or out of range.
         """
-        starts = []
-        for copy, rng in zip(copies, generators, strict=True):
-            given = dict(options)
-            factors = self._draw(rng, given)
-            starts.append(self.task.start(rng, given, factors))
-            if given:
-                raise ValueError(f"{type(self.task).__name__} has no reset option {next(iter(given))!r}")
-            self.factors[copy] = [factors[name] for name in self.ranges]
-            self.strength[copy] = factors["actuator"]
-            if self.ranges:
-                self._vary(copy, factors)
-        self.simulator.place(
-            np.stack([s.positions for s in starts]), np.stack([s.velocities for s in starts]), copies
-        )
+        given = {} if options is None else dict(mapping("options", options))
+        before = [rng.bit_generator.state for rng in generators]
+        try:
+            self._begin(copies, generators, given)
+        except BaseException:
+            for rng, state in zip(generators, before, strict=True):
+                rng.bit_generator.state = state
+            raise
+
+    def _begin(self, copies: np.ndarray, generators: Sequence[Generator], options: dict[str, Any]) -> None:
+        starts, drawn = [], []
+        for rng in generators:
+            left = dict(options)
+            factors = self._draw(rng, left)
+            starts.append(self.task.start(rng, left, factors))
+            drawn.append(factors)
+            if left:
+                raise ValueError(f"{type(self.task).__name__} has no reset option {next(iter(left))!r}")
+        positions = np.stack([s.positions for s in starts])
+        self._check_strain(positions, drawn)
+        before = [self._drawn(copy) for copy in copies] if self.ranges else []
+        self._vary(copies, drawn)
+        try:
+            self.simulator.place(positions, np.stack([s.velocities for s in starts]), copies)
+        except BaseException:
+            self._vary(copies, before)
+            raise
         self.goal[copies] = [s.goal for s in starts]
         self.elapsed[copies] = 0
         self.held[copies] = 0
@@ -307,6 +369,27 @@ class Episodes:
         self.diverged[copies] = False
         self.simulator.read(copies)
         self.balance[copies] = self.measures.balance[copies]
+        if self.task.metrics:
+            self._evaluate(*self._shown, self._shown_action, self.goal, self.parameters, self._fresh)
+            metrics = slice(len(self.task.terms), -2)  # nothing has been earned yet
+            self.out[copies, metrics] = self._fresh[copies, metrics]
+
+    def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
+        """Refuse starts (k, N, 3) in a shape that has diverged already."""
+        body = self.simulator.scene.body
+        if self.simulator.dynamics == "rigid" or not len(body.springs):
+            return
+        first, second = body.springs.T
+        scale = np.array([[factors["scale"]] for factors in drawn])
+        apart = np.linalg.norm(positions[:, second] - positions[:, first], axis=-1)
+        strain = np.abs(apart / (scale * body.lengths) - 1).max(axis=1)
+        if not (strain <= STRAIN_LIMIT).all():
+            n = int(np.argmax(~(strain <= STRAIN_LIMIT)))
+            factors = ", ".join(f"{name} × {drawn[n][name]:g}" for name in self.ranges)
+            raise ValueError(
+                f"{type(self.task).__name__} would start with a strain of {strain[n]:.3g}"
+                f"{f' ({factors})' if factors else ''}; it must be at most {STRAIN_LIMIT}"
+            )
 
     def step(self, action: np.ndarray) -> Step:
         """One control period of all copies. ``action`` (n, A) is clipped to [−1, 1].
@@ -322,7 +405,7 @@ class Episodes:
             raise ValueError(f"action holds a value that is not finite: {action}")
         simulator.actuate(**task.actuate(self._driven))
         simulator.advance(self.steps, check=False, read=True)
-        self._evaluate(self.measures, *self.particles, self.action, self.goal, self.parameters, self.out)
+        self._evaluate(*self._shown, self._shown_action, self.goal, self.parameters, self.out)
         result = Step(np.empty(self.copies), np.empty(self.copies, bool), np.empty(self.copies, bool))
         self._finish(
             simulator.readout.rows,
@@ -339,8 +422,8 @@ class Episodes:
     def observe(self) -> np.ndarray:
         """The observations of all copies, (n, D), float32, freshly made."""
         observation = np.empty((self.copies, self.task.observation_size), np.float32)
-        if self.task.observation == "frame":
-            self._observe(self.measures, *self.particles, self.goal, self.parameters, observation)
+        if self.task.observation != "particles":
+            self._observe(*self._shown, self.goal, self.parameters, observation)
         else:
             self._observe(*self.simulator.readout, self.goal, *self._columns, observation)
         self._bound(observation, self.diverged)
@@ -350,21 +433,34 @@ class Episodes:
 
     def _draw(self, rng: Generator, options: dict[str, Any]) -> dict[str, float]:
         """This episode's factors, drawn unless given in ``options["randomize"]``."""
-        given = options.pop("randomize", {})
-        if unknown := set(given) - set(self.ranges):
-            raise ValueError(
-                f"reset cannot set the factor of {sorted(unknown)[0]!r}: "
-                f"randomize was given {', '.join(self.ranges) or 'nothing'} when the environment was made"
-            )
+        given = mapping("reset option 'randomize'", options.pop("randomize", {}))
+        for name in given:
+            if name not in self.ranges:
+                raise ValueError(
+                    f"reset cannot set the factor of {name!r}: "
+                    f"randomize was given {', '.join(self.ranges) or 'nothing'} when the environment was made"
+                )
         factors = dict.fromkeys(RANDOMIZABLE, 1.0)
         for name, (low, high) in self.ranges.items():
-            drawn = rng.uniform(low, high)
-            factors[name] = float(given.get(name, drawn))
-            if not low <= factors[name] <= high:
-                raise ValueError(f"factor {factors[name]} of {name!r} is outside {low} … {high}")
+            factors[name] = rng.uniform(low, high)
+            if name in given:
+                factors[name] = checks.number(f"reset option 'randomize', {name!r},", given[name], low, high)
         return factors
 
-    def _vary(self, copy: int, factors: Mapping[str, float]) -> None:
+    def _drawn(self, copy: int) -> dict[str, float]:
+        """The factors of a copy's episode."""
+        return dict.fromkeys(RANDOMIZABLE, 1.0) | dict(zip(self.ranges, self.factors[copy], strict=True))
+
+    def _vary(self, copies: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
+        """Give some copies (k,) their factors."""
+        if not self.ranges:
+            return
+        for copy, factors in zip(copies, drawn, strict=True):
+            self.factors[copy] = [factors[name] for name in self.ranges]
+            self.strength[copy] = factors["actuator"]
+            self._vary_simulator(copy, factors)
+
+    def _vary_simulator(self, copy: int, factors: Mapping[str, float]) -> None:
         scene = self.simulator.scene
         values = {
             "masses": scene.body.masses * factors["masses"],
@@ -384,26 +480,65 @@ class Episodes:
 
     # --- State ------------------------------------------------------------------------------------
 
+    def _identity(self) -> dict[str, Any]:
+        """What a state belongs to."""
+        body, simulator = self.simulator.scene.body, self.simulator
+        digest = hashlib.sha256(repr(simulator.scene.pinned).encode())
+        for values in (body.masses, body.springs, body.lengths, body.stiffness, body.damping):
+            digest.update(values.tobytes())
+        return {
+            "task": type(self.task).__name__,
+            "action": self.task.action,
+            "copies": self.copies,
+            "dynamics": simulator.dynamics,
+            "dtype": simulator.dtype.name,
+            "randomized": list(self.ranges),
+            "body": digest.hexdigest()[:16],
+        }
+
     def state(self) -> dict[str, Any]:
-        """All that changes, copied."""
-        arrays = ("goal", "strength", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
-        return {name: getattr(self, name).copy() for name in arrays} | {"simulator": self.simulator.state()}
+        """All that changes, copied, and what it belongs to."""
+        arrays = {name: getattr(self, name).copy() for name in STATE}
+        return {"of": dict(self._of), **arrays, "simulator": self.simulator.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Return to what `state` gave, to the bit."""
-        for name, value in state.items():
-            if name == "simulator":
-                self.simulator.restore(value)
-            else:
-                getattr(self, name)[:] = value
-        if self.ranges:
-            for copy, row in enumerate(self.factors):
-                drawn = dict(zip(self.ranges, row.tolist(), strict=True))
-                self._vary(copy, dict.fromkeys(RANDOMIZABLE, 1.0) | drawn)
+        """Return to what `state` gave, to the bit.
+
+        Raises
+        ------
+        ValueError
+            If it belongs to something else, or is mangled. Nothing is changed then.
+        """
+        if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
+            raise ValueError("state is not one of an environment of springgym")
+        of = mapping("state['of']", state["of"])
+        for name, own in self._of.items():
+            if of.get(name) != own:
+                raise ValueError(
+                    f"state is one of another environment: its {name} is {of.get(name)!r}, here it is {own!r}"
+                )
+        for name in STATE:
+            given, own = np.asarray(state[name]), getattr(self, name)
+            if given.shape != own.shape or given.dtype != own.dtype:
+                raise ValueError(
+                    f"state[{name!r}] is {given.dtype} of shape {given.shape}; it must be {own.dtype} of "
+                    f"shape {own.shape}"
+                )
+        self.simulator.restore(state["simulator"])
+        for name in STATE:
+            getattr(self, name)[:] = state[name]
+        self._vary(np.arange(self.copies), [self._drawn(copy) for copy in range(self.copies)])
         self.simulator.read()
 
     def _use_kernels(self) -> None:
-        compact = self.task.observation == "frame"
+        self.measures = measures.view(self.simulator.readout.rows)
+        self._shown: tuple[Measures, np.ndarray, np.ndarray] = (self.measures, *self.particles)
+        self._shown_action = self.action
+        if not isinstance(self.task.evaluate, Dispatcher):  # a user's own functions see, and change nothing
+            x, v = self.particles
+            self._shown = Measures(*map(_locked, self.measures)), _locked(x), _locked(v)
+            self._shown_action = _locked(self.action)
+        compact = self.task.observation != "particles"
         self._take = SameTypes(take)
         self._evaluate = SameTypes(self.task.evaluate)
         self._finish = SameTypes(finish)
@@ -414,12 +549,11 @@ class Episodes:
         return {
             name: value
             for name, value in vars(self).items()
-            if name != "measures" and not isinstance(value, SameTypes)
-        }
+            if name not in ("measures", "_shown", "_shown_action") and not isinstance(value, SameTypes)
+        }  # views do not survive being copied
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self.measures = measures.view(self.simulator.readout.rows)  # views do not survive being copied
         self._use_kernels()
 
     @property
@@ -561,45 +695,86 @@ def bound(observation: Any, diverged: Any) -> None:
 # --- Checks -----------------------------------------------------------------------------------------
 
 
-def chosen(name: str, value: str, choices: Sequence[str]) -> str:
-    if value not in choices:
-        raise ValueError(f"{name}={value!r} is unknown; it is one of {', '.join(map(repr, choices))}")
+def mapping(name: str, value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} is {checks.shown(value)}; it must be a mapping, as a dict is")
     return value
 
 
 def number(options: dict[str, Any], name: str, otherwise: float, low: float, high: float) -> float:
-    """Take a number out of reset options, if it is there.
+    """Take a number from ``low`` to ``high`` out of reset options, if it is there."""
+    if name not in options:
+        return otherwise
+    return checks.number(f"reset option {name!r}", options.pop(name), low, high)
+
+
+def made(maker: Callable[..., Body], body: Mapping[str, Any] | None, **usual: Any) -> Body:
+    """A body from the arguments of its maker that the user gave as ``body``, over the usual ones.
+
+    Keys that are numbers may be texts: JSON makes them so.
 
     Raises
     ------
-    ValueError
-        If it is not a number from ``low`` to ``high``.
+    TypeError, ValueError
+        Naming an argument that the maker does not have, or what it finds fault with.
     """
-    value = options.pop(name, otherwise)
+    given = {} if body is None else dict(mapping("body", body))
+    known = inspect.signature(maker).parameters
+    for name, value in given.items():
+        if name not in known:
+            raise ValueError(f"body has no {name!r}; {maker.__name__} takes {', '.join(known)}")
+        if isinstance(value, Mapping):
+            numbers = (int(key) if isinstance(key, str) and key.isdecimal() else key for key in value)
+            given[name] = dict(zip(numbers, value.values(), strict=True))
     try:
-        value = float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"reset option {name!r} is {value!r}; it must be a number") from None
-    if not low <= value <= high:
-        raise ValueError(f"reset option {name!r} is {value}; it must be from {low:g} to {high:g}")
-    return value
+        return maker(**(usual | given))
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"body: {error}") from error
+
+
+def _locked(array: np.ndarray) -> np.ndarray:
+    """A view that cannot be written to."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def _fastest(scene: Scene, kind: Dynamics) -> str:
+    """What asks for the shortest steps, in words."""
+    if kind is not DYNAMICS["springs"]:
+        return "it starts to turn too fast"
+    body = scene.body
+    stiffness, damping = np.zeros(len(body.masses)), np.zeros(len(body.masses))
+    for end in body.springs.T:
+        np.add.at(stiffness, end, body.stiffness)
+        np.add.at(damping, end, body.damping)
+    rate = np.maximum(np.sqrt(stiffness / body.masses), damping / body.masses) * scene.free
+    n = int(np.argmax(rate))
+    return (
+        f"particle {n} of {body.masses[n]:.3g} kg is held by springs of {stiffness[n]:.3g} N/m and dampers "
+        f"of {damping[n]:.3g} kg/s in all"
+    )
+
+
+def _checked_limit(steps: int | None) -> int:
+    """A time limit; −1 if there is none."""
+    if steps is None or (isinstance(steps, int) and steps == -1):
+        return -1
+    return checks.whole("max_episode_steps", steps, 1)
 
 
 def _checked_ranges(
     randomize: Mapping[str, Sequence[float]], dynamics: str
 ) -> dict[str, tuple[float, float]]:
     ranges = {}
-    for name, given in randomize.items():
+    for name, given in mapping("randomize", randomize).items():
         if name not in RANDOMIZABLE:
             raise ValueError(f"cannot randomize {name!r}; {', '.join(RANDOMIZABLE)} can be")
         if dynamics == "rigid" and name in OF_SPRINGS:
             raise ValueError(f"cannot randomize {name!r}: a rigid body has no springs")
-        try:
-            low, high = map(float, given)
-        except (TypeError, ValueError):
-            raise ValueError(f"randomize[{name!r}] is {given!r}; it must be a pair (low, high)") from None
-        if not 0 < low <= high < math.inf:
-            raise ValueError(f"randomize[{name!r}] is {given!r}; it must be 0 < low ≤ high")
+        low, high = checks.array(f"randomize[{name!r}]", given, (2,), low=TINY).tolist()
+        if low > high:
+            raise ValueError(f"randomize[{name!r}] is {given!r}; it must be (low, high) with low ≤ high")
         ranges[name] = (low, high)
     return ranges
 

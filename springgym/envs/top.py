@@ -7,16 +7,18 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, top
 from springgym.bodies.motion import rotation, stretched_shapes
 from springgym.bodies.motion import spinning as rigid_velocities
+from springgym.checks import flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.rewards import long_tail, spinning, thrift
-from springgym.envs.task import Particles, Start, Task, number
+from springgym.envs.task import Particles, Start, Task, made, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
@@ -79,7 +81,8 @@ class SpringTop(Task):
         body: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(observation, action)
-        self.body: Body = top(**(body or {}))
+        hard = flag("hard", hard)
+        self.body: Body = made(top, body)
         self.torque = 10.0 if hard else 15.0
         self._across = self.torque * np.array([1.0, 1.0, 0.0])
         self._along = self.torque * np.array([0.0, 0.0, 1.0])
@@ -152,7 +155,7 @@ class SpringTop(Task):
         return Marks(arrows=arrows, text=(f"tilt {math.degrees(tilt):4.1f}°", f"spin {spin:4.1f} rad/s"))
 
 
-class SpringTopEnv(SpringEnv):
+class SpringTopEnv(SpringEnv, gym.Env):
     """
     ## Description
     A spinning top stands on its pinned tip, tilted. Erect it, and bring it to 50 rad/s. The top is the
@@ -220,7 +223,7 @@ class SpringTopEnv(SpringEnv):
     task_type = SpringTop
 
 
-class SpringTopVectorEnv(SpringVectorEnv):
+class SpringTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringTopEnv`."""
 
     task_type = SpringTop

@@ -7,14 +7,17 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, from_points
 from springgym.bodies import spinning as rigid_velocities
+from springgym.checks import flag, whole
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.starts import any_rotation
 from springgym.envs.task import Particles, Start, Task, number
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -83,13 +86,6 @@ def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) 
             observation[c, 15 + axis] = m.axis[c, axis]
 
 
-def any_rotation(rng: Generator) -> np.ndarray:
-    """A rotation (3, 3), every one alike."""
-    turn, upper = np.linalg.qr(rng.normal(size=(3, 3)))
-    turn *= np.sign(np.diag(upper))
-    return turn * np.linalg.det(turn)
-
-
 class SpringTumble(Task):
     """The MDP of `SpringTumbleEnv`, where it is described."""
 
@@ -112,7 +108,7 @@ class SpringTumble(Task):
     ) -> None:
         super().__init__(observation, action)
         self.contact = Contact(friction=friction, restitution=0.3, impact_speed=3.0)
-        self.force, self.torque = (28.0, 7.5) if hard else (FORCE, TORQUE)
+        self.force, self.torque = (28.0, 7.5) if flag("hard", hard) else (FORCE, TORQUE)
         self.farthest = 2.0 if hard else 1.2
         self.body: Body = from_points(CORNERS, MASSES, CENTRE_MASS, stiffness=1e5, damping=30.0)
         self._shape = self.body.positions - self.body.centre
@@ -142,7 +138,9 @@ class SpringTumble(Task):
         ).tolist()
         height = number(options, "height", drawn_height, 0.4, 5.0)
         distance = number(options, "distance", drawn_distance, 0.0, 3.0)
-        corner = int(number(options, "corner", float(rng.integers(4)), 0.0, 3.0))
+        corner = int(rng.integers(4))
+        if "corner" in options:
+            corner = whole("reset option 'corner'", options.pop("corner"), 0, len(CORNERS) - 1)
         arm = factors["scale"] * self._shape @ turn.T
         goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0, corner)
         velocities = rigid_velocities(arm, omega, (0.0, 0.0, 0.0))
@@ -183,7 +181,7 @@ class SpringTumble(Task):
         )
 
 
-class SpringTumbleEnv(SpringEnv):
+class SpringTumbleEnv(SpringEnv, gym.Env):
     """
     ## Description
     An irregular tetrahedron drops to the floor. Bring it to a target and onto one of its faces, drawn each
@@ -255,7 +253,7 @@ class SpringTumbleEnv(SpringEnv):
     task_type = SpringTumble
 
 
-class SpringTumbleVectorEnv(SpringVectorEnv):
+class SpringTumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringTumbleEnv`."""
 
     task_type = SpringTumble

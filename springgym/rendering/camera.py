@@ -81,6 +81,34 @@ class Camera:
         middle = np.asarray(center, dtype=float)
         return cls(tuple(middle + distance * np.array(away)), tuple(middle), fov)
 
+    def keeping(self, points: ArrayLike, size: tuple[int, int], margin: float = 0.03) -> Camera:
+        """This camera if it sees all of some points, else one that looks at their middle from the same side.
+
+        It comes no nearer, and goes as far away as it takes to see them all.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like
+            World points, m. Those that are not finite need not be seen.
+        size : tuple of 2 ints
+            Width and height of the picture, pixels.
+        margin : float
+            Share of the picture at each edge that is not seen enough.
+        """
+        x = np.asarray(points, dtype=float)
+        x = x[np.isfinite(x).all(axis=1)]
+        pixels, _ = self.project(x, size)
+        rim = margin * np.array(size)
+        if not len(x) or ((pixels > rim) & (pixels < size - rim)).all():
+            return self
+        middle = (x.min(axis=0) + x.max(axis=0)) / 2
+        reach = float(np.linalg.norm(x - middle, axis=1).max()) / (1 - 2 * margin) ** 2
+        away = np.subtract(self.eye, self.target)
+        narrow = np.arctan(np.tan(0.5 * self.fov) * min(1.0, size[0] / size[1]))
+        distance = max(float(np.linalg.norm(away)), reach / float(np.sin(narrow)))
+        eye = middle + distance / float(np.linalg.norm(away)) * away
+        return Camera(tuple(eye), tuple(middle), self.fov)
+
     def axes(self) -> NDArray[np.float64]:
         """Unit vectors right, up and forward of the picture, as the rows of a (3, 3) array."""
         forward = np.subtract(self.target, self.eye)

@@ -16,6 +16,9 @@ from springgym.rendering.ground import paint_background, paint_ring, paint_shado
 from springgym.rendering.look import GREEN, INK, ORANGE, Look, Marks, Scenery
 from springgym.rendering.solids import arrow, body, dashes, rail, strain_colors
 
+CHORDS = 4
+"""Straight pieces that the trace is drawn with from one moment to the next."""
+
 
 class Renderer:
     """Draws a body, its scenery and marks; keeps the trace between frames.
@@ -57,6 +60,7 @@ class Renderer:
         self.mode = mode
         self.fps = fps
         self._trace: deque[Array] = deque(maxlen=look.trace_length)
+        self._told = False
         self._drawn_for: tuple[Camera, Scenery] | None = None
         self._canvas: Canvas | None = None
         self._window: Any = None
@@ -98,15 +102,34 @@ class Renderer:
         springs = len(np.asarray(look.springs))
         if s is not None and s.shape != (springs,):
             raise ValueError(f"strain must have shape ({springs},), got {s.shape}")
-        if look.trace is not None:
-            self._trace.append(x[look.trace].copy())
+        if not self._told:
+            self._leave(x)
         with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is not drawn
             picture = self._paint(x, marks if marks is not None else Marks(), s)
         return self._show(picture)
 
+    def follow(self, positions: ArrayLike) -> None:
+        """Let the trace pass through a moment that is not drawn itself.
+
+        From then on, until the next `reset`, it passes through the moments it is told of, and not through
+        those drawn: who draws one picture in ten calls this for all ten.
+
+        Parameters
+        ----------
+        positions : (N, 3) array_like
+            Particles, m.
+        """
+        self._told = True
+        self._leave(np.asarray(positions, dtype=float))
+
+    def _leave(self, x: Array) -> None:
+        if self.look.trace is not None:
+            self._trace.append(x[self.look.trace].copy())
+
     def reset(self) -> None:
         """Forget the trace."""
         self._trace.clear()
+        self._told = False
 
     def close(self) -> None:
         """Close the window, if there is one, and free the surfaces. May be called again."""
@@ -156,8 +179,9 @@ class Renderer:
         """Over everything else, because much of a trace runs inside the body."""
         if len(self._trace) < 2:
             return
-        pixels, _ = canvas.image(np.array(self._trace))
-        young = np.linspace(0.0, 1.0, self.look.trace_length)[1 - len(pixels) :]
+        points = np.array(self._trace)
+        pixels, _ = canvas.image(_curve(points))
+        young = np.linspace(0.0, 1.0, self.look.trace_length)[1 - len(points) :].repeat(CHORDS)
         segments = np.stack([pixels[:-1], pixels[1:]], axis=1)
         canvas.strokes(segments, 1.2 + 1.8 * young, ORANGE, 0.95 * young**1.2)
 
@@ -199,3 +223,12 @@ class Renderer:
         self._clock.tick(self.fps)
         pygame.display.flip()
         return None
+
+
+def _curve(points: Array) -> Array:
+    """Points (CHORDS (n − 1) + 1, 3) on the smooth curve through points (n, 3) (Catmull and Rom's)."""
+    along = np.gradient(points, axis=0)
+    t = (np.arange(CHORDS) / CHORDS)[:, None]
+    start = (1 + 2 * t) * (1 - t) ** 2 * points[:-1, None] + t * (1 - t) ** 2 * along[:-1, None]
+    stop = t**2 * (3 - 2 * t) * points[1:, None] - t**2 * (1 - t) * along[1:, None]
+    return np.vstack([(start + stop).reshape(-1, 3), points[-1:]])

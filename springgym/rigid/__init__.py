@@ -16,10 +16,18 @@ from springgym.blocks import set_copies
 from springgym.integrators.record import Integrator
 from springgym.rigid.contact import ARRAYS, SURFACES
 from springgym.rigid.motion import Rigid, kernel_reading
-from springgym.rigid.shape import Shape, check_rigid, highest_rate, principal_shape, swing_rate
+from springgym.rigid.shape import (
+    LEAST_RESTITUTION,
+    Shape,
+    check_rigid,
+    highest_rate,
+    principal_shape,
+    swing_rate,
+)
 from springgym.scene import Scene
 
 __all__ = [
+    "LEAST_RESTITUTION",
     "METHODS",
     "Method",
     "Rigid",

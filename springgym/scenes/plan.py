@@ -18,6 +18,10 @@ Vector = tuple[float, float, float]
 Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation"]
 
 
+SHORTEST = 1e-9
+"""Least duration, interval and step of a run [s]: shorter ones are lost beside the times of its states."""
+
+
 class View(NamedTuple):
     """From where a film is seen."""
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from springgym.bodies import Body, box, cube, from_mesh, from_points, gyroscope, rope, start, top, union
 from springgym.bodies.motion import Start
+from springgym.checks import shown
 from springgym.integrators import METHODS
 from springgym.scene import GRAVITY, Scene
 from springgym.scenes.checks import CHECKS
-from springgym.scenes.plan import Plan, Plot, Vector, View, heavy_top
+from springgym.scenes.plan import SHORTEST, Plan, Plot, Vector, View, heavy_top
 from springgym.strict_yaml import Tree, YamlError, build, read_yaml, suggestion
 from springgym.surfaces import Contact, Dish, PaperContact, Plane, Surface, floor, incline, scales
 from springgym.theory.contact import rest_height
@@ -50,7 +51,7 @@ def load(scene: str) -> Plan:
     path = Path(scene)
     if path.suffix in (".yaml", ".yml") or path.is_file():
         return read(path)
-    raise ValueError(f"no such file, and there is no scene {scene!r}{suggestion(scene, names())}")
+    raise ValueError(f"no such file, and there is no scene {shown(scene)}{suggestion(scene, names())}")
 
 
 def _folder() -> Any:
@@ -78,18 +79,18 @@ def read(path: Path) -> Plan:
         checks: Sequence[str] = (),
         view: Any = None,
     ) -> Plan:
-        for name, value in {"duration": duration, "interval": interval}.items():
-            if not 0 < value < np.inf:
-                raise _error(tree, name, f"{name} is {value} s; it must be positive and finite")
+        for name, value in {"duration": duration, "interval": interval, "step": step}.items():
+            if value is not None and value < SHORTEST:
+                raise _error(tree, name, f"{name} is {value:g} s; it must be at least {SHORTEST:g} s")
         if integrator not in METHODS:
             raise _error(
-                tree, "integrator", f"unknown method {integrator!r}{suggestion(integrator, METHODS)}"
+                tree, "integrator", f"unknown method {shown(integrator)}{suggestion(integrator, METHODS)}"
             )
         made = _body(tree, ("body",))
         pins = _particles(tree, "pinned", made, pinned)
         traced = _particles(tree, "trace", made, () if trace is None else (trace,))
         if len(traced) > 1:
-            raise _error(tree, "trace", f"{trace!r} is {len(traced)} particles; trace takes one")
+            raise _error(tree, "trace", f"{shown(trace)} is {len(traced)} particles; trace takes one")
         pull = (0.0, 0.0, -gravity) if isinstance(gravity, float) else gravity
         met, paper = (Contact(), PaperContact())
         if contact is not None:
@@ -114,12 +115,12 @@ def read(path: Path) -> Plan:
             )
         except YamlError:
             raise
-        except ValueError as error:
+        except (ValueError, TypeError, ArithmeticError) as error:
             raise YamlError(f"{path}: {error}") from error
         for n, name in enumerate(checks):
             if name not in CHECKS:
                 where = tree.where["checks", str(n)]
-                raise YamlError(f"{where}: unknown check {name!r}{suggestion(name, CHECKS)}")
+                raise YamlError(f"{where}: unknown check {shown(name)}{suggestion(name, CHECKS)}")
         return Plan(
             name=path.stem,
             title=title,
@@ -212,7 +213,7 @@ def _body(tree: Tree, path: tuple[str, ...]) -> Body:
         return build(union, tree, path, skip=("kind", "parts"), bodies=bodies)
     if kind not in KINDS:
         where = tree.where[*path, "kind"]
-        raise YamlError(f"{where}: unknown kind {kind!r}{suggestion(kind, [*KINDS, 'union'])}")
+        raise YamlError(f"{where}: unknown kind {shown(kind)}{suggestion(kind, [*KINDS, 'union'])}")
     skip = ("kind", "name", "at") if len(path) > 1 else ("kind",)
     given = {"folder": Path(tree.where[()]).parent} if kind == "mesh" else {}
     return build(KINDS[kind], tree, path, skip=skip, **given)
@@ -234,7 +235,7 @@ def _particles(tree: Tree, key: str, body: Body, given: Sequence[str | int]) -> 
     found: list[int] = []
     for item in given:
         if isinstance(item, str) and item not in body.parts:
-            raise _error(tree, key, f"unknown part {item!r}{suggestion(item, body.parts)}")
+            raise _error(tree, key, f"unknown part {shown(item)}{suggestion(item, body.parts)}")
         particles = (item,) if isinstance(item, int) else body.parts[item]
         for i in particles:
             if not 0 <= i < len(body.masses):
@@ -255,16 +256,18 @@ SURFACES: dict[str, Callable[..., Surface]] = {
 
 
 def _surfaces(tree: Tree) -> tuple[Surface, ...]:
-    given = tree.value.get("surfaces") or []
+    given = tree.value.get("surfaces")
+    if given is None:
+        return ()
     if not isinstance(given, list):
-        raise _error(tree, "surfaces", f"expected a list of surfaces, got {given!r}")
+        raise _error(tree, "surfaces", f"expected a list of surfaces, got {shown(given)}")
     made = []
     for n, entries in enumerate(given):
         path = ("surfaces", str(n))
         kind = entries.get("kind") if isinstance(entries, dict) else None
         if kind not in SURFACES:
             known = suggestion(str(kind), SURFACES)
-            raise YamlError(f"{tree.where[path]}: unknown kind of surface {kind!r}{known}")
+            raise YamlError(f"{tree.where[path]}: unknown kind of surface {shown(kind)}{known}")
         made.append(build(SURFACES[kind], tree, path, skip=("kind",)))
     return tuple(made)
 
@@ -345,7 +348,7 @@ def _started(
         positions = _hung(body, positions[0], np.array(end), gravity)
     for name, change in (kick or {}).items():
         if name not in body.parts and not name.isdecimal():
-            raise ValueError(f"kick names an unknown part {name!r}{suggestion(name, body.parts)}")
+            raise ValueError(f"kick names an unknown part {shown(name)}{suggestion(name, body.parts)}")
         particles = body.parts[name] if name in body.parts else (int(name),)
         if max(particles) >= len(body.masses):
             raise ValueError(f"kick names particle {name}; there are 0 to {len(body.masses) - 1}")
@@ -369,6 +372,8 @@ def _lifted(
         strength, reach = scales(contact, body)
         below = int(np.sum(heights < heights.min() + 1e-3 * reach))
         weight = -body.mass * float(np.dot(gravity, surface.normal))
+        if weight <= 0:
+            raise ValueError("height: gravity does not press the body on the surface, where it is to rest")
         height = rest_height(weight / below, strength, reach)
     return positions + (height - heights.min()) * np.array(surface.normal)
 

@@ -14,6 +14,12 @@ from springgym.measures import SIZE, Measures, view
 from springgym.scenes.plan import Plan
 from springgym.simulator import SimulationDivergedError, Simulator
 
+MOST_STEPS = 100_000_000
+"""Steps from one recorded state to the next, at the most: minutes without a sign or an ear for Ctrl-C."""
+
+MOST_BYTES = 4_000_000_000
+"""Size of all recorded states, at the most."""
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:
@@ -61,12 +67,13 @@ def record(
     SimulationDivergedError
         If the simulation diverges.
     ValueError
-        If the integrator or the step does not fit the scene.
+        If the integrator or the step does not fit the scene, or it takes too many steps or states.
     """
     plan = replace(plan, interval=min(plan.interval, plan.duration))
     simulator = _simulator(plan, dynamics)
     steps = max(1, round(plan.interval / simulator.step))
     count = 1 + max(1, round(plan.duration / (steps * simulator.step)))
+    _check_size(plan, simulator.step, steps, count)
     positions = np.zeros((count, *plan.scene.positions.shape))
     velocities = np.zeros_like(positions)
     rows = np.zeros((count, SIZE))
@@ -95,6 +102,32 @@ def record(
         measures=view(rows[:done]),
         complete=done == count,
     )
+
+
+def _check_size(plan: Plan, step: float, steps: int, count: int) -> None:
+    """Refuse what would not end, or not fit into memory."""
+    body = plan.scene.body
+    if step > plan.duration * (1 + 1e-9):
+        raise ValueError(f"a step of {step:g} s is longer than the run of {plan.duration:g} s")
+    if steps > MOST_STEPS:
+        why = "take a longer one"
+        if plan.step is None:
+            stiffness, damping = body.stiffness.max(initial=0), body.damping.max(initial=0)
+            why = (
+                f"masses from {body.masses.min():g} kg, stiffness up to {stiffness:g} N/m and damping up to "
+                f"{damping:g} kg/s ask for it"
+            )
+        raise ValueError(
+            f"a step of {step:g} s makes {steps:g} of an interval of {plan.interval:g} s, and at most "
+            f"{MOST_STEPS:g} are taken: {why}"
+        )
+    size = count * (2 * plan.scene.positions.nbytes + 8 * SIZE)
+    if size > MOST_BYTES:
+        raise ValueError(
+            f"{plan.duration:g} s at intervals of {plan.interval:g} s are {count:g} states of "
+            f"{size / 1e9:.3g} GB, and at most {MOST_BYTES / 1e9:g} GB are kept: take a longer interval or a "
+            "shorter duration"
+        )
 
 
 def _simulator(plan: Plan, dynamics: str) -> Simulator:

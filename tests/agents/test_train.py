@@ -1,13 +1,19 @@
 """Training: what a run leaves, and that a stopped run goes on as if it had never stopped."""
 
 import csv
+import errno
+import io
 import json
 import os
+import pickle
+import shutil
 import signal
 import subprocess
 import sys
-import time
+import zipfile
+from pathlib import Path
 
+import evaluate
 import numpy as np
 import pytest
 import runs
@@ -102,7 +108,6 @@ def test_killed_and_resumed_run_equals_one_in_one_go(finished, tmp_path):
     assert int(rows(folder)[-1]["timesteps"]) == 4608  # 600 steps of 8 copies are 4800
     with open(folder / "metrics.csv", "a") as file:
         file.write("4700,0.5")  # a row cut short
-    time.sleep(1.1)  # TensorBoard orders its files by the second they were made in
     assert train.main(["--resume", str(folder), "--episodes", "4"]) == 0
     assert_same_run(folder, finished)
     test_tensorboard_has_each_row_once(folder)
@@ -132,13 +137,14 @@ def test_stop_while_a_checkpoint_is_written(tmp_path, monkeypatch):
         done = []
 
         def stop_at_the_second(temporary, path):
-            if path.name == "model.zip" and done:
+            if path.name == "model.zip" and True in done:
                 temporary.write_bytes(temporary.read_bytes()[:1000])
                 raise KeyboardInterrupt
             done.append(path.name == "model.zip")
-            os.replace(temporary, path)
+            replace(temporary, path)
 
-        patch.setattr(train, "replace_atomically", stop_at_the_second)
+        replace = os.replace
+        patch.setattr(os, "replace", stop_at_the_second)
         assert train.main(start(folder, *options)) == 130
     assert weights(folder)[0] == 1024
     assert train.main(["--resume", str(folder), "--episodes", "4"]) == 0
@@ -176,6 +182,200 @@ def test_environment_without_state_resumes_with_new_episodes(tmp_path, monkeypat
     assert [int(row["timesteps"]) for row in rows(folder)] == [512 * i for i in range(1, 7)]
 
 
+@pytest.fixture
+def copied(finished, tmp_path):
+    """A run of one's own to damage."""
+    return Path(shutil.copytree(finished, tmp_path / "run", ignore=shutil.ignore_patterns("tensorboard")))
+
+
+def refused(folder, capsys, *options):
+    """What is said in a line, where a run cannot go on; the folder stays as it is."""
+    before = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    assert train.main(["--resume", str(folder), *options]) == 2
+    assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+    error = capsys.readouterr().err
+    assert error.startswith("train.py: error: ")
+    assert error.count("\n") == 1
+    return error
+
+
+def test_one_process_trains_in_a_folder(copied, capsys):
+    with runs.locked(copied):
+        assert f"{copied}: another process trains in this folder" in refused(copied, capsys)
+        assert train.main(start(copied)) == 2
+        assert "another process trains in this folder" in capsys.readouterr().err
+    with runs.locked(copied):
+        pass
+
+
+def test_a_process_that_is_killed_lets_the_folder_go(tmp_path):
+    code = "import os, runs, pathlib, signal; runs.locked(pathlib.Path('.')).__enter__(); "
+    code += "print('locked', flush=True); os.kill(os.getpid(), signal.SIGKILL)"
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=os.environ | {"PYTHONPATH": f"{AGENTS}:{PYTHONPATH}"},
+        capture_output=True, check=False, text=True,
+    )  # fmt: skip
+    assert (run.stdout, run.returncode) == ("locked\n", -signal.SIGKILL)
+    with runs.locked(tmp_path):
+        pass
+
+
+def zipped(**members):
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name.replace("__", "."), content)
+    return file.getvalue()
+
+
+def flipped(content):
+    """One bit in the middle, of weights or of what is pickled."""
+    middle = len(content) // 2
+    return bytes([*content[:middle], content[middle] ^ 1, *content[middle + 1 :]])
+
+
+def without(content, *names):
+    """A zip file without some of its members."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return zipped(**{name: archive.read(name) for name in archive.namelist() if name not in names})
+
+
+CHECKPOINTS = {
+    "empty": (lambda good: b"", "not a zip file"),
+    "cut short": (lambda good: good[: len(good) // 2], "no checkpoint of this run"),
+    "flipped": (flipped, "damaged"),
+    "foreign": (lambda good: zipped(a__txt="b"), "training_state.pkl"),
+    "no training": (lambda good: without(good, "training_state.pkl"), "training_state.pkl"),
+    "no model": (lambda good: without(good, "policy.pth", "data"), "no checkpoint of this run"),
+    "another run": (lambda good: zipped(run__json='{"algo": "sac"}'), "algo is 'ppo', but"),
+    "another thing": (lambda good: zipped(run__json="[]"), "no checkpoint of this run"),
+    "not pickled": (lambda good: zipped(run__json="null", training_state__pkl=b"x"), "no checkpoint"),
+    "nothing in it": (lambda good: zipped(training_state__pkl=pickle.dumps(None)), "no checkpoint"),
+}
+"""What may stand in a checkpoint, and what is said of it."""
+
+
+@pytest.mark.parametrize("what", CHECKPOINTS)
+def test_a_wrong_checkpoint_is_told_in_a_line(what, copied, capsys):
+    spoil, says = CHECKPOINTS[what]
+    model = copied / "model.zip"
+    model.write_bytes(spoil(model.read_bytes()))
+    error = refused(copied, capsys)
+    assert says in error
+    assert ("config.yaml" if what == "another run" else str(model)) in error
+
+
+def test_a_folder_in_place_of_a_checkpoint(copied, capsys):
+    (copied / "model.zip").unlink()
+    (copied / "model.zip").mkdir()
+    assert "Is a directory" in refused(copied, capsys)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("n_envs: 8", "n_envs: 16"), ("seed: 0", "seed: 1"), ("gamma: 0.95", "gamma: 0.9")]
+)
+def test_a_run_keeps_its_configuration(copied, capsys, old, new):
+    config = copied / "config.yaml"
+    assert config.read_text().count(old) == 1
+    config.write_text(config.read_text().replace(old, new))
+    key, _, value = new.partition(": ")
+    error = refused(copied, capsys)
+    assert f"{config}: {key} is {value}, but the checkpoint was made with {old.partition(': ')[2]}" in error
+
+
+def test_fewer_steps_than_there_are_cannot_be_asked_for(copied, capsys):
+    assert "the run has come to 12288 already" in refused(copied, capsys, "--timesteps", "100")
+
+
+METRICS = {
+    "text": (b"1024,0.1,x,1,1,1,1\n", "metrics.csv:26: no row of this run: '1024,0.1,x,1,1,1,1"),
+    "two rows mixed": (b"12800,0.1,0.5,3,0.512800,0.1\n", "metrics.csv:26: no row of this run"),
+    "back in time": (b"1024,0.1,0.5,3,0.5,40,0.5\n", "metrics.csv:26: no row of this run"),
+    "nan": (b"12800,nan,0.5,3,0.5,40,0.5\n", "metrics.csv:26: no row of this run"),
+    "another head": (None, "metrics.csv:1: not the columns of this version: 'a,b"),
+    "no text": (b"\xff\xfe\n", "metrics.csv: no text"),
+}
+"""What is added to the rows of a run, and what is said of it."""
+
+
+@pytest.mark.parametrize("what", METRICS)
+def test_mangled_rows_are_told_in_a_line(what, copied, capsys):
+    added, says = METRICS[what]
+    path = copied / "metrics.csv"
+    path.write_bytes(b"a,b\n" if added is None else path.read_bytes() + added)
+    assert says in refused(copied, capsys)
+
+
+def test_a_full_disk_is_told_in_a_line_and_leaves_the_old_checkpoint(tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "run"
+    save, saved = PPO.save, []
+
+    def full_at_the_second(model, path):
+        if saved:
+            Path(path).write_bytes(b"half")
+            raise OSError(errno.ENOSPC, "No space left on device")
+        saved.append(model.num_timesteps)
+        save(model, path)
+
+    monkeypatch.setattr(PPO, "save", full_at_the_second)
+    assert train.main(start(folder, "--timesteps", "4096")) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error == f"train.py: error: {folder / 'model.zip'}: No space left on device"
+    assert weights(folder)[0] == saved[0] == 1024
+    assert not list(folder.glob("*.tmp*"))
+
+
+def test_a_log_that_cannot_be_written_is_told_in_a_line(tmp_path, monkeypatch, capsys):
+    """Where PyTorch's writer has a thread that dies of it."""
+
+    class Full(train.RecordWriter):
+        def write(self, data):
+            if b"rollout/" in data:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            super().write(data)
+
+    monkeypatch.setattr(train, "RecordWriter", Full)
+    folder = tmp_path / "run"
+    assert train.main(start(folder, "--timesteps", "1024")) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == f"train.py: error: {folder}: No space left on device"
+
+
+def test_stopped_while_it_is_evaluated(copied, monkeypatch, capsys):
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(train, "evaluate", interrupted)
+    assert train.main(["--resume", str(copied)]) == 130
+    assert f"stopped, with the agent trained; to see it: python agents/train.py --resume {copied}" in (
+        capsys.readouterr().out
+    )
+
+
+def test_learning_that_diverges_is_told_in_a_line(tmp_path, monkeypatch, capsys):
+    def spoil(recorder):
+        for tensor in recorder.model.policy.parameters():
+            tensor.data.fill_(np.nan)
+
+    monkeypatch.setattr(train.Recorder, "write_row", spoil)
+    assert train.main(start(tmp_path / "run", "--timesteps", "2048")) == 2
+    assert "learning diverged. Start a new run, with a smaller learning_rate" in capsys.readouterr().err
+
+
+def test_runs_of_the_version_before(copied, capsys):
+    """They have no agent.npz, and say nothing of the run in the checkpoint."""
+    (copied / "agent.npz").unlink()
+    model = copied / "model.zip"
+    model.write_bytes(without(model.read_bytes(), "run.json"))
+    assert evaluate.main([str(copied), "--env", "toy_env:Toy-v0"]) == 2
+    assert (
+        "has no agent.npz: runs of springgym 0.1.0 have none; if the run is your own, train.py --resume"
+        in (capsys.readouterr().err)
+    )
+    assert train.main(["--resume", str(copied), "--episodes", "4"]) == 0
+    assert "the checkpoint is of springgym 0.1.0" in capsys.readouterr().out
+    assert evaluate.main([str(copied), "--env", "toy_env:Toy-v0", "--episodes", "4"]) == 0
+
+
 def test_a_run_is_not_overwritten(finished, capsys):
     before = (finished / "model.zip").read_bytes()
     assert train.main(start(finished)) == 2
@@ -188,8 +388,10 @@ def test_a_run_is_not_overwritten(finished, capsys):
     [
         ([], "give an environment id, or --resume and a run folder"),
         (["A-v0", "--resume", "x"], "give an environment id, or --resume and a run folder"),
-        (["--resume", "x", "--set", "a=1"], "own configuration"),
-        (["A-v0", "--seed", "1000000"], "--seed must lie in"),
+        (["--resume", "x", "--set", "a=1"], "own configuration: drop --set"),
+        (["--resume", "x", "--seed", "0", "--algo", "ppo"], "own configuration: drop --algo, --seed"),
+        (["A-v0", "--seed", "1000000"], "--seed: '1000000' must be a whole number from 0 to 999999"),
+        (["A-v0", "--episodes", "0"], "--episodes: '0' must be a whole number from 1"),
     ],
 )
 def test_contradicting_arguments(arguments, says, capsys):

@@ -74,6 +74,8 @@ def test_agent_must_be_known(capsys):
     assert "unknown controller 'clasical'" in capsys.readouterr().err
     assert watch.main(["zero", "--out", "toy.gif"]) == 2
     assert "name the environment with --env" in capsys.readouterr().err
+    assert watch.main(["zero", "--env", "CartPole-v1", "--out", "toy.gif"]) == 2
+    assert "CartPole-v1 has no continuous actions" in capsys.readouterr().err
     assert watch.main(["zero", "--env", "SpringTop-v9", "--out", "toy.gif"]) == 2
     assert "SpringTop-v9: " in capsys.readouterr().err
     with pytest.raises(SystemExit):

@@ -4,8 +4,8 @@ import re
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, box, cube, rope, top
-from springgym.bodies.body import rigid_motions, rigidity_matrix
+from springgym.bodies import Body, box, cube, gyroscope, rope, top
+from springgym.bodies.body import EXACT, MOST_PARTICLES, rigid_motions, rigidity_matrix
 
 TRIANGLE = {
     "name": "triangle",
@@ -29,33 +29,81 @@ def test_lengths_are_those_of_the_shape():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"positions": []}, "has no particles"),
-        ({"positions": [[0, 0], [1, 0], [0, 1]]}, "positions of body 'triangle' must have shape (3, 3)"),
-        ({"positions": [[0, 0, 0], [1, 0, math.nan], [0, 1, 0]]}, "positions[1]"),
-        ({"positions": [[0, 0, 0], [0, 0, 0], [0, 1, 0]]}, "lengths[0] of body 'triangle' is 0.0"),
-        ({"masses": [1, 2]}, "masses of body 'triangle' must have shape (3,)"),
-        ({"masses": [1, 0, 3]}, "masses[1] of body 'triangle' is 0.0"),
-        ({"masses": [1, 2, -3]}, "masses[2] of body 'triangle' is -3.0"),
-        ({"masses": [math.nan, 2, 3]}, "masses[0] of body 'triangle' is nan"),
-        ({"stiffness": [1, 0, 1]}, "stiffness[1] of body 'triangle' is 0.0"),
-        ({"stiffness": [1, 1, math.inf]}, "stiffness[2] of body 'triangle' is inf"),
-        ({"damping": [1, 1, -1]}, "damping[2] of body 'triangle' is -1.0"),
-        ({"damping": math.nan}, "damping[0] of body 'triangle' is nan"),
-        ({"lengths": [3, 0, 5]}, "lengths[1] of body 'triangle' is 0.0"),
-        ({"springs": [(0, 1), (1, 3), (2, 0)]}, "spring 1 of body 'triangle' joins particles 1 and 3"),
+        ({"positions": []}, "it has 0 particles"),
+        (
+            {"positions": [[0, 0], [1, 0], [0, 1]]},
+            "body 'triangle': positions is [[0, 0], [1, 0], [0, 1]], of shape (3, 2)",
+        ),
+        ({"positions": [[0, 0, 0], [1, 0, math.nan], [0, 1, 0]]}, "body 'triangle': positions[1, 2] is nan"),
+        (
+            {"positions": [[0, 0, 0], [0, 0, 0], [0, 1, 0]]},
+            "spring 0 of body 'triangle' joins particles 0 and 1, which lie at the same place",
+        ),
+        ({"masses": [1, 2]}, "body 'triangle': masses is [1, 2], of shape (2,)"),
+        ({"masses": [1, 0, 3]}, "body 'triangle': masses[1] is 0"),
+        ({"masses": [1, 2, -3]}, "body 'triangle': masses[2] is -3"),
+        ({"masses": [math.nan, 2, 3]}, "body 'triangle': masses[0] is nan"),
+        ({"stiffness": [1, 0, 1]}, "body 'triangle': stiffness[1] is 0"),
+        ({"stiffness": [1, 1, math.inf]}, "body 'triangle': stiffness[2] is inf"),
+        ({"damping": [1, 1, -1]}, "body 'triangle': damping[2] is -1"),
+        ({"damping": math.nan}, "body 'triangle': damping is nan"),
+        ({"lengths": [3, 0, 5]}, "body 'triangle': lengths[1] is 0"),
+        (
+            {"springs": [(0, 1), (1, 3), (2, 0)]},
+            "body 'triangle': springs[1, 1] is 3; it must be a whole number from 0 to 2",
+        ),
         ({"springs": [(0, 1), (1, 2), (2, 2)]}, "spring 2 of body 'triangle' joins particle 2 to itself"),
         ({"springs": [(0, 1), (1, 2), (1, 0)]}, "spring 2 of body 'triangle' joins particles 1 and 0, which"),
         ({"springs": [(0, 1)]}, "nothing joins particle 2 to particle 0"),
         ({"springs": [(0, 1), (1, 2)]}, "can change shape in 1 ways"),
-        ({"frame": (0, 1, 3)}, "frame of body 'triangle' names particle 3"),
-        ({"parts": {"end": (5,)}}, "part 'end' of body 'triangle' names particle 5"),
-        ({"parts": {"end": ()}}, "part 'end' of body 'triangle' has no particles"),
-        ({"triangles": [(0, 1, 7)]}, "triangles of body 'triangle' names particle 7"),
+        ({"frame": (0, 1)}, "body 'triangle': frame is (0, 1), of shape (2,)"),
+        ({"frame": ()}, "body 'triangle': frame is (), of shape (0,)"),
+        ({"frame": (0, 0, 1)}, "frame is (0, 0, 1); its first two particles must lie at different places"),
+        ({"frame": (0, 1, 3)}, "body 'triangle': frame[2] is 3"),
+        ({"parts": {"end": (5,)}}, "body 'triangle': parts['end'][0] is 5"),
+        ({"parts": {"end": ()}}, "body 'triangle': parts['end'] has no particles"),
+        ({"triangles": [(0, 1, 7)]}, "body 'triangle': triangles[0, 2] is 7"),
     ],
 )
 def test_error_names_the_offender(changes, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         triangle(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"name": 5}, "name of a body is 5"),
+        ({"frame": (0.5, 1, 2)}, "body 'triangle': frame[0] is 0.5; it must be a whole number"),
+        ({"springs": [(0, 1.5), (1, 2), (2, 0)]}, "body 'triangle': springs[0, 0] is 0.0"),
+        ({"parts": {"end": "tip"}}, "body 'triangle': parts['end'] is 'tip'"),
+        ({"parts": [0, 1]}, "body 'triangle': parts is [0, 1]; it must be Mapping"),
+        ({"floppy": 1}, "body 'triangle': floppy is 1; it must be True or False"),
+        ({"masses": None}, "body 'triangle': masses is None"),
+    ],
+)
+def test_error_names_what_is_of_the_wrong_kind(changes, message):
+    with pytest.raises(TypeError, match=re.escape(message)):
+        triangle(**changes)
+
+
+def test_large_bodies_are_checked_fast_or_refused():
+    assert top(ring=MOST_PARTICLES // 2).floppy_modes() == 0  # by the square of the rigidity matrix
+    unbraced = top(ring=EXACT + 1)
+    kept = [s for s in range(len(unbraced.springs)) if 0 not in unbraced.springs[s] or s == 0]
+    with pytest.raises(ValueError, match="can change shape in 2 ways"):
+        unbraced.with_(springs=unbraced.springs[kept], stiffness=1e6, damping=0.0, lengths=None)
+    for make in (lambda n: top(ring=n), lambda n: gyroscope(ring=n), lambda n: rope(beads=n)):
+        for count in (MOST_PARTICLES + 1, 10**9, 10**400):
+            with pytest.raises(ValueError, match=r"(ring|beads) is .*; it must be a whole number from"):
+                make(count)
+    cloud = np.zeros((MOST_PARTICLES + 1, 3))
+    with pytest.raises(ValueError, match="it has 1001 particles; it must have from 1 to 1000"):
+        Body("cloud", cloud, 1.0, [], 1.0, 0.0)
+    line = np.arange(300)[:, None] * (1.0, 0.0, 0.0)
+    pairs = np.array([(i, j) for i in range(300) for j in range(i)])
+    with pytest.raises(ValueError, match="has 44850 springs; it must have at most 20000"):
+        Body("line", line, 1.0, pairs, 1.0, 0.0)
 
 
 def test_a_body_cannot_be_changed():

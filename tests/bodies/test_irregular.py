@@ -66,10 +66,10 @@ def test_points_inside_are_left_out():
     [
         ([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], 1.0, "the 4 points have no volume"),
         ([(0, 0, 0), (1, 1, 1), (2, 2, 2), (4, 4, 4)], 1.0, "the 4 points have no volume"),
-        ([(0, 0), (1, 1)], 1.0, r"their shape is \(2, 2\)"),
-        ([(0, 0, float("inf"))] * 4, 1.0, "points must be finite"),
+        ([(0, 0), (1, 1)], 1.0, r"points is .*, of shape \(2, 2\)"),
+        ([(0, 0, float("inf"))] * 4, 1.0, r"points\[0, 2\] is inf"),
         (TETRAHEDRON, (1.0, 2.0), "mass is"),
-        (TETRAHEDRON, (1.0, 2.0, -1.0, 1.0), r"masses\[2\] of body 'hull' is -1.0"),
+        (TETRAHEDRON, (1.0, 2.0, -1.0, 1.0), r"mass\[2\] is -1.0"),
     ],
 )
 def test_points_error_names_the_offender(points, mass, message):

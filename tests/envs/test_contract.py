@@ -41,13 +41,15 @@ def test_values_stay_in_bounds(env_id: str, options: dict[str, Any], policy: str
     for _ in range(150):
         action = rng.uniform(-1, 1, envs.action_space.shape)
         action = np.sign(action) if policy == "bang-bang" else action
-        observation, reward, _, _, info = envs.step(action.astype(np.float32))
+        observation, reward, terminated, truncated, info = envs.step(action.astype(np.float32))
         assert envs.observation_space.contains(observation)
         assert np.isfinite(reward).all()
         assert ((reward >= 0) & (reward <= 1)).all()
-        stepped = info["_" + f"reward_{terms[0]}"]
-        total = sum(info[f"reward_{name}"] for name in terms)
-        np.testing.assert_allclose(total[stepped], reward[stepped], rtol=0, atol=1e-12)
+        last = info.get("final_info", info)
+        total = sum(
+            np.where(terminated | truncated, last[f"reward_{name}"], info[f"reward_{name}"]) for name in terms
+        )
+        np.testing.assert_allclose(total, reward, rtol=0, atol=1e-12)
         assert not info["diverged"].any()
         seen.append(observation)
     spread = np.ptp(np.concatenate(seen), axis=0)
@@ -107,9 +109,14 @@ def same(first: Any, second: Any, path: str = "") -> None:
         for key in first:
             same(first[key], second[key], f"{path}/{key}")
         return
+    if isinstance(first, (list, tuple)):
+        assert len(first) == len(second), path
+        for n, (a, b) in enumerate(zip(first, second, strict=True)):
+            same(a, b, f"{path}/{n}")
+        return
     first, second = np.asarray(first), np.asarray(second)
     assert first.shape == second.shape, path
-    if first.dtype == object:
+    if first.dtype == object and first.ndim:
         for a, b in zip(first, second, strict=True):
             assert (a is None) == (b is None), path
             if a is not None:
@@ -237,7 +244,7 @@ def test_wrong_actions(env_id: str) -> None:
 def test_wrong_arguments(env_id: str) -> None:
     with pytest.raises(TypeError, match="colour"):
         make(env_id, colour="red")
-    with pytest.raises(ValueError, match="'pixels' is unknown; it is one of 'particles'"):
+    with pytest.raises(ValueError, match="observation is 'pixels'; it must be one of 'particles'"):
         make(env_id, observation="pixels")
     with pytest.raises(ValueError, match="cannot randomize 'smell'"):
         make(env_id, randomize={"smell": (0, 1)})
@@ -265,7 +272,7 @@ def test_no_rigid_twin() -> None:
     for env_id in TWINLESS:
         with pytest.raises(ValueError, match="is meant to change shape: it has no rigid twin"):
             make(env_id, dynamics="rigid")
-    with pytest.raises(ValueError, match="dynamics='jelly' is unknown; it is one of 'springs', 'rigid'"):
+    with pytest.raises(ValueError, match="dynamics is 'jelly'; it must be one of 'springs', 'rigid'"):
         make(IDS[0], dynamics="jelly")
 
 
@@ -319,7 +326,7 @@ def test_randomisation(env_id: str) -> None:
     _, info = envs.reset(seed=2, options={"randomize": {"masses": 1.05}})
     assert (info["randomization"]["masses"] == 1.05).all()
     np.testing.assert_array_equal(info["randomization"]["scale"], again["randomization"]["scale"])
-    with pytest.raises(ValueError, match="outside"):
+    with pytest.raises(ValueError, match=r"'masses', is 3\.0; it must be a number from 0\.9 to 1\.2"):
         envs.reset(options={"randomize": {"masses": 3.0}})
     with pytest.raises(ValueError, match="cannot set the factor of 'masses'"):
         make(env_id).reset(options={"randomize": {"masses": 1.0}})
@@ -382,7 +389,7 @@ def test_divergence_is_an_end(env_id: str) -> None:
     calm.reset(seed=0)
     simulator = envs.unwrapped.episodes.simulator
     velocities = simulator.velocities
-    velocities[1, -1] = 1e200
+    velocities[1, np.argmax(simulator.scene.free)] = 1e25
     simulator.place(simulator.positions, velocities)
     action = envs.action_space.sample()
     observation, reward, terminated, _, info = envs.step(action)

@@ -164,6 +164,33 @@ def test_make_sb3():
     np.testing.assert_array_equal(env.reset(), reference.reset())
 
 
+gym.register("LonelyCartPole-v0", entry_point=cartpole)
+
+
+def test_make_sb3_without_native_copies():
+    """An environment that a user registered with no vector entry point is stepped in a loop."""
+    env = make_sb3("LonelyCartPole-v0", num_envs=2, seed=3)
+    reference = DummyVecEnv([cartpole] * 2)
+    reference.seed(3)
+    np.testing.assert_array_equal(env.reset(), reference.reset())
+    for _ in range(30):
+        obs, _, dones, infos = env.step(np.zeros(2, dtype=np.int64))
+        obs2, _, dones2, infos2 = reference.step(np.zeros(2, dtype=np.int64))
+        np.testing.assert_array_equal(obs, obs2)
+        np.testing.assert_array_equal(dones, dones2)
+        for info, info2 in zip(infos, infos2, strict=True):
+            if "terminal_observation" in info2:
+                np.testing.assert_array_equal(info["terminal_observation"], info2["terminal_observation"])
+    assert type(env.venv.vector_env) is SyncVectorEnv
+
+
+def test_make_sb3_of_an_environment_that_is_not_registered():
+    with pytest.raises(gym.error.NameNotFound, match="LoneliestCartPole"):
+        make_sb3("LoneliestCartPole-v0", num_envs=2)
+    with pytest.raises(ModuleNotFoundError, match="no_such_module"):
+        make_sb3("no_such_module:CartPole-v1", num_envs=2)
+
+
 def test_sb3_trains_and_evaluates_on_it(tmp_path):
     evaluation = EvalCallback(
         make_sb3("ScoredCartPole-v0", 2, seed=9), n_eval_episodes=4, eval_freq=64, verbose=0,

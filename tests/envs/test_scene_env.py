@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import pickle
+from itertools import pairwise
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
 import springgym
 from springgym.bodies import cube
+from springgym.envs.sb3 import make_sb3
 from springgym.measures import Measures
 from springgym.scene import Scene, ThrustActuator
 
@@ -72,9 +76,9 @@ def test_shipped_scene_by_name() -> None:
 
 
 def test_wrong_actuators() -> None:
-    with pytest.raises(ValueError, match="'wind' is unknown"):
+    with pytest.raises(ValueError, match="a name in actuators is 'wind'; it must be one of"):
         make(actuators={"wind": 1.0})
-    with pytest.raises(ValueError, match="nothing that 'acceleration' could drive"):
+    with pytest.raises(ValueError, match="has 'acceleration', but the scene has nothing that it could drive"):
         make(actuators={"acceleration": 1.0})
 
 
@@ -90,3 +94,111 @@ def test_scaled_scene_starts_unstrained() -> None:
     centre = x.mean(axis=0)  # its masses are equal
     np.testing.assert_allclose(scaled_x - centre, 1.5 * (x - centre), atol=1e-12)
     np.testing.assert_allclose(scaled_v, v, atol=1e-12)  # it flies without turning
+
+
+def seen(m: Measures, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return np.concatenate([m.centre, m.axis, 100 * m.angular_velocity], axis=1)
+
+
+def test_observation_of_ones_own() -> None:
+    """It is what the function gives, clipped to ±10."""
+    env, envs = make(observe=seen), make(observe=seen, num_envs=2)
+    assert env.observation_space.shape == (9,)
+    assert envs.observation_space.shape == (2, 9)
+    first, _ = env.reset(seed=1)
+    batch, _ = envs.reset(seed=[0, 1])
+    action = np.linspace(-1, 1, 9, dtype=np.float32)
+    for _ in range(30):
+        np.testing.assert_array_equal(batch[1], first)
+        m = env.unwrapped.episodes.measures
+        expected = np.clip(seen(m, *env.unwrapped.episodes.particles)[0], -10, 10)
+        np.testing.assert_allclose(first, expected, rtol=1e-6, atol=1e-7)
+        first, *_ = env.step(action)
+        batch, *_ = envs.step(np.tile(action, (2, 1)))
+    assert np.abs(first).max() == 10
+    check_env(make(observe=seen).unwrapped, skip_render_check=True)
+
+
+def test_success_of_ones_own() -> None:
+    """It is met for ``hold`` steps in a row."""
+    env = make(succeeded=lambda m, x, v: m.centre[:, 2] > 0.02, hold=3)
+    env.reset(seed=0)
+    up = np.array([0, 0, 0, 0, 0, 1, 0, 0, 1], np.float32)
+    met, reported = [], []
+    for _ in range(30):
+        *_, info = env.step(up)
+        met.append(env.unwrapped.episodes.measures.centre[0, 2] > 0.02)
+        reported.append(info["is_success"])
+    first = met.index(True)
+    assert 0 < first < 20
+    assert all(met[first:])
+    assert reported == [n >= first + 2 for n in range(30)]
+
+
+def pinned_height(m: Measures, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
+    return x[:, 1, 2].copy()
+
+
+@pytest.mark.parametrize("scene", ["cube-pendulum", Scene(cube(), gravity=None)], ids=["name", "scene"])
+def test_spec_makes_it_again(scene: Any) -> None:
+    """After pickling, too; single and as a batch; and for Stable-Baselines3."""
+    made = springgym.make_scene_env(
+        scene, pinned_height, actuators={"torque": 1.0}, max_episode_steps=7, dtype=np.float64
+    )
+    batch: Any = springgym.make_scene_env(
+        scene, pinned_height, actuators={"torque": 1.0}, max_episode_steps=7, num_envs=2
+    )
+    spec = pickle.loads(pickle.dumps(made.spec))
+    assert spec.max_episode_steps == 7
+    again, many = gym.make(spec), gym.make_vec(pickle.loads(pickle.dumps(batch.spec)))
+    assert many.num_envs == 2
+    action = np.ones((2, 3), np.float32)
+    first = [env.reset(seed=3)[0] for env in (made, again)]
+    np.testing.assert_array_equal(*first)
+    start, _ = many.reset(seed=3)
+    np.testing.assert_array_equal(start[0], first[0])
+    for _ in range(7):
+        results = [env.step(action[0]) for env in (made, again)]
+        seen, reward, _, truncated, _ = many.step(action)
+        np.testing.assert_array_equal(results[0][0], results[1][0])
+        np.testing.assert_array_equal(results[0][0], seen[0])
+        assert results[0][1:4] == results[1][1:4] == (reward[0], False, truncated[0])
+    assert truncated.all()
+    with pytest.raises(TypeError, match="not JSON serializable"):
+        made.spec.to_json()
+    training = make_sb3(made.spec, num_envs=2, seed=3)
+    np.testing.assert_array_equal(training.reset(), start)
+
+
+def test_no_time_limit() -> None:
+    env = make(max_episode_steps=None)
+    env.reset(seed=0)
+    assert not any(env.step(np.zeros(9, np.float32))[3] for _ in range(600))
+    with pytest.raises(ValueError, match="max_episode_steps is 0; it must be a whole number, at least 1"):
+        make(max_episode_steps=0)
+    with pytest.raises(ValueError, match="max_episode_steps is 0"):
+        make(max_episode_steps=0, num_envs=2)
+
+
+def test_camera_keeps_the_body_in_view() -> None:
+    """However far it falls or flies; until it would be lost, the picture's background stays."""
+    scene = Scene(cube(), velocities=np.tile([2.0, 0.0, 0.0], (8, 1)))
+    env: Any = springgym.make_scene_env(
+        scene, lifted, actuators={"force": 1.0}, render_mode="rgb_array", period=0.05
+    )
+    env.reset(seed=0)
+    cameras = []
+    for _ in range(30):
+        env.step(np.zeros(3, np.float32))
+        env.render()
+        canvas = env.unwrapped._canvas
+        pixels, _ = canvas.camera.project(env.unwrapped.episodes.particles[0][0], canvas.size)
+        assert (pixels >= 0).all()
+        assert (pixels <= canvas.size).all()
+        cameras.append(canvas.camera)
+    assert np.abs(env.unwrapped.episodes.measures.centre[0]).max() > 10
+    moves = sum(a != b for a, b in pairwise(cameras))
+    assert 3 < moves < 25
+    env.reset(seed=0)
+    env.render()
+    assert env.unwrapped._canvas.camera == env.unwrapped.episodes.task.camera()

@@ -72,3 +72,34 @@ def test_impossible_cameras(eye, target, fov, message):
 def test_framing_nothing():
     with pytest.raises(ValueError, match="size"):
         Camera.framing((0, 0, 0), 0.0)
+
+
+@pytest.mark.parametrize("size", [(64, 64), (96, 48), (48, 96)])
+def test_keeping_points_in_view(size):
+    """A camera that sees them stays; else it looks at their middle, from the same side and no nearer."""
+    camera = Camera.framing((0.0, 0.0, 1.0), 2.0)
+    rng = np.random.default_rng(0)
+    cloud = rng.uniform(-0.2, 0.2, (20, 3)) + np.array([0.0, 0.0, 1.0])
+    assert camera.keeping(cloud, size) is camera
+    for away, spread in (
+        ((3.0, -2.0, 7.0), 1.0),
+        ((0.0, 0.0, -40.0), 1.0),
+        ((1e4, 0.0, 0.0), 30.0),
+        ((0, 0, 0), 9.0),
+    ):
+        points = spread * (cloud - (0, 0, 1)) + (0, 0, 1) + np.array(away, float)
+        moved = camera.keeping(points, size)
+        pixels, _ = moved.project(points, size)
+        assert ((pixels > 0) & (pixels < size)).all()
+        np.testing.assert_allclose(moved.axes(), camera.axes(), atol=1e-9)
+        distance = [np.linalg.norm(np.subtract(c.eye, c.target)) for c in (camera, moved)]
+        assert distance[1] >= distance[0] * (1 - 1e-9)
+        assert (distance[1] > 1.01 * distance[0]) == (spread > 8)
+        assert moved.keeping(points, size) is moved
+
+
+def test_keeping_what_is_lost():
+    camera = Camera.framing((0.0, 0.0, 1.0), 2.0)
+    for points in (np.zeros((0, 3)), np.full((2, 3), np.nan), np.full((1, 3), np.inf)):
+        assert camera.keeping(points, (64, 64)) is camera
+    assert camera.keeping([(np.nan, 0, 0), (50.0, 0, 0)], (64, 64)).target == (50.0, 0.0, 0.0)

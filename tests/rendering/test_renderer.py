@@ -9,6 +9,7 @@ from gymnasium.error import DependencyNotInstalled
 
 from springgym.rendering import Arrow, Camera, Look, Marks, Renderer, Scenery, two_tone
 from springgym.rendering.canvas import lamp, shade
+from springgym.rendering.renderer import CHORDS, _curve
 
 RED, GREEN, BLUE = (210, 30, 30), (30, 180, 60), (30, 60, 210)
 FRONT = Camera(eye=(0.0, -4.0, 0.0), target=(0.0, 0.0, 0.0), fov=2.0 * np.arctan(0.25))  # 2 m high
@@ -193,6 +194,48 @@ def test_shadow_lies_along_the_light(height):
     assert dark.max() > 60
     assert np.hypot(*(expected - at_ball)) > 25
     np.testing.assert_allclose(middle, expected, atol=1.5)  # half a pixel of the shadow's mask
+
+
+def arc(angles):
+    return np.column_stack([0.8 * np.cos(angles), np.zeros(len(angles)), 0.8 * np.sin(angles)])
+
+
+def orange(picture, point):
+    """How much of the trace's colour is near a world point."""
+    x, y = FRONT.project(point, picture.shape[1::-1])[0].astype(int)
+    patch = picture[y - 2 : y + 3, x - 2 : x + 3]
+    return (patch[..., 0] - patch[..., 2]).max()
+
+
+def test_trace_passes_through_moments_that_are_not_drawn():
+    """Of a half circle in ten moments, only the ends are drawn: a straight line, unless it is followed."""
+    look, points = Look(trace=0, trace_length=20), arc(np.linspace(0.0, np.pi, 11))
+    top, across = (0.0, 0.0, 0.8), (0.0, 0.0, 0.0)
+    plain, followed = Renderer(look, FRONT, size=SIZE), Renderer(look, FRONT, size=SIZE)
+    plain.frame(points[:1])
+    picture = plain.frame(points[-1:]).astype(int)
+    assert orange(picture, across) > 60 > 20 > orange(picture, top)
+    followed.follow(points[:1])
+    followed.frame(points[:1])
+    for point in points[1:]:
+        followed.follow(point[None])
+    first = followed.frame(points[-1:]).astype(int)
+    assert orange(first, top) > 60 > 20 > orange(first, across)
+    np.testing.assert_array_equal(followed.frame(points[-1:]), first)  # drawing adds no moment
+    followed.reset()
+    followed.frame(points[:1])
+    assert orange(followed.frame(points[-1:]).astype(int), across) > 60
+
+
+def test_trace_is_a_smooth_curve():
+    """Between moments a third of a radian apart it leaves a circle by 3 % of what a straight line does."""
+    angles = np.linspace(0.0, 2.0, 7)
+    curve = _curve(arc(angles))
+    assert len(curve) == 6 * CHORDS + 1
+    np.testing.assert_allclose(curve[::CHORDS], arc(angles), atol=1e-15)
+    inner = curve[CHORDS : 5 * CHORDS + 1]  # the ends know one neighbour only
+    off = np.abs(np.linalg.norm(inner, axis=1) - 0.8).max()
+    assert 0 < off < 0.03 * 0.8 * (1 - np.cos(1 / 6))
 
 
 def test_trace_appears_fades_and_is_forgotten():

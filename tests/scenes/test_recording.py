@@ -3,6 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from springgym.bodies import rope
+from springgym.scene import Scene
 from springgym.scenes import load
 from springgym.scenes.recording import record, rigid_twin
 from springgym.simulator import SimulationDivergedError, Simulator
@@ -84,3 +86,16 @@ def test_rigid_twin_keeps_its_shape_and_the_times():
     assert twin.measures.strain.max() < 1e-12
     assert twin.positions == pytest.approx(recording.positions, abs=1e-4)
     assert rigid_twin(record(replace(load("rope-swing"), duration=0.1))) is None
+
+
+def test_what_would_not_end_is_refused():
+    """An end of 1e-15 kg asks for steps of 1e-16 s; the error says what is to blame."""
+    body = rope(end_mass=1e-15, damping=10.0)
+    plan = replace(load("rope-swing"), scene=Scene(body, pinned=(0,)), step=None)
+    with pytest.raises(ValueError, match=r"a step of .* makes .* of an interval .*masses from 1e-15 kg"):
+        record(plan)
+
+
+def test_what_would_not_fit_into_memory_is_refused():
+    with pytest.raises(ValueError, match=r"1e\+06 s at intervals of 1e-05 s are 1e\+11 states of"):
+        record(replace(PLAN, duration=1e6, interval=1e-5))

@@ -1,10 +1,16 @@
 """The command line, plots and films."""
 
 import csv
+import errno
 import io
+import math
+import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -66,11 +72,84 @@ def test_check_prints_theory_beside_measurement(capsys):
     assert row.endswith("ok")
 
 
-def test_check_that_fails_is_told_by_the_status(capsys):
-    assert main(["simulate", "cube-pendulum", "--check", "--duration", "0.5"]) == 1
+def test_check_that_fails_is_told_by_the_status(capsys, monkeypatch):
+    false = Check("a length", 1.0, 2.0, 0.1, "m")
+    monkeypatch.setattr(simulate, "check", lambda recording: [false, false._replace(measured=math.nan)])
+    monkeypatch.setattr(simulate, "load", lambda name: replace(load(name), duration=0.1))
+    assert main(["simulate", "cube-pendulum", "--check"]) == 1
+    *_, seen, unseen, told, hint = capsys.readouterr().out.splitlines()
+    assert seen.split()[2:4] == ["1", "2"]
+    assert "not seen" in unseen
+    assert seen.endswith("FAILED")
+    assert unseen.endswith("FAILED")
+    assert told == "2 of 2 checks failed"
+    assert hint.startswith("1 of them: nothing to measure in 0.1 s; a longer run may show it")
+
+
+@pytest.mark.parametrize("name", marked(["cube-pendulum", "top", "steady-top", "cube-drop", "rope-hanging"]))
+def test_a_run_too_short_for_its_checks_is_called_so(capsys, name):
+    """Not failed: nothing that the scene says of its whole duration is contradicted."""
+    assert main(["simulate", name, "--check", "--duration", "0.02"]) == 1
     out = capsys.readouterr().out
-    assert "nan" in out
-    assert "1 of 2 checks failed" in out
+    assert "nan" not in out
+    assert "FAILED" not in out
+    whole = f"{load(name).duration:g}"
+    assert re.search(rf"the run is too short for \d of \d checks: 0.02 s of {whole} s\n$", out)
+
+
+def test_checks_that_do_not_fit_are_told_before_the_run(capsys, tmp_path, monkeypatch):
+    """A copy of the top, unbalanced, is neither simulated nor drawn."""
+    monkeypatch.setattr(simulate, "record", None)
+    text = (resources.files("springgym.scenes") / "top.yaml").read_text(encoding="utf-8")
+    path = tmp_path / "mine.yaml"
+    path.write_text(text.replace("{kind: top}", "{kind: top, scaled: {0: 1.5}}"), encoding="utf-8")
+    assert main(["simulate", str(path), "--check", "--plot", str(tmp_path / "plot.png")]) == 2
+    message = "check 'nutation' does not fit scene 'mine': body 'top' is no heavy top: it is not symmetric"
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_output_that_is_read_no_further_is_no_error():
+    """As by ``springgym simulate --list | head -1``."""
+    command = [sys.executable, "-m", "springgym.cli", "simulate", "--list"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 141
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no full device")
+def test_an_output_that_cannot_be_written_is_one_line():
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "springgym.cli", "simulate", "--list"]
+        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert run.returncode == 2
+    assert run.stderr == "springgym: error: [Errno 28] No space left on device\n"
+
+
+@pytest.mark.parametrize("option", ["--trace", "--plot", "--video"])
+def test_a_file_that_cannot_be_written_leaves_the_old_one(capsys, monkeypatch, tmp_path, option):
+    def fails(*arguments):
+        Path(arguments[-1]).write_text("half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    path = tmp_path / {"--trace": "a.npz", "--plot": "a.png", "--video": "a.gif"}[option]
+    path.write_text("old")
+    monkeypatch.setattr(simulate, "save_trace", fails)
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", fails)
+    monkeypatch.setattr("springgym.scenes.film.save_film", fails)
+    assert main([*SHORT, option, str(path)]) == 2
+    assert f"error: {path}: No space left on device" in capsys.readouterr().err
+    assert [p.read_text() for p in tmp_path.iterdir()] == ["old"]
+
+
+def test_too_little_memory_is_one_line(capsys, monkeypatch):
+    def greedy(scene):
+        raise MemoryError
+
+    monkeypatch.setattr(simulate, "load", greedy)
+    assert main(SHORT) == 2
+    assert capsys.readouterr().err == "springgym: error: not enough memory\n"
 
 
 def test_options_change_the_plan(tmp_path):
@@ -114,7 +193,12 @@ def test_papers_method_is_one_switch(monkeypatch, capsys):
         (["simulate", "tops"], "there is no scene 'tops'; did you mean 'top'"),
         (["simulate", "no.yaml"], "no.yaml: cannot read it"),
         ([*SHORT, "--step", "1"], "a step of 1 s is unstable"),
-        ([*SHORT, "--duration", "-1"], "--duration -1: it must be positive"),
+        ([*SHORT, "--duration", "-1"], "--duration -1: it must be at least 1e-09 s, and finite"),
+        ([*SHORT, "--duration", "1e-300"], "--duration 1e-300: it must be at least 1e-09 s, and finite"),
+        ([*SHORT, "--duration", "nan"], "--duration nan: it must be at least 1e-09 s, and finite"),
+        ([*SHORT, "--duration", "1e9"], "at intervals of 0.01 s are 1e+11 states of 6.4e+04 GB"),
+        ([*SHORT, "--step", "1e-300"], "--step 1e-300: it must be at least 1e-09 s, and finite"),
+        (["simulate", "bouncing-ball", "--duration", "0.1", "--step", "1"], "a step of 1 s is longer than"),
         ([*SHORT, "--trace", "trace.txt"], "--trace trace.txt: the name must end in .npz or .csv"),
         ([*SHORT, "--video", "film.avi"], "--video film.avi: the name must end in .mp4 or .gif"),
         ([*SHORT, "--plot", "nowhere/plot.png"], "there is no folder"),
@@ -201,7 +285,7 @@ def test_table_shows_relative_and_absolute_differences():
     ).splitlines()
     assert lines[1].split() == ["a", "period", "2", "2.02", "s", "+1.0e-02", "2.0e-02", "ok"]
     assert lines[2].split() == ["a", "drift", "0", "3e-05", "m", "+3.0e-05", "m", "1.0e-05", "m", "FAILED"]
-    assert lines[3].endswith("FAILED")
+    assert lines[3].split() == ["b", "1", "not", "seen", "1.0e+00", "FAILED"]
 
 
 # --- Plots and films --------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from springgym.scenes.checks.contact import (
     straight_fall,
 )
 from springgym.scenes.checks.free import energy, flips, momentum, spun_length, twin
+from springgym.scenes.checks.needs import fitting
 from springgym.scenes.checks.swings import (
     bungee,
     pendulum,
@@ -62,6 +63,7 @@ def check(recording: Recording) -> list[Check]:
     ValueError
         Naming the check that has nothing to say of such a scene.
     """
+    fitting(recording.plan)
     found: list[Check] = []
     for name in recording.plan.checks:
         try:
@@ -71,4 +73,4 @@ def check(recording: Recording) -> list[Check]:
     return found
 
 
-__all__ = ["CHECKS", "Check", "check"]
+__all__ = ["CHECKS", "Check", "check", "fitting"]

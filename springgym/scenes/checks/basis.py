@@ -17,6 +17,7 @@ class Check(NamedTuple):
     quantity: str
     theory: float
     measured: float
+    """NaN if the run does not show it"""
     tolerance: float
     """largest difference that the model and the step explain, in the same unit"""
     unit: str
@@ -24,7 +25,7 @@ class Check(NamedTuple):
     @property
     def passed(self) -> bool:
         """Whether the difference lies within the tolerance; NaN does not."""
-        return abs(self.measured - self.theory) <= self.tolerance
+        return bool(abs(self.measured - self.theory) <= self.tolerance)
 
 
 def slack(recording: Recording, rate: float) -> float:

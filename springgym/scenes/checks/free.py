@@ -108,8 +108,7 @@ def twin(recording: Recording) -> list[Check]:
     A share of the rate at which it moves adds up to that share of its path.
     """
     plan = recording.plan
-    if plan.trace is None:
-        raise ValueError(f"scene {plan.name!r} has no trace to compare with its rigid twin's")
+    assert plan.trace is not None
     rigid = rigid_twin(recording)
     if rigid is None:
         raise ValueError(f"scene {plan.name!r} has no rigid twin to compare with")

@@ -88,7 +88,8 @@ def steady_precession(recording: Recording) -> list[Check]:
     by = slack(recording, state.omega3)
     tilt, azimuth = angles(recording)
     marks, _ = peaks(recording.times, tilt)
-    if len(marks) < 2:
+    nutates = len(marks) > 1
+    if not nutates:
         marks = recording.times[[0, -1]]
     around = np.interp(marks, recording.times, azimuth)
     rate = float((around[-1] - around[0]) / (marks[-1] - marks[0]))
@@ -101,7 +102,7 @@ def steady_precession(recording: Recording) -> list[Check]:
     def frequency(top: HeavyTop) -> float:
         return theory.nutation_frequency(top, state.theta, steady(top))
 
-    measured = 2 * math.pi * (len(marks) - 1) / (marks[-1] - marks[0])
+    measured = 2 * math.pi * (len(marks) - 1) / (marks[-1] - marks[0]) if nutates else math.nan
     name = f"{'fast' if fast else 'slow'} precession"
     return [
         _compared(name, steady, top, rate, by, "rad/s"),

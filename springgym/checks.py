@@ -1,0 +1,217 @@
+"""What an argument may be: each rule written once, for every public door.
+
+- A number is an int or a float, finite and at most `HUGE` in size. Bools, texts and None are none.
+- A positive number is at least `TINY`: say ``low=TINY``.
+- A whole number is of an integer type: 2.0 is none, and True neither.
+- A flag is a bool.
+- An array has exactly one of the shapes that are asked for. Nothing is broadcast.
+- Indices count from 0, and are never negative. A mask, one bool for each thing, stands for the indices of
+  what it is True for.
+
+What is of a wrong kind raises TypeError, a wrong value of the right kind ValueError. Both name the argument,
+its value, and what it must be.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Collection
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+TINY, HUGE = 1e-30, 1e30
+"""Bounds on the size of numbers in SI units: products of nine of them, as in the determinant of an inertia
+tensor, (m r²)³, are still doubles."""
+
+MANY = 2**53
+"""Bound on whole numbers: up to here each is a double, too."""
+
+
+def number(name: str, value: Any, low: float = -HUGE, high: float = HUGE) -> float:
+    """A number as a float, from ``low`` to ``high``; ``name`` is what errors call it."""
+    given: Any = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    given = given.item() if isinstance(given, np.generic) else given
+    real = isinstance(given, Real) and not isinstance(given, bool)
+    if not real:
+        raise TypeError(_wrong(name, value, _range("number", low, high)))
+    if not low <= given <= high:
+        raise ValueError(_wrong(name, value, _range("number", low, high)))
+    return float(given)
+
+
+def whole(name: str, value: Any, low: int = 0, high: int = MANY) -> int:
+    """A whole number as an int, from ``low`` to ``high``; ``name`` is what errors call it."""
+    try:
+        given = operator.index(value)
+    except TypeError:
+        given = None
+    if given is None or isinstance(value, bool):
+        raise TypeError(_wrong(name, value, _range("whole number", low, high)))
+    if not low <= given <= high:
+        raise ValueError(_wrong(name, value, _range("whole number", low, high)))
+    return given
+
+
+def flag(name: str, value: Any) -> bool:
+    """A bool; ``name`` is what errors call it."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(_wrong(name, value, "True or False"))
+    return bool(value)
+
+
+def chosen(name: str, value: Any, choices: Collection[str]) -> str:
+    """One of some texts; ``name`` is what errors call it."""
+    must = f"one of {', '.join(map(repr, choices))}"
+    if not isinstance(value, str):
+        raise TypeError(_wrong(name, value, must))
+    if value not in choices:
+        raise ValueError(_wrong(name, value, must))
+    return value
+
+
+def instance(name: str, value: Any, *kinds: Any) -> Any:
+    """An object of one of some classes; ``name`` is what errors call it."""
+    if not isinstance(value, kinds):
+        raise TypeError(_wrong(name, value, " or ".join(kind.__name__ for kind in kinds)))
+    return value
+
+
+def array(
+    name: str, value: Any, *shapes: tuple[int | None, ...], low: float = -HUGE, high: float = HUGE
+) -> np.ndarray:
+    """Numbers as an array of float64, not copied if they are one.
+
+    Parameters
+    ----------
+    name
+        What errors call it.
+    value
+        What was given.
+    shapes
+        What its shape may be: None stands for any length, () for a single number.
+    low, high
+        Bounds of each number.
+    """
+    given = _shaped(name, value, shapes)
+    if given.dtype == object:  # which numbers beyond 64 bits are
+        for where in np.ndindex(given.shape):
+            number(f"{name}{list(where) or ''}", given[where], low, high)
+    elif given.dtype.kind not in "iuf":
+        raise TypeError(_wrong(name, value, "an array of numbers"))
+    with np.errstate(over="ignore"):
+        floats = np.asarray(given, np.float64)
+    within = (floats >= low) & (floats <= high)
+    if not within.all():
+        where = np.argwhere(~within)[0].tolist()
+        raise ValueError(_wrong(f"{name}{where or ''}", given[tuple(where)], _range("number", low, high)))
+    return floats
+
+
+def direction(name: str, value: Any) -> np.ndarray:
+    """The unit vector (3,) along a vector that is not zero; ``name`` is what errors call it."""
+    given = array(name, value, (3,))
+    length = np.linalg.norm(given)
+    if length < TINY:
+        raise ValueError(_wrong(name, value, "a vector that is not zero"))
+    return given / length
+
+
+def whole_array(
+    name: str, value: Any, *shapes: tuple[int | None, ...], low: int = 0, high: int = MANY
+) -> np.ndarray:
+    """Whole numbers as an array of int64; the parameters are those of `array`."""
+    given = _shaped(name, value, shapes)
+    if given.size and given.dtype.kind not in "iuO":
+        raise TypeError(_wrong(name, value, "an array of whole numbers"))
+    if given.dtype == object:
+        for where in np.ndindex(given.shape):
+            whole(f"{name}{list(where) or ''}", given[where], low, high)
+    within = (given >= low) & (given <= high)
+    if not within.all():
+        where = np.argwhere(~within)[0].tolist()
+        whole(f"{name}{where or ''}", given[tuple(where)], low, high)
+    return given.astype(np.int64)
+
+
+def indices(name: str, value: Any, count: int, *, once: bool = False) -> np.ndarray:
+    """Some of ``count`` things as indices (k,) of int64.
+
+    Parameters
+    ----------
+    name
+        What errors call it.
+    value
+        Indices in any order, or a mask (count,).
+    count
+        How many things there are.
+    once
+        Whether it is an error to name one twice.
+    """
+    given = _shaped(name, list(value) if isinstance(value, range) else value, ((None,),))
+    if given.dtype == bool:
+        if len(given) != count:
+            raise ValueError(f"{name} is a mask of shape {given.shape}; its shape must be {(count,)}")
+        return np.flatnonzero(given)
+    index = whole_array(name, given, (None,), high=count - 1)
+    if once and len(index) > 1:
+        ordered = np.sort(index)
+        again = ordered[1:][ordered[1:] == ordered[:-1]]
+        if again.size:
+            raise ValueError(f"{name} names {again[0]} twice; it must name each once")
+    return index
+
+
+def shown(value: Any) -> str:
+    """A value as errors show it: on one line, and no longer than a line."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    try:
+        written = " ".join(repr(value).split())
+    except Exception:  # that of a foreign class may fail, and an int may have too many digits
+        written = f"a {type(value).__name__}"
+    return written if len(written) <= 80 else f"{written[:79]}…"
+
+
+def _wrong(name: str, value: Any, must: str) -> str:
+    return f"{name} is {shown(value)}; it must be {must}"
+
+
+def _range(what: str, low: float, high: float) -> str:
+    """What a number must be."""
+    if low == TINY:
+        return f"a positive {what}, from {low:g} to {high:g}"
+    if high == MANY:
+        return f"a {what}, at least {low}"
+    return f"a {what} from {low:g} to {high:g}" if what == "number" else f"a {what} from {low} to {high}"
+
+
+def _shaped(name: str, value: Any, shapes: tuple[tuple[int | None, ...], ...]) -> np.ndarray:
+    """A value as an array of one of some shapes, of whatever it holds."""
+    must = f"an array of shape {' or '.join(map(_shape, shapes))}"
+    try:
+        given = np.asarray(value)
+    except ValueError:
+        raise ValueError(_wrong(name, value, f"{must}, and its rows of one length")) from None
+    except Exception:  # whatever a foreign class raises
+        raise TypeError(_wrong(name, value, must)) from None
+    if given.dtype != bool and _mixed(value):
+        raise TypeError(f"{name} is {shown(value)}; it must not hold numbers and bools side by side")
+    if given.ndim == 0 and given.dtype.kind not in "iufb" and () not in shapes:
+        raise TypeError(_wrong(name, value, must))
+    for shape in shapes:
+        if len(shape) == given.ndim and all(n in (None, m) for n, m in zip(shape, given.shape, strict=True)):
+            return given
+    raise ValueError(f"{name} is {shown(value)}, of shape {given.shape}; it must be {must}")
+
+
+def _shape(shape: tuple[int | None, ...]) -> str:
+    return str(tuple("n" if n is None else n for n in shape)).replace("'", "") if shape else "() (a number)"
+
+
+def _mixed(value: Any) -> bool:
+    """Whether lists, however deep, hold a bool: NumPy would make it 0 or 1 beside numbers."""
+    if isinstance(value, (list, tuple)):
+        return any(map(_mixed, value))
+    return isinstance(value, (bool, np.bool_))

@@ -1,0 +1,64 @@
+"""Directions and orientations to start from, in closed form.
+
+A decomposition from LAPACK would do, too, but leaves open which signs and, among equal moments, which axes it
+returns: another version may choose others, and every seed start otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body
+
+EQUAL = 1e-9
+"""Moments that differ by a smaller share are equal: their axes are any in the plane, or in space."""
+
+
+def direction(rng: Generator) -> np.ndarray:
+    """A unit vector (3,), every direction alike."""
+    z, azimuth = rng.uniform(-1.0, 1.0), rng.uniform(-math.pi, math.pi)
+    across = math.sqrt(1 - z * z)
+    return np.array([across * math.cos(azimuth), across * math.sin(azimuth), z])
+
+
+def any_rotation(rng: Generator) -> np.ndarray:
+    """A rotation (3, 3), every one alike: from three directions, each alike, by Gram and Schmidt."""
+    first, second, third = rng.normal(size=(3, 3)).T
+    first = _unit(first)
+    second = _unit(second - (first * second).sum() * first)
+    across = np.cross(first, second)
+    side = math.copysign(1.0, (across * third).sum())
+    return np.column_stack([side * first, side * second, across])
+
+
+def principal_axes(body: Body) -> np.ndarray:
+    """The principal axes about the centre of mass, ascending by moment: the columns of a rotation (3, 3).
+
+    Each points where its largest component is positive, but for the last, which makes them right-handed.
+    Among equal moments, the first axis is the one nearest to one of the coordinate axes, and so on.
+    """
+    moments, vectors = body.principal()
+    chosen: list[np.ndarray] = []
+    for moment in moments:
+        space = vectors[:, np.abs(moments - moment) < EQUAL * moments[2]]
+        projector = space @ space.T
+        for axis in chosen:
+            projector = projector - np.outer(axis, axis) @ projector
+        sizes = np.sqrt((projector * projector).sum(axis=0))
+        axis = projector[:, _first_largest(sizes)]
+        axis = _unit(axis)
+        chosen.append(math.copysign(1.0, axis[_first_largest(np.abs(axis))]) * axis)
+    chosen[2] = np.cross(chosen[0], chosen[1])
+    return np.column_stack(chosen)
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / math.sqrt((vector * vector).sum())
+
+
+def _first_largest(sizes: np.ndarray) -> int:
+    """The first of those that are the largest but for rounding."""
+    return int(np.argmax(sizes > (1 - EQUAL) * sizes.max()))

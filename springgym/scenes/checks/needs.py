@@ -1,0 +1,201 @@
+"""What a scene must be for its checks to mean something: told before it is simulated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from springgym import rigid
+from springgym.rigid.shape import check_rigid
+from springgym.scenes.plan import Plan, heavy_top
+from springgym.surfaces import Contact, Dish, Plane, scales
+
+Need = Callable[[Plan], None]
+"""Raises `ValueError` if it is not met, saying by what."""
+
+TURNS_OVER = math.radians(45)
+"""A body flips if its angular momentum comes this near to its middle axis: from there on it is nearer to
+that than to the axis about which it spins."""
+
+
+def _gravity(plan: Plan) -> None:
+    if plan.scene.gravity is None or not any(plan.scene.gravity):
+        raise ValueError("there is no gravity")
+    if any(plan.scene.gravity[:2]) or plan.scene.gravity[2] > 0:
+        raise ValueError("gravity does not pull straight down")
+
+
+def _particle(plan: Plan) -> None:
+    if (count := len(plan.scene.body.masses)) != 1:
+        raise ValueError(f"it is of a single particle, and this body has {count}")
+
+
+def _surface(plan: Plan) -> None:
+    if not plan.scene.surfaces:
+        raise ValueError("it has no surface")
+
+
+def _plane(plan: Plan) -> None:
+    _surface(plan)
+    if not isinstance(plan.scene.surfaces[0], Plane):
+        raise ValueError("its first surface is no plane")
+
+
+def _level(plan: Plan) -> None:
+    _plane(plan)
+    if plan.scene.surfaces[0].normal != (0.0, 0.0, 1.0):  # type: ignore[union-attr]
+        raise ValueError("its first surface is not level")
+
+
+def _ground(plan: Plan) -> None:
+    _level(plan)
+    if plan.scene.surfaces[0].offset != 0:  # type: ignore[union-attr]
+        raise ValueError("its floor is not at height 0")
+
+
+def _dropped(plan: Plan) -> None:
+    _, reach = scales(plan.scene.contact, plan.scene.body)
+    if plan.scene.positions[0, 2] <= reach or plan.scene.velocities[0, 2] != 0:
+        raise ValueError("it is not dropped: it starts within the floor's reach, or moves up or down")
+
+
+def _slope(plan: Plan) -> None:
+    _plane(plan)
+    if not abs(plan.scene.surfaces[0].normal[2]) < 1:  # type: ignore[union-attr]
+        raise ValueError("its first surface is level, no slope")
+
+
+def _dish(plan: Plan) -> None:
+    _surface(plan)
+    if not isinstance(plan.scene.surfaces[0], Dish):
+        raise ValueError("it has no dish")
+
+
+def _restitution(plan: Plan) -> None:
+    if not isinstance(plan.scene.contact, Contact):
+        raise ValueError("the paper's contact has no restitution")
+
+
+def _friction(plan: Plan) -> None:
+    if not plan.scene.contact.friction > 0:
+        raise ValueError("there is no friction")
+
+
+def _ice(plan: Plan) -> None:
+    if plan.scene.contact.friction > 0:
+        raise ValueError("there is friction")
+
+
+def _moves(plan: Plan) -> None:
+    if not plan.scene.velocities.any():
+        raise ValueError("it starts at rest")
+
+
+def _pinned(plan: Plan) -> None:
+    if not plan.scene.pinned:
+        raise ValueError("nothing is pinned")
+
+
+def _free(plan: Plan) -> None:
+    if plan.scene.pinned or plan.scene.surfaces:
+        raise ValueError("it does not move freely: it is pinned or has a surface")
+
+
+def _top(plan: Plan) -> None:
+    heavy_top(plan.scene.body, plan.scene.pinned, plan.scene.gravity or (0.0, 0.0, 0.0))
+
+
+def _rope(plan: Plan) -> None:
+    springs, count = plan.scene.body.springs, len(plan.scene.body.masses)
+    chain = np.column_stack([np.arange(count - 1), np.arange(1, count)])
+    if count < 2 or not np.array_equal(springs, chain) or plan.scene.pinned != (0,):
+        raise ValueError("it is of a rope: a chain of springs, pinned at its first particle")
+
+
+def _pair(plan: Plan) -> None:
+    body = plan.scene.body
+    if len(body.masses) != 2 or len(body.springs) != 1 or body.masses[0] != body.masses[1]:
+        raise ValueError("it is of two equal masses on a spring")
+
+
+def _trace(plan: Plan) -> None:
+    if plan.trace is None:
+        raise ValueError("it has no trace to compare with its rigid twin's")
+
+
+def _rigid(plan: Plan) -> None:
+    check_rigid(plan.scene, rigid.integrator(rigid.default(plan.scene)))
+
+
+def _flips(plan: Plan) -> None:
+    """It spins near its middle axis.
+
+    On the polhode, H² = Σ Hᵢ² and 2T = Σ Hᵢ²/Iᵢ. The middle component is largest where that along the axis
+    of least moment or, if H² < 2T I₂, of greatest moment is zero: H₂² (1/I₂ − 1/I_c) = 2T − H²/I_c with the
+    other of them, c, about which the body spins.
+    """
+    scene = plan.scene
+    body = scene.body.with_(positions=scene.positions, lengths=scene.body.lengths)
+    moments, principal = body.principal()
+    if np.ptp(moments[:2]) < 1e-9 * moments[2] or np.ptp(moments[1:]) < 1e-9 * moments[2]:
+        raise ValueError("two of its moments of inertia are equal: there is no middle axis")
+    drift = scene.body.masses @ scene.velocities / body.mass
+    arm = scene.positions - body.centre
+    momentum = principal.T @ (scene.body.masses @ np.cross(arm, scene.velocities - drift))
+    whole, energy = float(momentum @ momentum), float((momentum**2 / moments).sum())
+    if not whole > 0:
+        raise ValueError("it does not rotate")
+    if abs(whole - energy * moments[1]) <= 1e-12 * whole:
+        raise ValueError(
+            "it spins about its middle axis and no other: it stays so until something disturbs it"
+        )
+    about = 2 if whole > energy * moments[1] else 0
+    square = (energy - whole / moments[about]) / (1 / moments[1] - 1 / moments[about])
+    angle = math.acos(math.sqrt(min(max(square / whole, 0.0), 1.0)))
+    if angle > TURNS_OVER:
+        raise ValueError(
+            f"it spins about its axis of {'least' if about == 0 else 'greatest'} moment, where it is stable: "
+            f"its angular momentum stays {math.degrees(angle):.0f}° away from the middle axis"
+        )
+
+
+NEEDS: dict[str, tuple[Need, ...]] = {
+    "bounces": (_particle, _ground, _dropped, _gravity),
+    "bungee": (_rope, _gravity),
+    "dish_period": (_particle, _dish, _gravity),
+    "flips": (_free, _flips),
+    "nutation": (_top,),
+    "pendulum": (_pinned, _gravity),
+    "rest_height": (_level, _gravity),
+    "restitution": (_particle, _ground, _dropped, _restitution, _gravity),
+    "rope_modes": (_rope, _gravity),
+    "rope_stretch": (_rope, _gravity),
+    "rope_swing": (_rope, _gravity),
+    "sleep": (_top,),
+    "slope": (_slope, _gravity),
+    "small_swings": (_pinned, _gravity),
+    "spun_length": (_pair, _free),
+    "steady_precession": (_top,),
+    "stopping": (_level, _friction, _moves, _gravity),
+    "straight_fall": (_level, _ice, _gravity),
+    "twin": (_trace, _rigid),
+}
+"""By the name of a check; the others mean something for every scene."""
+
+
+def fitting(plan: Plan) -> None:
+    """Make sure that all checks of a scene mean something for it.
+
+    Raises
+    ------
+    ValueError
+        Naming the check that does not fit, and why.
+    """
+    for name in plan.checks:
+        try:
+            for need in NEEDS.get(name, ()):
+                need(plan)
+        except ValueError as error:
+            raise ValueError(f"check {name!r} does not fit scene {plan.name!r}: {error}") from error

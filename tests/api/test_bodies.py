@@ -1,0 +1,130 @@
+"""Every argument of every public function and class of `springgym.bodies`, given what it could not be."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.bodies import (
+    Body,
+    Start,
+    box,
+    cube,
+    from_mesh,
+    from_points,
+    gyroscope,
+    relative_equilibrium,
+    rope,
+    rotation,
+    spinning,
+    start,
+    stretched_shapes,
+    top,
+    union,
+)
+from tests.api.values import KINDS, NUMBERS, arrays, attempt
+
+CUBE, TOP = cube(), top(ring=5)
+TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+
+Door = tuple[Callable[..., Any], dict[str, Any]]
+
+
+def door(call: Callable[..., Any], **given: Any) -> Door:
+    """A call, and arguments for it that are right: its defaults where none is given."""
+    parameters = inspect.signature(call).parameters.values()
+    return call, {p.name: p.default for p in parameters if p.default is not p.empty} | given
+
+
+DOORS: list[Door] = [
+    door(
+        Body,
+        name="tetrahedron",
+        positions=TETRAHEDRON,
+        masses=np.ones(4),
+        springs=[(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)],
+        stiffness=np.ones(6),
+        damping=np.ones(6),
+        lengths=np.ones(6),
+        frame=(0, 1, 2),
+        parts={"tip": (3,)},
+        triangles=[(0, 1, 2)],
+    ),
+    door(box, mass=np.ones(8)),
+    door(cube),
+    door(top, ring=5, scaled={0: 2.0}),
+    door(gyroscope, ring=5),
+    door(rope),
+    door(from_points, points=TETRAHEDRON, mass=np.ones(4), centre_mass=1.0),
+    door(union, bodies=(CUBE, box().with_(positions=box().positions + np.eye(3)[0]))),
+    door(start, body=TOP, tilt=0.0, pinned=TOP.parts["tip"], gravity=(0.0, 0.0, -1.0)),
+    door(rotation, axis=(0.0, 0.0, 1.0), angle=1.0),
+    door(spinning, positions=np.ones((4, 3)), omega=(0.0, 0.0, 1.0), about=(0.0, 0.0, 0.0)),
+    door(relative_equilibrium, body=TOP, omega=(0, 0, 1.0), pinned=(6,), gravity=(0.0, 0.0, -1.0)),
+    door(stretched_shapes, body=TOP, axis=(0.0, 0.0, 1.0), fastest=10.0, pinned=(6,)),
+    door(stretched_shapes(TOP, (0, 0, 1), 10.0, (6,)), spin=1.0),
+    door(CUBE.inertia, about=(0.0, 0.0, 0.0)),
+    door(CUBE.principal, about=(0.0, 0.0, 0.0)),
+    door(CUBE.floppy_modes, pinned=(0,)),
+    door(TOP.particle, name="tip"),
+]
+
+
+def wrong_for(right: Any) -> list[Any]:
+    """What an argument could be given in place of what is right."""
+    held = [CUBE, [CUBE], [CUBE, CUBE], (CUBE, top(ring=300)), {0: 0.0}, {0: np.nan}, {99: 1.0}, {0.5: 1.0}]
+    held += [{"tip": 3}, {"tip": ()}, {"tip": (9,)}, {"tip": (-1,)}, {3: (3,)}, {"tip": (0.5,)}]
+    held += [(0, 1), (0, 0), (-1,), (99,), (0.5,), (True,), [True] * 4, [False] * 8]
+    held += [(0, 1, 2), (0, 0, 1), (3, 2, 1)]
+    if isinstance(right, (tuple, list, np.ndarray)) and not isinstance(right[0], Body):
+        held += arrays(np.shape(right))
+    return KINDS + NUMBERS + held
+
+
+@pytest.mark.parametrize(
+    ("door", "argument"),
+    [
+        pytest.param(n, argument, id=f"{getattr(door, '__name__', 'shape')}-{argument}")
+        for n, (door, arguments) in enumerate(DOORS)
+        for argument in arguments
+    ],
+)
+def test_an_argument_is_refused_by_name_or_right(door: int, argument: str) -> None:
+    """Whatever it is: refused, or the result holds finite numbers, and no warning is given."""
+    call, right = DOORS[door]
+    refused = 0
+    for value in wrong_for(right[argument]):
+        result = attempt(
+            [argument, *right], value, lambda value=value: call(**right | {argument: value}), KeyError
+        )
+        refused += result is None
+        for number in finite_numbers(result):
+            assert np.isfinite(number).all(), (argument, value)
+    assert refused > len(KINDS) / 2
+
+
+def finite_numbers(result: Any) -> list[Any]:
+    if isinstance(result, Body):
+        assert min(result.masses.min(), result.stiffness.min(initial=1), result.lengths.min(initial=1)) > 0
+        assert all(0 <= i < len(result.masses) and type(i) is int for i in result.frame)
+        held = ("positions", "masses", "stiffness", "damping", "lengths", "mass")
+        return [getattr(result, name) for name in held]
+    if isinstance(result, (Start, tuple)):
+        return list(result)
+    return [] if result is None else [getattr(result, "coefficients", result)]
+
+
+@pytest.mark.parametrize("argument", ["path", "mass", "by", "scale", "stiffness", "damping"])
+def test_an_argument_of_a_mesh(argument: str, tmp_path: Any) -> None:
+    file = tmp_path / "tetrahedron.obj"
+    corners = "".join(f"v {x} {y} {z}\n" for x, y, z in TETRAHEDRON)
+    file.write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    right = {"path": file, "mass": 1.0, "by": "volume", "scale": 1.0, "stiffness": 1.0, "damping": 1.0}
+    for value in (*KINDS, *NUMBERS, tmp_path, "colour"):
+        names = [argument, *right]
+        result = attempt(names, value, lambda value=value: from_mesh(**right | {argument: value}), OSError)
+        assert result is None or np.isfinite(result.positions).all()

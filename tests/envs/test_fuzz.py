@@ -1,0 +1,117 @@
+"""The fuzzing command: it passes on what is right, and sees what is not."""
+
+from __future__ import annotations
+
+import re
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.envs.task import Episodes
+from springgym.simulator import Simulator
+from tests import fuzz
+from tests.fuzz import Player, Round
+
+USUAL = Round("SpringTop-v0", {"observation": "frame"}, 3, "SameStep", 1)
+
+
+def play(what: Round = USUAL, seed: int = 0, length: int = 120) -> Player:
+    player = Player(what, np.random.default_rng(seed))
+    player.play(length)
+    return player
+
+
+@pytest.mark.parametrize("autoreset", ["NextStep", "SameStep", "Disabled"])
+def test_rounds(autoreset: str) -> None:
+    player = play(USUAL._replace(autoreset=autoreset))
+    assert player.steps == 3 * 120
+    assert 0 < player.drift < fuzz.DRIFT
+    assert play(USUAL._replace(copies=None)).steps == 120
+
+
+def test_command_prints_seeds_and_repeats_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    def said(*options: str) -> list[str]:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "argv", ["fuzz", "--only", "SpringTop", "--length", "20", *options])
+            assert fuzz.main() == 0
+        return [re.sub(r"[\d.]+ (s|min)\b", "", line) for line in capsys.readouterr().out.splitlines()]
+
+    both = said("--seed", "18", "--rounds", "2")
+    assert [line.split(" ")[:3] for line in both[:2]] == [["seed", f"{n}:", "SpringTop-v0"] for n in (18, 19)]
+    assert "failed seeds: none" in both[2]
+    assert said("--seed", "19", "--rounds", "1")[0] == both[1]
+    assert said("--seed", "18", "--steps", "21")[:2] == both[:2]
+
+
+def test_failures_are_told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    broken(monkeypatch, Episodes, "observe", too_large)
+    assert fuzz.fuzz(18, steps=1, rounds=1, only="SpringTop") == [18]
+    text = capsys.readouterr().out
+    assert "FAILED" in text
+    assert "Fault: observation is outside of its space" in text
+    assert "failed seeds: 18" in text
+
+
+def broken(monkeypatch: pytest.MonkeyPatch, owner: type, name: str, change: Any) -> None:
+    own = getattr(owner, name)
+    monkeypatch.setattr(owner, name, lambda self, *args, **kwargs: change(own, self, *args, **kwargs))
+
+
+def one_copy_off(own: Any, self: Any, *args: Any, **kwargs: Any) -> Any:
+    seen = own(self, *args, **kwargs)
+    if self.copies > 1:
+        seen += np.float32(1e-6)
+    return seen
+
+
+def too_large(own: Any, self: Any, *args: Any, **kwargs: Any) -> Any:
+    return own(self, *args, **kwargs) + np.float32(20.0)
+
+
+def nan(own: Any, self: Any, *args: Any, **kwargs: Any) -> Any:
+    result = own(self, *args, **kwargs)
+    result.reward[:] = np.nan
+    return result
+
+
+def forgetful(own: Any, self: Any, state: Any) -> None:
+    own(self, state)
+    self.elapsed += 1
+
+
+def heated(own: Any, self: Any, *args: Any, **kwargs: Any) -> Any:
+    self.balance -= 1e4
+    return own(self, *args, **kwargs)
+
+
+def warned(own: Any, self: Any, *args: Any, **kwargs: Any) -> Any:
+    np.zeros(1) / np.zeros(1)
+    return own(self, *args, **kwargs)
+
+
+def careless(own: Any, self: Any, action: Any) -> Any:
+    if not np.isfinite(action).all():
+        self.held += 1
+    return own(self, action)
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "change", "said"),
+    [
+        (Episodes, "observe", one_copy_off, "single environment"),
+        (Episodes, "observe", too_large, "observation is outside of its space"),
+        (Episodes, "step", nan, "reward is not finite|differs"),
+        (Episodes, "restore", forgetful, "set back is different"),
+        (Episodes, "step", heated, "energy drift"),
+        (Simulator, "place", warned, "invalid value"),
+        (Episodes, "step", careless, "a refused call changed something"),
+    ],
+)
+def test_faults_are_seen(
+    owner: type, name: str, change: Any, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken(monkeypatch, owner, name, change)
+    with pytest.raises((AssertionError, RuntimeWarning), match=said):
+        [play(seed=seed) for seed in range(3)]

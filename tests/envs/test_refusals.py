@@ -1,0 +1,378 @@
+"""Wrong calls: each argument given everything it could not be is refused by name, and nothing is changed."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import springgym
+from springgym.bodies import Body, cube, rope
+from springgym.envs.base import SpringEnv, SpringVectorEnv, _Common
+from springgym.envs.scene import SceneTask
+from springgym.envs.task import MOST_STEPS
+from springgym.measures import Measures
+from springgym.scene import Scene, ThrustActuator
+from springgym.simulator import STRAIN_LIMIT
+from springgym.surfaces import floor
+from tests.envs.cases import IDS, each_id, make, make_vec, task_type
+from tests.envs.test_contract import answered, same
+from tests.envs.test_states import frozen
+
+JUNK: tuple[Any, ...] = (
+    *(None, True, False, "", "x", "1", b"x", 0, 1, -1, 7, 10**400, 0.5, -0.5, 2.0, 1e-300, 1e300),
+    *(float("nan"), float("inf"), float("-inf"), 1j, (), (1,), (1, 2), (2, 1), (0, 1), (1, "x"), (1e-9, 1)),
+    *([], [1.0, 2.0, 3.0], {}, {"x": 1}, {0: 1}, {"masses": 1}, {"masses": (1, float("nan"))}, set()),
+    *(np.zeros(3), np.array(1.0), np.full((2, 2), np.nan), np.array("x"), np.array(None), int, len),
+    *(iter([1]), object()),
+)
+REFUSED = (TypeError, ValueError, gym.error.Error, NotImplementedError)
+
+
+def arguments(kind: type[SpringEnv] | type[SpringVectorEnv]) -> list[str]:
+    """Names of all the arguments a class takes."""
+    found: list[str] = []
+    for function in (kind.__init__, _Common._make, kind.task_type.__init__):
+        found += [
+            p.name
+            for p in inspect.signature(function).parameters.values()
+            if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD) and p.name not in ("self", "copies")
+        ]
+    return found
+
+
+def lives(env: Any) -> None:
+    """A reset and two steps give finite numbers in their spaces."""
+    results = [env.reset(seed=0)]
+    for _ in range(2):
+        action = np.zeros(env.action_space.shape, np.float32)
+        results.append(env.step(action))
+        assert np.isfinite(results[-1][1]).all()
+    for observation, *_, info in results:
+        assert env.observation_space.contains(observation)
+        assert np.isfinite(info["energy"]).all()
+
+
+def tried(call: Callable[[], Any], name: str) -> Iterator[Any]:
+    """What a call gives, unless it is refused by an error that names the argument."""
+    try:
+        result = call()
+    except REFUSED as error:
+        if name not in str(error):
+            raise AssertionError(f"{name} is not named") from error
+    else:
+        yield result
+
+
+@each_id
+@pytest.mark.parametrize("suffix", ["Env", "VectorEnv"])
+def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
+    kind = type((make(env_id) if suffix == "Env" else make_vec(env_id, 2, "native", "NextStep")).unwrapped)
+    names = arguments(kind)
+    assert {"render_mode", "step", "randomize", "observation", "action"} <= set(names)
+    made = 0
+    for name in names:
+        for junk in JUNK:
+            if name == "friction" and isinstance(junk, (int, float)) and junk == 0:
+                continue  # another scene, which is compiled: as good as any
+            for env in tried(lambda name=name, junk=junk: kind(**{name: junk}), name):
+                made += 1
+                if made < 40:
+                    lives(env)
+    assert made >= len(names) - 3  # what is right is taken
+
+
+@each_id
+def test_every_argument_of_every_body(env_id: str) -> None:
+    """``body`` takes those of the body's maker, whichever it is."""
+    if "body" not in inspect.signature(task_type(env_id).__init__).parameters:
+        pytest.skip("its body is fixed")
+    for junk in JUNK:
+        for name in ("mass", "stiffness", "damping", "scaled", "sides", "colour", "ring", "beads"):
+            for env in tried(lambda name=name, junk=junk: make(env_id, body={name: junk}), "body"):
+                for _ in tried(lambda env=env: env.reset(seed=0), "strain"):
+                    pass
+
+
+def options(env_id: str) -> list[str]:
+    """Reset options that the docstring names."""
+    text = type(make(env_id).unwrapped).__doc__ or ""
+    given = text.split("reset(options={")[1].split("}")[0]
+    return [part.split('"')[1] for part in given.split(",")]
+
+
+@each_id
+@pytest.mark.parametrize("copies", [None, 3])
+def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> None:
+    """What is refused changes nothing, nor consumes random numbers; what is taken starts soundly."""
+    ranges = {"masses": (0.9, 1.1)}
+    env = make(env_id, randomize=ranges).unwrapped
+    if copies:
+        env = make_vec(env_id, copies, "native", "SameStep", randomize=ranges)
+    env.reset(seed=3)
+    env.step(np.zeros(env.action_space.shape, np.float32))
+    names = [*options(env_id), "mood", *(("reset_mask",) if copies else ())]
+    calls = [({"options": {name: junk}}, name) for name in names for junk in JUNK]
+    calls += [({"options": {"randomize": {"masses": junk}}}, "masses") for junk in JUNK]
+    calls += [({"options": {"randomize": junk}}, "randomize") for junk in JUNK]
+    calls += [({"options": junk}, "option") for junk in JUNK]
+    calls += [({"seed": junk}, "seed") for junk in JUNK]
+    calls += [({"seed": 1, "options": {"mood": 1}}, "mood"), ({"options": {"x": 1, names[0]: 0.5}}, "x")]
+    taken = 0
+    before = frozen(env)
+    for given, name in calls:
+        accepted = False
+        for observation, info in tried(lambda given=given: env.reset(**given), name):
+            accepted = True
+            assert env.observation_space.contains(observation)
+            assert np.isfinite(info["energy"]).all()
+            assert (np.asarray(info["strain"]) <= STRAIN_LIMIT).all()
+        if not accepted:
+            same(frozen(env), before, str(given))
+        else:
+            taken += 1
+            before = frozen(env)
+    assert taken >= 6
+
+
+@each_id
+@pytest.mark.parametrize("copies", [None, 2])
+def test_every_action(env_id: str, copies: int | None) -> None:
+    env = make(env_id).unwrapped if copies is None else make_vec(env_id, copies, "native", "SameStep")
+    env.reset(seed=3)
+    before = frozen(env)
+    shape = env.action_space.shape
+    wrong = [np.full(shape, np.nan), np.full(shape, np.inf), np.zeros((*shape, 1)), np.zeros(shape, bool)]
+    wrong += [np.full(shape, "0"), np.zeros(shape, complex), np.zeros(shape)[:-1], [[0.0], [0.0, 1.0]]]
+    for junk in (*JUNK, *wrong):
+        for _ in tried(lambda junk=junk: env.step(junk), "action"):
+            assert np.shape(junk) == shape  # three numbers, in a list or tuple
+            env.set_state(before)
+        same(frozen(env), before, repr(junk))
+
+
+def test_first_reset_takes_all_copies() -> None:
+    envs = make_vec(IDS[0], 3, "native", "Disabled")
+    with pytest.raises(ValueError, match="reset_mask leaves out copies that have not begun"):
+        envs.reset(seed=0, options={"reset_mask": np.array([True, False, True])})
+    with pytest.raises(gym.error.ResetNeeded):
+        envs.step(envs.action_space.sample())
+    envs.reset(seed=0, options={"reset_mask": np.ones(3, bool)})
+    envs.reset(options={"reset_mask": np.array([True, False, True])})
+
+
+@each_id
+def test_nothing_is_stepped_or_drawn_before_a_reset(env_id: str) -> None:
+    env = make(env_id, render_mode="rgb_array").unwrapped
+    with pytest.raises(gym.error.ResetNeeded, match="step"):
+        env.step(env.action_space.sample())
+    with pytest.raises(gym.error.ResetNeeded, match="render"):
+        env.render()
+
+
+# --- Steps --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("env_id", "arguments", "blamed"),
+    [
+        ("SpringRope-v0", {"body": {"end_mass": 1e-9}}, "particle 8 of 1e-09 kg"),
+        ("SpringTop-v0", {"randomize": {"masses": (1e-9, 1)}}, "particle 0 of 5e-10 kg"),
+        ("SpringTop-v0", {"body": {"stiffness": 1e25}}, "springs of .*e.25 N/m"),
+        ("SpringPendulum-v0", {"body": {"damping": 1e12}}, "dampers of .*e.12 kg/s"),
+        ("SpringDetumble-v0", {"step": 1e-12}, "step is 1e-12 s, 2e.10 to a control period of 0.02 s"),
+    ],
+)
+def test_steps_that_would_not_end_are_refused(env_id: str, arguments: dict[str, Any], blamed: str) -> None:
+    with pytest.raises(ValueError, match=rf"(?s)(100,000.*{blamed}|{blamed}.*100,000)"):
+        make(env_id, **arguments)
+
+
+def test_most_steps_are_taken() -> None:
+    env = make("SpringDetumble-v0", step=0.02 / MOST_STEPS)
+    env.reset(seed=0)
+    assert env.unwrapped.episodes.steps == MOST_STEPS
+    env.step(np.zeros(3, np.float32))
+    with pytest.raises(ValueError, match="at most 100,000"):
+        make("SpringDetumble-v0", step=0.02 / (MOST_STEPS + 1))
+
+
+@pytest.mark.parametrize("factors", [{"stiffness": (1, 20)}, {"masses": (0.05, 1)}])
+def test_given_step_is_checked_for_the_hardest_body(factors: dict[str, Any]) -> None:
+    """At 4e-4 s the standard top is stable, the stiffest of these is not: it was NaN after one period."""
+    make(IDS[0], step=4e-4, randomize={"stiffness": (0.5, 1.0)})
+    with pytest.raises(
+        ValueError, match=r"step of 0\.0004 s is unstable: verlet on this body with randomize="
+    ):
+        make(IDS[0], step=4e-4, randomize=factors)
+
+
+def test_factors_that_tear_the_body_are_refused() -> None:
+    """Turning fast with so much mass on such springs, it has no shape to start in."""
+    env = make(IDS[0], randomize={"masses": (1, 1000), "stiffness": (0.01, 1)})
+    with pytest.raises(ValueError, match=r"start with a strain of .*masses × 1000.*it must be at most 0\.5"):
+        env.reset(seed=0, options={"randomize": {"masses": 1000, "stiffness": 0.01}})
+
+
+# --- Scenes of one's own ------------------------------------------------------------------------------
+
+
+def height(m: Measures, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
+    return m.centre[:, 2]
+
+
+RIGHT: dict[str, Any] = {"scene": Scene(cube(), gravity=None), "reward": height, "actuators": {"torque": 2.0}}
+
+
+def test_every_argument_of_a_scene_environment() -> None:
+    names = [*inspect.signature(SceneTask.__init__).parameters][1:]
+    names += ["num_envs", "max_episode_steps"]
+    made = 0
+    for name in names:
+        for junk in JUNK:
+            given = RIGHT | {name: junk}
+            called = name
+            if name == "scene" and isinstance(junk, str):
+                called = "scene"
+            if (junk is int or junk is len) and name in ("reward", "start", "failed", "succeeded", "observe"):
+                continue  # functions, but which give something else: below
+            for env in tried(lambda given=given: springgym.make_scene_env(**given), called):
+                made += 1
+                lives(env)
+    assert made >= 10
+
+
+ANSWERS: tuple[Any, ...] = (
+    None, "x", 1.0, np.zeros(3), np.zeros((2, 2)), np.array([None, 1.0]), [1.0, "x"], np.full(2, np.nan),
+    np.array([1.0, np.inf]), [[1.0], [1.0, 2.0]], np.array([1j, 1]), (), {}, np.full((2, 3), np.nan),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["reward", "failed", "succeeded", "observe", "start"])
+def test_every_answer_of_a_users_function(name: str) -> None:
+    for answer in ANSWERS:
+        given = RIGHT | {name: lambda *_, answer=answer: answer, "num_envs": 2}
+        accepted = 0
+        for env in tried(lambda given=given: springgym.make_scene_env(**given), name):
+            for _ in tried(lambda env=env: (env.reset(seed=0), env.step(np.zeros((2, 3)))), name):
+                accepted += 1
+        right = {"observe": [(2, 2)], "reward": []}.get(name, [])
+        assert accepted == (np.shape(np.array(answer, object)) in right)
+
+
+def test_functions_cannot_write_to_what_they_see() -> None:
+    def meddling(m: Measures, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
+        for array in (*m, x, v, action):
+            with pytest.raises(ValueError, match="read-only"):
+                array[:] = 0
+        return np.zeros(len(x))
+
+    for env in (springgym.make_scene_env(**RIGHT | {"reward": meddling, "num_envs": n}) for n in (None, 2)):
+        env.reset(seed=0)
+        env.step(env.action_space.sample())
+
+
+def test_function_that_fails_in_a_reset_changes_nothing() -> None:
+    calls = []
+
+    def start(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        calls.append(rng.uniform())
+        if len(calls) > 3:
+            raise ZeroDivisionError("mine")
+        return cube().positions, np.zeros((8, 3))
+
+    envs: Any = springgym.make_scene_env(**RIGHT | {"start": start, "num_envs": 2})
+    envs.reset(seed=0)
+    before = frozen(envs)
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        envs.reset()  # the second copy's
+    same(frozen(envs), before)
+
+
+def below(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    rng.uniform()
+    return cube().positions - 5.0, np.zeros((8, 3))
+
+
+def test_start_behind_a_surface_changes_nothing() -> None:
+    scene = Scene(cube(), cube().positions + np.array([0, 0, 2.0]), surfaces=(floor(),))
+    starts = iter([(scene.positions, scene.velocities)])
+    env: Any = springgym.make_scene_env(
+        scene,
+        height,
+        actuators={"torque": 1.0},
+        start=lambda rng: next(starts, None) or below(rng),
+        randomize={"masses": (0.5, 1.5)},
+    )
+    env.reset(seed=0)
+    before = frozen(env)
+    with pytest.raises(ValueError, match="behind"):
+        env.reset()
+    same(frozen(env), before)
+
+
+def dot(count: int) -> Body:
+    """Particles one above the other."""
+    positions = np.zeros((count, 3))
+    positions[:, 2] = 0.3 * np.arange(count)
+    springs = np.array([(n, n + 1) for n in range(count - 1)], int).reshape(-1, 2)
+    return Body("dot", positions, np.ones(count), springs, 1e4, 1.0, floppy=count > 2)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_scenes_without_size_or_breadth(count: int) -> None:
+    env = springgym.make_scene_env(
+        Scene(dot(count)), height, actuators={"force": 20.0}, render_mode="rgb_array"
+    )
+    observation, info = env.reset(seed=0)
+    env.action_space.seed(0)
+    for _ in range(20):
+        assert env.observation_space.contains(observation)
+        assert all(np.isfinite(value) for value in info.values())
+        observation, _, terminated, _, info = env.step(env.action_space.sample())
+        assert not terminated
+    picture = env.render()
+    assert picture.std() > 0
+
+
+def test_rope_of_the_paper_as_a_scene() -> None:
+    """A scene that is pinned, floppy and straight, too."""
+    env = springgym.make_scene_env(Scene(rope(), pinned=(0,)), height, actuators={"force": 20.0})
+    lives(env)
+
+
+def test_diverged_copies_do_not_reach_the_reward_check() -> None:
+    """Where a copy has diverged, what functions make of it is left aside, without a warning."""
+    scene = Scene(cube(), gravity=None, thrust=ThrustActuator((0,)))
+
+    def corner(x: np.ndarray) -> np.ndarray:  # what is far overflows, and is subtracted from itself: NaN
+        far = (x[:, 0] * 1e150) ** 2
+        return x[:, 0] + (far - far)
+
+    envs: Any = springgym.make_scene_env(
+        scene,
+        lambda m, x, v, action: 1.0 + 0.0 * corner(x)[:, 0],
+        actuators={"thrust": 1.0},
+        observe=lambda m, x, v: corner(x),
+        num_envs=2,
+        autoreset_mode="Disabled",
+    )
+    envs.reset(seed=0)
+    simulator = envs.episodes.simulator
+    velocities = simulator.velocities
+    velocities[1, 0] = 1e25
+    simulator.place(simulator.positions, velocities)
+    observation, reward, terminated, _, info = envs.step(np.zeros((2, 3)))
+    assert terminated.tolist() == [False, True]
+    assert reward.tolist() == [1.0, 0.0]
+    assert np.isfinite(observation).all()
+    assert info["diverged"].tolist() == [False, True]
+
+
+def test_every_factor_is_answered() -> None:
+    """The ranges of the other tests are of all factors that a scene answers to."""
+    assert all({"masses", "actuator", "scale"} <= set(answered(env_id)) for env_id in IDS)

@@ -1,0 +1,133 @@
+"""Starts do not depend on what a linear algebra library leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.bodies import box, cube, top
+from springgym.envs.starts import any_rotation, direction, principal_axes
+from tests.envs.cases import IDS, make, task_type
+
+EVEN = {"sides": (1.0, 1.0, 0.5), "mass": 2.0}
+CUBIC = {"sides": (1.0, 1.0, 1.0), "mass": 2.0}
+VARIANTS = [
+    *((env_id, {"action": action}) for env_id in IDS for action in task_type(env_id).actions),
+    ("SpringDetumble-v0", {"start": "flat"}),
+    *(("SpringDetumble-v0", {"start": start, "body": body}) for start in ("tumbling", "flat")
+      for body in (EVEN, CUBIC)),
+]  # fmt: skip
+
+
+def another_library(seed: int) -> dict[str, Callable[..., Any]]:
+    """Decompositions that are as right as NumPy's: other signs, other axes where values are equal, and other
+    rounding."""
+    rng = np.random.default_rng(seed)
+    eigh, svd, qr = np.linalg.eigh, np.linalg.svd, np.linalg.qr
+
+    def turned(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
+        out = columns.copy()
+        scale = max(np.abs(values).max(initial=0.0), 1e-300)
+        done = np.zeros(columns.shape[1], bool)
+        values = np.concatenate([values, np.zeros(columns.shape[1] - len(values))])
+        for n in range(columns.shape[1]):
+            alike = ~done & (np.abs(values - values[n]) < 1e-12 * scale)
+            size = int(alike.sum())
+            out[:, alike] = columns[:, alike] @ qr(rng.normal(size=(size, size)))[0]
+            done |= alike
+        return out
+
+    def other_eigh(matrix: np.ndarray, *args: Any, **kwargs: Any) -> Any:
+        values, vectors = eigh(matrix, *args, **kwargs)
+        return values * (1 + 1e-15), turned(vectors, values)
+
+    def other_svd(matrix: np.ndarray, *args: Any, compute_uv: bool = True, **kwargs: Any) -> Any:
+        if not compute_uv:
+            return svd(matrix, *args, compute_uv=False, **kwargs)
+        u, values, rows = svd(matrix, *args, **kwargs)
+        return u, values, turned(rows.T, values).T  # callers here use the rows alone
+
+    def other_qr(matrix: np.ndarray, *args: Any, **kwargs: Any) -> Any:
+        q, r = qr(matrix, *args, **kwargs)
+        signs = rng.choice([-1.0, 1.0], q.shape[-1])
+        return q * signs, signs[:, None] * r
+
+    return {"eigh": other_eigh, "svd": other_svd, "qr": other_qr}
+
+
+def starts(env_id: str, options: dict[str, Any]) -> np.ndarray:
+    env = make(env_id, **options)
+    seen = []
+    for seed in range(6):
+        env.reset(seed=seed)
+        positions, velocities = env.unwrapped.episodes.particles
+        seen.append(
+            np.concatenate([positions[0], velocities[0], env.unwrapped.episodes.goal[:1].T * np.ones(3)])
+        )
+    return np.array(seen)
+
+
+@pytest.mark.parametrize(("env_id", "options"), VARIANTS, ids=str)
+def test_starts_under_another_library(
+    env_id: str, options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = starts(env_id, options)
+    assert np.ptp(expected, axis=0).max() > 0.1
+    for seed in range(3):
+        with monkeypatch.context() as patch:
+            for name, function in another_library(seed).items():
+                patch.setattr(np.linalg, name, function)
+            np.testing.assert_allclose(starts(env_id, options), expected, rtol=0, atol=1e-9)
+
+
+def test_another_library_is_another() -> None:
+    """The twin: what used to start the box depends on the library."""
+    matrix = np.random.default_rng(0).normal(size=(3, 3))
+    other = another_library(0)
+    assert any(
+        np.abs(another_library(s)["qr"](matrix)[0] - np.linalg.qr(matrix)[0]).max() > 0.1 for s in range(3)
+    )
+    inertia = np.diag([1.0, 1.0, 2.0])
+    _, axes = other["eigh"](inertia)
+    np.testing.assert_allclose(axes @ np.diag([1.0, 1.0, 2.0]) @ axes.T, inertia, atol=1e-12)
+    assert np.abs(np.abs(axes) - np.eye(3)).max() > 0.01
+
+
+UNEVEN = box(mass=(0.2, 0.1, 0.1, 0.15, 0.1, 0.1, 0.15, 0.1))
+
+
+@pytest.mark.parametrize("body", [UNEVEN, box((1, 2, 3)), cube(), top(), top(scaled={3: 1.4})], ids=str)
+def test_principal_axes(body: Any) -> None:
+    axes = principal_axes(body)
+    moments, _ = body.principal()
+    np.testing.assert_allclose(axes.T @ body.inertia() @ axes, np.diag(moments), atol=1e-9 * moments[2])
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+
+
+def test_every_direction_and_orientation_is_alike() -> None:
+    """Each entry of a rotation that is any one has mean 0 and mean square 1/3, and so has that of a
+    direction: of 4000, within 5 standard deviations, 1/√(3·4000) and √(4/45/4000), the variance of the square
+    being 4/45."""
+    rng = np.random.default_rng(0)
+    turns = np.array([any_rotation(rng) for _ in range(4000)])
+    np.testing.assert_allclose(turns @ turns.transpose(0, 2, 1), np.tile(np.eye(3), (4000, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(turns), 1.0)
+    for drawn in (turns, np.array([direction(rng) for _ in range(4000)])):
+        assert np.abs(drawn.mean(axis=0)).max() < 5 / np.sqrt(3 * 4000)
+        assert np.abs((drawn**2).mean(axis=0) - 1 / 3).max() < 5 * np.sqrt(4 / 45 / 4000)
+
+
+@pytest.mark.parametrize("env_id", ["SpringDetumble-v0", "SpringTumble-v0"])
+def test_orientations_of_starts_point_everywhere(env_id: str) -> None:
+    """Of 60 starts, the mean of each of the triad's components is within 5/√(3·60) of 0."""
+    env = make(env_id)
+    triads = []
+    for seed in range(60):
+        env.reset(seed=seed)
+        m = env.unwrapped.episodes.measures
+        triads.append(np.concatenate([m.side[0], m.axis[0]]))
+    assert np.abs(np.mean(triads, axis=0)).max() < 5 / np.sqrt(3 * 60)
+    assert (np.ptp(triads, axis=0) > 1.5).all()

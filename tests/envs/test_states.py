@@ -1,0 +1,161 @@
+"""True states: they come back whole, through wrappers, and nowhere else."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import springgym
+from springgym.bodies import cube
+from springgym.scene import Scene
+from tests.envs.cases import IDS, each_id, make, make_vec
+from tests.envs.test_contract import answered, same
+
+LIMIT = 10
+
+
+def frozen(env: Any) -> Any:
+    """All that an environment has in store, copied."""
+    return copy.deepcopy(springgym.get_state(env))
+
+
+def actions(env: Any, count: int) -> np.ndarray:
+    return np.random.default_rng(1).uniform(-1, 1, (count, *env.action_space.shape)).astype(np.float32)
+
+
+def lives(env: Any, steps: np.ndarray) -> list[Any]:
+    return [env.step(action) for action in steps]
+
+
+@each_id
+def test_state_returns_with_the_time_limit(env_id: str) -> None:
+    """Of gym.make, also to an environment that has never been reset: it is cut where it was."""
+    env = make(env_id, max_episode_steps=LIMIT)
+    env.reset(seed=0)
+    steps = actions(env, LIMIT)
+    lives(env, steps[:4])
+    state = pickle.loads(pickle.dumps(springgym.get_state(env)))
+    follows = lives(env, steps[4:])
+    assert [step[3] for step in follows] == [False] * 5 + [True]
+    follows.append(env.reset())
+    for other in (env, make(env_id, max_episode_steps=LIMIT)):
+        springgym.set_state(other, state)
+        same([*lives(other, steps[4:]), other.reset()], follows)
+        assert other.unwrapped.np_random_seed == 0
+
+
+@pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("options", [{}, {"randomize": answered(IDS[0])}], ids=["", "randomized"])
+def test_state_of_a_batch_returns_through_wrappers(autoreset: str, options: dict[str, Any]) -> None:
+    made = [make_vec(IDS[0], 3, "native", autoreset, max_episode_steps=LIMIT, **options) for _ in range(2)]
+    envs, fresh = (gym.wrappers.vector.ClipReward(made_, 0.0, 0.5) for made_ in made)
+    envs.reset(seed=3)
+    steps = actions(envs, 25)
+    lives(envs, steps[:LIMIT])
+    state = springgym.get_state(envs)
+    follows = lives(envs, steps[LIMIT:])
+    for other in (envs, fresh):
+        springgym.set_state(other, state)
+        same(lives(other, steps[LIMIT:]), follows)
+        assert other.unwrapped.np_random_seed == (3, 4, 5)
+
+
+def test_state_of_a_scene_environment_returns() -> None:
+    def make_own() -> Any:
+        return springgym.make_scene_env(
+            Scene(cube(), gravity=None),
+            lambda m, x, v, action: m.centre[:, 2],
+            actuators={"torque": 1.0},
+            max_episode_steps=LIMIT,
+        )
+
+    env, other = make_own(), make_own()
+    env.reset(seed=0)
+    steps = actions(env, LIMIT)
+    lives(env, steps[:3])
+    springgym.set_state(other, springgym.get_state(env))
+    same(lives(other, steps[3:]), lives(env, steps[3:]))
+
+
+def variants() -> dict[str, Any]:
+    """States of environments that are not SpringTop-v0, single, in float64."""
+    given: dict[str, Any] = {
+        "another task": make("SpringGyroscope-v0"),
+        "another action": make(IDS[0], action="impulse"),
+        "other dynamics": make(IDS[0], dynamics="rigid"),
+        "another body": make(IDS[0], body={"mass": 11.0}),
+        "randomised": make(IDS[0], randomize={"actuator": (0.5, 1.0)}),
+        "copies": make_vec(IDS[0], 2, "native", "SameStep"),
+        "one copy of a batch": make_vec(IDS[0], 1, "native", "SameStep"),
+    }
+    for env in given.values():
+        env.reset(seed=0)
+    return {name: frozen(env) for name, env in given.items()}
+
+
+def mangled(state: dict[str, Any]) -> dict[str, Any]:
+    """Ways to spoil a state."""
+    spoilt: dict[str, Any] = {"no mapping": [state], "nothing": {}, "None": None}
+    spoilt |= {f"no {key}": {k: v for k, v in state.items() if k != key} for key in state}
+    for key in state["episodes"]:
+        spoilt[f"no {key} in episodes"] = state | {
+            "episodes": {k: v for k, v in state["episodes"].items() if k != key}
+        }
+        spoilt[f"odd {key}"] = state | {"episodes": state["episodes"] | {key: np.zeros((2, 2), np.float32)}}
+    spoilt["rng of another kind"] = state | {"rng": {"bit_generator": "system"}}
+    spoilt["mangled rng"] = state | {"rng": state["rng"] | {"state": 1}}
+    return spoilt
+
+
+def check_refused(env: Any, states: dict[str, Any]) -> None:
+    before = frozen(env)
+    for name, state in states.items():
+        with pytest.raises((ValueError, TypeError), match="state"):
+            springgym.set_state(env, state)
+        same(frozen(env), before, name)
+
+
+def test_states_of_others_are_refused_and_change_nothing() -> None:
+    env = make(IDS[0])
+    env.reset(seed=5)
+    lives(env, actions(env, 3))
+    check_refused(env, variants())
+
+
+@pytest.mark.slow
+def test_states_of_another_precision_are_refused() -> None:
+    single = make(IDS[0], dtype="float32")
+    single.reset(seed=0)
+    env = make(IDS[0])
+    env.reset(seed=0)
+    check_refused(env, {"dtype": frozen(single)})
+
+
+def test_mangled_states_are_refused_and_change_nothing() -> None:
+    env = make(IDS[0])
+    env.reset(seed=5)
+    check_refused(env, mangled(frozen(env)))
+    envs = make_vec(IDS[0], 3, "native", "SameStep")
+    envs.reset(seed=5)
+    state = frozen(envs)
+    check_refused(
+        envs,
+        {
+            "two rngs": state | {"rng": state["rng"][:2]},
+            "two ends": state | {"ended": state["ended"][:2]},
+            "two seeds": state | {"seed": state["seed"][:2]},
+        },
+    )
+
+
+def test_other_environments_have_no_such_state() -> None:
+    for env in (gym.make("CartPole-v1"), make_vec(IDS[0], 2, "sync", "SameStep"), None):
+        with pytest.raises(TypeError, match="must be an environment, or a native batch, of springgym"):
+            springgym.get_state(env)
+        with pytest.raises(TypeError, match="of springgym"):
+            springgym.set_state(env, {})

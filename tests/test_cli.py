@@ -1,0 +1,92 @@
+"""What commands share: errors in a line, and files that are whole or not there."""
+
+import os
+import stat
+
+import pytest
+
+from springgym.cli import guarded, whole_file
+
+
+def write_half(path, error):
+    with whole_file(path) as other:
+        other.write_text("half")
+        raise error
+
+
+def test_a_file_is_whole_or_stays_as_it_was(tmp_path):
+    path = tmp_path / "a.txt"
+    with whole_file(path) as other:
+        other.write_text("one")
+        assert not path.exists()
+    assert path.read_text() == "one"
+    for error in (KeyboardInterrupt, ValueError, OSError):
+        with pytest.raises(error):
+            write_half(path, error)
+    assert path.read_text() == "one"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_that_nobody_wrote_is_named(tmp_path):
+    path = tmp_path / "a.txt"
+    with pytest.raises(OSError, match=rf"{path}: No such file"), whole_file(path):
+        pass
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes with names")
+def test_what_is_no_file_is_written_to_and_not_replaced(tmp_path):
+    """As /dev/stdout."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDWR)
+    with whole_file(pipe) as other:
+        other.write_text("one")
+    assert os.read(reader, 10) == b"one"
+    os.close(reader)
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+def test_a_link_stays_one(tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link.txt").symlink_to(tmp_path / "folder" / "a.txt")
+    with whole_file(tmp_path / "link.txt") as other:
+        other.write_text("one")
+    assert (tmp_path / "link.txt").is_symlink()
+    assert [path.read_text() for path in (tmp_path / "folder").iterdir()] == ["one"]
+
+
+def raising(error):
+    def action():
+        raise error
+
+    return action
+
+
+@pytest.mark.parametrize(
+    ("error", "says"),
+    [
+        (ValueError("a\n  b"), "a b"),
+        (KeyError("a"), "a"),
+        (KeyError(), "KeyError"),
+        (OSError(), "OSError"),
+        (MemoryError(), "not enough memory"),
+        (ModuleNotFoundError("No module named 'a'"), "No module named 'a': pip install springgym[plot]"),
+    ],
+)
+def test_what_can_be_mended_is_a_line(capsys, error, says):
+    assert guarded("name", raising(error), extra="plot") == 2
+    assert capsys.readouterr().err == f"name: error: {says}\n"
+
+
+def test_what_cannot_be_mended_is_raised():
+    with pytest.raises(AssertionError):
+        guarded("name", raising(AssertionError()))
+    with pytest.raises(ValueError, match="a"):
+        guarded("name", raising(ValueError("a")), mendable=(OSError,))
+
+
+def test_interrupts_and_closed_pipes_have_their_status(capsys):
+    assert guarded("name", raising(KeyboardInterrupt())) == 130
+    assert capsys.readouterr().err == "name: interrupted\n"
+    assert guarded("name", raising(BrokenPipeError())) == 141
+    assert capsys.readouterr().err == ""
