@@ -13,8 +13,9 @@ from numba.np.arrayobj import populate_array
 
 from springgym.lanes import block_dtype, check_index
 
-WIDTH = {np.dtype(np.float64): 8, np.dtype(np.float32): 16}
-"""Copies in a block of a batch: one AVX-512 register, two of AVX2, four of NEON."""
+WIDTH = {np.dtype(np.float64): 16, np.dtype(np.float32): 32}
+"""Copies in a block of a batch: two AVX-512 registers, four of AVX2. While one of a pair waits for the result
+of the operation before, the other goes on: dampers, one after another, cost half of what they do in one."""
 
 CACHE_LINE = 64
 """[bytes]"""

@@ -19,8 +19,8 @@ particle farthest from it."""
 NEAREST = 1e-3
 """The least height to start at, as a share of Δ: below it the barrier's energy c/h has no sensible bound."""
 
-LEAST_RESTITUTION = 1e-4
-"""A lower restitution is taken as this one: no finite loss stops a particle dead."""
+LEAST_RESTITUTION = 0.02
+"""A lower restitution is taken as this one: no finite loss stops a particle dead, nor within a step."""
 
 
 @dataclass(frozen=True)

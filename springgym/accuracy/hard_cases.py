@@ -21,7 +21,7 @@ from springgym import theory
 from springgym.blocks import numbers
 from springgym.bodies import Body, box, cube, rope, start, top
 from springgym.bodies.motion import spring_force_and_jacobian
-from springgym.forces.springs import Decay, half_step_decay
+from springgym.forces.springs import Decay, decay
 from springgym.scene import GRAVITY, Scene
 from springgym.simulator import SimulationDivergedError, Simulator
 from springgym.surfaces import Contact, Plane, floor, incline
@@ -343,7 +343,7 @@ def printed_sign(broken: bool) -> Outcome:
     simulator = plucked_cube(10.0)
     if broken:
         damping = -simulator.scene.body.damping
-        set_dampers(simulator, half_step_decay(damping, 8.0, 8.0, simulator.step))
+        set_dampers(simulator, decay(damping, 8.0, 8.0, simulator.step))
     energy = energies(simulator, 500)
     refusal = refused(lambda: cube(damping=-10.0), "damping[0]", "not negative")
     ratio = energy[-1] / energy[0]

@@ -243,7 +243,16 @@ def contact_change(
 
 @compiled
 def planes_change(
-    i: Any, position: Any, before: Any, velocity: Any, tau: Any, pushes: Any, particles: Any, planes: Any, friction: Any, damping: Any
+    i: Any,
+    position: Any,
+    before: Any,
+    velocity: Any,
+    tau: Any,
+    pushes: Any,
+    particles: Any,
+    planes: Any,
+    friction: Any,
+    damping: Any,
 ) -> Any:
     """`contact_change` of planes; ``pushes`` (planes, 3) is workspace.
 
@@ -300,7 +309,15 @@ def planes_change(
 
 @compiled
 def bowl_change(
-    i: Any, position: Any, before: Any, velocity: Any, tau: Any, particles: Any, bowl: Any, friction: Any, damping: Any
+    i: Any,
+    position: Any,
+    before: Any,
+    velocity: Any,
+    tau: Any,
+    particles: Any,
+    bowl: Any,
+    friction: Any,
+    damping: Any,
 ) -> Any:
     """`contact_change` of a bowl.
 

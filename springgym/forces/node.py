@@ -23,7 +23,9 @@ from springgym.vectors import dot, minus, plus, plus_scaled, row, set_row, times
 
 
 @compiled
-def impulse(x: Any, v: Any, a: Any, b: Any, tau: Any, backward: Any, space: Any, ledger: Any, terms: Any) -> None:
+def impulse(
+    x: Any, v: Any, a: Any, b: Any, tau: Any, backward: Any, space: Any, ledger: Any, terms: Any
+) -> None:
     """Change the velocities by all that acts at a node in a step of ``tau`` seconds.
 
     ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators. The dampers are
@@ -133,7 +135,9 @@ def taken_by_dampers(v: Any, half: Any, i: Any, dampers: Any) -> Any:
 
 
 @compiled
-def sweep(v: Any, direction: Any, holding: Any, tau: Any, backward: Any, springs: Any, dampers: Any, drive: Any) -> None:
+def sweep(
+    v: Any, direction: Any, holding: Any, tau: Any, backward: Any, springs: Any, dampers: Any, drive: Any
+) -> None:
     """Let the dampers act for ``tau`` seconds."""
     if dampers is not None:
         if dampers.paired:

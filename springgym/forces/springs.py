@@ -189,12 +189,14 @@ def pull_on(x: Any, particle: Any, springs: Any) -> Any:
 
 
 @compiled
-def damp(v: Any, direction: Any, holding: Any, tau: Any, springs: Any, dampers: Any, drive: Any, backward: Any) -> None:
+def damp(
+    v: Any, direction: Any, holding: Any, tau: Any, springs: Any, dampers: Any, drive: Any, backward: Any
+) -> None:
     """Let the relative speed along each spring decay for ``tau`` seconds, one spring after the other.
 
-    A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that steps
-    of alternating direction, or a pair of sweeps within a step, are of second order. What holds a driven
-    particle against its dampers is added to its row of ``holding`` (N, 3) [N].
+    A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that
+    steps of alternating direction, or a pair of sweeps within a step, are of second order. What holds a
+    driven particle against its dampers is added to its row of ``holding`` (N, 3) [N].
     """
     if dampers is not None:
         count = springs.first.size

@@ -40,7 +40,7 @@ class Integrator:
     iterative: bool = False
     """solves by Newton's method"""
     meets_surfaces: bool = False
-    """moves particles by `springgym.forces.move`, as contact wants it"""
+    """flies straight for half a step on either side of a node, see `springgym.forces.node`: contact asks it"""
 
     @property
     def splits_dampers(self) -> bool:
@@ -99,7 +99,7 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
             )
     elif scene.surfaces and not method.meets_surfaces:
         return (
-            f"contact stands in place of the particles' free motion, which {method.name} does not split off "
-            "or takes back in time; use verlet, or rk4 with PaperContact"
+            f"contact acts at the node of verlet's step, together with all else; {method.name} has no such "
+            "place. Use verlet, or rk4 with PaperContact"
         )
     return None

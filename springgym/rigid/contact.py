@@ -1,7 +1,7 @@
 """Contact of the rigid body: the law of `springgym.forces.contact` for particles that move as one.
 
-A step flies freely for half of it, receives all impulses at its node, and flies freely for the other half.
-A particle near a surface gives way along the normal n by the ease A = 1/M + (r × n) · I⁻¹ (r × n) per impulse.
+A step flies freely for half of it, receives all impulses at its node, and flies freely for the other half. A
+particle near a surface gives way along the normal n by the ease A = 1/M + (r × n) · I⁻¹ (r × n) per impulse.
 With h the height at the node, u the speed along n after it without the particle's own impulse J, and κ what
 the second flight bends, the step ends at
 
@@ -205,7 +205,15 @@ def approach(
 
 @compiled
 def bend(
-    workspace: Any, tau: Any, end: Any, motion: Any, near: Any, rigid: Any, particles: Any, planes: Any, bowl: Any
+    workspace: Any,
+    tau: Any,
+    end: Any,
+    motion: Any,
+    near: Any,
+    rigid: Any,
+    particles: Any,
+    planes: Any,
+    bowl: Any,
 ) -> Any:
     """Set what the second flight adds to the heights where it ends, given the motion that it begins with.
 
@@ -335,8 +343,8 @@ def bounce(
 ) -> Any:
     """The motion after a node, given that without surfaces and the pose ``end`` to which it would lead.
 
-    ``q`` and ``position`` are those of the node, ``before`` is the motion before it. Motions are of the body's
-    point and in body coordinates; what is not ``near`` keeps its own to the bit.
+    ``q`` and ``position`` are those of the node, ``before`` is the motion before it. Motions are of the
+    body's point and in body coordinates; what is not ``near`` keeps its own to the bit.
     """
     pose = (position, turned(axes, q))
     free = motion
