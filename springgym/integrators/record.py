@@ -40,7 +40,7 @@ class Integrator:
     iterative: bool = False
     """solves by Newton's method"""
     meets_surfaces: bool = False
-    """flies straight for half a step on either side of a node, see `springgym.forces.node`: contact asks it"""
+    """flies straight for half a step on either side of a node (`springgym.forces.node`): contact asks it"""
 
     @property
     def splits_dampers(self) -> bool:

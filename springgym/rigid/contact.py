@@ -23,7 +23,7 @@ from springgym.compiling import compiled
 from springgym.forces.contact import meet
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
-from springgym.rigid.flight import angular_velocity, components, combine, fly, turned
+from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.surfaces import NEAREST
 from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times, vector
 

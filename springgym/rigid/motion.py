@@ -196,21 +196,21 @@ def move(
             q, spin, position = fly(q, spin, position, velocity, 0.5 * h, rigid, asymmetry)
             spin_before, velocity_before = spin, velocity
             spin, velocity = kick(q, spin, velocity, h, None, *act)
-            end, turning, ahead = fly(q, spin, position, velocity, 0.5 * h, rigid, asymmetry)
-            near = minimum(lowest, least_height((ahead, turned(axes, end)), *world)) < reach
+            end, turning, place = fly(q, spin, position, velocity, 0.5 * h, rigid, asymmetry)
+            near = minimum(lowest, least_height((place, turned(axes, end)), *world)) < reach
             warm = any_lane(near)
             if warm:
                 frame = turned(axes, q)
-                before = (components(frame, velocity_before), spin_before)
+                came = (components(frame, velocity_before), spin_before)
                 motion = (components(frame, velocity), spin)
-                pose = (ahead, turned(axes, end))
+                pose = (place, turned(axes, end))
                 rest = (axes, asymmetry, lightness, *world, friction, impact_damping)
-                motion = bounce(q, motion, before, position, near, pose, h, ledger, workspace, *rest)
+                motion = bounce(q, motion, came, position, near, pose, h, ledger, workspace, *rest)
                 velocity, spin = choose(near, combine(frame, motion[0]), velocity), motion[1]
-                end, turning, ahead = fly(q, spin, position, velocity, 0.5 * h, rigid, asymmetry)
+                end, turning, place = fly(q, spin, position, velocity, 0.5 * h, rigid, asymmetry)
             twice = (plus(spin_before, spin), plus(velocity_before, velocity))
             record_work(q, twice, 0.5 * h, ledger, axes, centre, rigid, wrench, thrust)
-            q, spin, position = end, turning, ahead
+            q, spin, position = end, turning, place
     else:
         last = steps * rigid.stages.size
         before = 0.0
