@@ -410,7 +410,7 @@ def test_what_has_diverged_is_drawn_all_the_same(env_id: str, speed: float) -> N
     empty = env.render()
     simulator = env.unwrapped.episodes.simulator
     velocities = simulator.velocities
-    velocities[0, -1] = speed
+    velocities[0, np.argmax(simulator.scene.free)] = speed
     simulator.place(simulator.positions, velocities)
     *_, info = env.step(env.action_space.sample())
     assert info["diverged"]
