@@ -36,8 +36,10 @@ from springgym.envs.task import OF_SPRINGS, RANDOMIZABLE
 from springgym.scenes import load, names
 from tests.envs.cases import IDS, TWINLESS, task_type
 
-DRIFT = {"float64": 0.05, "float32": 0.25}
-"""Energy drift [1] that is too much, as a share of the largest kinetic, elastic and contact energy so far."""
+DRIFT, ROUGH_DRIFT = 0.05, 0.25
+"""Energy drifts [1] that are too much, as shares of the largest kinetic, elastic and contact energy so far:
+in double precision; and in single precision, or where a rigid body strikes. One that falls from 5 m can be
+off by 8 %, by 0.1 % with steps 16 times finer."""
 
 COPIES = (None, None, 1, 2, 3, 8, 9, 17, 64, 257, 1024)
 """Numbers of copies; None is a single environment, as `gymnasium.make` gives it."""
@@ -276,10 +278,13 @@ class Player:
         m = episodes.measures
         self.scale = np.maximum(self.scale, m.kinetic + m.elastic + m.contact)
         drift = np.abs(m.balance - episodes.balance)
-        most = DRIFT[self.what.arguments["dtype"]] * self.scale + 1e-6 * episodes.simulator.scene.body.mass
+        simulator = episodes.simulator
+        strikes = simulator.dynamics == "rigid" and len(simulator.scene.surfaces) > 0
+        share = ROUGH_DRIFT if strikes or simulator.dtype == np.float32 else DRIFT
+        most = share * self.scale + 1e-6 * simulator.scene.body.mass
         too_much = ~changed & (drift > most)
-        share = drift / np.maximum(self.scale, 1e-6 * episodes.simulator.scene.body.mass)
-        self.drift = max(self.drift, float(share[~changed].max(initial=0.0)))
+        seen = drift / np.maximum(self.scale, 1e-6 * simulator.scene.body.mass)
+        self.drift = max(self.drift, float(seen[~changed].max(initial=0.0)))
         self.scale[changed] = 0.0
         check(not too_much.any(), f"energy drift of copy {int(np.argmax(too_much))}: {drift[too_much][:1]} J")
 

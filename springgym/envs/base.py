@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
-from springgym.checks import chosen, whole
+from springgym.checks import chosen, shown, whole
 from springgym.envs.task import Episodes, Task
 from springgym.measures import Measures
 from springgym.rendering import Renderer
@@ -564,7 +564,15 @@ def frame_rate(task: Task | type[Task]) -> float:
 
 
 def _seed(name: str, seed: Any) -> int | None:
-    return None if seed is None else whole(name, seed, 0, 2**128)
+    """A seed as an int, however long: those that Gymnasium draws have 128 bits."""
+    if seed is None:
+        return None
+    must = f"{name} is {shown(seed)}; it must be a whole number, at least 0, or None"
+    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)):
+        raise TypeError(must)
+    if seed < 0:
+        raise ValueError(must)
+    return int(seed)
 
 
 def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> None:

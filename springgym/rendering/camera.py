@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+FAR = 1e9  # times its own distance that a camera goes out to keep something in view
 _NEAR = 1e-3  # m; nearer points, and those behind the eye, have no image
 
 
@@ -84,7 +85,8 @@ class Camera:
     def keeping(self, points: ArrayLike, size: tuple[int, int], margin: float = 0.03) -> Camera:
         """This camera if it sees all of some points, else one that looks at their middle from the same side.
 
-        It comes no nearer, and goes as far away as it takes to see them all.
+        It comes no nearer, and goes as far away as it takes to see them all. Points so far out that pictures
+        would blur by rounding are let go.
 
         Parameters
         ----------
@@ -96,7 +98,7 @@ class Camera:
             Share of the picture at each edge that is not seen enough.
         """
         x = np.asarray(points, dtype=float)
-        x = x[np.isfinite(x).all(axis=1)]
+        x = x[(np.abs(x) < 1e100).all(axis=1)]
         pixels, _ = self.project(x, size)
         rim = margin * np.array(size)
         if not len(x) or ((pixels > rim) & (pixels < size - rim)).all():
@@ -106,6 +108,8 @@ class Camera:
         away = np.subtract(self.eye, self.target)
         narrow = np.arctan(np.tan(0.5 * self.fov) * min(1.0, size[0] / size[1]))
         distance = max(float(np.linalg.norm(away)), reach / float(np.sin(narrow)))
+        if float(np.abs(middle).max()) > FAR * distance:
+            return self
         eye = middle + distance / float(np.linalg.norm(away)) * away
         return Camera(tuple(eye), tuple(middle), self.fov)
 

@@ -402,6 +402,22 @@ def test_divergence_is_an_end(env_id: str) -> None:
 
 
 @each_id
+@pytest.mark.parametrize("speed", [1e25, pytest.param(1e4, marks=pytest.mark.slow)])
+def test_what_has_diverged_is_drawn_all_the_same(env_id: str, speed: float) -> None:
+    """As far as there is anything to be seen, and without a warning."""
+    env = make(env_id, render_mode="rgb_array")
+    env.reset(seed=0)
+    empty = env.render()
+    simulator = env.unwrapped.episodes.simulator
+    velocities = simulator.velocities
+    velocities[0, np.argmax(simulator.scene.free)] = speed
+    simulator.place(simulator.positions, velocities)
+    *_, info = env.step(env.action_space.sample())
+    assert info["diverged"]
+    assert env.render().shape == empty.shape
+
+
+@each_id
 def test_rendering(env_id: str) -> None:
     env = make(env_id, render_mode="rgb_array")
     env.reset(seed=0)

@@ -102,6 +102,8 @@ def test_keeping_what_is_lost():
     camera = Camera.framing((0.0, 0.0, 1.0), 2.0)
     for points in (np.zeros((0, 3)), np.full((2, 3), np.nan), np.full((1, 3), np.inf)):
         assert camera.keeping(points, (64, 64)) is camera
+    assert camera.keeping([(1e20, 0.0, 0.0)], (64, 64)) is camera
+    assert camera.keeping([(1e8, 0.0, 0.0)], (64, 64)).target == (1e8, 0.0, 0.0)
     assert camera.keeping([(np.nan, 0, 0), (50.0, 0, 0)], (64, 64)).target == (50.0, 0.0, 0.0)
 
 
