@@ -194,6 +194,7 @@ class Simulator:
         self._terms = self._build(varying)
         self._actuators = self._actuated()
         self._advance = self._kernel()
+        self._check_start(scene.positions[None], scene.velocities[None], np.zeros(1, int))
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
             numbers(array)[:] = start[..., None]  # the padding of the last block, too
         self._settle(np.arange(self.copies))
@@ -389,13 +390,18 @@ class Simulator:
             self._rows("positions", positions, index, shape),
             self._rows("velocities", velocities, index, shape),
         )
-        self.scene.check_start(x, v, index)
+        self._check_start(x, v, index)
         set_copies(self._x, index, x)
         set_copies(self._v, index, v)
         self._settle(index)
         if self._ledger is not None:
             set_copies(self._ledger, index, 0.0)
         self.time[index] = 0.0
+
+    def _check_start(self, x: np.ndarray, v: np.ndarray, index: np.ndarray) -> None:
+        self.scene.check_start(x, v, index)
+        if self._twin:  # which `_settle` moves
+            self.scene.check_start(rigid.settled(self.scene, x, self._now("masses", index), index), v, index)
 
     def _index(self, copies: Any) -> np.ndarray:
         """Indices (k,) of copies, checked."""
@@ -466,6 +472,9 @@ class Simulator:
                 name, value, index, shape, low, high=1.0 if name == "restitution" else HUGE
             )
         self._check_stability(index, given)
+        shapes = []
+        if self._twin and "masses" in given:
+            shapes = [rigid.shape_values(self.scene, masses) for masses in given["masses"]]
         for name, value in given.items():
             if name == "restitution":
                 each, copy = np.unique(value, return_inverse=True)
@@ -478,7 +487,7 @@ class Simulator:
         if "masses" in given:
             set_copies(terms.particles.inverse_mass, index, terms.particles.free / given["masses"])
             if self._twin:
-                rigid.set_masses(self._twin, self.scene, index, given["masses"])
+                rigid.set_shapes(self._twin, index, shapes)
         if terms.dampers and given.keys() & {"masses", "damping"}:
             decays = self._decays(self._now("damping", index), self._now("masses", index))
             for arrays, of in zip((terms.dampers.half, terms.dampers.whole), decays, strict=True):

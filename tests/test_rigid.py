@@ -419,3 +419,25 @@ LINE = Body("dumbbell", np.array([(0, 0, 0), (1, 0, 0)]), 1.0, [(0, 1)], 1e5, 0.
 def test_what_has_no_rigid_twin_is_refused_with_the_reason(scene: Scene, options: dict, reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         Simulator(scene, **{"dynamics": "rigid", **options})
+
+
+def on_a_line(simulator: Simulator) -> None:
+    line = np.arange(8)[:, None] * np.array([1.0, 1e-12, 0.0])
+    simulator.place(line[None], np.zeros((1, 8, 3)), [1])
+
+
+def two_masses(simulator: Simulator) -> None:
+    simulator.vary([1], masses=np.where(np.arange(8) < 2, 1.0, 1e-17))
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [(on_a_line, "on one line in copy 1"), (two_masses, "no moment of inertia")],
+)
+def test_what_leaves_no_orientation_or_no_moment_changes_nothing(change, reason: str) -> None:
+    """Rounding decides: the particles are not quite on one line, and every mass is positive."""
+    simulator = Simulator(Scene(cube(), gravity=None), copies=3, dynamics="rigid", varying=("masses",))
+    before = pickle.dumps(simulator.state())
+    with pytest.raises(ValueError, match=reason):
+        change(simulator)
+    assert pickle.dumps(simulator.state()) == before

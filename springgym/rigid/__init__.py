@@ -22,6 +22,7 @@ from springgym.rigid.shape import (
     check_rigid,
     highest_rate,
     principal_shape,
+    settled,
     swing_rate,
 )
 from springgym.scene import Scene
@@ -38,7 +39,9 @@ __all__ = [
     "integrator",
     "largest_step",
     "principal_shape",
-    "set_masses",
+    "set_shapes",
+    "settled",
+    "shape_values",
     "terms",
 ]
 
@@ -174,7 +177,7 @@ def terms(
     """
     if "lengths" in varying:
         raise ValueError("lengths cannot vary in rigid dynamics: the shape is that of the body's positions")
-    values = _shape_values(scene, None)
+    values = shape_values(scene, None)
     rigid = Rigid(
         shape=parameter(values["shape"]),
         moments=parameter(values["moments"]),
@@ -187,17 +190,25 @@ def terms(
     return rigid, None if symmetric else parameter(values["asymmetry"])
 
 
-def set_masses(twin: tuple[Rigid, np.ndarray], scene: Scene, copies: np.ndarray, masses: Any) -> None:
-    """Give some copies (k,) the shape and moments that follow from their masses (k, N)."""
+def set_shapes(
+    twin: tuple[Rigid, np.ndarray], copies: np.ndarray, shapes: list[dict[str, np.ndarray]]
+) -> None:
+    """Give some copies (k,) the `shape_values` of each."""
     rigid, asymmetry = twin
     arrays = {**rigid._asdict(), "asymmetry": asymmetry}
-    given = np.broadcast_to(masses, (len(copies), len(scene.body.masses)))
-    for copy, own in zip(copies, given, strict=True):
-        for name, value in _shape_values(scene, own).items():
+    for copy, values in zip(copies, shapes, strict=True):
+        for name, value in values.items():
             set_copies(arrays[name], copy[None], value)
 
 
-def _shape_values(scene: Scene, masses: np.ndarray | None) -> dict[str, np.ndarray]:
+def shape_values(scene: Scene, masses: np.ndarray | None) -> dict[str, np.ndarray]:
+    """What a rigid body takes of its masses (N,), those of the scene if None.
+
+    Raises
+    ------
+    ValueError
+        If rounding leaves it no moment of inertia about some axis.
+    """
     shape = principal_shape(scene, masses)
     return {
         "shape": shape.positions,

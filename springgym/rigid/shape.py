@@ -39,10 +39,20 @@ def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
         Its body and pin are used.
     masses : (N,), optional
         Instead of those of the body [kg].
+
+    Raises
+    ------
+    ValueError
+        If rounding leaves a principal moment nothing.
     """
     body = scene.body if masses is None else scene.body.with_(masses=masses)
     about = body.positions[scene.pivot] if scene.pinned else body.centre
     moments, principal = body.principal(about)
+    if not moments[0] > ROUND_OFF * moments[2]:
+        raise ValueError(
+            f"the principal moments of body {body.name!r} are {moments} kg·m²: as a rigid body it has no moment "
+            "of inertia about one axis"
+        )
     inverse = 1 / moments
     if inverse[0] - inverse[1] > inverse[1] - inverse[2]:
         order = [1, 2, 0]  # cyclic: the axes stay right-handed
@@ -50,6 +60,50 @@ def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
     if abs(moments[1] - moments[0]) < ROUND_OFF * moments[1]:
         moments[:2] = moments[:2].mean()
     return Shape((body.positions - about) @ principal, moments)
+
+
+def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.ndarray) -> np.ndarray:
+    """Where particles come to lie that are put onto the rigid shape, by the particles of the body's frame.
+
+    Parameters
+    ----------
+    scene
+        Its body and pin are used.
+    positions : (k, N, 3)
+        [m]
+    masses : (k, N)
+        [kg]
+    copies : (k,)
+        What errors call the copies.
+
+    Raises
+    ------
+    ValueError
+        If the particles of the frame tell no orientation.
+    """
+    i, j, k = scene.body.frame
+    third, sideways = positions[:, j] - positions[:, i], positions[:, k] - positions[:, i]
+    across = np.linalg.norm(np.cross(third, sideways), axis=1)
+    length = np.linalg.norm(third, axis=1)
+    straight = ~(across > 1e-9 * length * np.linalg.norm(sideways, axis=1))
+    if straight.any():
+        raise ValueError(
+            f"particles {scene.body.frame}, the frame of body {scene.body.name!r}, start on one line in copy "
+            f"{copies[np.argmax(straight)]} and tell no orientation; they must span a plane"
+        )
+    third = third / length[:, None]
+    first = sideways - np.sum(sideways * third, axis=1)[:, None] * third
+    first = first / np.linalg.norm(first, axis=1)[:, None]
+    triad = np.stack([first, np.cross(third, first), third], axis=1)  # rows
+    total = masses.sum(axis=1)[:, None]
+    body = scene.body.positions
+    if scene.pinned:
+        here, about = positions[:, scene.pivot], body[scene.pivot][None]
+    else:
+        here = np.einsum("kn,knx->kx", masses, positions) / total
+        about = masses @ body / total
+    turn = axes(body, scene.body.frame) @ triad
+    return here[:, None] + (body - about[:, None]) @ turn
 
 
 LEAST_RESTITUTION = 0.01
@@ -105,6 +159,7 @@ def check_rigid(scene: Scene, method: Integrator) -> None:
             )
         if len(scene.surfaces) > SURFACES:
             raise ValueError(f"there are {len(scene.surfaces)} surfaces; a rigid body may meet {SURFACES}")
+    principal_shape(scene)
     for field in fields(scene):
         if field.name not in UNDERSTOOD and getattr(scene, field.name) != field.default:
             raise ValueError(f"rigid dynamics knows nothing of {field.name}: leave it out of the scene")
@@ -125,7 +180,12 @@ def highest_rate(scene: Scene) -> float:
     body = scene.body.with_(positions=scene.positions)
     about = body.positions[scene.pivot] if scene.pinned else body.centre
     momentum = body.masses @ np.cross(body.positions - about, scene.velocities)
-    spin = np.linalg.norm(np.linalg.solve(body.inertia(about), momentum))
+    try:
+        spin = np.linalg.norm(np.linalg.solve(body.inertia(about), momentum))
+    except np.linalg.LinAlgError:
+        raise ValueError(
+            f"the particles of body {body.name!r} start on one line: it has no rigid twin"
+        ) from None
     return max(float(spin), swing_rate(scene))
 
 
