@@ -50,8 +50,8 @@ def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
     moments, principal = body.principal(about)
     if not moments[0] > ROUND_OFF * moments[2]:
         raise ValueError(
-            f"the principal moments of body {body.name!r} are {moments} kg·m²: as a rigid body it has no moment "
-            "of inertia about one axis"
+            f"the principal moments of body {body.name!r} are {moments} kg·m²: as a rigid body it has no "
+            "moment of inertia about one axis"
         )
     inverse = 1 / moments
     if inverse[0] - inverse[1] > inverse[1] - inverse[2]:
