@@ -10,7 +10,8 @@ import numpy as np
 from springgym.compiling import compiled
 from springgym.forces import potential_energy
 from springgym.forces.ledger import ENTRIES, WORK
-from springgym.lanes import load, sqrt, store
+from springgym.lanes import load, maximum, sqrt, store
+from springgym.ragged import bodies_of, of_body
 from springgym.vectors import (
     ROUND_OFF,
     angular_momentum,
@@ -73,7 +74,11 @@ ENERGY, BALANCE = LEDGER + ENTRIES, LEDGER + ENTRIES + 1
 
 
 class Measures(NamedTuple):
-    """Measures of all copies; scalars are of shape (copies,), vectors (copies, 3)."""
+    """Measures of all copies, of a body or of all bodies together; scalars (copies,), vectors (copies, 3).
+
+    Of several bodies together, energies, momenta and losses are sums, the strain is the largest, angular
+    momentum counts from their common centre of mass, and there is no triad: ``side`` and ``axis`` are zero.
+    """
 
     kinetic: np.ndarray
     """kinetic energy [J]"""
@@ -92,7 +97,7 @@ class Measures(NamedTuple):
     momentum: np.ndarray
     """[kg·m/s]"""
     angular_momentum: np.ndarray
-    """about the pivot if there is one, else about the centre of mass [kg·m²/s]"""
+    """about the pivot of the body if there is one, else about the centre of mass [kg·m²/s]"""
     angular_velocity: np.ndarray
     """ω of the rigid rotation with that angular momentum: I ω = L [rad/s]"""
     side: np.ndarray
@@ -117,7 +122,9 @@ class Readout(NamedTuple):
     """Where to write what is read off copies."""
 
     rows: np.ndarray
-    """(copies, `SIZE`) measures, see `view`"""
+    """(copies, `SIZE`) measures of all bodies together, see `view`"""
+    bodies: np.ndarray
+    """(copies, bodies, `SIZE`) measures of each body; of one, the same numbers as ``rows``"""
     positions: np.ndarray
     """(copies, N, 3) [m]"""
     velocities: np.ndarray
@@ -187,17 +194,62 @@ def measure_block(x: Any, v: Any, ledger: Any, out: Any, pivot: Any, frame: Any,
 def read(
     block: Any, x: Any, v: Any, ledger: Any, readout: Any, space: Any, pivot: Any, frame: Any, terms: Any
 ) -> None:
-    """Write measures, positions and velocities of the copies of a block to their rows.
+    """Write measures, positions and velocities of the copies of a block to their rows, for one body.
 
     ``space`` (`SIZE`,) is workspace for one block.
     """
     measure_block(x, v, ledger, space, pivot, frame, terms)
-    width = len(space[0].lanes)
+    write_copies(block, 0, 0, x, v, readout, space)
+
+
+@compiled
+def read_bodies(
+    block: Any, x: Any, v: Any, ledger: Any, readout: Any, space: Any, pivot: Any, frame: Any, terms: Any
+) -> None:
+    """As `read`, for several bodies; ``space`` (2, `SIZE`) is workspace for one block."""
+    whole, own = space[0], space[1]
+    for body in range(bodies_of(x)):
+        xb, vb = of_body(x, body), of_body(v, body)
+        measure_block(
+            xb,
+            vb,
+            of_body(ledger, body),
+            own,
+            of_body(pivot, body),
+            of_body(frame, body),
+            of_body(terms, body),
+        )
+        write_copies(block, body, x.start[body], xb, vb, readout, own)
+        for n in range(SIZE):
+            value = load(own, n)
+            if body > 0:
+                before = load(whole, n)
+                value = maximum(before, value) if n == STRAIN else before + value
+            store(whole, n, value)
+    mass = terms.particles.mass.values
+    centre = mass_centre(x.values, mass)
+    spin = angular_momentum(x.values, v.values, mass, centre)
+    write(whole, CENTRE, centre)
+    write(whole, CENTRE_VELOCITY, mass_centre(v.values, mass))
+    write(whole, ANGULAR_MOMENTUM, spin)
+    write(whole, ANGULAR_VELOCITY, solve_symmetric(inertia(x.values, mass, centre), spin))
+    write(whole, SIDE, times(0.0, centre))
+    write(whole, AXIS, times(0.0, centre))
+    width = len(space[0, 0].lanes)
     for copy in range(block * width, min((block + 1) * width, readout.rows.shape[0])):
+        for n in range(SIZE):
+            readout.rows[copy, n] = space[0, n].lanes[copy - block * width]
+
+
+@compiled
+def write_copies(block: Any, body: Any, first: Any, x: Any, v: Any, readout: Any, space: Any) -> None:
+    """Write the measures in ``space`` and a body's particles, from ``first``, to the rows of the copies."""
+    width = len(space[0].lanes)
+    for copy in range(block * width, min((block + 1) * width, readout.bodies.shape[0])):
         lane = copy - block * width
         for n in range(SIZE):
-            readout.rows[copy, n] = space[n].lanes[lane]
+            readout.bodies[copy, body, n] = space[n].lanes[lane]
         for i in range(x.shape[0]):
             for axis in range(3):
-                readout.positions[copy, i, axis] = x[i, axis].lanes[lane]
-                readout.velocities[copy, i, axis] = v[i, axis].lanes[lane]
+                readout.positions[copy, first + i, axis] = x[i, axis].lanes[lane]
+                readout.velocities[copy, first + i, axis] = v[i, axis].lanes[lane]

@@ -1,10 +1,11 @@
-"""A scene: a body, how it starts, and what acts on it. Frozen data, checked once."""
+"""A scene: one body or several, how they start, and what acts on them. Frozen data, checked once."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -26,6 +27,9 @@ GRAVITY = (0.0, 0.0, -9.81)
 
 MOST_SURFACES = 100
 """A scene has no more: each particle is compared with each surface at every step."""
+
+MOST_BODIES = 1000
+"""A scene has no more."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +68,8 @@ class DriveActuator:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
-    """All that is simulated.
+class Placed:
+    """A body, how it starts, and what drives it.
 
     Parameters
     ----------
@@ -75,14 +79,10 @@ class Scene:
         Where it starts [m] and how it moves [m/s]: the unstretched shape, at rest, if not given.
     pinned
         Particles that are held (zero inverse mass): torques and angular momenta count from the first.
-    gravity : (3,) or None
-        [m/s²]
     wrench, thrust, drive
         Actuators; None for what there is not.
-    surfaces
-        What bounds where the free particles may be: planes, or a dish.
-    contact
-        How the body meets them.
+    name
+        What errors, plots and calls name it by in a scene of several bodies; the body's own if not given.
 
     Raises
     ------
@@ -90,22 +90,21 @@ class Scene:
         Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
         Naming the offender: a wrong shape, a value that is not finite, a particle that does not exist,
-        a start that `check_start` refuses, surfaces that cannot be together.
+        a start that `check_start` refuses.
     """
 
     body: Body
     positions: np.ndarray = None  # type: ignore[assignment]
     velocities: np.ndarray = None  # type: ignore[assignment]
     pinned: tuple[int, ...] = ()
-    gravity: tuple[float, float, float] | None = GRAVITY
     wrench: WrenchActuator | None = None
     thrust: ThrustActuator | None = None
     drive: DriveActuator | None = None
-    surfaces: tuple[Surface, ...] = ()
-    contact: Contact | PaperContact = field(default_factory=Contact)
+    name: str = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         body = instance("body", self.body, Body)
+        object.__setattr__(self, "name", body.name if self.name is None else instance("name", self.name, str))
         count = len(body.masses)
         for name, default in (("positions", body.positions), ("velocities", np.zeros((count, 3)))):
             given = getattr(self, name)
@@ -114,8 +113,6 @@ class Scene:
             object.__setattr__(self, name, value)
         pinned = dict.fromkeys(indices("pinned", self.pinned, count).tolist())
         object.__setattr__(self, "pinned", tuple(pinned))
-        if self.gravity is not None:
-            object.__setattr__(self, "gravity", tuple(array("gravity", self.gravity, (3,)).tolist()))
         kinds = {"wrench": WrenchActuator, "thrust": ThrustActuator, "drive": DriveActuator}
         for name, kind in kinds.items():
             instance(name, getattr(self, name), kind, type(None))
@@ -128,19 +125,7 @@ class Scene:
                 )
         if self.drive and self.drive.particle not in self.pinned:
             raise ValueError(f"drive.particle {self.drive.particle} must be pinned: the drive alone moves it")
-        self._check_surfaces()
         self.check_start(self.positions, self.velocities)
-
-    def _check_surfaces(self) -> None:
-        if not isinstance(self.surfaces, Sequence):
-            raise TypeError(f"surfaces is {shown(self.surfaces)}; it must be a tuple of surfaces")
-        if len(self.surfaces) > MOST_SURFACES:
-            raise ValueError(f"surfaces are {len(self.surfaces)}; there must be at most {MOST_SURFACES}")
-        made = [instance(f"surfaces[{n}]", surface, Plane, Dish) for n, surface in enumerate(self.surfaces)]
-        object.__setattr__(self, "surfaces", tuple(made))
-        instance("contact", self.contact, Contact, PaperContact)
-        if self.surfaces:
-            check_surfaces(self.surfaces, scales(self.contact, self.body)[1])
 
     def check_start(self, positions: np.ndarray, velocities: np.ndarray, copies: Any = None) -> None:
         """Refuse what cannot be started from.
@@ -156,7 +141,7 @@ class Scene:
         ------
         ValueError
             If a pinned particle moves and is not driven, or driven faster than it can be; if the ends of a
-            spring are at the same place, so that it has no direction; if a particle is behind a surface.
+            spring are at the same place, so that it has no direction.
         """
 
         def refuse(wrong: np.ndarray, what: str) -> None:
@@ -178,8 +163,6 @@ class Scene:
         first, second = self.body.springs.T
         apart = np.abs(positions[..., second, :] - positions[..., first, :]).max(axis=-1)
         refuse(apart < TINY, "spring {n}{of} starts with both ends at the same place; it has no direction")
-        if self.surfaces:
-            check_heights(self.surfaces, scales(self.contact, self.body)[1], positions, self.free, copies)
 
     @cached_property
     def free(self) -> np.ndarray:
@@ -193,18 +176,206 @@ class Scene:
         """The particle that torques and angular momenta count from: the first pinned one, else −1."""
         return self.pinned[0] if self.pinned else -1
 
-    def with_(self, **changes: Any) -> Self:
-        """A copy with some fields changed, checked anew."""
-        return replace(self, **changes)
-
     def __repr__(self) -> str:
         acting = ", ".join(name for name in ("wrench", "thrust", "drive") if getattr(self, name))
+        parts = {"pinned": ", ".join(map(str, self.pinned)), "actuators": acting}
+        rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
+        called = f"{self.name}: " if self.name != self.body.name else ""
+        return f"{called}{self.body!r}{rest}"
+
+
+OWN = ("body", "positions", "velocities", "pinned", "wrench", "thrust", "drive")
+"""Fields of a scene that say of its one body what `Placed` says of each of several."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All that is simulated: bodies, how they start, and what acts on them.
+
+    A scene of one body takes it and the fields of its `Placed` as arguments. A scene of several takes them as
+    ``bodies``. Their particles lie one body after another: positions and velocities of the scene, and of all
+    that is simulated from it, are those of all bodies in this order. Bodies do not act on each other.
+
+    Parameters
+    ----------
+    body, positions, velocities, pinned, wrench, thrust, drive
+        The one body, as in `Placed`. A scene of several has positions (N, 3) and velocities (N, 3) only.
+    gravity : (3,) or None
+        [m/s²]
+    surfaces
+        What bounds where the free particles may be: planes, or a dish.
+    contact
+        How bodies meet them.
+    bodies
+        Several bodies, in place of ``body`` and what belongs to it; of one, its `Placed`.
+
+    Raises
+    ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
+    ValueError
+        Naming the offender: what `Placed` refuses, two bodies of one name, surfaces that cannot be together,
+        a particle that starts behind one.
+    """
+
+    body: Body = None  # type: ignore[assignment]
+    positions: np.ndarray = None  # type: ignore[assignment]
+    velocities: np.ndarray = None  # type: ignore[assignment]
+    pinned: tuple[int, ...] = ()
+    gravity: tuple[float, float, float] | None = GRAVITY
+    wrench: WrenchActuator | None = None
+    thrust: ThrustActuator | None = None
+    drive: DriveActuator | None = None
+    surfaces: tuple[Surface, ...] = ()
+    contact: Contact | PaperContact = field(default_factory=Contact)
+    bodies: tuple[Placed, ...] = ()
+
+    def __post_init__(self) -> None:
+        bodies = self._placed()
+        object.__setattr__(self, "bodies", bodies)
+        if len(bodies) == 1:
+            for name in OWN:
+                object.__setattr__(self, name, getattr(bodies[0], name))
+        else:
+            for name in ("positions", "velocities"):
+                value = np.concatenate([getattr(placed, name) for placed in bodies])
+                value.setflags(write=False)
+                object.__setattr__(self, name, value)
+        if self.gravity is not None:
+            object.__setattr__(self, "gravity", tuple(array("gravity", self.gravity, (3,)).tolist()))
+        self._check_surfaces()
+        self._check_heights(self.positions)
+
+    def _placed(self) -> tuple[Placed, ...]:
+        if not isinstance(self.bodies, Sequence):
+            raise TypeError(f"bodies is {shown(self.bodies)}; it must be a tuple of Placed")
+        if not self.bodies:
+            return (Placed(**{name: getattr(self, name) for name in OWN}),)
+        for own in fields(self):
+            if own.name in OWN and getattr(self, own.name) is not own.default:
+                raise ValueError(
+                    f"{own.name} is given beside bodies; it must be said in the Placed of each body"
+                )
+        bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))
+        if len(bodies) > MOST_BODIES:
+            raise ValueError(f"bodies are {len(bodies)}; there must be at most {MOST_BODIES}")
+        names = [placed.name for placed in bodies]
+        for n, name in enumerate(names):
+            if name in names[:n]:
+                raise ValueError(
+                    f"bodies[{names.index(name)}] and bodies[{n}] are both called {name!r}; give "
+                    "each Placed a name of its own"
+                )
+        return bodies
+
+    def _check_surfaces(self) -> None:
+        if not isinstance(self.surfaces, Sequence):
+            raise TypeError(f"surfaces is {shown(self.surfaces)}; it must be a tuple of surfaces")
+        if len(self.surfaces) > MOST_SURFACES:
+            raise ValueError(f"surfaces are {len(self.surfaces)}; there must be at most {MOST_SURFACES}")
+        made = [instance(f"surfaces[{n}]", surface, Plane, Dish) for n, surface in enumerate(self.surfaces)]
+        object.__setattr__(self, "surfaces", tuple(made))
+        instance("contact", self.contact, Contact, PaperContact)
+        if self.surfaces:
+            for placed in self.bodies:
+                check_surfaces(self.surfaces, scales(self.contact, placed.body)[1])
+
+    def _check_heights(self, positions: np.ndarray, copies: Any = None) -> None:
+        if self.surfaces:
+            for placed, own in zip(self.bodies, self.slices, strict=True):
+                reach = scales(self.contact, placed.body)[1]
+                check_heights(
+                    self.surfaces, reach, positions[..., own, :], placed.free, copies, self._of(placed)
+                )
+
+    def _of(self, placed: Placed) -> str:
+        """What errors add to a particle's number: nothing if there is only one body."""
+        return "" if len(self.bodies) == 1 else f" of {placed.name!r}"
+
+    def check_start(self, positions: np.ndarray, velocities: np.ndarray, copies: Any = None) -> None:
+        """Refuse what cannot be started from.
+
+        Parameters
+        ----------
+        positions, velocities : (N, 3) or (k, N, 3)
+            [m], [m/s], checked to be numbers; of all bodies, one after another.
+        copies : (k,), optional
+            What errors call the copies.
+
+        Raises
+        ------
+        ValueError
+            If `Placed.check_start` refuses what a body starts with, or a particle is behind a surface.
+        """
+        for placed, own in zip(self.bodies, self.slices, strict=True):
+            try:
+                placed.check_start(positions[..., own, :], velocities[..., own, :], copies)
+            except ValueError as error:
+                if len(self.bodies) == 1:
+                    raise
+                raise ValueError(f"body {placed.name!r}: {error}") from error
+        self._check_heights(positions, copies)
+
+    @cached_property
+    def parts(self) -> tuple[Self, ...]:
+        """For each body the scene that has only this one, with the same gravity and surfaces."""
+        if len(self.bodies) == 1:
+            return (self,)
+        return tuple(self.with_(bodies=(placed,)) for placed in self.bodies)
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """For each body, where its particles lie among all."""
+        ends = accumulate((len(placed.body.masses) for placed in self.bodies), initial=0)
+        return tuple(slice(first, last) for first, last in pairwise(ends))
+
+    def number(self, body: int | str | None) -> int:
+        """The number of a body, given so or by its name; None stands for the only one.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there is no such body, or None of several is asked for.
+        """
+        names = [placed.name for placed in self.bodies]
+        if body is None and len(names) == 1:
+            return 0
+        if body is None or isinstance(body, str):
+            if body not in names:
+                raise ValueError(f"body is {body!r}; it must be one of {', '.join(map(repr, names))}")
+            return names.index(body)
+        return whole("body", body, high=len(names) - 1)
+
+    @cached_property
+    def free(self) -> np.ndarray:
+        """Which particles are not pinned, (N,)."""
+        free = np.concatenate([placed.free for placed in self.bodies])
+        free.setflags(write=False)
+        return free
+
+    @property
+    def pivot(self) -> int:
+        """The particle that torques and angular momenta of the one body count from, see `Placed.pivot`."""
+        return self.pinned[0] if self.pinned else -1
+
+    def with_(self, **changes: Any) -> Self:
+        """A copy with some fields changed, checked anew.
+
+        In a scene of one body, ``bodies`` is changed instead of all that belongs to the body.
+        """
+        kept = {own.name: getattr(self, own.name) for own in fields(self) if own.name not in OWN}
+        if len(self.bodies) == 1 and "bodies" not in changes:
+            (placed,) = self.bodies
+            own = {name: changes.pop(name, getattr(placed, name)) for name in OWN}
+            own["name"] = None if placed.name == placed.body.name else placed.name
+            kept["bodies"] = (Placed(**own),)
+        return type(self)(**{**kept, **changes})
+
+    def __repr__(self) -> str:
         parts = {
-            "pinned": ", ".join(map(str, self.pinned)),
             "gravity": "" if self.gravity is None else f"{self.gravity} m/s²",
-            "actuators": acting,
             "surfaces": ", ".join(map(repr, self.surfaces)),
             "contact": repr(self.contact) if self.surfaces else "",
         }
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
-        return f"Scene({self.body!r}{rest})"
+        return f"Scene({' | '.join(map(repr, self.bodies))}{rest})"

@@ -5,17 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from springgym import checks, integrators, measures, rigid, stability
+from springgym import checks, integrators, measures, packing, rigid, stability
 from springgym.blocks import (
     WIDTH,
     aligned_zeros,
     block_array,
-    get_copies,
     numbers,
     set_all,
     set_copies,
@@ -23,24 +22,13 @@ from springgym.blocks import (
 )
 from springgym.checks import HUGE, MANY, TINY
 from springgym.compiling import SameTypes
-from springgym.forces import Particles, Terms
-from springgym.forces.actuators import Drive, Thrust, Wrench
-from springgym.forces.contact import Bowl, Planes
 from springgym.forces.ledger import ENTRIES
-from springgym.forces.paper_contact import PaperLaw
-from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.integrators.record import COUNTS, Control, Integrator, refusal, workspace
 from springgym.measures import Measures, Readout
+from springgym.packing import PARAMETERS, Options, Packed, pack
+from springgym.ragged import Ragged, share, stacked
 from springgym.scene import Scene
-from springgym.surfaces import (
-    Contact,
-    Dish,
-    PaperContact,
-    Plane,
-    impact_damping,
-    oblique,
-    scales,
-)
+from springgym.surfaces import Contact, PaperContact
 
 STRAIN_LIMIT = 0.5
 """A spring stretched or squeezed by more than this share of its length has left what the model means."""
@@ -52,18 +40,6 @@ WORTH_A_THREAD = 10_000
 
 PAPER_STEP = 5e-4
 """h of the paper [s]."""
-
-VARYING = {
-    "masses": TINY,
-    "stiffness": TINY,
-    "damping": 0.0,
-    "lengths": TINY,
-    "gravity": -HUGE,
-    "friction": 0.0,
-    "restitution": 0.0,
-    "strength": TINY,
-}
-"""Parameters that may differ from copy to copy, and the least that each may be."""
 
 MOST_PARTICLES, MOST_THREADS = 10**8, 1024
 """Of all copies together, some 10 GB of memory; and what threads may be asked for."""
@@ -126,7 +102,7 @@ class Simulator:
         How many, at most `MOST_THREADS`, share the copies. Results do not depend on it, to the bit, nor on
         ``copies``.
     varying
-        Parameters, out of `VARYING`, that `vary` may set copy by copy.
+        Names of `springgym.packing.PARAMETERS` that `vary` may set copy by copy.
     ledger
         Whether work and losses are recorded, see `Measures`.
     tolerance
@@ -169,29 +145,31 @@ class Simulator:
         self.largest_step = method.largest_step(scene, self.integrator)
         """stability limit [s]"""
         self.step = self._checked_step(step)
-        self.copies = checks.whole("copies", copies, 1, MOST_PARTICLES // len(scene.body.masses))
+        particles = len(scene.positions)
+        self.copies = checks.whole("copies", copies, 1, MOST_PARTICLES // particles)
         self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
         self.dtype = _checked_dtype(dtype)
         ledger = checks.flag("ledger", ledger)
         self.time = np.zeros(self.copies)
         """[s], (copies,)"""
-        particles = len(scene.body.masses)
         self._x = self._blocks(particles, 3)
         self._v = self._blocks(particles, 3)
-        self._ledger = self._blocks(ENTRIES) if ledger else None
+        several = len(scene.bodies)
+        self._ledger = self._blocks(several * ENTRIES) if ledger else None
         shares = range(min(self.threads, self._x.shape[0]))
         self._workspace = [workspace(self.integrator, scene, self._x.dtype) for _ in shares]
         self._control = self._controlled(tolerance)
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
-        self.readout = Readout(rows, np.zeros(shape), np.zeros(shape))
+        each = rows[:, None] if several == 1 else np.zeros((self.copies, several, measures.SIZE))
+        self.readout = Readout(rows, each, np.zeros(shape), np.zeros(shape))
         """what was read off the copies last, see `read`: one row a copy, of no use to write to"""
-        self._space = aligned_zeros((len(shares), measures.SIZE), self._x.dtype)
-        self._pivot, self._frame = scene.pivot, np.array(scene.body.frame, np.uint32)
-        springs = scene.body.springs
-        # the dampers of a rope act on its motion, not on vibrations alone: their order is its accuracy
-        self._order = np.arange(len(springs)) if scene.body.floppy else interleaved(springs, particles)
-        self._twin: tuple[Any, ...] = ()
-        self._terms = self._build(varying)
+        room = (measures.SIZE,) if several == 1 else (2, measures.SIZE)
+        self._space = aligned_zeros((len(shares), *room), self._x.dtype)
+        self._pivot = stacked([placed.pivot for placed in scene.bodies])
+        self._frame = stacked([np.array(placed.body.frame, np.uint32) for placed in scene.bodies])
+        self._springs = sum(len(placed.body.springs) for placed in scene.bodies)
+        options = Options(self.integrator, self.step, varying, self._blocks)
+        self._terms, self._twin, self._packed = pack(scene, dynamics == "rigid", options)
         self._actuators = self._actuated()
         self._advance = self._kernel()
         self._check_start(scene.positions[None], scene.velocities[None], np.zeros(1, int))
@@ -227,7 +205,8 @@ class Simulator:
 
     def _kernel(self) -> SameTypes:
         method = DYNAMICS[self.dynamics]
-        return SameTypes(method.advance_kernel(self.integrator.name, measures.read))
+        read = measures.read if len(self.scene.bodies) == 1 else measures.read_bodies
+        return SameTypes(method.advance_kernel(self.integrator.name, read))
 
     # --- Building ---------------------------------------------------------------------------------
 
@@ -249,110 +228,30 @@ class Simulator:
             raise ValueError(f"tolerance is {tolerance}; one of the two must be more than 0")
         return Control(self.step, float(relative), float(absolute), self._blocks(COUNTS))
 
-    def _build(self, varying: frozenset[str]) -> Terms:
-        """The scene as compiled functions take it."""
-        scene, body = self.scene, self.scene.body
-        order = self._order
-        first, second = body.springs[order].T.astype(np.uint32)
+    @cached_property
+    def _moving(self) -> tuple[Any, Any, Any]:
+        """Positions, velocities and ledger as kernels take them: of several bodies, each a `Ragged`."""
+        bodies = self.scene.bodies
+        if len(bodies) == 1:
+            return self._x, self._v, self._ledger
+        particles = np.cumsum([0, *(len(placed.body.masses) for placed in bodies)])
+        entries = np.arange(len(bodies) + 1) * ENTRIES
+        ledger = None if self._ledger is None else Ragged(self._ledger, entries)
+        return Ragged(self._x, particles), Ragged(self._v, particles), ledger
 
-        def parameter(names: set[str], value: np.ndarray) -> np.ndarray:
-            if not names & varying:
-                return np.array(value, float)
-            array = self._blocks(*np.shape(value))
-            numbers(array)[:] = np.asarray(value)[..., None]
-            return array
-
-        if self.dynamics == "rigid":
-            self._twin = rigid.terms(
-                scene, self.integrator, varying, lambda value: parameter({"masses"}, value)
-            )
-        free = np.ones(len(body.masses), bool)
-        free[list(scene.pinned)] = False
-        damped = body.damping.any() or "damping" in varying
-        wrench = thrust = drive = None
-        if scene.wrench:
-            forces = (self._blocks(3), self._blocks(3), self._blocks(3))
-            wrench = Wrench(*forces, self._frame, scene.pivot, float(scene.wrench.axial))
-        if scene.thrust:
-            named = np.array(scene.thrust.particles, np.uint32)
-            thrust = Thrust(named, self._blocks(len(named), 3), self._frame, scene.thrust.turns)
-        if scene.drive:
-            drive = Drive(scene.drive.particle, self._blocks(3), scene.drive.speed)
-        half, whole = (
-            Decay(*(parameter({"damping", "masses"}, value) for value in decaying))
-            for decaying in self._decays(body.damping, body.masses)
-        )
-        return Terms(
-            Particles(parameter({"masses"}, body.masses), parameter({"masses"}, free / body.masses), free),
-            Springs(
-                np.ascontiguousarray(first),
-                np.ascontiguousarray(second),
-                parameter({"lengths"}, body.lengths[order]),
-                parameter({"stiffness"}, body.stiffness[order]),
-            ),
-            Dampers(parameter({"damping"}, body.damping[order]), half, whole, body.floppy)
-            if damped
-            else None,
-            None if scene.gravity is None else parameter({"gravity"}, np.array(scene.gravity, float)),
-            wrench,
-            thrust,
-            drive,
-            *self._contact_terms(varying, parameter),
-        )
-
-    def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
-        """What `actuate` sets, by name: the array, the shape of its values, and a view of a single copy's."""
-        wrench, thrust, drive = self._terms.wrench, self._terms.thrust, self._terms.drive
-        of_wrench = ("force", "torque", "body_torque") if self.scene.body.oriented else ("force", "torque")
-        arrays = {name: getattr(wrench, name) for name in of_wrench} if wrench else {}
-        arrays |= {"thrust": thrust.force} if thrust else {}
-        arrays |= {"acceleration": drive.acceleration} if drive else {}
-        return {
-            name: (
-                array,
-                (self.copies, *array.shape[1:]),
-                numbers(array)[..., 0] if self.copies == 1 else None,
-            )
-            for name, array in arrays.items()
-        }
-
-    def _contact_terms(
-        self, varying: frozenset[str], parameter: Callable[..., np.ndarray]
-    ) -> tuple[Any, ...]:
-        """The last terms of `Terms`, from ``planes``."""
-        surfaces, contact = self.scene.surfaces, self.scene.contact
-        if not surfaces:
-            if unused := varying & {"friction", "restitution", "strength"}:
-                raise ValueError(f"{sorted(unused)[0]!r} cannot vary: the scene has no surfaces")
-            return (None,) * 5
-        c, reach = scales(contact, self.scene.body)
-        strength = parameter({"strength"}, np.array([c]))
-        planes = bowl = friction = damping = law = None
-        if isinstance(surfaces[0], Dish):
-            bowl = Bowl(np.array(surfaces[0].centre), surfaces[0].radius, strength, reach)
-        else:
-            flat = [surface for surface in surfaces if isinstance(surface, Plane)]
-            normals = np.array([plane.normal for plane in flat])
-            offsets = np.array([plane.offset for plane in flat])
-            planes = Planes(normals, offsets, strength, reach, oblique(surfaces))
-        if contact.friction > 0 or "friction" in varying:
-            friction = parameter({"friction"}, np.array([contact.friction]))
-        if isinstance(contact, PaperContact):
-            if "restitution" in varying:
-                raise ValueError("'restitution' cannot vary: the paper's contact has none")
-            law = PaperLaw(contact.damping, self.step)
-        elif contact.restitution < 1 or "restitution" in varying:
-            d = impact_damping([contact.restitution], contact.impact_speed)
-            damping = parameter({"restitution"}, d)
-        return planes, bowl, friction, damping, law
-
-    def _decays(self, damping: np.ndarray, masses: np.ndarray) -> tuple[Decay, Decay]:
-        """Of half a step and of a step, for damping of the springs in the body's order."""
-        inverse = 1 / masses
-        inverse[..., list(self.scene.pinned)] = 0.0
-        first, second = self.scene.body.springs[self._order].T
-        given = (damping[..., self._order], inverse[..., first], inverse[..., second])
-        return decay(*given, self.step / 2), decay(*given, self.step)
+    def _actuated(self) -> list[dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]]:
+        """What `actuate` sets of each body: by name the array, the shape of values, a single copy's view."""
+        return [
+            {
+                name: (
+                    array,
+                    (self.copies, *array.shape[1:]),
+                    numbers(array)[0, ..., 0] if self.copies == 1 else None,
+                )
+                for name, array in packing.actuators(packed).items()
+            }
+            for packed in self._packed
+        ]
 
     # --- State ------------------------------------------------------------------------------------
 
@@ -401,7 +300,11 @@ class Simulator:
     def _check_start(self, x: np.ndarray, v: np.ndarray, index: np.ndarray) -> None:
         self.scene.check_start(x, v, index)
         if self._twin:  # which `_settle` moves
-            self.scene.check_start(rigid.settled(self.scene, x, self._now("masses", index), index), v, index)
+            settled = [
+                rigid.settled(packed.scene, x[:, own], packing.values(packed, "masses", index), index)
+                for packed, own in zip(self._packed, self.scene.slices, strict=True)
+            ]
+            self.scene.check_start(np.concatenate(settled, axis=1), v, index)
 
     def _index(self, copies: Any) -> np.ndarray:
         """Indices (k,) of copies, checked."""
@@ -418,11 +321,11 @@ class Simulator:
         index: np.ndarray,
         shape: tuple[int, ...],
         low: float = -HUGE,
-        **high: float,
+        high: float = HUGE,
     ) -> np.ndarray:
         """A value for each of some copies, (k, *shape), given so or as one for all."""
         rows = (len(index), *shape)
-        return np.broadcast_to(checks.array(name, value, rows, shape, low=low, **high), rows)
+        return np.broadcast_to(checks.array(name, value, rows, shape, low=low, high=high), rows)
 
     def _settle(self, index: np.ndarray) -> None:
         """In rigid dynamics, move some copies to the rigid shape; their momenta stay."""
@@ -449,7 +352,8 @@ class Simulator:
         values
             ``masses`` (k, N), ``stiffness``, ``damping``, ``lengths`` (k, S), ``gravity`` (k, 3),
             ``friction``, ``restitution`` (at the contact's impact speed), ``strength`` (k,) of the surfaces;
-            or without the k, for all of these copies.
+            or without the k, for all of these copies. N and S count particles and springs of all bodies, one
+            after another; of several bodies, ``strength`` is (k, bodies).
 
         Raises
         ------
@@ -459,68 +363,32 @@ class Simulator:
             If a shape is another, a number out of bounds, there is no such copy, the parameter does not vary
             in this simulator, or makes its step unstable; nothing is changed.
         """
-        index, terms = self._index(copies), self._terms
-        given = {}
+        index = self._index(copies)
+        given: list[dict[str, np.ndarray]] = [{} for _ in self._packed]
         for name, value in values.items():
-            place = self._parameter(checks.chosen("a parameter to vary", name, VARYING))
-            if place is None or place.dtype.names is None:
+            parameter = PARAMETERS[checks.chosen("a parameter to vary", name, PARAMETERS)]
+            if not packing.varies(self._packed[0], name):
                 raise ValueError(f"{name!r} does not vary in this simulator; name it in varying")
-            single = name in ("friction", "restitution", "strength")
-            shape = () if single else place.shape[1:]
-            low = rigid.LEAST_RESTITUTION if name == "restitution" and self._twin else VARYING[name]
-            given[name] = self._rows(
-                name, value, index, shape, low, high=1.0 if name == "restitution" else HUGE
+            low = rigid.LEAST_RESTITUTION if name == "restitution" and self._twin else parameter.least
+            shapes = [packing.shape(packed, name) for packed in self._packed]
+            shared = len(shapes) == 1 or parameter.extent in ("axes", "scene")
+            ends = np.cumsum([0, *(shape[0] if shape else 1 for shape in shapes)])
+            rows = self._rows(
+                name, value, index, shapes[0] if shared else (int(ends[-1]),), low, parameter.most
             )
-        self._check_stability(index, given)
-        shapes = []
-        if self._twin and "masses" in given:
-            shapes = [rigid.shape_values(self.scene, masses) for masses in given["masses"]]
-        for name, value in given.items():
-            if name == "restitution":
-                each, copy = np.unique(value, return_inverse=True)
-                value = impact_damping(each, self.scene.contact.impact_speed)[copy]
-            if name in ("friction", "restitution", "strength"):
-                value = value[:, None]
-            elif name in ("stiffness", "damping", "lengths"):
-                value = value[:, self._order]
-            set_copies(self._parameter(name), index, value)
-        if "masses" in given:
-            set_copies(terms.particles.inverse_mass, index, terms.particles.free / given["masses"])
-            if self._twin:
-                rigid.set_shapes(self._twin, index, shapes)
-        if terms.dampers and given.keys() & {"masses", "damping"}:
-            decays = self._decays(self._now("damping", index), self._now("masses", index))
-            for arrays, of in zip((terms.dampers.half, terms.dampers.whole), decays, strict=True):
-                for array, value in zip(arrays, of, strict=True):
-                    set_copies(array, index, value)
+            for own, shape, first in zip(given, shapes, ends, strict=False):
+                own[name] = rows if shared else rows[:, first : first + shape[0]] if shape else rows[:, first]
+        for packed, own in zip(self._packed, given, strict=True):
+            self._check_stability(packed, index, own)
+        shapes_of = [
+            [rigid.shape_values(packed.scene, masses) for masses in own.get("masses", ()) if self._twin]
+            for packed, own in zip(self._packed, given, strict=True)
+        ]
+        for packed, own, of in zip(self._packed, given, shapes_of, strict=True):
+            packing.vary(packed, index, self.step, own, of)
 
-    def _parameter(self, name: str) -> Any:
-        """Where the values of a parameter are; None if the scene has none."""
-        terms = self._terms
-        places: dict[str, Any] = {
-            "masses": terms.particles.mass,
-            "stiffness": terms.springs.stiffness if terms.springs else None,
-            "damping": terms.dampers.coefficient if terms.dampers else None,
-            "lengths": terms.springs.length if terms.springs else None,
-            "gravity": terms.gravity,
-            "friction": terms.friction,
-            "restitution": terms.impact_damping,
-            "strength": surface.strength if (surface := terms.planes or terms.bowl) else None,
-        }
-        return places[name]
-
-    def _now(self, name: str, index: np.ndarray) -> np.ndarray:
-        """Present values of ``masses`` (k, N), ``stiffness`` or ``damping`` (k, S), in the body's order."""
-        place, of_body = self._parameter(name), getattr(self.scene.body, name)
-        if place is None or place.dtype.names is None:
-            return np.broadcast_to(of_body, (len(index), len(of_body)))
-        values = get_copies(place, index).astype(float)
-        if name != "masses":
-            values[:, self._order] = values.copy()
-        return values
-
-    def _check_stability(self, index: np.ndarray, given: Mapping[str, np.ndarray]) -> None:
-        """Refuse parameters that push the stability limit of a copy below the step.
+    def _check_stability(self, packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray]) -> None:
+        """Refuse parameters of a body that push the stability limit of a copy below the step.
 
         With stiffness at most a times and masses at least 1/b times those of the scene, K ≤ a K₀ and
         M ≥ M₀/b, so that ω² ≤ a b ω₀²; likewise for dampers. Only where that does not suffice, the limit
@@ -529,7 +397,8 @@ class Simulator:
         names = ("masses", "stiffness", "damping")
         if self._twin or not given.keys() & set(names) or self.largest_step == np.inf:
             return
-        body, now = self.scene.body, {name: given.get(name, self._now(name, index)) for name in names}
+        body = packed.scene.body
+        now = {name: given.get(name, packing.values(packed, name, index)) for name in names}
         lighter = (body.masses / now["masses"]).max(axis=1)
         faster = np.sqrt(lighter * (now["stiffness"] / body.stiffness).max(axis=1, initial=0.0))
         if np.isfinite(self.integrator.real_limit):
@@ -539,18 +408,20 @@ class Simulator:
             faster = np.maximum(faster, lighter * more.max(axis=1, initial=0.0))
         for n in np.flatnonzero(self.step * faster > self.largest_step):
             own = body.with_(**{name: values[n] for name, values in now.items()})
-            limit = stability.largest_step(self.scene.with_(body=own), self.integrator)
+            limit = stability.largest_step(packed.scene.with_(body=own), self.integrator)
             if self.step > limit:
                 raise ValueError(
                     f"these {', '.join(given)} make the step of {self.step:g} s unstable in copy {index[n]}: "
                     f"{self.integrator.name} allows at most {limit:.4g} s there"
                 )
 
-    def actuate(self, **values: Any) -> None:
-        """Set what the scene's actuators do until further notice.
+    def actuate(self, body: int | str | None = None, **values: Any) -> None:
+        """Set what the actuators of a body do until further notice.
 
         Parameters
         ----------
+        body
+            Number or name of the body; the only one if not given.
         values
             ``force`` [N], ``torque``, ``body_torque`` [N·m] of the wrench, ``acceleration`` [m/s²] of
             the drive, each (copies, 3), ``thrust`` [N] (copies, thrusters, 3); or without the copies, for
@@ -563,11 +434,13 @@ class Simulator:
         ValueError
             If a shape is another, a number not finite, or the scene has no such actuator; nothing is changed.
         """
-        actuators = self._actuators
+        number = 0 if body is None and len(self._actuators) == 1 else self.scene.number(body)
+        actuators = self._actuators[number]
         for name, value in values.items():
             if name not in actuators:
                 known = ", ".join(actuators) or "none"
-                raise ValueError(f"the scene has no actuator for {name!r}; it has {known}")
+                owner = "the scene" if len(self._actuators) == 1 else f"body {body!r}"
+                raise ValueError(f"{owner} has no actuator for {name!r}; it has {known}")
             shape = actuators[name][1]
             # What environments give at every step passes at once: the sum of the squares bounds each number.
             if not (
@@ -666,9 +539,7 @@ class Simulator:
     def _run(self, thread: int, first: int, last: int, steps: int, reads: bool) -> None:
         """Take blocks ``first`` to ``last`` ``steps`` further (to the rigid shape even by 0, not by −1)."""
         self._advance(
-            self._x,
-            self._v,
-            self._ledger,
+            *self._moving,
             self._workspace[thread],
             first,
             last,
@@ -694,10 +565,17 @@ class Simulator:
             raise ValueError(f"{self.integrator.name} neither chooses its steps nor iterates: no counts")
         return to_copies(self._control.counts, self.copies)
 
-    def measure(self) -> Measures:
-        """Energies, momenta, orientation and strain of all copies."""
+    def measure(self, body: int | str | None = None) -> Measures:
+        """Energies, momenta, orientation and strain of all copies.
+
+        Parameters
+        ----------
+        body
+            Number or name of the body that is measured; all bodies together if not given.
+        """
+        number = None if body is None else self.scene.number(body)
         self.read()
-        return measures.view(self.readout.rows.copy())
+        return measures.view((self.readout.rows if number is None else self.readout.bodies[:, number]).copy())
 
     def read(self, copies: Any = None) -> None:
         """Write measures, positions and velocities of some copies (all) to their rows of `readout`.
@@ -725,7 +603,7 @@ class Simulator:
         """`_run` all blocks, on several threads where that pays."""
         blocks = self._x.shape[0]
         threads = min(self.threads, blocks)
-        if threads == 1 or blocks * abs(steps) * len(self.scene.body.springs) < WORTH_A_THREAD:
+        if threads == 1 or blocks * abs(steps) * self._springs < WORTH_A_THREAD:
             self._run(0, 0, blocks, steps, reads)
             return
         edges = [blocks * n // threads for n in range(threads + 1)]
@@ -748,11 +626,20 @@ class Simulator:
         super().__setattr__(name, value)
 
     def __getstate__(self) -> dict[str, Any]:
-        left_out = ("_advance", "_actuators")  # made anew: views do not survive being copied
-        return {name: value for name, value in vars(self).items() if name not in left_out}
+        left_out = ("_advance", "_actuators", "_moving", "_packed")  # made anew: views do not survive copying
+        return {name: value for name, value in vars(self).items() if name not in left_out} | {
+            "_orders": [packed.order for packed in self._packed]
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
+        orders = state.pop("_orders")
         vars(self).update(state)
+        if len(self.scene.bodies) == 1:
+            vars(self)["readout"] = self.readout._replace(bodies=self.readout.rows[:, None])
+        self._packed = tuple(
+            Packed(part, order, share(self._terms, n), share(self._twin, n))
+            for n, (part, order) in enumerate(zip(self.scene.parts, orders, strict=True))
+        )
         self._actuators = self._actuated()
         self._advance = self._kernel()
 
@@ -775,10 +662,12 @@ def _pool(process: int, threads: int) -> ThreadPoolExecutor:
 
 
 def _checked_names(varying: Any) -> frozenset[str]:
-    """Names out of `VARYING`."""
+    """Names out of `PARAMETERS`."""
     if isinstance(varying, str) or not isinstance(varying, (Set, Sequence, Mapping)):
-        raise TypeError(f"varying is {checks.shown(varying)}; it must be names out of {', '.join(VARYING)}")
-    return frozenset(checks.chosen("a name in varying", name, VARYING) for name in varying)
+        raise TypeError(
+            f"varying is {checks.shown(varying)}; it must be names out of {', '.join(PARAMETERS)}"
+        )
+    return frozenset(checks.chosen("a name in varying", name, PARAMETERS) for name in varying)
 
 
 def _checked_dtype(dtype: Any) -> np.dtype:

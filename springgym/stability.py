@@ -22,13 +22,17 @@ decays exactly, but one after the other: up to there slow motion of a rope, the 
 
 
 def highest_frequency(scene: Scene) -> float:
-    """ω_max = √λ_max(M⁻¹K) [rad/s] of the springs about the unstretched shape, pins held."""
+    """ω_max = √λ_max(M⁻¹K) [rad/s] of the springs about the unstretched shape, pins held; of all bodies."""
+    if len(scene.bodies) > 1:
+        return max(map(highest_frequency, scene.parts))
     _, jacobian = spring_force_and_jacobian(scene.body, scene.body.positions)
     return math.sqrt(max(0.0, _largest_eigenvalue(scene, -jacobian)))
 
 
 def highest_decay_rate(scene: Scene) -> float:
-    """λ_max(M⁻¹C) [1/s] of the dampers about the unstretched shape, pins held."""
+    """λ_max(M⁻¹C) [1/s] of the dampers about the unstretched shape, pins held; of all bodies."""
+    if len(scene.bodies) > 1:
+        return max(map(highest_decay_rate, scene.parts))
     if not scene.body.damping.any():
         return 0.0
     dampers = scene.body.with_(stiffness=np.maximum(scene.body.damping, TINY))

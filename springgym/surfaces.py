@@ -219,7 +219,12 @@ def _pairs(surfaces: tuple[Surface, ...]) -> list[tuple[int, int, float]]:
 
 
 def check_heights(
-    surfaces: tuple[Surface, ...], reach: float, positions: np.ndarray, free: Any, copies: Any = None
+    surfaces: tuple[Surface, ...],
+    reach: float,
+    positions: np.ndarray,
+    free: Any,
+    copies: Any = None,
+    owner: str = "",
 ) -> None:
     """Refuse starts behind or too near a surface.
 
@@ -231,6 +236,8 @@ def check_heights(
         The particles that surfaces act on: those that are not pinned.
     copies : (k,), optional
         What the copies are called.
+    owner
+        What is said behind the particle's number: " of" its body, if there are several.
 
     Raises
     ------
@@ -246,6 +253,6 @@ def check_heights(
             of = f" of copy {copies[row[0]]}" if row and copies is not None else ""
             where = f"{-h:g} m behind" if h < 0 else f"only {h:g} m above"
             raise ValueError(
-                f"particle {particle}{of} starts {where} surface {n}, {surface}; it must be at least "
+                f"particle {particle}{owner}{of} starts {where} surface {n}, {surface}; it must be at least "
                 f"{NEAREST * reach:g} m above, and is free of its force from {reach:g} m"
             )

@@ -403,7 +403,7 @@ class Episodes:
         self._given[:] = action
         if not self._take(self._given, self.strength, self.action, self._driven):
             raise ValueError(f"action holds a value that is not finite: {action}")
-        simulator.actuate(**task.actuate(self._driven))
+        simulator.actuate(None, **task.actuate(self._driven))
         simulator.advance(self.steps, check=False, read=True)
         self._evaluate(*self._shown, self._shown_action, self.goal, self.parameters, self.out)
         result = Step(np.empty(self.copies), np.empty(self.copies, bool), np.empty(self.copies, bool))

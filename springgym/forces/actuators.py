@@ -70,6 +70,7 @@ class Drive(NamedTuple):
     """A pinned particle that is moved: a trolley."""
 
     particle: int
+    """−1 if no particle of this body is driven"""
     acceleration: np.ndarray
     """(3,) [m/s²]"""
     speed: float
@@ -89,7 +90,7 @@ def set_actuation(x: Any, b: Any, particles: Any, springs: Any, wrench: Any, thr
             for i in range(particles.mass.size):
                 set_row(b, i, (0.0, 0.0, 0.0))
         add_thrust(x, b, particles, thrust)
-    if drive is not None:
+    if drive is not None and drive.particle >= 0:
         set_row(b, drive.particle, times(-1.0, pull_on(x, drive.particle, springs)))
 
 
@@ -163,14 +164,14 @@ def push(v: Any, acceleration: Any, tau: Any, particles: Any, wrench: Any, thrus
 @compiled
 def hold(v: Any, force: Any, drive: Any, ledger: Any, weight: Any) -> None:
     """Record the power of the drive, ``weight`` [s] times: it holds its particle against ``force`` (N, 3)."""
-    if drive is not None:
+    if drive is not None and drive.particle >= 0:
         record(ledger, WORK, -weight * dot(row(force, drive.particle), row(v, drive.particle)))
 
 
 @compiled
 def drive_on(v: Any, acceleration: Any, drive: Any) -> None:
     """Set the driven particle's row of ``acceleration`` (N, 3)."""
-    if drive is not None:
+    if drive is not None and drive.particle >= 0:
         set_row(acceleration, drive.particle, drive_acceleration(v, drive))
 
 
@@ -197,7 +198,7 @@ def move_drive(v: Any, force: Any, tau: Any, drive: Any, ledger: Any) -> None:
 
     Its row of ``force`` (N, 3) [N] is what the drive holds it with; the work of that goes to the ledger.
     """
-    if drive is not None:
+    if drive is not None and drive.particle >= 0:
         for axis in range(3):
             before = load(v, (drive.particle, axis))
             speed = before + tau * load(drive.acceleration, axis)

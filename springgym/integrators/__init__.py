@@ -13,6 +13,7 @@ from typing import Any
 from springgym.blocks import at
 from springgym.compiling import kernel
 from springgym.integrators.record import Integrator
+from springgym.ragged import bodies_of, of_body
 
 METHODS = (
     "verlet",
@@ -67,9 +68,18 @@ def advance_kernel(name: str, read: Callable[..., None]) -> Callable[..., None]:
         frame: Any,
     ) -> None:
         for block in range(first, last):
-            xb, vb, entries, own = x[block], v[block], at(ledger, block), at(terms, block)
+            xb, vb, entries, own = at(x, block), at(v, block), at(ledger, block), at(terms, block)
             if steps > 0:
-                integrate(xb, vb, entries, workspace, at(h, block), steps, own)
+                for body in range(bodies_of(xb)):
+                    integrate(
+                        of_body(xb, body),
+                        of_body(vb, body),
+                        of_body(entries, body),
+                        of_body(workspace, body),
+                        at(h, block),
+                        steps,
+                        of_body(own, body),
+                    )
             if reads:
                 read(block, xb, vb, entries, readout, space, pivot, frame, own)
 

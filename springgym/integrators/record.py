@@ -11,6 +11,7 @@ import numpy as np
 
 from springgym.blocks import aligned_zeros
 from springgym.integrators.envelope import envelope
+from springgym.ragged import stacked
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact
 
@@ -75,10 +76,13 @@ class Control(NamedTuple):
 
 
 def workspace(method: Integrator, scene: Scene, dtype: Any) -> Any:
-    """What a method computes in, on elements of ``dtype``: its arrays and, if implicit, its matrix."""
-    particles, springs = len(scene.body.masses), scene.body.springs
-    arrays = aligned_zeros((method.workspace, max(particles, len(springs)), 3), dtype)
-    return (arrays, envelope(particles, springs, dtype)) if method.implicit else arrays
+    """What a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's matrix."""
+    bodies = [placed.body for placed in scene.bodies]
+    rows = max(max(len(body.masses), len(body.springs)) for body in bodies)
+    arrays = aligned_zeros((method.workspace, rows, 3), dtype)
+    if not method.implicit:
+        return arrays
+    return arrays, stacked([envelope(len(body.masses), body.springs, dtype) for body in bodies], blocks=False)
 
 
 def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> str | None:
@@ -86,7 +90,9 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
 
     ``varying`` names parameters that differ from copy to copy; damping may be one of them.
     """
-    if method.negative_substeps and (scene.body.damping.any() or "damping" in varying):
+    if method.negative_substeps and (
+        "damping" in varying or any(placed.body.damping.any() for placed in scene.bodies)
+    ):
         return (
             f"{method.name} takes substeps back in time, in which dampers would add energy; "
             "use a body with damping 0, or verlet"

@@ -22,6 +22,7 @@ from springgym.blocks import at
 from springgym.compiling import compiled, kernel
 from springgym.forces.ledger import WORK, record
 from springgym.lanes import any_lane, load
+from springgym.ragged import bodies_of, of_body
 from springgym.rigid.contact import rub, slide
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.rigid.rotation import turn, turn_back
@@ -258,28 +259,29 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
         frame: Any,
     ) -> None:
         for block in range(first, last):
-            xb, vb, entries = x[block], v[block], at(ledger, block)
-            rigid, asymmetry, own = at(terms, block)
+            xb, vb, entries, all_terms = at(x, block), at(v, block), at(ledger, block), at(terms, block)
             if steps >= 0:
-                move(
-                    xb,
-                    vb,
-                    entries,
-                    workspace,
-                    h,
-                    steps,
-                    rigid,
-                    asymmetry,
-                    own.particles,
-                    own.gravity,
-                    own.wrench,
-                    own.thrust,
-                    own.planes,
-                    own.bowl,
-                    own.friction,
-                    own.impact_damping,
-                )
+                for body in range(bodies_of(xb)):
+                    rigid, asymmetry, own = of_body(all_terms, body)
+                    move(
+                        of_body(xb, body),
+                        of_body(vb, body),
+                        of_body(entries, body),
+                        workspace,
+                        h,
+                        steps,
+                        rigid,
+                        asymmetry,
+                        own.particles,
+                        own.gravity,
+                        own.wrench,
+                        own.thrust,
+                        own.planes,
+                        own.bowl,
+                        own.friction,
+                        own.impact_damping,
+                    )
             if reads:
-                read(block, xb, vb, entries, readout, space, pivot, frame, own)
+                read(block, xb, vb, entries, readout, space, pivot, frame, all_terms[2])
 
     return advance

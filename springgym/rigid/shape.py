@@ -112,7 +112,7 @@ cube that falls flat with a restitution of 0 would rebound with up to 0.1."""
 
 UNDERSTOOD = {
     *("body", "positions", "velocities", "pinned", "gravity"),
-    *("wrench", "thrust", "drive", "surfaces", "contact"),
+    *("wrench", "thrust", "drive", "surfaces", "contact", "bodies"),
 }
 """Fields of a scene that rigid dynamics takes notice of."""
 
@@ -126,6 +126,10 @@ def check_rigid(scene: Scene, method: Integrator) -> None:
         With the reason: a floppy body, particles on one line, several pins, a drive, surfaces with a
         method that steps back in time or with the paper's contact, or what rigid dynamics knows nothing of.
     """
+    if len(scene.bodies) > 1:
+        for part in scene.parts:
+            check_rigid(part, method)
+        return
     body = scene.body
     if body.floppy:
         raise ValueError(f"body {body.name!r} is meant to change shape: it has no rigid twin")
@@ -177,6 +181,8 @@ def highest_rate(scene: Scene) -> float:
     The larger of the angular speed that it starts with and √(M g d / I), I the smallest moment about the
     pin, d the distance of the centre of mass from it.
     """
+    if len(scene.bodies) > 1:
+        return max(map(highest_rate, scene.parts))
     body = scene.body.with_(positions=scene.positions)
     about = body.positions[scene.pivot] if scene.pinned else body.centre
     momentum = body.masses @ np.cross(body.positions - about, scene.velocities)
@@ -191,6 +197,8 @@ def highest_rate(scene: Scene) -> float:
 
 def swing_rate(scene: Scene) -> float:
     """√(M g d / I) [rad/s] as in `highest_rate`; 0 without pin or gravity."""
+    if len(scene.bodies) > 1:
+        return max(map(swing_rate, scene.parts))
     body = scene.body
     if not scene.pinned or scene.gravity is None:
         return 0.0

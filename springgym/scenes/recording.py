@@ -83,8 +83,8 @@ def record(
             if n > 0:
                 simulator.advance(steps, check=not plan.scene.body.floppy)  # a cord may double its length
             simulator.read()
-            for array, values in zip((rows, positions, velocities), simulator.readout, strict=True):
-                array[n] = values[0]
+            read = simulator.readout
+            rows[n], positions[n], velocities[n] = read.rows[0], read.positions[0], read.velocities[0]
             if not np.isfinite(velocities[n]).all():
                 raise SimulationDivergedError(f"{plan.name} diverged before t = {simulator.time[0]:g} s")
             done = n + 1

@@ -1,0 +1,292 @@
+"""A scene as compiled functions take it: `Terms`, and where in them each parameter is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from springgym import rigid
+from springgym.blocks import get_copies, numbers, set_copies
+from springgym.checks import HUGE, TINY
+from springgym.forces import Particles, Terms
+from springgym.forces.actuators import Drive, Thrust, Wrench
+from springgym.forces.contact import Bowl, Planes
+from springgym.forces.paper_contact import PaperLaw
+from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
+from springgym.integrators.record import Integrator
+from springgym.ragged import share, stacked
+from springgym.scene import DriveActuator, Scene
+from springgym.surfaces import Contact, Dish, PaperContact, Plane, impact_damping, oblique, scales
+
+
+class Parameter(NamedTuple):
+    """What may differ from copy to copy."""
+
+    least: float
+    most: float
+    extent: str
+    """what has a value: each of the "particles", "springs", "axes" or "bodies", or the "scene" as a whole"""
+    stored: Callable[[Terms], Any]
+    """the array of its values, of one body; None if the scene has none"""
+
+
+def _of(term: Any, name: str) -> Any:
+    """An array of a term; None if the scene has no such term."""
+    return None if term is None else getattr(term, name)
+
+
+PARAMETERS = {
+    "masses": Parameter(TINY, HUGE, "particles", lambda terms: terms.particles.mass),
+    "stiffness": Parameter(TINY, HUGE, "springs", lambda terms: _of(terms.springs, "stiffness")),
+    "damping": Parameter(0.0, HUGE, "springs", lambda terms: _of(terms.dampers, "coefficient")),
+    "lengths": Parameter(TINY, HUGE, "springs", lambda terms: _of(terms.springs, "length")),
+    "gravity": Parameter(-HUGE, HUGE, "axes", lambda terms: terms.gravity),
+    "friction": Parameter(0.0, HUGE, "scene", lambda terms: terms.friction),
+    "restitution": Parameter(0.0, 1.0, "scene", lambda terms: terms.impact_damping),
+    "strength": Parameter(TINY, HUGE, "bodies", lambda terms: _of(terms.planes or terms.bowl, "strength")),
+}
+"""Parameters by name. Where each is stored is said here alone; what follows from some is set by `vary`."""
+
+
+class Packed(NamedTuple):
+    """A body of a scene, as compiled functions take it."""
+
+    scene: Scene
+    """of this body alone"""
+    order: np.ndarray
+    """(S,) springs in the order they are stored in"""
+    terms: Terms
+    twin: tuple[Any, ...]
+    """the rigid body and its asymmetry, in rigid dynamics"""
+
+
+class Options(NamedTuple):
+    """What a scene is packed for."""
+
+    method: Integrator
+    step: float
+    """[s]"""
+    varying: frozenset[str]
+    """names of parameters that differ from copy to copy"""
+    blocks: Callable[..., np.ndarray]
+    """makes an array of blocks of some shape"""
+
+    def parameter(self, names: Collection[str], value: Any) -> np.ndarray:
+        """An array of a value that depends on parameters: blocks of copies if one of them varies."""
+        if self.varying.isdisjoint(names):
+            return np.array(value, float)
+        array = self.blocks(*np.shape(value))
+        numbers(array)[:] = np.asarray(value)[..., None]
+        return array
+
+
+def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, ...], tuple[Packed, ...]]:
+    """A scene as compiled functions take it: its terms, its rigid bodies if ``twin``, and each body's share.
+
+    Raises
+    ------
+    ValueError
+        If a parameter cannot vary in this scene.
+    """
+    shared = _shared(scene, options)
+    parts = [_packed(part, scene, shared, twin, options) for part in scene.parts]
+    terms = stacked([part.terms for part in parts])
+    twins = stacked([_asymmetric(part.twin, parts, options) for part in parts]) if twin else ()
+    views = (part._replace(terms=share(terms, n), twin=share(twins, n)) for n, part in enumerate(parts))
+    return terms, twins, tuple(views)
+
+
+def _shared(scene: Scene, options: Options) -> Terms:
+    """What acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
+    surfaces, contact, varying = scene.surfaces, scene.contact, options.varying
+    gravity = None
+    if scene.gravity is not None:
+        gravity = options.parameter({"gravity"}, np.array(scene.gravity, float))
+    if not surfaces:
+        if unused := varying & {"friction", "restitution", "strength"}:
+            raise ValueError(f"{sorted(unused)[0]!r} cannot vary: the scene has no surfaces")
+        return Terms(None, gravity=gravity)  # type: ignore[arg-type]
+    planes = bowl = friction = damping = law = None
+    nothing = np.zeros(1)
+    if isinstance(surfaces[0], Dish):
+        bowl = Bowl(np.array(surfaces[0].centre), surfaces[0].radius, nothing, 0.0)
+    else:
+        flat = [surface for surface in surfaces if isinstance(surface, Plane)]
+        normals = np.array([plane.normal for plane in flat])
+        offsets = np.array([plane.offset for plane in flat])
+        planes = Planes(normals, offsets, nothing, 0.0, oblique(surfaces))
+    if contact.friction > 0 or "friction" in varying:
+        friction = options.parameter({"friction"}, np.array([contact.friction]))
+    if isinstance(contact, PaperContact):
+        if "restitution" in varying:
+            raise ValueError("'restitution' cannot vary: the paper's contact has none")
+        law = PaperLaw(contact.damping, options.step)
+    elif contact.restitution < 1 or "restitution" in varying:
+        damping = options.parameter(
+            {"restitution"}, impact_damping([contact.restitution], contact.impact_speed)
+        )
+    return Terms(
+        None,  # type: ignore[arg-type]
+        gravity=gravity,
+        planes=planes,
+        bowl=bowl,
+        friction=friction,
+        impact_damping=damping,
+        paper_law=law,
+    )
+
+
+def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Options) -> Packed:
+    """A body of a scene by itself; it has each kind of term that any body of the scene has."""
+    body, parameter = part.body, options.parameter
+    # the dampers of a rope act on its motion, not on vibrations alone: their order is its accuracy
+    count = len(body.masses)
+    order = np.arange(len(body.springs)) if body.floppy else interleaved(body.springs, count)
+    first, second = body.springs[order].T.astype(np.uint32)
+    rigid_body: tuple[Any, ...] = ()
+    if twin:
+        rigid_body = rigid.terms(
+            part, options.method, options.varying, lambda value: parameter({"masses"}, value)
+        )
+    dampers = None
+    if any(of.body.damping.any() for of in scene.bodies) or "damping" in options.varying:
+        half, whole = (
+            Decay(*(parameter({"damping", "masses"}, value) for value in decaying))
+            for decaying in decays(part, order, options.step, body.damping, body.masses)
+        )
+        dampers = Dampers(parameter({"damping"}, body.damping[order]), half, whole, body.floppy)
+    planes, bowl = shared.planes, shared.bowl
+    if part.surfaces:
+        c, reach = scales(part.contact, body)
+        strength = parameter({"strength"}, np.array([c]))
+        planes = planes and planes._replace(strength=strength, reach=reach)
+        bowl = bowl and bowl._replace(strength=strength, reach=reach)
+    terms = shared._replace(
+        particles=Particles(
+            parameter({"masses"}, body.masses),
+            parameter({"masses"}, part.free / body.masses),
+            np.array(part.free),
+        ),
+        springs=Springs(
+            np.ascontiguousarray(first),
+            np.ascontiguousarray(second),
+            parameter({"lengths"}, body.lengths[order]),
+            parameter({"stiffness"}, body.stiffness[order]),
+        ),
+        dampers=dampers,
+        planes=planes,
+        bowl=bowl,
+        **_actuators(part, scene, options.blocks),
+    )
+    return Packed(part, order, terms, rigid_body)
+
+
+def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
+    """The actuators of a body: idle ones of the kinds that it has not, but others of the scene have."""
+    terms: dict[str, Any] = {}
+    frame = np.array(part.body.frame, np.uint32)
+    if any(placed.wrench for placed in scene.bodies):
+        axial = 1.0 if part.wrench is None else float(part.wrench.axial)
+        terms["wrench"] = Wrench(blocks(3), blocks(3), blocks(3), frame, part.pivot, axial)
+    if any(placed.thrust for placed in scene.bodies):
+        named, turns = (part.thrust.particles, part.thrust.turns) if part.thrust else ((), False)
+        terms["thrust"] = Thrust(np.array(named, np.uint32), blocks(len(named), 3), frame, turns)
+    if any(placed.drive for placed in scene.bodies):
+        drive = part.drive or DriveActuator(0, HUGE)
+        terms["drive"] = Drive(drive.particle if part.drive else -1, blocks(3), drive.speed)
+    return terms
+
+
+def _asymmetric(twin: tuple[Any, ...], parts: list[Packed], options: Options) -> tuple[Any, ...]:
+    """A rigid body with an asymmetry, be it 0, where another body has one."""
+    body, asymmetry = twin
+    if asymmetry is None and any(part.twin[1] is not None for part in parts):
+        asymmetry = options.parameter({"masses"}, np.zeros(1))
+    return body, asymmetry
+
+
+def decays(
+    part: Scene, order: np.ndarray, step: float, damping: np.ndarray, masses: np.ndarray
+) -> tuple[Decay, Decay]:
+    """Of half a step and of a step, for damping (…, S) in the body's order and masses (…, N)."""
+    inverse = part.free / masses
+    first, second = part.body.springs[order].T
+    given = (damping[..., order], inverse[..., first], inverse[..., second])
+    return decay(*given, step / 2), decay(*given, step)
+
+
+def actuators(packed: Packed) -> dict[str, np.ndarray]:
+    """Arrays of blocks that a body's actuators read what to do from, by name."""
+    scene, terms = packed.scene, packed.terms
+    arrays: dict[str, np.ndarray] = {}
+    if scene.wrench:
+        names = ("force", "torque", "body_torque") if scene.body.oriented else ("force", "torque")
+        arrays |= {name: _of(terms.wrench, name) for name in names}
+    if scene.thrust:
+        arrays["thrust"] = _of(terms.thrust, "force")
+    if scene.drive:
+        arrays["acceleration"] = _of(terms.drive, "acceleration")
+    return arrays
+
+
+# --- Parameters that vary -----------------------------------------------------------------------------
+
+
+def varies(packed: Packed, name: str) -> bool:
+    """Whether copies have values of their own of a parameter."""
+    place = PARAMETERS[name].stored(packed.terms)
+    return place is not None and place.dtype.names is not None
+
+
+def shape(packed: Packed, name: str) -> tuple[int, ...]:
+    """Of a parameter's value, for one body."""
+    body = packed.scene.body
+    extents = {"particles": (len(body.masses),), "springs": (len(body.springs),), "axes": (3,)}
+    return extents.get(PARAMETERS[name].extent, ())
+
+
+def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
+    """Present values of ``masses`` (k, N), ``stiffness`` or ``damping`` (k, S), in the body's order."""
+    if not varies(packed, name):
+        of_body = getattr(packed.scene.body, name)
+        return np.broadcast_to(of_body, (len(index), len(of_body)))
+    found = get_copies(PARAMETERS[name].stored(packed.terms), index).astype(float)
+    if PARAMETERS[name].extent == "springs":
+        found[:, packed.order] = found.copy()
+    return found
+
+
+def vary(
+    packed: Packed, index: np.ndarray, step: float, given: Mapping[str, np.ndarray], shapes: Any
+) -> None:
+    """Set parameters of some copies (k,), and what follows from them.
+
+    Parameters
+    ----------
+    given
+        Checked values by name, each (k, …).
+    shapes
+        `rigid.shape_values` of each copy in rigid dynamics, if masses are given.
+    """
+    terms, contact = packed.terms, packed.scene.contact
+    for name, value in given.items():
+        if name == "restitution" and isinstance(contact, Contact):
+            each, copy = np.unique(value, return_inverse=True)
+            value = impact_damping(each, contact.impact_speed)[copy]
+        if PARAMETERS[name].extent in ("scene", "bodies"):
+            value = value[:, None]
+        elif PARAMETERS[name].extent == "springs":
+            value = value[:, packed.order]
+        set_copies(PARAMETERS[name].stored(terms), index, value)
+    if "masses" in given:
+        set_copies(terms.particles.inverse_mass, index, terms.particles.free / given["masses"])
+        if packed.twin:
+            rigid.set_shapes(packed.twin, index, shapes)
+    if terms.dampers and given.keys() & {"masses", "damping"}:
+        damping, masses = values(packed, "damping", index), values(packed, "masses", index)
+        of = decays(packed.scene, packed.order, step, damping, masses)
+        for arrays, decaying in zip((terms.dampers.half, terms.dampers.whole), of, strict=True):
+            for array, value in zip(arrays, decaying, strict=True):
+                set_copies(array, index, value)
