@@ -123,12 +123,12 @@ class Readout(NamedTuple):
 
     rows: np.ndarray
     """(copies, `SIZE`) measures of all bodies together, see `view`"""
-    bodies: np.ndarray
-    """(copies, bodies, `SIZE`) measures of each body; of one, the same numbers as ``rows``"""
     positions: np.ndarray
     """(copies, N, 3) [m]"""
     velocities: np.ndarray
     """(copies, N, 3) [m/s]"""
+    bodies: np.ndarray
+    """(copies, bodies, `SIZE`) measures of each body; of one, the same numbers as ``rows``"""
 
 
 def view(values: np.ndarray) -> Measures:

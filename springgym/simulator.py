@@ -161,7 +161,7 @@ class Simulator:
         self._control = self._controlled(tolerance)
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
         each = rows[:, None] if several == 1 else np.zeros((self.copies, several, measures.SIZE))
-        self.readout = Readout(rows, each, np.zeros(shape), np.zeros(shape))
+        self.readout = Readout(rows, np.zeros(shape), np.zeros(shape), each)
         """what was read off the copies last, see `read`: one row a copy, of no use to write to"""
         room = (measures.SIZE,) if several == 1 else (2, measures.SIZE)
         self._space = aligned_zeros((len(shares), *room), self._x.dtype)

@@ -425,7 +425,7 @@ class Episodes:
         if self.task.observation != "particles":
             self._observe(*self._shown, self.goal, self.parameters, observation)
         else:
-            self._observe(*self.simulator.readout, self.goal, *self._columns, observation)
+            self._observe(*self.simulator.readout[:3], self.goal, *self._columns, observation)
         self._bound(observation, self.diverged)
         return observation
 
