@@ -354,6 +354,19 @@ class Scene:
         return free
 
     @property
+    def pins(self) -> tuple[int, ...]:
+        """The pinned particles of all bodies, by their number among all particles."""
+        each = zip(self.bodies, self.slices, strict=True)
+        return tuple(own.start + pin for placed, own in each for pin in placed.pinned)
+
+    @cached_property
+    def masses(self) -> np.ndarray:
+        """Masses of the particles of all bodies [kg], (N,)."""
+        masses = np.concatenate([placed.body.masses for placed in self.bodies])
+        masses.setflags(write=False)
+        return masses
+
+    @property
     def pivot(self) -> int:
         """The particle that torques and angular momenta of the one body count from, see `Placed.pivot`."""
         return self.pinned[0] if self.pinned else -1

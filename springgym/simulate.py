@@ -140,14 +140,15 @@ def save_trace(recording: Recording, path: Path) -> None:
     """Write times, positions, velocities and energies to a .npz (arrays) or .csv file (a row a time)."""
     energies = {name: getattr(recording.measures, name) for name in ENERGIES}
     if path.suffix.lower() == ".npz":
-        body = recording.plan.scene.body
+        scene = recording.plan.scene
+        bodies = zip(scene.bodies, scene.slices, strict=True)
         np.savez_compressed(
             path,
             times=recording.times,
             positions=recording.positions,
             velocities=recording.velocities,
-            masses=body.masses,
-            springs=body.springs,
+            masses=scene.masses,
+            springs=np.concatenate([placed.body.springs + own.start for placed, own in bodies]),
             **energies,
         )
         return

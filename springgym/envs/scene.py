@@ -242,7 +242,7 @@ class SceneTask(Task):
             return _numbers("observe", self._observe(m, x, v), shape, m)
 
     def look(self) -> Look:
-        return film.look(self._scene.body, None)
+        return film.look(self._scene, None)
 
     def camera(self) -> Camera:
         centre = tuple(self._scene.positions.mean(axis=0).tolist())

@@ -54,7 +54,7 @@ def _indices(name: str, value: ArrayLike, columns: int) -> NDArray[np.intp]:
 
 def _colors(name: str, value: ArrayLike | None, default: Color, count: int) -> NDArray[np.uint8]:
     table = np.array(default if value is None else value)
-    if table.min() < 0 or table.max() > 255:
+    if table.size and not 0 <= table.min() <= table.max() <= 255:
         raise ValueError(f"Look.{name} must lie in 0..255")
     if table.shape not in ((3,), (count, 3)):
         raise ValueError(f"Look.{name} must be one RGB colour or {count} of them, got shape {table.shape}")
@@ -73,7 +73,7 @@ class Look:
         Particle indices of the surface, anticlockwise seen from outside.
     triangle_colors : (T, 3) or (3,) array_like, optional
         RGB, 0..255, of each triangle or of all. See `two_tone`.
-    opacity : float
+    opacity : float or (T,) array_like
         1 for a closed surface, of which the near side is seen; less for sheets seen from both
         sides and through.
     bars : (B, 2) array_like of int
@@ -103,7 +103,7 @@ class Look:
 
     triangles: ArrayLike = ()
     triangle_colors: ArrayLike | None = None
-    opacity: float = 1.0
+    opacity: ArrayLike = 1.0
     bars: ArrayLike = ()
     bar_radius: ArrayLike = 0.015
     bar_colors: ArrayLike | None = None
@@ -136,8 +136,10 @@ class Look:
             ("ball_colors", SLATE, len(radii)),
         ):
             put(name, _colors(name, getattr(self, name), default, count))
-        if not 0.0 < self.opacity <= 1.0:
-            raise ValueError(f"Look.opacity must lie in (0, 1], got {self.opacity}")
+        opacity, triangles = np.array(self.opacity, dtype=float), len(np.asarray(self.triangles))
+        if opacity.shape not in ((), (triangles,)) or not ((opacity > 0.0) & (opacity <= 1.0)).all():
+            raise ValueError(f"Look.opacity must be one or {triangles} numbers in (0, 1], got {self.opacity}")
+        put("opacity", np.array(np.broadcast_to(opacity, triangles)))
         if not self.strain_scale > 0.0:
             raise ValueError(f"Look.strain_scale must be positive, got {self.strain_scale}")
         if self.trace is not None and self.trace < 0:
@@ -163,6 +165,48 @@ class Look:
         owner = {(t[k], t[(k + 1) % 3]): (i, k) for i, t in enumerate(triangles) for k in range(3)}
         rows = [(*owner[a, b], owner[b, a][0]) for a, b in owner if a < b and (b, a) in owner]
         return np.array(rows, dtype=np.intp).reshape(-1, 3)
+
+
+def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = None) -> Look:
+    """The look of several bodies, whose particles lie one body after another.
+
+    Parameters
+    ----------
+    looks
+        Of each body; their own traces are left out.
+    counts
+        Particles of each body.
+    trace
+        Particle among all that leaves a fading trace.
+    """
+    starts = np.cumsum([0, *counts[:-1]])
+
+    def moved(name: str) -> NDArray[np.intp]:
+        tables = zip(looks, starts, strict=True)
+        return np.concatenate([np.asarray(getattr(look, name)) + start for look, start in tables])
+
+    def joined(name: str) -> NDArray[Any]:
+        return np.concatenate([np.asarray(getattr(look, name)) for look in looks])
+
+    def balls(name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+        """Of every particle: a look may have balls for none of its own."""
+        filled = [np.zeros((count, *shape)) for count in counts]
+        for look, table in zip(looks, filled, strict=True):
+            table[: len(np.asarray(look.radii))] = getattr(look, name)
+        return np.concatenate(filled)
+
+    return Look(
+        triangles=moved("triangles"),
+        triangle_colors=joined("triangle_colors"),
+        opacity=joined("opacity"),
+        bars=moved("bars"),
+        bar_radius=joined("bar_radius"),
+        bar_colors=joined("bar_colors"),
+        radii=balls("radii", ()),
+        ball_colors=balls("ball_colors", (3,)),
+        springs=moved("springs"),
+        trace=trace,
+    )
 
 
 class Arrow(NamedTuple):

@@ -42,14 +42,15 @@ def tangents(normal: ArrayLike) -> tuple[Array, Array]:
 
 def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Item]:
     """Surface, bars, balls, and the springs if their strains are given."""
-    opacity = look.opacity if strain is None else min(look.opacity, _GLASS)
+    whole = np.asarray(look.opacity)
+    opacity = whole if strain is None else np.minimum(whole, _GLASS)
     items = mesh(
         canvas,
         x[np.asarray(look.triangles)],
         np.asarray(look.triangle_colors),
         opacity,
-        two_sided=look.opacity < 1.0,
-        edges=look.edges if opacity == 1.0 else None,
+        two_sided=whole < 1.0,
+        edges=look.edges[(opacity[look.edges[:, [0, 2]]] == 1.0).all(axis=1)],
     )
     radii = np.asarray(look.radii)
     pixels, depth = canvas.image(x)
@@ -92,11 +93,11 @@ def mesh(
     canvas: Canvas,
     corners: Array,
     colors: ArrayLike,
-    opacity: float = 1.0,
-    two_sided: bool = False,
+    opacity: ArrayLike = 1.0,
+    two_sided: ArrayLike = False,
     edges: NDArray[np.intp] | None = None,
 ) -> list[Item]:
-    """Lit triangles (T, 3, 3): the faces turned to the eye, or all of them if two-sided.
+    """Lit triangles (T, 3, 3): the faces turned to the eye, and those that are two-sided, (T,) or all.
 
     ``edges`` (`Look.edges`) are outlined where they are sharp or bound the silhouette.
     """
@@ -112,11 +113,10 @@ def mesh(
     pixels, depth = canvas.image(corners)
     middle = depth.mean(axis=1)
     seen = np.isfinite(pixels).all((1, 2)) & (size[:, 0] > 0.0)
-    if not two_sided:
-        seen &= facing > 0.0
-    alpha = round(255 * opacity)
+    seen &= (facing > 0.0) | np.asarray(two_sided)
+    alpha = np.rint(255 * np.broadcast_to(opacity, len(corners))).astype(int).tolist()
     items: list[Item] = [
-        (middle[i], partial(canvas.polygon, pixels[i], paint[i], alpha)) for i in np.flatnonzero(seen)
+        (middle[i], partial(canvas.polygon, pixels[i], paint[i], alpha[i])) for i in np.flatnonzero(seen)
     ]
     if edges is not None:
         face, start, other = edges.T

@@ -11,7 +11,8 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.rendering import Camera, Look, Marks, Renderer, Scenery, save_video, two_tone
-from springgym.rendering.look import AMBER, BLUE, INK, IVORY, STEEL, TEAL
+from springgym.rendering.look import AMBER, BLUE, INK, IVORY, STEEL, TEAL, together
+from springgym.scene import Scene
 from springgym.scenes.recording import Recording
 from springgym.surfaces import Dish, Plane
 
@@ -55,7 +56,7 @@ def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -
     """Pictures (height, width, 3) of a recording at a rate, see `save_film`."""
     plan, x = recording.plan, recording.positions
     pace = visible_speed(turning(recording), fps) if speed is None else speed
-    renderer = Renderer(look(plan.scene.body, plan.trace), camera(recording), scenery(recording), SIZE)
+    renderer = Renderer(look(plan.scene, plan.trace), camera(recording), scenery(recording), SIZE)
     along = way(recording)
     still, note = renderer.camera, () if pace == 1 else (f"{Fraction(pace)} of real time",)
     for t in np.arange(0.0, recording.times[-1] + 1e-9, pace / fps):
@@ -72,21 +73,21 @@ def visible_speed(fastest: float, fps: float) -> float:
 
 
 def turning(recording: Recording) -> float:
-    """The largest angular velocity [rad/s]; of what changes shape, 0."""
-    if recording.plan.scene.body.floppy:
-        return 0.0
-    return float(np.linalg.norm(recording.measures.angular_velocity, axis=1).max())
+    """The largest angular velocity of a body [rad/s]; of what changes shape, 0."""
+    bodies = zip(recording.plan.scene.bodies, recording.bodies, strict=True)
+    turns = [m.angular_velocity for placed, m in bodies if not placed.body.floppy]
+    return max((float(np.linalg.norm(omega, axis=1).max()) for omega in turns), default=0.0)
 
 
 def camera(recording: Recording, size: tuple[int, int] = SIZE) -> Camera:
     """A camera that sees the whole motion or, if the body goes far, all of the body where it starts."""
-    x, view, body = recording.positions, recording.plan.view, recording.plan.scene.body
+    x, view, scene = recording.positions, recording.plan.view, recording.plan.scene
     along = way(recording)
     if along is not None:
         x = x - along[:, None]
-    radii = np.asarray(look(body, None).radii)
+    radii = np.asarray(look(scene, None).radii)
     thick = float(radii.max()) if len(radii) else 0.0
-    thick *= 1 if len(body.masses) > 1 else 3  # a ball alone would fill the picture
+    thick *= 1 if x.shape[1] > 1 else 3  # a ball alone would fill the picture
     corners = thick * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
     seen = x[:: max(1, len(x) // 500)].reshape(-1, 1, 3) + corners
     return Camera.fitting(seen, size, view.azimuth, view.elevation)
@@ -96,7 +97,7 @@ def way(recording: Recording) -> np.ndarray | None:
     """The way (T, 3) [m] that a camera makes which follows; None if it stands."""
     centre = recording.measures.centre
     size = float(np.ptp(recording.positions[0], axis=0).max())
-    if recording.plan.scene.pinned or not 0 < FAR * size < np.linalg.norm(np.ptp(centre, axis=0)):
+    if recording.plan.scene.pins or not 0 < FAR * size < np.linalg.norm(np.ptp(centre, axis=0)):
         return None
     count = max(1, round(CALM / float(recording.times[1] - recording.times[0])))
     padded = np.pad(centre - centre[0], ((count, count), (0, 0)), mode="edge")
@@ -110,7 +111,7 @@ def strobe(
 ) -> np.ndarray:
     """One picture of the body at several moments, earlier ones paler, (height, width, 3)."""
     plan = recording.plan
-    renderer = Renderer(look(plan.scene.body, None), seen_by, scenery(recording), size)
+    renderer = Renderer(look(plan.scene, None), seen_by, scenery(recording), size)
     ground = np.asarray(renderer.frame(np.full_like(recording.positions[0], np.nan)), np.int16)
     picture = ground.astype(np.float32)
     for rank, moment in enumerate(moments):
@@ -151,13 +152,13 @@ def scenery(recording: Recording) -> Scenery:
     scene, x = recording.plan.scene, recording.positions
     planes = tuple((s.point, s.normal) for s in scene.surfaces if isinstance(s, Plane))
     dishes = [(s.centre, s.radius) for s in scene.surfaces if isinstance(s, Dish)]
-    if scene.surfaces or not scene.pinned:
+    if scene.surfaces or not scene.pins:
         plumb = None
         if any(abs(s.normal[2]) < 0.999 for s in scene.surfaces if isinstance(s, Plane)):
             size = float(np.ptp(x[0], axis=0).max())  # a slope is seen beside what is upright
             plumb = (tuple(x[0].mean(axis=0)), 1.2 * size)
         return Scenery(planes=planes, dish=dishes[0] if dishes else None, vertical=plumb)
-    pin, low = x[0, scene.pinned[0]], float(x[..., 2].min())
+    pin, low = x[0, scene.pins[0]], float(x[..., 2].min())
     stands = recording.measures.centre[:, 2].min() > pin[2]
     return Scenery(
         floor=min(low, float(pin[2])) if stands else low - 0.15 * float(np.ptp(x[..., 2])),
@@ -165,8 +166,15 @@ def scenery(recording: Recording) -> Scenery:
     )
 
 
-def look(body: Body, trace: int | None) -> Look:
-    """How a body is drawn; ``trace`` is the particle that leaves a trace."""
+def look(scene: Scene, trace: int | None) -> Look:
+    """How bodies are drawn; ``trace`` is the particle, among all, that leaves a trace."""
+    if len(scene.bodies) == 1:
+        return _look(scene.body, trace)
+    bodies = [placed.body for placed in scene.bodies]
+    return together([_look(body, None) for body in bodies], [len(body.masses) for body in bodies], trace)
+
+
+def _look(body: Body, trace: int | None) -> Look:
     size = float(np.ptp(body.positions, axis=0).max())
     drawn = {"top": _top, "gyroscope": _gyroscope, "rope": _rope}.get(body.name)
     if drawn is None:

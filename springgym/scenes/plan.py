@@ -15,7 +15,7 @@ from springgym.surfaces import PaperContact
 from springgym.theory.top import HeavyTop
 
 Vector = tuple[float, float, float]
-Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation"]
+Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation", "bodies"]
 
 
 LEAST = {"duration": 1e-6, "interval": 1e-6, "step": 1e-9}
@@ -56,6 +56,8 @@ class Plan:
     checks: tuple[str, ...]
     """names in `springgym.scenes.checks.CHECKS`"""
     view: View
+    parts: tuple[Plan, ...] = ()
+    """of several bodies, what is checked of each by itself"""
 
 
 def heavy_top(body: Body, pinned: tuple[int, ...], gravity: Sequence[float]) -> HeavyTop:

@@ -15,6 +15,7 @@ others  energies, and what they belong to
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 TRACE, CENTRE, OTHER = "#e45e2c", "#343c4c", "#8b98a9"
 KINETIC, GRAVITY, SPRINGS, CONTACT, LOST = "#2b5c96", "#22966a", "#d39b2a", "#3e929e", "#be323c"
 TURNING = ("#b58bd6", "#8048a0", "#4a1f66")
+OF_BODIES = ("#2b5c96", "#e45e2c", "#22966a", "#8048a0", "#d39b2a", "#3e929e", "#be323c", "#8b98a9")
 DASHES = (0, (4, 3))
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -100,7 +102,11 @@ def _picture(
     plan, shown = recording.plan, slice(0, None if until is None else until + 1)
     traced = None if plan.trace is None else recording.positions[shown, plan.trace]
     centre = recording.measures.centre[shown]
-    if not plan.scene.pinned and (traced is None or len(plan.scene.body.masses) > 1):
+    if (
+        len(plan.scene.bodies) == 1
+        and not plan.scene.pinned
+        and (traced is None or len(plan.scene.masses) > 1)
+    ):
         _path_in(axes, camera, pixels, centre, CENTRE, "centre of mass")
     if traced is not None:
         _path_in(axes, camera, pixels, traced, TRACE, _part(recording))
@@ -113,9 +119,12 @@ def _picture(
 
 def _part(recording: Recording) -> str:
     """The name of the traced particle."""
-    body, trace = recording.plan.scene.body, recording.plan.trace
-    names = [name for name, particles in body.parts.items() if particles == (trace,)]
-    return names[0] if names else "traced particle"
+    scene, trace = recording.plan.scene, recording.plan.trace
+    for placed, own in zip(scene.bodies, scene.slices, strict=True):
+        for name, particles in placed.body.parts.items():
+            if [own.start + i for i in particles] == [trace]:
+                return name if len(scene.bodies) == 1 else f"{name} of {placed.name}"
+    return "traced particle"
 
 
 def _path_in(
@@ -411,6 +420,24 @@ def rotation(recording: Recording, figure: Figure) -> None:
     _energies(recording, figure, grid[1, 1])
 
 
+def bodies(recording: Recording, figure: Figure) -> None:
+    """The bodies at the end; the height of each one's centre of mass, how fast each turns, the energies."""
+    t, scene = recording.times, recording.plan.scene
+    grid = figure.add_gridspec(3, 2, width_ratios=(1, 1.05))
+    end = len(t) - 1
+    _picture(recording, figure, grid[:, 0], (5.0, 5.2), [end], f"at {t[-1]:g} s")
+    high = _panel(figure, grid[0, 1], "height of the centres of mass", "", "[m]")
+    turning = _panel(figure, grid[1, 1], "angular speed", "", "[rad/s]")
+    for placed, m, color in zip(scene.bodies, recording.bodies, cycle(OF_BODIES)):  # endless
+        high.plot(t, m.centre[:, 2], color=color, label=placed.name)
+        if not placed.body.floppy:
+            turning.plot(t, np.linalg.norm(m.angular_velocity, axis=1), color=color)
+    for axes in (high, turning):
+        axes.margins(x=0)
+    _legend(high)
+    _energies(recording, figure, grid[2, 1])
+
+
 def _straight(recording: Recording) -> bool:
     """Whether the particles of the body's triad lie on a line, so that it has a third axis alone."""
     return bool((np.linalg.norm(recording.measures.side, axis=1) < 0.5).any())
@@ -432,4 +459,5 @@ PLOTS: dict[Plot, Callable[[Recording, Figure], None]] = {
     "drop": drop,
     "slide": slide,
     "rotation": rotation,
+    "bodies": bodies,
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -14,7 +15,7 @@ from springgym.bodies import Body, box, cube, from_mesh, from_points, gyroscope,
 from springgym.bodies.motion import Start
 from springgym.checks import shown
 from springgym.integrators import METHODS
-from springgym.scene import GRAVITY, Scene
+from springgym.scene import GRAVITY, Placed, Scene
 from springgym.scenes.checks import CHECKS
 from springgym.scenes.plan import LEAST, Plan, Plot, Vector, View, heavy_top
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
@@ -83,8 +84,9 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
 
     def plan(
         title: str,
-        body: Any,
         duration: float,
+        body: Any = None,
+        bodies: Any = None,
         pinned: Sequence[str | int] = (),
         gravity: float | Vector = -GRAVITY[2],
         start: Any = None,
@@ -94,73 +96,152 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
         integrator: str = "verlet",
         step: float | None = None,
         trace: str | int | None = None,
-        plot: Plot = "rotation",
+        plot: Plot | None = None,
         checks: Sequence[str] = (),
         view: Any = None,
     ) -> Plan:
         for name, value in {"duration": duration, "interval": interval, "step": step}.items():
             if value is not None and value < LEAST[name]:
-                raise _error(tree, name, f"{name} is {value:g} s; it must be at least {LEAST[name]:g} s")
+                raise _error(tree, (name,), f"{name} is {value:g} s; it must be at least {LEAST[name]:g} s")
         if integrator not in METHODS:
-            raise _error(
-                tree, "integrator", f"unknown method {shown(integrator)}{suggestion(integrator, METHODS)}"
-            )
-        made = _body(tree, ("body",))
-        pins = _particles(tree, "pinned", made, pinned)
-        traced = _particles(tree, "trace", made, () if trace is None else (trace,))
-        if len(traced) > 1:
-            raise _error(tree, "trace", f"{shown(trace)} is {len(traced)} particles; trace takes one")
+            known = suggestion(integrator, METHODS)
+            raise _error(tree, ("integrator",), f"unknown method {shown(integrator)}{known}")
         pull = (0.0, 0.0, -gravity) if isinstance(gravity, float) else gravity
         met, paper = (Contact(), PaperContact())
         if contact is not None:
             met, paper = build(_met, tree, ("contact",))
-        given: dict[str, Any] = {
-            "body": made,
-            "pinned": pins,
-            "gravity": pull,
-            "surfaces": _surfaces(tree),
-            "contact": met,
-        }
-        begun = _started(**given) if start is None else build(_started, tree, ("start",), **given)
+        world: dict[str, Any] = {"gravity": pull, "surfaces": _surfaces(tree), "contact": met}
+        begun = _bodies(tree, world, body, bodies, pinned, start)
         try:
             scene = Scene(
-                body=made,
-                positions=begun.start.positions,
-                velocities=begun.start.velocities,
-                pinned=pins,
-                gravity=pull if any(pull) else None,
-                surfaces=given["surfaces"],
-                contact=met,
+                bodies=tuple(one.placed for one in begun), **{**world, "gravity": pull if any(pull) else None}
             )
-        except YamlError:
-            raise
         except (ValueError, TypeError, ArithmeticError) as error:
             raise YamlError(f"{path}: {error}") from error
-        for n, name in enumerate(checks):
-            if name not in CHECKS:
-                where = tree.where["checks", str(n)]
-                raise YamlError(f"{where}: unknown check {shown(name)}{suggestion(name, CHECKS)}")
-        return Plan(
+        _known_checks(tree, ("checks",), checks)
+        whole = Plan(
             name=path.stem,
             title=title,
             scene=scene,
             paper=paper,
-            stretched=begun.stretched,
+            stretched=all(one.stretched for one in begun),
             duration=duration,
             interval=interval,
             integrator=integrator,
             step=step,
-            trace=traced[0] if traced else None,
-            plot=plot,
+            trace=_traced(tree, scene, trace),
+            plot=plot or ("bodies" if len(begun) > 1 else "rotation"),
             checks=tuple(checks),
             view=View() if view is None else build(View, tree, ("view",)),
         )
+        if bodies is None:
+            return whole
+        parts = tuple(
+            replace(
+                whole,
+                name=f"{path.stem}: {part.bodies[0].name}",
+                scene=part,
+                stretched=one.stretched,
+                trace=None,
+                plot="rotation",
+                checks=(*checks, *one.checks),
+            )
+            for part, one in zip(scene.parts, begun, strict=True)
+        )
+        return replace(whole, checks=(), parts=parts)
 
     return build(plan, tree)
 
 
-def _error(tree: Tree, key: str, message: str) -> YamlError:
-    return YamlError(f"{tree.where[key,]}: {key}: {message}")
+def _error(tree: Tree, path: tuple[str, ...], message: str) -> YamlError:
+    return YamlError(f"{tree.where[path]}: {'.'.join(path)}: {message}")
+
+
+def _known_checks(tree: Tree, path: tuple[str, ...], checks: Sequence[str]) -> None:
+    for n, name in enumerate(checks):
+        if name not in CHECKS:
+            where = tree.where[*path, str(n)]
+            raise YamlError(f"{where}: unknown check {shown(name)}{suggestion(name, CHECKS)}")
+
+
+def _traced(tree: Tree, scene: Scene, trace: str | int | None) -> int | None:
+    """The particle whose path is drawn; of several bodies it is named "body.part"."""
+    if trace is None:
+        return None
+    number, part = 0, trace
+    if len(scene.bodies) > 1:
+        name, _, part = str(trace).partition(".")
+        names = [placed.name for placed in scene.bodies]
+        if name not in names:
+            raise _error(tree, ("trace",), f"unknown body {shown(name)}{suggestion(name, names)}")
+        number, part = names.index(name), int(part) if part.isdecimal() else part
+    found = _particles(tree, ("trace",), scene.bodies[number].body, (part,))
+    if len(found) > 1:
+        raise _error(tree, ("trace",), f"{shown(trace)} is {len(found)} particles; trace takes one")
+    return scene.slices[number].start + found[0]
+
+
+# --- Bodies in their places -------------------------------------------------------------------------
+
+
+class _Standing(NamedTuple):
+    placed: Placed
+    stretched: bool
+    checks: tuple[str, ...]
+
+
+def _bodies(
+    tree: Tree, world: Mapping[str, Any], body: Any, bodies: Any, pinned: Sequence[str | int], start: Any
+) -> list[_Standing]:
+    """The one body of a file, or several by their names."""
+    if bodies is None:
+        if body is None:
+            raise YamlError(f"{tree.where[()]}: the file lacks body")
+        return [_standing(tree, (), world, pinned, start)]
+    for name in ("body", "pinned", "start"):
+        if name in tree.value:
+            raise _error(tree, (name,), "beside bodies, it belongs to one of them")
+    if not isinstance(bodies, dict) or not bodies:
+        raise _error(tree, ("bodies",), f"expected bodies by their names, got {shown(bodies)}")
+    found = []
+    for name in bodies:
+
+        def one(
+            body: Any,
+            pinned: Sequence[str | int] = (),
+            start: Any = None,
+            checks: Sequence[str] = (),
+            name: Any = name,
+        ) -> _Standing:
+            standing = _standing(tree, ("bodies", name), world, pinned, start, checks)
+            return standing._replace(placed=replace(standing.placed, name=name))
+
+        found.append(build(one, tree, ("bodies", name), name=name))
+    return found
+
+
+def _standing(
+    tree: Tree,
+    path: tuple[str, ...],
+    world: Mapping[str, Any],
+    pinned: Sequence[str | int] = (),
+    start: Any = None,
+    checks: Sequence[str] = (),
+) -> _Standing:
+    """A body with its pins and its start, which a file says at ``path``."""
+    made = _body(tree, (*path, "body"))
+    given: dict[str, Any] = {
+        "body": made,
+        "pinned": _particles(tree, (*path, "pinned"), made, pinned),
+        **world,
+    }
+    begun = _started(**given) if start is None else build(_started, tree, (*path, "start"), **given)
+    _known_checks(tree, (*path, "checks"), checks)
+    try:
+        placed = Placed(made, begun.start.positions, begun.start.velocities, given["pinned"])
+    except (ValueError, TypeError) as error:
+        raise YamlError(f"{tree.where[path]}: {error}") from error
+    return _Standing(placed, begun.stretched, tuple(checks))
 
 
 # --- Bodies -----------------------------------------------------------------------------------------
@@ -249,16 +330,16 @@ def _part(tree: Tree, path: tuple[str, ...]) -> Body:
     return build(placed, tree, path, skip=tuple(others))
 
 
-def _particles(tree: Tree, key: str, body: Body, given: Sequence[str | int]) -> tuple[int, ...]:
+def _particles(tree: Tree, path: tuple[str, ...], body: Body, given: Sequence[str | int]) -> tuple[int, ...]:
     """Particles by number or by the name of a part."""
     found: list[int] = []
     for item in given:
         if isinstance(item, str) and item not in body.parts:
-            raise _error(tree, key, f"unknown part {shown(item)}{suggestion(item, body.parts)}")
+            raise _error(tree, path, f"unknown part {shown(item)}{suggestion(item, body.parts)}")
         particles = (item,) if isinstance(item, int) else body.parts[item]
         for i in particles:
             if not 0 <= i < len(body.masses):
-                raise _error(tree, key, f"there is no particle {i}; there are 0 to {len(body.masses) - 1}")
+                raise _error(tree, path, f"there is no particle {i}; there are 0 to {len(body.masses) - 1}")
         found += particles
     return tuple(found)
 
@@ -279,7 +360,7 @@ def _surfaces(tree: Tree) -> tuple[Surface, ...]:
     if given is None:
         return ()
     if not isinstance(given, list):
-        raise _error(tree, "surfaces", f"expected a list of surfaces, got {shown(given)}")
+        raise _error(tree, ("surfaces",), f"expected a list of surfaces, got {shown(given)}")
     made = []
     for n, entries in enumerate(given):
         path = ("surfaces", str(n))

@@ -38,9 +38,30 @@ class Recording:
     velocities: np.ndarray
     """(T, N, 3) [m/s]"""
     measures: Measures
-    """of shape (T,) or (T, 3)"""
+    """of all bodies together, of shape (T,) or (T, 3)"""
+    bodies: tuple[Measures, ...]
+    """of each body"""
     complete: bool
     """whether it was not interrupted"""
+
+    @property
+    def parts(self) -> tuple[Recording, ...]:
+        """The recording of each body by itself: what a scene of this one alone would have given."""
+        plan = self.plan
+        if not plan.parts:
+            return (self,)
+        each = zip(plan.parts, plan.scene.parts, plan.scene.slices, self.bodies, strict=True)
+        return tuple(
+            replace(
+                self,
+                plan=replace(part, scene=scene, duration=plan.duration, interval=plan.interval),
+                positions=self.positions[:, own],
+                velocities=self.velocities[:, own],
+                measures=m,
+                bodies=(m,),
+            )
+            for part, scene, own, m in each
+        )
 
 
 def record(
@@ -77,14 +98,17 @@ def record(
     positions = np.zeros((count, *plan.scene.positions.shape))
     velocities = np.zeros_like(positions)
     rows = np.zeros((count, SIZE))
+    each = np.zeros((count, len(plan.scene.bodies), SIZE))
+    floppy = any(placed.body.floppy for placed in plan.scene.bodies)
     done = 0
     try:
         for n in progress(range(count)):
             if n > 0:
-                simulator.advance(steps, check=not plan.scene.body.floppy)  # a cord may double its length
+                simulator.advance(steps, check=not floppy)  # a cord may double its length
             simulator.read()
             read = simulator.readout
             rows[n], positions[n], velocities[n] = read.rows[0], read.positions[0], read.velocities[0]
+            each[n] = read.bodies[0]
             if not np.isfinite(velocities[n]).all():
                 raise SimulationDivergedError(f"{plan.name} diverged before t = {simulator.time[0]:g} s")
             done = n + 1
@@ -100,28 +124,30 @@ def record(
         positions=positions[:done],
         velocities=velocities[:done],
         measures=view(rows[:done]),
+        bodies=tuple(view(each[:done, n]) for n in range(each.shape[1])),
         complete=done == count,
     )
 
 
 def _check_size(plan: Plan, step: float, steps: int, count: int) -> None:
     """Refuse what would not end, or not fit into memory."""
-    body = plan.scene.body
+    bodies = [placed.body for placed in plan.scene.bodies]
     if step > plan.duration * (1 + 1e-9):
         raise ValueError(f"a step of {step:g} s is longer than the run of {plan.duration:g} s")
     if steps > MOST_STEPS:
         why = "take a longer one"
         if plan.step is None:
-            stiffness, damping = body.stiffness.max(initial=0), body.damping.max(initial=0)
+            stiffness = max(body.stiffness.max(initial=0) for body in bodies)
+            damping = max(body.damping.max(initial=0) for body in bodies)
             why = (
-                f"masses from {body.masses.min():g} kg, stiffness up to {stiffness:g} N/m and damping up to "
-                f"{damping:g} kg/s ask for it"
+                f"masses from {plan.scene.masses.min():g} kg, stiffness up to {stiffness:g} N/m and damping "
+                f"up to {damping:g} kg/s ask for it"
             )
         raise ValueError(
             f"a step of {step:g} s makes {steps:g} of an interval of {plan.interval:g} s, and at most "
             f"{MOST_STEPS:g} are taken: {why}"
         )
-    size = count * (2 * plan.scene.positions.nbytes + 8 * SIZE)
+    size = count * (2 * plan.scene.positions.nbytes + 8 * SIZE * (1 + len(bodies)))
     if size > MOST_BYTES:
         raise ValueError(
             f"{plan.duration:g} s at intervals of {plan.interval:g} s are {count:g} states of "

@@ -175,7 +175,7 @@ def played(agent: Agent, seed: int) -> Motion:
             float(np.arctan2(away[1], away[0])),
             float(np.arctan2(away[2], np.hypot(away[0], away[1]))),
         ),
-        graphs=graphs(m, task.scene.body),
+        graphs=graphs(m, task.scene),
         marks=marks,
         camera=camera,
         summary=(

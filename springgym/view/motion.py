@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.bodies import Body
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, ORANGE, RED, SLATE, TEAL, Color
+from springgym.scene import Scene
 from springgym.scenes import film
 from springgym.scenes.recording import Recording, rigid_twin
 from springgym.surfaces import scales
@@ -112,13 +112,13 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
         title=plan.title,
         times=recording.times,
         positions=x,
-        look=film.look(scene.body, plan.trace),
+        look=film.look(scene, plan.trace),
         scenery=film.scenery(recording),
-        lengths=scene.body.lengths,
+        lengths=np.concatenate([placed.body.lengths for placed in scene.bodies]),
         centre=m.centre,
         fastest=film.turning(recording),
         direction=(plan.view.azimuth, plan.view.elevation),
-        graphs=graphs(m, scene.body),
+        graphs=graphs(m, scene),
         arrows=_arrows(recording),
         paths=paths,
         summary=(
@@ -134,7 +134,7 @@ def fastest_turn(m: Measures) -> float:
     return float(np.linalg.norm(m.angular_velocity, axis=-1).max())
 
 
-def graphs(m: Measures, body: Body) -> dict[str, dict[str, Curve]]:
+def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:
     """Energies, and what else is worth a graph, from measures of shape (T,) and (T, 3).
 
     The energies of gravity and of the springs count from their least.
@@ -163,9 +163,9 @@ def graphs(m: Measures, body: Body) -> dict[str, dict[str, Curve]]:
         }
     }
     drawn["height [m]"] = {"height": Curve(m.centre[:, 2], SLATE)}
-    if len(body.springs):
+    if any(len(placed.body.springs) for placed in scene.bodies):
         drawn["strain [%]"] = {"strain": Curve(100 * m.strain, RED)}
-    if body.floppy or not len(body.springs):
+    if not _turns(scene):
         return drawn
     tilt = np.degrees(np.arctan2(np.hypot(m.axis[:, 0], m.axis[:, 1]), m.axis[:, 2]))
     spin = np.einsum("ti,ti->t", m.angular_velocity, m.axis)
@@ -173,6 +173,11 @@ def graphs(m: Measures, body: Body) -> dict[str, dict[str, Curve]]:
         "tilt [°]": {"tilt": Curve(tilt, ORANGE)},
         "spin [rad/s]": {"spin": Curve(spin, TEAL)},
     }
+
+
+def _turns(scene: Scene) -> bool:
+    """Whether it is one body, which holds its shape, so that tilt and spin mean something."""
+    return len(scene.bodies) == 1 and not scene.body.floppy and len(scene.body.springs) > 0
 
 
 def _arrows(recording: Recording) -> dict[str, Arrows]:
@@ -184,16 +189,16 @@ def _arrows(recording: Recording) -> dict[str, Arrows]:
     size = 0.6 * size_of(x)
     drawn: dict[str, Arrows] = {}
     if scene.gravity is not None and len(recording.times) > 2:
-        weight = scene.body.mass * np.array(scene.gravity)
+        weight = scene.masses.sum() * np.array(scene.gravity)
         push = np.gradient(m.momentum, recording.times, axis=0) - weight
         longer = np.linalg.norm(push, axis=1) / np.linalg.norm(weight)
         push = push / np.maximum(1.0, longer / STEEPEST)[:, None]
         length = 0.6 * size / float(np.linalg.norm(weight))
         drawn["weight"] = Arrows(m.centre, np.tile(length * weight, (len(x), 1)), SLATE)
-        if scene.pinned or scene.surfaces:
+        if len(scene.bodies) == 1 and (scene.pinned or scene.surfaces):
             push = np.where((longer > 0.02)[:, None], push, 0.0)
             drawn["support"] = Arrows(_supported_at(recording), length * push, GREEN)
-    if not scene.body.floppy and len(scene.body.masses) > 1:
+    if _turns(scene):
         about = x[:, scene.pivot] if scene.pivot >= 0 else m.centre
         for name, vectors, color in (
             ("angular velocity", m.angular_velocity, TEAL),

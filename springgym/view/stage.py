@@ -174,16 +174,19 @@ class Stage:
         look, x = motion.look, motion.positions[0]
         triangles, colors = np.asarray(look.triangles), np.asarray(look.triangle_colors)
         self._faces: list[tuple[Any, np.ndarray]] = []
-        for n, color in enumerate(np.unique(colors, axis=0)) if len(triangles) else ():
-            corners = triangles[(colors == color).all(axis=1)].ravel()
+        self._opacities: list[float | None] = []
+        kinds = np.column_stack([colors, np.asarray(look.opacity)])
+        for n, (*color, opacity) in enumerate(np.unique(kinds, axis=0).tolist()) if len(triangles) else ():
+            corners = triangles[(kinds == (*color, opacity)).all(axis=1)].ravel()
+            self._opacities.append(opacity if opacity < 1 else None)
             mesh = self._scene.add_mesh_simple(
                 f"/world/body/faces{n}",
                 x[corners].astype(np.float32),
                 np.arange(len(corners)).reshape(-1, 3),
-                color=tuple(color.tolist()),
+                color=tuple(map(int, color)),
                 flat_shading=True,
                 side="double",
-                opacity=look.opacity if look.opacity < 1 else None,
+                opacity=self._opacities[n],
             )
             self._faces.append((mesh, corners))
         self._bars: Any = None
@@ -241,9 +244,9 @@ class Stage:
         elif self._world.position.any():
             self._world.position = self._ground.position = np.zeros(3)
         glass = self._shown["springs"]
-        for mesh, corners in self._faces:
+        for (mesh, corners), own in zip(self._faces, self._opacities, strict=True):
             mesh.vertices = x[corners].astype(np.float32)
-            opacity = GLASS if glass else motion.look.opacity if motion.look.opacity < 1 else None
+            opacity = GLASS if glass else own
             if mesh.opacity != opacity:
                 mesh.opacity = opacity
         if self._bars is not None:

@@ -453,7 +453,7 @@ def test_surfaces_are_the_scenery():
 )
 def test_look_fits_the_body(name):
     body = load(name).scene.body
-    drawn = look(body, 1)
+    drawn = look(Scene(body), 1)
     assert drawn.particles <= len(body.masses)
     assert len(np.asarray(drawn.triangles)) == len(body.triangles)
     heavy = np.flatnonzero(np.asarray(drawn.radii) > 0.03)

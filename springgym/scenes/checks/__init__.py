@@ -56,13 +56,20 @@ CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
 
 
 def check(recording: Recording) -> list[Check]:
-    """All that a scene file asks to check.
+    """All that a scene file asks to check, of several bodies one after another.
 
     Raises
     ------
     ValueError
         Naming the check that has nothing to say of such a scene.
     """
+    if recording.plan.parts:
+        each = zip(recording.plan.scene.bodies, recording.parts, strict=True)
+        return [
+            result._replace(quantity=f"{placed.name}: {result.quantity}")
+            for placed, part in each
+            for result in check(part)
+        ]
     fitting(recording.plan)
     found: list[Check] = []
     for name in recording.plan.checks:

@@ -193,6 +193,8 @@ def fitting(plan: Plan) -> None:
     ValueError
         Naming the check that does not fit, and why.
     """
+    for part in plan.parts:
+        fitting(part)
     for name in plan.checks:
         try:
             for need in NEEDS.get(name, ()):
