@@ -261,6 +261,11 @@ class Scene:
             raise ValueError(f"bodies are {len(bodies)}; there must be at most {MOST_BODIES}")
         names = [placed.name for placed in bodies]
         for n, name in enumerate(names):
+            if len(names) > 1 and (not name or "." in name):
+                raise ValueError(
+                    f"bodies[{n}] is called {name!r}; among several, the name of a body must be some text "
+                    "without a dot"
+                )
             if name in names[:n]:
                 raise ValueError(
                     f"bodies[{names.index(name)}] and bodies[{n}] are both called {name!r}; give "

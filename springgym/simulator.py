@@ -239,19 +239,18 @@ class Simulator:
         ledger = None if self._ledger is None else Ragged(self._ledger, entries)
         return Ragged(self._x, particles), Ragged(self._v, particles), ledger
 
-    def _actuated(self) -> list[dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]]:
-        """What `actuate` sets of each body: by name the array, the shape of values, a single copy's view."""
-        return [
-            {
-                name: (
-                    array,
-                    (self.copies, *array.shape[1:]),
-                    numbers(array)[0, ..., 0] if self.copies == 1 else None,
-                )
-                for name, array in packing.actuators(packed).items()
-            }
-            for packed in self._packed
-        ]
+    def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
+        """What `actuate` sets, by name: the array, the shape of its values, and a view of a single copy's."""
+        several = len(self._packed) > 1
+        return {
+            f"{placed.name}.{name}" if several else name: (
+                array,
+                (self.copies, *array.shape[1:]),
+                numbers(array)[0, ..., 0] if self.copies == 1 else None,
+            )
+            for placed, packed in zip(self.scene.bodies, self._packed, strict=True)
+            for name, array in packing.actuators(packed).items()
+        }
 
     # --- State ------------------------------------------------------------------------------------
 
@@ -415,17 +414,16 @@ class Simulator:
                     f"{self.integrator.name} allows at most {limit:.4g} s there"
                 )
 
-    def actuate(self, body: int | str | None = None, **values: Any) -> None:
-        """Set what the actuators of a body do until further notice.
+    def actuate(self, **values: Any) -> None:
+        """Set what the scene's actuators do until further notice.
 
         Parameters
         ----------
-        body
-            Number or name of the body; the only one if not given.
         values
             ``force`` [N], ``torque``, ``body_torque`` [N·m] of the wrench, ``acceleration`` [m/s²] of
             the drive, each (copies, 3), ``thrust`` [N] (copies, thrusters, 3); or without the copies, for
-            all of them. There is a ``body_torque`` only for bodies that are `Body.oriented`.
+            all of them. There is a ``body_torque`` only for bodies that are `Body.oriented`. Of several
+            bodies, a name is that of the body and, behind a dot, of what it does: "left.force".
 
         Raises
         ------
@@ -434,13 +432,11 @@ class Simulator:
         ValueError
             If a shape is another, a number not finite, or the scene has no such actuator; nothing is changed.
         """
-        number = 0 if body is None and len(self._actuators) == 1 else self.scene.number(body)
-        actuators = self._actuators[number]
+        actuators = self._actuators
         for name, value in values.items():
             if name not in actuators:
                 known = ", ".join(actuators) or "none"
-                owner = "the scene" if len(self._actuators) == 1 else f"body {body!r}"
-                raise ValueError(f"{owner} has no actuator for {name!r}; it has {known}")
+                raise ValueError(f"the scene has no actuator for {name!r}; it has {known}")
             shape = actuators[name][1]
             # What environments give at every step passes at once: the sum of the squares bounds each number.
             if not (

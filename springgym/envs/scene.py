@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -57,8 +58,9 @@ def make_scene_env(
         step: copy what is to be kept.
     actuators
         What the actions drive, and with how much at ±1: "force" [N], "torque", "body_torque" [N·m] on the
-        whole body (three entries each), "thrust" [N] (three for each of the scene's thrusters),
-        "acceleration" [m/s²] of its drive (three). A wrench is added to a scene that has none.
+        whole body (three entries each), "thrust" [N] (three for each of its thrusters), "acceleration"
+        [m/s²] of its drive (three). A wrench is added to a body that has none. Of several bodies, the body
+        is named before a dot: "left.force".
     num_envs
         None for a single environment, else how many in a batch.
     max_episode_steps
@@ -155,10 +157,9 @@ class SceneTask(Task):
             for name, most in mapping("actuators", actuators).items()
         }
         self._scene = _acted_on(scene, self._actuators)
-        thrusters = len(scene.thrust.particles) if scene.thrust else 0
-        self._sizes = {name: 3 * thrusters if name == "thrust" else 3 for name in self._actuators}
+        self._sizes = {name: 3 * _thrusters(self._scene, name) for name in self._actuators}
         self.actions = {"actuators": sum(self._sizes.values())}  # type: ignore[misc]
-        self._size = float(np.ptp(scene.body.positions, axis=0).max()) or 1.0  # a particle has none
+        self._size = _size(scene)
         fastest = float(np.linalg.norm(scene.velocities, axis=1).max())
         self._scales = (
             self._size if position_scale is None else checks.number("position_scale", position_scale, TINY),
@@ -173,8 +174,9 @@ class SceneTask(Task):
 
     @cached_property
     def particles(self) -> Particles:
-        scene, count = self._scene, len(self._scene.body.masses)
-        held = set(scene.pinned) - ({scene.drive.particle} if scene.drive else set())
+        scene, count = self._scene, len(self._scene.masses)
+        each = zip(scene.bodies, scene.slices, strict=True)
+        held = set(scene.pins) - {own.start + placed.drive.particle for placed, own in each if placed.drive}
         moving = tuple(i for i in range(count) if i not in held)
         return Particles(moving, np.full(count, self._scales[0]), np.full(count, self._scales[1]))
 
@@ -188,19 +190,14 @@ class SceneTask(Task):
             x = checks.array("the positions that start gave", begun[0], shape)
             v = checks.array("the velocities that start gave", begun[1], shape)
         if factors["scale"] != 1:
-            x, v = (self._middle(u) + factors["scale"] * (u - self._middle(u)) for u in (x, v))
+            x, v = (_scaled(self._scene, u, factors["scale"]) for u in (x, v))
         return Start(x, v)
-
-    def _middle(self, values: np.ndarray) -> np.ndarray:
-        """Values (N, 3) at the pivot, or their mean by mass: what a scale leaves."""
-        scene = self._scene
-        return values[scene.pivot] if scene.pivot >= 0 else np.average(values, 0, scene.body.masses)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         values, at = {}, 0
         for name, size in self._sizes.items():
             part = self._actuators[name] * action[:, at : at + size]
-            values[name] = part.reshape(len(action), -1, 3) if name == "thrust" else part
+            values[name] = part.reshape(len(action), -1, 3) if name.endswith("thrust") else part
             at += size
         return values
 
@@ -309,18 +306,52 @@ def _of_shape(name: str, given: Any, shape: tuple[int | None, ...], kinds: str, 
     return values
 
 
+def _size(scene: Scene) -> float:
+    """The largest extent of a body [m]; 1 of single particles, which have none."""
+    return max(float(np.ptp(placed.body.positions, axis=0).max()) for placed in scene.bodies) or 1.0
+
+
+def _scaled(scene: Scene, values: np.ndarray, factor: float) -> np.ndarray:
+    """Positions or velocities (N, 3) of bodies that are larger by a factor, about pivot or centre of mass."""
+    scaled = np.array(values)
+    for placed, own in zip(scene.bodies, scene.slices, strict=True):
+        u = values[own]
+        middle = u[placed.pivot] if placed.pivot >= 0 else np.average(u, 0, placed.body.masses)
+        scaled[own] = middle + factor * (u - middle)
+    return scaled
+
+
+def _named(scene: Scene, name: str) -> tuple[int, str]:
+    """The body that an actuator acts on, and the kind of the actuator."""
+    if len(scene.bodies) == 1:
+        return 0, name
+    body, _, kind = name.partition(".")
+    names = [placed.name for placed in scene.bodies]
+    return names.index(chosen(f"the body that actuators[{name!r}] names", body, names)), kind
+
+
+def _thrusters(scene: Scene, name: str) -> int:
+    """How many thrusters an actuator has; anything else is one."""
+    body, kind = _named(scene, name)
+    thrust = scene.bodies[body].thrust
+    return len(thrust.particles) if kind == "thrust" and thrust else 1
+
+
 def _acted_on(scene: Scene, actuators: Mapping[str, float]) -> Scene:
     """The scene with the actuators that are named, a wrench added if need be."""
-    there = {"thrust": scene.thrust, "acceleration": scene.drive}
     if not actuators:
         raise ValueError("actuators is empty; the actions must drive something")
+    bodies = list(scene.bodies)
     for name in actuators:
-        chosen("a name in actuators", name, (*WRENCH, *there))
-        if name in there and there[name] is None:
+        body, kind = _named(scene, instance("a name in actuators", name, str))
+        placed = bodies[body]
+        there = {"thrust": placed.thrust, "acceleration": placed.drive}
+        chosen("a name in actuators", kind, (*WRENCH, *there))
+        if kind in there and there[kind] is None:
             raise ValueError(f"actuators has {name!r}, but the scene has nothing that it could drive")
-    if scene.wrench is None and set(actuators) & set(WRENCH):
-        return scene.with_(wrench=WrenchActuator())
-    return scene
+        if kind in WRENCH and placed.wrench is None:
+            bodies[body] = replace(placed, wrench=WrenchActuator())
+    return scene.with_(bodies=tuple(bodies))
 
 
 class SceneEnv(SpringEnv, gym.Env):

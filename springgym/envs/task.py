@@ -11,7 +11,7 @@ import hashlib
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
@@ -265,16 +265,19 @@ class Episodes:
         """
         if integrator is not None:
             instance("integrator", integrator, str)
-        body, period = scene.body, self.task.period
+        period = self.task.period
         factor = {name: self.ranges.get(name, (1.0, 1.0)) for name in RANDOMIZABLE}
-        if self.ranges:
-            scene = scene.with_(
-                body=body.with_(
-                    stiffness=body.stiffness * factor["stiffness"][1],
-                    damping=body.damping * factor["damping"][1],
-                    masses=body.masses * factor["masses"][0],
-                )
+
+        def fastest(body: Body) -> Body:
+            return body.with_(
+                stiffness=body.stiffness * factor["stiffness"][1],
+                damping=body.damping * factor["damping"][1],
+                masses=body.masses * factor["masses"][0],
             )
+
+        if self.ranges:
+            bodies = (replace(placed, body=fastest(placed.body)) for placed in scene.bodies)
+            scene = scene.with_(bodies=tuple(bodies))
         method = kind.integrator(kind.default(scene) if integrator is None else integrator)
         ranges = f" with randomize={self.ranges}" if self.ranges else ""
         if step is not None:
@@ -376,13 +379,15 @@ class Episodes:
 
     def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
         """Refuse starts (k, N, 3) in a shape that has diverged already."""
-        body = self.simulator.scene.body
-        if self.simulator.dynamics == "rigid" or not len(body.springs):
+        scene = self.simulator.scene
+        if self.simulator.dynamics == "rigid":
             return
-        first, second = body.springs.T
+        each = zip(scene.bodies, scene.slices, strict=True)
+        first, second = np.concatenate([placed.body.springs + own.start for placed, own in each]).T
+        lengths = np.concatenate([placed.body.lengths for placed in scene.bodies])
         scale = np.array([[factors["scale"]] for factors in drawn])
         apart = np.linalg.norm(positions[:, second] - positions[:, first], axis=-1)
-        strain = np.abs(apart / (scale * body.lengths) - 1).max(axis=1)
+        strain = np.abs(apart / (scale * lengths) - 1).max(axis=1, initial=0.0)
         if not (strain <= STRAIN_LIMIT).all():
             n = int(np.argmax(~(strain <= STRAIN_LIMIT)))
             factors = ", ".join(f"{name} × {drawn[n][name]:g}" for name in self.ranges)
@@ -403,7 +408,7 @@ class Episodes:
         self._given[:] = action
         if not self._take(self._given, self.strength, self.action, self._driven):
             raise ValueError(f"action holds a value that is not finite: {action}")
-        simulator.actuate(None, **task.actuate(self._driven))
+        simulator.actuate(**task.actuate(self._driven))
         simulator.advance(self.steps, check=False, read=True)
         self._evaluate(*self._shown, self._shown_action, self.goal, self.parameters, self.out)
         result = Step(np.empty(self.copies), np.empty(self.copies, bool), np.empty(self.copies, bool))
@@ -462,11 +467,10 @@ class Episodes:
 
     def _vary_simulator(self, copy: int, factors: Mapping[str, float]) -> None:
         scene = self.simulator.scene
+        of_bodies = {"masses": "masses", "stiffness": "stiffness", "damping": "damping", "lengths": "scale"}
         values = {
-            "masses": scene.body.masses * factors["masses"],
-            "stiffness": scene.body.stiffness * factors["stiffness"],
-            "damping": scene.body.damping * factors["damping"],
-            "lengths": scene.body.lengths * factors["scale"],
+            name: np.concatenate([getattr(placed.body, name) for placed in scene.bodies]) * factors[factor]
+            for name, factor in of_bodies.items()
         }
         if scene.gravity is not None:
             values["gravity"] = np.array(scene.gravity) * factors["gravity"]
@@ -482,10 +486,13 @@ class Episodes:
 
     def _identity(self) -> dict[str, Any]:
         """What a state belongs to."""
-        body, simulator = self.simulator.scene.body, self.simulator
-        digest = hashlib.sha256(repr(simulator.scene.pinned).encode())
-        for values in (body.masses, body.springs, body.lengths, body.stiffness, body.damping):
-            digest.update(values.tobytes())
+        simulator = self.simulator
+        digest = hashlib.sha256()
+        for placed in simulator.scene.bodies:
+            body = placed.body
+            digest.update(repr(placed.pinned).encode())
+            for values in (body.masses, body.springs, body.lengths, body.stiffness, body.damping):
+                digest.update(values.tobytes())
         return {
             "task": type(self.task).__name__,
             "action": self.task.action,
@@ -743,17 +750,21 @@ def _fastest(scene: Scene, kind: Dynamics) -> str:
     """What asks for the shortest steps, in words."""
     if kind is not DYNAMICS["springs"]:
         return "it starts to turn too fast"
-    body = scene.body
-    stiffness, damping = np.zeros(len(body.masses)), np.zeros(len(body.masses))
-    for end in body.springs.T:
-        np.add.at(stiffness, end, body.stiffness)
-        np.add.at(damping, end, body.damping)
-    rate = np.maximum(np.sqrt(stiffness / body.masses), damping / body.masses) * scene.free
-    n = int(np.argmax(rate))
-    return (
-        f"particle {n} of {body.masses[n]:.3g} kg is held by springs of {stiffness[n]:.3g} N/m and dampers "
-        f"of {damping[n]:.3g} kg/s in all"
-    )
+    found = []
+    for placed in scene.bodies:
+        body = placed.body
+        stiffness, damping = np.zeros(len(body.masses)), np.zeros(len(body.masses))
+        for end in body.springs.T:
+            np.add.at(stiffness, end, body.stiffness)
+            np.add.at(damping, end, body.damping)
+        rate = np.maximum(np.sqrt(stiffness / body.masses), damping / body.masses) * placed.free
+        n = int(np.argmax(rate))
+        what = (
+            f"particle {n} of {body.masses[n]:.3g} kg is held by springs of {stiffness[n]:.3g} N/m and "
+            f"dampers of {damping[n]:.3g} kg/s in all"
+        )
+        found.append((float(rate[n]), what))
+    return max(found)[1]
 
 
 def _checked_limit(steps: int | None) -> int:

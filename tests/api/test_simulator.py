@@ -18,8 +18,8 @@ from springgym.blocks import to_copies
 from springgym.bodies import cube, top
 from springgym.compiling import SameTypes, kernel
 from springgym.measures import Measures
-from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.packing import PARAMETERS as VARYING
+from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import SimulationDivergedError, Simulator
 from springgym.surfaces import Contact, floor, impact_damping
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
@@ -195,7 +195,7 @@ def values_of(simulator: Simulator, name: str) -> np.ndarray:
     if name in ("positions", "velocities"):
         return getattr(simulator, name)
     if name not in VARYING:
-        return to_copies(simulator._actuators[0][name][0], COPIES)
+        return to_copies(simulator._actuators[name][0], COPIES)
     (packed,) = simulator._packed
     rows = to_copies(VARYING[name].stored(packed.terms), COPIES)
     if shape_of(name) == (28,):
