@@ -354,6 +354,7 @@ class Player:
                 continue
             check(False, "a call that cannot be done was done")
         check(equal(self.everything(), before), "a refused call changed something")
+        springgym.set_state(self.env, before)  # Gymnasium's time limit starts anew at a refused reset, too
 
     def everything(self) -> Any:
         return copy.deepcopy(springgym.get_state(self.env))
