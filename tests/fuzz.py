@@ -41,7 +41,7 @@ DRIFT, ROUGH_DRIFT = 0.05, 0.25
 in double precision; and in single precision, or where there are surfaces. A rigid body that falls from 5 m
 can be off by 8 %, by 0.1 % with steps 16 times finer; a cube of springs that strikes edge first by 6 %."""
 
-QUIVER = 3e-5
+QUIVER = 1e-4
 """Way that a body may fall without the energy being noticed, as a share of its size."""
 
 COPIES = (None, None, 1, 2, 3, 8, 9, 17, 64, 257, 1024)
