@@ -143,7 +143,16 @@ class SpringFreeTop(Task):
             inwards = (DISH - foot[2]) * math.sin(steepness)
             foot = np.array([inwards * math.cos(bearing), inwards * math.sin(bearing), 0.0])
             foot[2] = DISH - (DISH - self._height(factors)) * math.cos(steepness)
-        return Start(foot + arm, rigid_velocities(arm, spin * turn[:, 2], (0.0, 0.0, 0.0)))
+        positions = foot + arm
+        positions[:, 2] += self._lift(np.delete(positions, tip, axis=0), self._height(factors))
+        return Start(positions, rigid_velocities(arm, spin * turn[:, 2], (0.0, 0.0, 0.0)))
+
+    def _lift(self, positions: np.ndarray, height: float) -> float:
+        """How far a top that leans its ring into the surface must be lifted for it to lie on the ring [m]."""
+        ground = np.full(len(positions), height)
+        if self.surface == "dish":
+            ground = DISH - np.sqrt((DISH - height) ** 2 - (positions[:, :2] ** 2).sum(axis=1))
+        return max(0.0, float((ground - positions[:, 2]).max()))
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         push, twist = FORCE * action, self.torque * action
