@@ -19,7 +19,9 @@ from numpy.random import Generator
 from springgym import checks
 from springgym.checks import TINY, chosen, instance
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.task import BOUND, Particles, Start, Task, mapping
+from springgym.envs.observation import BOUND, Entry, Particles
+from springgym.envs.options import mapping
+from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene, WrenchActuator
@@ -124,7 +126,7 @@ class SceneTask(Task):
     actions: ClassVar = {"actuators": 0}
     terms = ("own",)
     metrics = ()
-    frame_size = 0
+    entries: ClassVar[tuple[Entry, ...]] = ()
 
     def __init__(
         self,
@@ -148,8 +150,7 @@ class SceneTask(Task):
             if function is not None:
                 _callable(name, function)
         self._observe, self._start = observe, start
-        judges = ((1, "succeeded", succeeded), (2, "failed", failed))
-        self._judges = [(column, name, function) for column, name, function in judges if function is not None]
+        self._judges = (("met", "succeeded", succeeded), ("failed", "failed", failed))
         self.hold = checks.whole("hold", hold, 1)  # type: ignore[misc]
         self.period = checks.number("period", period, TINY)  # type: ignore[misc]
         self._actuators = {
@@ -159,11 +160,11 @@ class SceneTask(Task):
         self._scene = _acted_on(scene, self._actuators)
         self._sizes = {name: 3 * _thrusters(self._scene, name) for name in self._actuators}
         self.actions = {"actuators": sum(self._sizes.values())}  # type: ignore[misc]
-        self._size = _size(scene)
+        self._extent = _extent(scene)
         fastest = float(np.linalg.norm(scene.velocities, axis=1).max())
         self._scales = (
-            self._size if position_scale is None else checks.number("position_scale", position_scale, TINY),
-            max(fastest, math.sqrt(9.81 * self._size))
+            self._extent if position_scale is None else checks.number("position_scale", position_scale, TINY),
+            max(fastest, math.sqrt(9.81 * self._extent))
             if velocity_scale is None
             else checks.number("velocity_scale", velocity_scale, TINY),
         )
@@ -213,10 +214,9 @@ class SceneTask(Task):
     ) -> None:
         shape = (len(out),)
         with _hearing(m):
-            out[:, 0] = _numbers("reward", self._reward(m, x, v, action), shape, m)
-            out[:, 1:] = 0.0
-            for column, name, judge in self._judges:
-                out[:, column] = _of_shape(name, judge(m, x, v), shape, "b", "bools")
+            out["reward_own"] = _numbers("reward", self._reward(m, x, v, action), shape, m)
+            for field, name, judge in self._judges:
+                out[field] = 0.0 if judge is None else _of_shape(name, judge(m, x, v), shape, "b", "bools")
 
     def frame(
         self,
@@ -231,7 +231,8 @@ class SceneTask(Task):
 
     def prepare(self, m: Measures, x: np.ndarray, v: np.ndarray) -> None:
         if self._observe is not None:
-            self.frame_size = self._seen(m, x, v, (len(x), None)).shape[1]  # type: ignore[misc]
+            size = self._seen(m, x, v, (len(x), None)).shape[1]
+            self.entries = (Entry("own", size),)  # type: ignore[misc]
 
     def _seen(self, m: Measures, x: np.ndarray, v: np.ndarray, shape: tuple[int | None, ...]) -> np.ndarray:
         assert self._observe is not None
@@ -243,7 +244,7 @@ class SceneTask(Task):
 
     def camera(self) -> Camera:
         centre = tuple(self._scene.positions.mean(axis=0).tolist())
-        return Camera.framing(centre, 2.5 * self._size)
+        return Camera.framing(centre, 2.5 * self._extent)
 
     def scenery(self) -> Scenery:
         planes = tuple((s.point, s.normal) for s in self._scene.surfaces if isinstance(s, Plane))
@@ -306,7 +307,7 @@ def _of_shape(name: str, given: Any, shape: tuple[int | None, ...], kinds: str, 
     return values
 
 
-def _size(scene: Scene) -> float:
+def _extent(scene: Scene) -> float:
     """The largest extent of a body [m]; 1 of single particles, which have none."""
     return max(float(np.ptp(placed.body.positions, axis=0).max()) for placed in scene.bodies) or 1.0
 
