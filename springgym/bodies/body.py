@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from springgym.bodies.elastic import Cable, Elastic
 from springgym.checks import TINY, array, flag, indices, instance, whole_array
 
 MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
@@ -17,6 +18,9 @@ found from matrices of (3 N)² numbers, in a time that grows as N³ and at this 
 
 EXACT = 400
 """Up to so many particles, ways to change shape are counted to the accuracy that doubles allow."""
+
+PHYSICAL = ("positions", "masses", "springs", "stiffness", "damping", "lengths")
+"""Fields of a `Body` that decide how it moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,8 @@ class Body:
         Its surface, for drawing; corners in the order that points the normal outwards.
     floppy
         Whether its springs may leave it free to change shape, as a rope is.
+    solid
+        What it stands for, if it was made from a material (`springgym.bodies.solid`).
 
     Raises
     ------
@@ -69,6 +75,7 @@ class Body:
     parts: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), int))
     floppy: bool = False
+    solid: Elastic | Cable | None = None
 
     def __post_init__(self) -> None:
         instance("name of a body", self.name, str)
@@ -189,7 +196,12 @@ class Body:
         return self.parts[name][0]
 
     def with_(self, **changes: Any) -> Self:
-        """A copy with some fields changed, checked anew."""
+        """A copy with some fields changed, checked anew.
+
+        With other particles or springs it stands for no ``solid`` any more, unless that is given anew.
+        """
+        if not changes.keys().isdisjoint(PHYSICAL):
+            changes = {"solid": None} | changes
         return replace(self, **changes)
 
     @cached_property
@@ -232,7 +244,7 @@ class Body:
         return (
             f"Body({self.name!r}: {len(self.masses)} particles of {_span(self.masses)} kg, "
             f"{self.mass:g} kg in all; {springs}{', floppy' if self.floppy else ''}; "
-            f"parts: {', '.join(self.parts) or 'none'})"
+            f"parts: {', '.join(self.parts) or 'none'}{f'; {self.solid!r}' if self.solid else ''})"
         )
 
 

@@ -184,7 +184,8 @@ def _balls(body: Body, size: float) -> dict[str, Any]:
 
 
 def _top(body: Body, size: float) -> dict[str, Any]:
-    ring, poles = len(body.parts["ring"]), [body.particle("crown"), body.particle("tip")]
+    upper = "crown" if "crown" in body.parts else "heart"  # of a solid top
+    ring, poles = len(body.parts["ring"]), [body.particle(upper), body.particle("tip")]
     heavy = body.masses > 1.01 * np.median(body.masses[:ring])
     radii, colors = np.where(heavy, 0.05 * size, 0.0), np.tile(INK, (len(body.masses), 1))
     radii[poles], colors[poles] = 0.02 * size, INK

@@ -10,13 +10,30 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from springgym.bodies import Body, box, cube, from_mesh, from_points, gyroscope, rope, start, top, union
+from springgym.bodies import (
+    Body,
+    box,
+    cube,
+    from_mesh,
+    from_points,
+    gyroscope,
+    rope,
+    solid_box,
+    solid_hull,
+    solid_mesh,
+    solid_rope,
+    solid_top,
+    start,
+    top,
+    union,
+)
 from springgym.bodies.motion import Start
+from springgym.bodies.precession import heavy_top
 from springgym.checks import shown
 from springgym.integrators import METHODS
 from springgym.scene import GRAVITY, Scene
 from springgym.scenes.checks import CHECKS
-from springgym.scenes.plan import LEAST, Plan, Plot, Vector, View, heavy_top
+from springgym.scenes.plan import LEAST, Plan, Plot, Vector, View
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
 from springgym.surfaces import Contact, Dish, PaperContact, Plane, Surface, floor, incline, scales
 from springgym.theory.contact import rest_height
@@ -205,6 +222,11 @@ def _mesh(
     return from_mesh(folder / file, mass, by, scale, stiffness, damping)
 
 
+def _solid_mesh(folder: Path, file: str, material: str, scale: float = 1.0, softened: float = 1.0) -> Body:
+    """Arguments of `springgym.bodies.solid_mesh`; ``file`` is relative to the scene file."""
+    return solid_mesh(folder / file, material, scale, softened)
+
+
 KINDS: dict[str, Callable[..., Body]] = {
     "top": top,
     "gyroscope": gyroscope,
@@ -214,6 +236,11 @@ KINDS: dict[str, Callable[..., Body]] = {
     "points": from_points,
     "mesh": _mesh,
     "net": _net,
+    "solid_top": solid_top,
+    "solid_box": solid_box,
+    "solid_hull": solid_hull,
+    "solid_mesh": _solid_mesh,
+    "solid_rope": solid_rope,
 }
 """Bodies by the name a scene file gives them; ``union`` is the other."""
 
@@ -234,7 +261,7 @@ def _body(tree: Tree, path: tuple[str, ...]) -> Body:
         where = tree.where[*path, "kind"]
         raise YamlError(f"{where}: unknown kind {shown(kind)}{suggestion(kind, [*KINDS, 'union'])}")
     skip = ("kind", "name", "at") if len(path) > 1 else ("kind",)
-    given = {"folder": Path(tree.where[()]).parent} if kind == "mesh" else {}
+    given = {"folder": Path(tree.where[()]).parent} if kind in ("mesh", "solid_mesh") else {}
     return build(KINDS[kind], tree, path, skip=skip, **given)
 
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from springgym.bodies.precession import heavy_top
 from springgym.scenes import load, names
-from springgym.scenes.plan import heavy_top
 from springgym.strict_yaml import YamlError
 from springgym.surfaces import Contact, Dish, PaperContact, Plane, scales
 from springgym.theory.contact import force

@@ -8,8 +8,10 @@ from collections.abc import Callable
 import numpy as np
 
 from springgym import rigid
+from springgym.bodies.elastic import Cable, Elastic
+from springgym.bodies.precession import heavy_top
 from springgym.rigid.shape import check_rigid
-from springgym.scenes.plan import Plan, heavy_top
+from springgym.scenes.plan import Plan
 from springgym.surfaces import Contact, Dish, Plane, scales
 
 Need = Callable[[Plan], None]
@@ -161,26 +163,42 @@ def _flips(plan: Plan) -> None:
         )
 
 
+def _solid(plan: Plan) -> None:
+    if not isinstance(plan.scene.body.solid, Elastic):
+        raise ValueError(f"body {plan.scene.body.name!r} is made of no material")
+
+
+def _cable(plan: Plan) -> None:
+    if not isinstance(plan.scene.body.solid, Cable):
+        raise ValueError(f"body {plan.scene.body.name!r} is no rope made of a material")
+
+
 NEEDS: dict[str, tuple[Need, ...]] = {
     "bounces": (_particle, _ground, _dropped, _gravity),
     "bungee": (_rope, _gravity),
+    "cable": (_cable, _rope, _gravity),
     "dish_period": (_particle, _dish, _gravity),
     "flips": (_free, _flips),
     "nutation": (_top,),
     "pendulum": (_pinned, _gravity),
     "rest_height": (_level, _gravity),
     "restitution": (_particle, _ground, _dropped, _restitution, _gravity),
+    "ring_down": (_solid, _free),
+    "ring_frequency": (_solid, _free),
     "rope_modes": (_rope, _gravity),
     "rope_stretch": (_rope, _gravity),
     "rope_swing": (_rope, _gravity),
     "sleep": (_top,),
     "slope": (_slope, _gravity),
     "small_swings": (_pinned, _gravity),
+    "solid_inertia": (_solid,),
+    "spin_gap": (_solid, _top),
     "spun_length": (_pair, _free),
     "steady_precession": (_top,),
     "stopping": (_level, _friction, _moves, _gravity),
     "straight_fall": (_level, _ice, _gravity),
     "twin": (_trace, _rigid),
+    "wobble": (_solid, _free),
 }
 """By the name of a check; the others mean something for every scene."""
 

@@ -1,0 +1,224 @@
+"""Materials by four constants (wood by eleven), and a table of some, every figure with its source."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Self
+
+import numpy as np
+
+from springgym.theory import solid
+
+
+@dataclass(frozen=True)
+class Grain:
+    """What wood is across its grain: radially (R, from the pith) and tangentially (T, along the rings).
+
+    With E_L and ν_LR of its `Material`, the nine constants of an orthotropic solid. ν_ij is the contraction
+    along j by a pull along i.
+    """
+
+    young_r: float
+    """E_R [Pa]"""
+    young_t: float
+    """E_T [Pa]"""
+    shear_lr: float
+    """G_LR [Pa]"""
+    shear_lt: float
+    """G_LT [Pa]"""
+    shear_rt: float
+    """G_RT [Pa]"""
+    poisson_lt: float
+    """ν_LT"""
+    poisson_rt: float
+    """ν_RT"""
+
+
+@dataclass(frozen=True)
+class Material:
+    """An elastic material with internal friction.
+
+    Parameters
+    ----------
+    name
+        What it is.
+    young
+        Young's modulus E [Pa]; of wood E_L, along the grain.
+    poisson
+        Poisson's ratio ν; of wood ν_LR.
+    density
+        ρ [kg/m³].
+    loss
+        Loss factor η: the share of the energy that a vibration at the lowest frequency of a body loses in a
+        radian. Its damping ratio is η/2.
+    grain
+        Of wood, what it is across the grain; None for a material that is the same in all directions.
+    softness
+        How many times softer than it really is, see `softened`.
+    sources
+        Where each figure is from, by the names above; "guess" for one that no source was found for.
+
+    Raises
+    ------
+    ValueError
+        Naming a constant that no material has.
+    """
+
+    name: str
+    young: float
+    poisson: float
+    density: float
+    loss: float = 0.0
+    grain: Grain | None = None
+    softness: float = 1.0
+    sources: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("young", "density", "softness"):
+            value = getattr(self, name)
+            if not 0 < value < np.inf:
+                raise ValueError(f"{name} of {self.name!r} is {value}; it must be positive and finite")
+        if not 0 <= self.loss < 1:
+            raise ValueError(f"loss of {self.name!r} is {self.loss}; it must be at least 0 and below 1")
+        if self.grain is None and not -1 < self.poisson < 0.5:
+            raise ValueError(f"poisson of {self.name!r} is {self.poisson}; it must lie between −1 and 0.5")
+        if self.grain is not None:
+            self.elasticity()
+
+    def softened(self, factor: float) -> Self:
+        """The same material with all of its moduli divided by a factor; its density and loss stay.
+
+        Frequencies of a body of it are lower by √factor, stable steps longer by as much, and its growth under
+        spin, and with it the difference from a rigid body, is larger by the factor.
+
+        Raises
+        ------
+        ValueError
+            If the factor is not positive and finite.
+        """
+        if not 0 < factor < np.inf:
+            raise ValueError(f"softened is {factor}; it must be positive and finite")
+        grain = self.grain and replace(
+            self.grain,
+            **{
+                name: getattr(self.grain, name) / factor
+                for name in ("young_r", "young_t", "shear_lr", "shear_lt", "shear_rt")
+            },
+        )
+        return replace(self, young=self.young / factor, grain=grain, softness=self.softness * factor)
+
+    def elasticity(self) -> np.ndarray:
+        """Stiffness tensor C (3, 3, 3, 3) [Pa]; of wood R along x, T along y and the grain along z."""
+        if self.grain is None:
+            return solid.isotropic(self.young, self.poisson)
+        grain = self.grain
+        return solid.orthotropic(
+            (grain.young_r, grain.young_t, self.young),
+            (
+                grain.poisson_rt,
+                self.poisson * grain.young_r / self.young,  # ν_RL
+                grain.poisson_lt * grain.young_t / self.young,  # ν_TL
+            ),
+            (grain.shear_rt, grain.shear_lr, grain.shear_lt),
+        )
+
+    def __str__(self) -> str:
+        return self.name if self.softness == 1 else f"{self.name} made {self.softness:g} times softer"
+
+
+def _described(sources: str, **others: str) -> Mapping[str, str]:
+    """Sources by figure: one for all, and others by name."""
+    names = ("young", "poisson", "density", "loss")
+    return dict.fromkeys(names, sources) | others
+
+
+IRVINE = "T. Irvine, Damping Properties of Materials, rev. C (2004), tables 1 and 2"
+BEECH = "table 1 of doi:10.1186/s10086-019-1794-4"
+OAK = "Wood Handbook (USDA), laurel (red) oak at 12 % moisture"
+PLASTICS = "engineersedge.com, properties of plastic materials, table 14630"
+ABS = "makeitfrom.com, unfilled ABS"
+NATURAL = "MatWeb, vulcanised natural rubber"
+
+MATERIALS: Mapping[str, Material] = MappingProxyType(
+    {
+        material.name: material
+        for material in (
+            Material(
+                "steel",
+                *(210e9, 0.31, 7800.0, 2e-4),
+                sources=_described(IRVINE, loss=f"{IRVINE}: 0.2e-4 to 3e-4"),
+            ),
+            Material(
+                "aluminium",
+                *(72e9, 0.34, 2700.0, 1e-4),
+                sources=_described(IRVINE, loss=f"{IRVINE}: about 1e-4 in bending"),
+            ),
+            Material(
+                "brass",
+                *(95e9, 0.33, 8500.0, 5e-4),
+                sources=_described(IRVINE, loss=f"{IRVINE}: 2e-4 to 1e-3"),
+            ),
+            Material(
+                "beech",
+                *(12.205e9, 0.502, 710.0, 0.01),
+                grain=Grain(1.858e9, 0.774e9, 0.899e9, 0.595e9, 0.195e9, 0.705, 0.526),
+                sources=_described(
+                    BEECH, density="wood-database.com, European beech, dried", loss="guess", grain=BEECH
+                ),
+            ),
+            Material(
+                "oak",
+                *(12.9e9, 0.350, 706.0, 0.01),
+                grain=Grain(1.98e9, 1.06e9, 1.15e9, 1.04e9, 0.21e9, 0.448, 0.560),
+                sources=_described(
+                    OAK,
+                    young=f"{OAK}: 1.1 times its 11.7 GPa in bending, as that book advises",
+                    density=f"{OAK}: 1.12 times its specific gravity of 0.63",
+                    loss="guess",
+                    grain=f"{OAK}, as shares of E_L; G_RT: guess, the share of beech",
+                ),
+            ),
+            Material(
+                "nylon",
+                *(2.69e9, 0.40, 1140.0, 0.03),
+                sources=_described(
+                    PLASTICS, young=f"{PLASTICS}: nylon 6/6, dry", poisson="guess", loss="guess"
+                ),
+            ),
+            Material(
+                "abs",
+                *(2.0e9, 0.41, 1050.0, 0.02),
+                sources=_described(ABS, density=f"{PLASTICS}: ABS, extrusion grade", loss="guess"),
+            ),
+            Material(
+                "rubber",
+                *(1.5e6, 0.4999, 950.0, 0.1),
+                sources=_described(
+                    NATURAL,
+                    young=f"{NATURAL}: three times its shear modulus of 0.5 MPa",
+                    poisson="½ − E/6K with K = 2.9 GPa, the mean of 14 rubbers in Burns, Dubbelday & Ting, "
+                    "Dynamic Bulk Modulus of Various Elastomers",
+                    loss="SolidWorks help, viscous damping ratios, after Adams & Askenazi: ζ = 0.05",
+                ),
+            ),
+        )
+    }
+)
+"""Materials by name. Figures are typical: samples of wood and plastic differ by 10 % and more."""
+
+
+def material_of(given: Material | str) -> Material:
+    """The material itself, or that of this name in `MATERIALS`.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+    """
+    if isinstance(given, Material):
+        return given
+    if given not in MATERIALS:
+        raise ValueError(f"unknown material {given!r}; there are {', '.join(MATERIALS)}")
+    return MATERIALS[given]
