@@ -9,7 +9,17 @@ from typing import Self
 
 import numpy as np
 
+from springgym.checks import TINY, instance, number, shown
 from springgym.theory import solid
+
+MODULI = ("young_r", "young_t", "shear_lr", "shear_lt", "shear_rt")
+"""Fields of `Grain` that are moduli [Pa]."""
+
+LEAST_POISSON, MOST_POISSON = -0.99, 0.49999
+"""Poisson's ratios lie between −1 and ½. Nearer to these, the elasticity of a solid is lost in rounding."""
+
+SOFTEST = 1e12
+"""Materials are made softer, or stiffer, by this factor at the most."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +44,12 @@ class Grain:
     """ν_LT"""
     poisson_rt: float
     """ν_RT"""
+
+    def __post_init__(self) -> None:
+        for name in MODULI:
+            object.__setattr__(self, name, number(f"{name} of a grain", getattr(self, name), low=TINY))
+        for name in ("poisson_lt", "poisson_rt"):
+            object.__setattr__(self, name, number(f"{name} of a grain", getattr(self, name)))
 
 
 @dataclass(frozen=True)
@@ -62,6 +78,8 @@ class Material:
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
         Naming a constant that no material has.
     """
@@ -76,16 +94,22 @@ class Material:
     sources: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        for name in ("young", "density", "softness"):
-            value = getattr(self, name)
-            if not 0 < value < np.inf:
-                raise ValueError(f"{name} of {self.name!r} is {value}; it must be positive and finite")
-        if not 0 <= self.loss < 1:
-            raise ValueError(f"loss of {self.name!r} is {self.loss}; it must be at least 0 and below 1")
-        if self.grain is None and not -1 < self.poisson < 0.5:
-            raise ValueError(f"poisson of {self.name!r} is {self.poisson}; it must lie between −1 and 0.5")
-        if self.grain is not None:
-            self.elasticity()
+        instance("name of a material", self.name, str)
+        wood = instance(f"grain of {self.name!r}", self.grain, Grain, type(None)) is not None
+        bounds: dict[str, dict[str, float]] = {
+            **{name: {"low": TINY} for name in ("young", "density", "softness")},
+            "poisson": {} if wood else {"low": LEAST_POISSON, "high": MOST_POISSON},
+            "loss": {"low": 0.0, "high": 1.0},
+        }
+        for name, bound in bounds.items():
+            object.__setattr__(self, name, number(f"{name} of {self.name!r}", getattr(self, name), **bound))
+        sources = dict(instance(f"sources of {self.name!r}", self.sources, Mapping))
+        object.__setattr__(self, "sources", sources)
+        if wood:
+            try:
+                self.elasticity()
+            except ValueError as error:
+                raise ValueError(f"young, poisson and grain of {self.name!r} do not fit: {error}") from error
 
     def softened(self, factor: float) -> Self:
         """The same material with all of its moduli divided by a factor; its density and loss stay.
@@ -96,17 +120,11 @@ class Material:
         Raises
         ------
         ValueError
-            If the factor is not positive and finite.
+            If the factor is not positive, or farther from 1 than `SOFTEST`.
         """
-        if not 0 < factor < np.inf:
-            raise ValueError(f"softened is {factor}; it must be positive and finite")
-        grain = self.grain and replace(
-            self.grain,
-            **{
-                name: getattr(self.grain, name) / factor
-                for name in ("young_r", "young_t", "shear_lr", "shear_lt", "shear_rt")
-            },
-        )
+        factor = number("factor", factor, 1 / SOFTEST, SOFTEST)
+        softer = {name: getattr(self.grain, name) / factor for name in MODULI} if self.grain else {}
+        grain = self.grain and replace(self.grain, **softer)
         return replace(self, young=self.young / factor, grain=grain, softness=self.softness * factor)
 
     def elasticity(self) -> np.ndarray:
@@ -209,16 +227,19 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
 """Materials by name. Figures are typical: samples of wood and plastic differ by 10 % and more."""
 
 
-def material_of(given: Material | str) -> Material:
-    """The material itself, or that of this name in `MATERIALS`.
+def material_of(given: Material | str, softened: float = 1.0) -> Material:
+    """The material itself, or that of this name in `MATERIALS`, made softer by a factor.
 
     Raises
     ------
+    TypeError
+        If it is neither a material nor a name.
     ValueError
-        If there is none of that name.
+        If there is none of that name, or none so soft, see `Material.softened`.
     """
-    if isinstance(given, Material):
-        return given
-    if given not in MATERIALS:
-        raise ValueError(f"unknown material {given!r}; there are {', '.join(MATERIALS)}")
-    return MATERIALS[given]
+    softened = number("softened", softened, 1 / SOFTEST, SOFTEST)
+    if isinstance(instance("material", given, Material, str), str):
+        if given not in MATERIALS:
+            raise ValueError(f"material is {shown(given)}; it must be one of {', '.join(MATERIALS)}")
+        given = MATERIALS[given]
+    return given.softened(softened)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -20,10 +20,12 @@ from springgym.bodies import Body, softened, solid_top, start
 from springgym.bodies.elastic import Elastic
 from springgym.bodies.motion import axes
 from springgym.bodies.precession import heavy_top, precession_gap
-from springgym.materials import MATERIALS
+from springgym.checks import TINY, chosen, instance, number
+from springgym.integrators import METHODS
+from springgym.materials import MATERIALS, Material
 from springgym.scene import Scene
 from springgym.scenes.checks.tops import angles, mean_rate
-from springgym.scenes.plan import Plan
+from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import load
 from springgym.scenes.recording import record
 from springgym.simulator import DYNAMICS, SimulationDivergedError, Simulator
@@ -51,17 +53,23 @@ class Model(NamedTuple):
     """computing time of a simulated second [s], on this machine, without compiling"""
 
 
-class Need(NamedTuple):
-    """What is asked for, and the models that were tried, the cheapest first."""
+class Steady(NamedTuple):
+    """The slow steady precession of a top."""
 
     tilt: float
     """[rad]"""
     spin: float
     """[rad/s]"""
     rigid: float
-    """precession of the rigid top [rad/s]"""
+    """rate of the rigid top [rad/s]"""
     gap: float
-    """share by which the real one is faster (slower if negative)"""
+    """share by which the elastic one is faster (slower if negative)"""
+
+
+class Need(NamedTuple):
+    """What is asked for, and the models that were tried, the cheapest first."""
+
+    steady: Steady
     wanted: float
     """largest error"""
     models: list[Model]
@@ -81,9 +89,7 @@ class Need(NamedTuple):
         raise ValueError(f"no model precesses within {self.wanted:g} of the real top; take smaller steps")
 
 
-def needed(
-    plan: Plan, wanted: float, implicit: tuple[str, ...] = ("tr_bdf2",), duration: float = 1.0
-) -> Need:
+def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), duration: float = 1.0) -> Need:
     """The models of a top in slow steady precession, each with its measured error and cost.
 
     Parameters
@@ -91,7 +97,7 @@ def needed(
     plan
         A top pinned at its tip; its start gives tilt and spin.
     wanted
-        Largest share by which the precession may differ from that of the real top, the plan's.
+        Largest share by which the precession may differ from that of the real top, the plan's; below 1.
     implicit
         Methods that are tried on the real material with steps as long as their error allows.
     duration
@@ -99,58 +105,40 @@ def needed(
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        If the plan is of no heavy top, it has no steady precession, or the share is not positive.
+        Naming a number out of bounds or an unknown method; or if the plan is of no heavy top, or it has no
+        steady precession.
     """
-    if not 0 < wanted < 1:
-        raise ValueError(f"the wanted share is {wanted}; it must lie between 0 and 1")
-    scene = plan.scene
-    pull = scene.gravity or (0.0, 0.0, 0.0)
-    top = heavy_top(scene.body, scene.pinned, pull)
-    tilt, spin = _turning(scene)
-    rigid = float(steady_precession(top, tilt, spin)[0])
-    gap = precession_gap(scene.body, scene.pinned, pull, tilt, spin)
+    wanted = number("wanted", wanted, TINY, 1.0)
+    duration = number("duration", duration, LEAST["duration"])
+    implicit = [chosen("a method", name, METHODS) for name in instance("implicit", implicit, list, tuple)]
+    scene = instance("plan", plan, Plan).scene
+    steady = _steady(scene.body, scene, *_turning(scene))
 
-    def tried(dynamics: str, integrator: str, factor: float, step: float | None) -> Model:
-        body = softened(scene.body, factor)
-        begun = start(
-            body,
-            tilt=tilt,
-            spin=spin,
-            precession=rigid,
-            pinned=scene.pinned,
-            gravity=scene.gravity,
-            stretched=dynamics == "springs",
-        )
-        made = scene.with_(body=body, positions=begun.positions, velocities=begun.velocities)
-        run = replace(
-            plan, scene=made, integrator=integrator, step=step, duration=duration, interval=duration / 500
-        )
+    def tried(dynamics: str, integrator: str, factor: float = 1.0, step: float | None = None) -> Model:
         try:
-            recording = record(run, dynamics=dynamics)
+            body = softened(scene.body, factor)
+            rate, simulator = _precessing(plan, body, steady, duration, dynamics, integrator, step)
         except SimulationDivergedError:
             return Model(dynamics, integrator, factor, step or math.nan, math.inf, math.inf)
-        rate = mean_rate(recording.times, angles(recording)[1])
-        error = abs(rate / (rigid * (1 + gap)) - 1)
-        simulator = Simulator(made, dynamics=dynamics, integrator=integrator, step=recording.step)
-        cost = _cost(simulator, max(1, round(0.1 * duration / recording.step)))
-        return Model(dynamics, integrator, factor, recording.step, error, cost)
+        error = abs(rate / (steady.rigid * (1 + steady.gap)) - 1)
+        cost = _cost(simulator, max(1, round(0.1 * duration / simulator.step)))
+        return Model(dynamics, integrator, factor, simulator.step, error, cost)
 
-    models = [
-        tried("rigid", DYNAMICS["rigid"].default(scene), 1.0, None),
-        tried("springs", "verlet", 1.0, None),
-    ]
-    factor = _softest(scene.body, scene.pinned, pull, tilt, spin, gap, wanted)
+    models = [tried("rigid", DYNAMICS["rigid"].default(scene)), real := tried("springs", "verlet")]
+    factor = _softest(scene, steady, wanted)
     if factor > 1.01:
-        models.append(tried("springs", "verlet", factor, None))
+        models.append(tried("springs", "verlet", factor))
     for integrator in implicit:
-        step = 2 * math.pi / spin / COARSEST
+        step = 2 * math.pi / abs(steady.spin) / COARSEST
         model = tried("springs", integrator, 1.0, step)
-        while model.error > wanted and step > 2 * models[1].step:
+        while model.error > wanted and step > 2 * real.step:
             step /= 2
             model = tried("springs", integrator, 1.0, step)
         models.append(model)
-    return Need(tilt, spin, rigid, gap, wanted, sorted(models, key=lambda model: model.cost))
+    return Need(steady, wanted, sorted(models, key=lambda model: model.cost))
 
 
 def _turning(scene: Scene) -> tuple[float, float]:
@@ -164,20 +152,47 @@ def _turning(scene: Scene) -> tuple[float, float]:
     return math.acos(float(np.clip(axis[2], -1, 1))), float(omega @ axis)
 
 
-def _softest(
+def _steady(body: Body, scene: Scene, tilt: float, spin: float) -> Steady:
+    """The precession of a body in place of that of a scene."""
+    pull = scene.gravity or (0.0, 0.0, 0.0)
+    rigid = steady_precession(heavy_top(body, scene.pinned, pull), tilt, spin)[0]
+    return Steady(tilt, spin, float(rigid), precession_gap(body, scene.pinned, pull, tilt, spin))
+
+
+def _precessing(
+    plan: Plan,
     body: Body,
-    pinned: tuple[int, ...],
-    gravity: tuple[float, float, float],
-    tilt: float,
-    spin: float,
-    gap: float,
-    wanted: float,
-) -> float:
+    steady: Steady,
+    duration: float,
+    dynamics: str = "springs",
+    integrator: str = "verlet",
+    step: float | None = None,
+) -> tuple[float, Simulator]:
+    """Mean precession [rad/s] of a body that starts at the rate of the rigid top, and a simulator of it."""
+    begun = start(
+        body,
+        tilt=steady.tilt,
+        spin=steady.spin,
+        precession=steady.rigid,
+        pinned=plan.scene.pinned,
+        gravity=plan.scene.gravity,
+        stretched=dynamics == "springs",
+    )
+    scene = plan.scene.with_(body=body, positions=begun.positions, velocities=begun.velocities)
+    run = replace(
+        plan, scene=scene, integrator=integrator, step=step, duration=duration, interval=duration / 500
+    )
+    recording = record(run, dynamics=dynamics)
+    rate = mean_rate(recording.times, angles(recording)[1])
+    return rate, Simulator(scene, dynamics=dynamics, integrator=integrator, step=recording.step)
+
+
+def _softest(scene: Scene, steady: Steady, wanted: float) -> float:
     """The factor by which a top may be made softer to precess within a share of the real one."""
-    most = min(abs(gap) + 0.95 * wanted, SOFTEST)  # the rest is for the steps
-    factor = most / abs(gap)
+    most = min(abs(steady.gap) + 0.95 * wanted, SOFTEST)  # the rest is for the steps
+    factor = most / abs(steady.gap)
     for _ in range(3):  # the gap grows a little faster than the factor
-        own = precession_gap(softened(body, max(1.0, factor)), pinned, gravity, tilt, spin)
+        own = _steady(softened(scene.body, max(1.0, factor)), scene, steady.tilt, steady.spin).gap
         factor *= most / abs(own)
     return max(1.0, factor)
 
@@ -212,35 +227,26 @@ class RealTop(NamedTuple):
     """the same in a batch of `COPIES`, of all copies together"""
 
 
-def real_top(material: str, duration: float = 1.0) -> RealTop:
+def real_top(material: Material | str, duration: float = 1.0) -> RealTop:
     """Measure the top of the scene "steel-top", of another material."""
-    plan = load("steel-top")
-    body = solid_top(0.03, 0.04, material)
-    pinned, pull = body.parts["tip"], plan.scene.gravity or (0.0, 0.0, 0.0)
-    tilt, spin = 0.35, 300.0
-    rigid = float(steady_precession(heavy_top(body, pinned, pull), tilt, spin)[0])
-    begun = start(body, tilt=tilt, spin=spin, precession=rigid, pinned=pinned, gravity=pull)
-    scene = plan.scene.with_(body=body, positions=begun.positions, velocities=begun.velocities)
-    recording = record(replace(plan, scene=scene, duration=duration, interval=duration / 500))
-    rate = mean_rate(recording.times, angles(recording)[1])
+    plan, body = load("steel-top"), solid_top(0.03, 0.04, material)
+    steady = _steady(body, plan.scene, *_turning(plan.scene))
+    rate, alone = _precessing(plan, body, steady, duration)
+    batch = Simulator(alone.scene, step=alone.step, copies=COPIES)
+    steps = max(1, round(0.1 * duration / alone.step))
     solid = body.solid
     assert isinstance(solid, Elastic)
-    speeds = []
-    for copies in (1, COPIES):
-        simulator = Simulator(scene, step=recording.step, copies=copies)
-        steps = max(1, round(0.1 * duration / recording.step / copies**0.5))
-        speeds.append(copies / _cost(simulator, steps))
     return RealTop(
-        material=material,
+        material=str(solid.material),
         mass=body.mass,
         frequency=solid.frequency / (2 * math.pi),
-        step=recording.step,
-        growth=float(solid.stretch[2]) * spin**2,
-        predicted=precession_gap(body, pinned, pull, tilt, spin),
-        gap=rate / rigid - 1,
+        step=alone.step,
+        growth=float(solid.stretch[2]) * steady.spin**2,
+        predicted=steady.gap,
+        gap=rate / steady.rigid - 1,
         ratio=solid.precession_ratio or math.nan,
-        alone=speeds[0],
-        batch=speeds[1],
+        alone=1 / _cost(alone, steps),
+        batch=COPIES / _cost(batch, max(1, round(steps / COPIES**0.5))),
     )
 
 
@@ -302,6 +308,7 @@ def run(args: argparse.Namespace) -> int:
         raise ValueError(
             "which scene? Give one with a top, as steel-top, or --tops for one of every material"
         )
+    number("--gap", args.gap, TINY, 1.0)
     plan = load(args.scene)
     need = needed(plan, args.gap, tuple(args.implicit))
     for line in _said(plan, need):
@@ -310,11 +317,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _said(plan: Plan, need: Need) -> Iterator[str]:
-    best = need.cheapest
-    slower = "slower" if need.gap < 0 else "faster"
+    best, steady = need.cheapest, need.steady
+    slower = "slower" if steady.gap < 0 else "faster"
     yield (
-        f"{plan.name}: tilt {need.tilt:.4g} rad, spin {need.spin:.5g} rad/s; a rigid top precesses at "
-        f"{need.rigid:.7g} rad/s, the real one {abs(need.gap):.2g} {slower}"
+        f"{plan.name}: tilt {steady.tilt:.4g} rad, spin {steady.spin:.5g} rad/s; a rigid top precesses at "
+        f"{steady.rigid:.7g} rad/s, the real one {abs(steady.gap):.2g} {slower}"
     )
     yield f"wanted: the precession within {need.wanted:g} of the real one"
     yield _row(("", "dynamics", "method", "softer by", "step", "error", "computing a second takes"))

@@ -11,6 +11,7 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.checks import TINY, array, flag, indices, instance, number, shown, whole, whole_array
+from springgym.records import ReadOnly
 from springgym.surfaces import (
     Contact,
     Dish,
@@ -64,7 +65,7 @@ class DriveActuator:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(ReadOnly):
     """All that is simulated.
 
     Parameters
@@ -109,9 +110,7 @@ class Scene:
         count = len(body.masses)
         for name, default in (("positions", body.positions), ("velocities", np.zeros((count, 3)))):
             given = getattr(self, name)
-            value = np.array(array(name, default if given is None else given, (count, 3)))
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+            self.keep(name, array(name, default if given is None else given, (count, 3)))
         pinned = dict.fromkeys(indices("pinned", self.pinned, count).tolist())
         object.__setattr__(self, "pinned", tuple(pinned))
         if self.gravity is not None:

@@ -1,5 +1,7 @@
 """Materials: their table, and what makes one softer."""
 
+import copy
+import pickle
 from dataclasses import fields, replace
 
 import numpy as np
@@ -56,29 +58,60 @@ def test_softened(name):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"young": 0.0}, r"young of 'clay' is 0\.0; it must be positive"),
-        ({"density": float("nan")}, "density of 'clay' is nan; it must be positive"),
-        ({"poisson": 0.5}, r"poisson of 'clay' is 0\.5; it must lie between −1 and 0\.5"),
-        ({"loss": -0.1}, r"loss of 'clay' is -0\.1; it must be at least 0"),
-        ({"grain": Grain(1e9, 1e9, 1e9, 1e9, 1e9, 0.9, 0.9), "poisson": 0.9}, "no material has E"),
+        ({"young": 0.0}, r"young of 'clay' is 0\.0; it must be a positive number"),
+        ({"young": True}, "young of 'clay' is True; it must be a positive number"),
+        ({"density": float("nan")}, "density of 'clay' is nan; it must be a positive number"),
+        ({"poisson": 0.5}, r"poisson of 'clay' is 0\.5; it must be a number from -0\.99 to 0\.49999"),
+        ({"loss": -0.1}, r"loss of 'clay' is -0\.1; it must be a number from 0 to 1"),
+        ({"loss": "0.1"}, "loss of 'clay' is '0.1'; it must be a number from 0 to 1"),
+        ({"name": 3}, "name of a material is 3; it must be str"),
+        ({"grain": "oak"}, "grain of 'clay' is 'oak'; it must be Grain or NoneType"),
+        ({"sources": "a book"}, "sources of 'clay' is 'a book'; it must be Mapping"),
+        (
+            {"grain": Grain(1e9, 1e9, 1e9, 1e9, 1e9, 0.9, 0.9), "poisson": 0.9},
+            "young, poisson and grain of 'clay' do not fit: no material has E",
+        ),
     ],
 )
 def test_impossible_materials_are_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((ValueError, TypeError), match=message):
         replace(Material("clay", 1e9, 0.3, 2000.0), **changes)
 
 
-def test_softening_by_nothing_is_refused():
-    with pytest.raises(ValueError, match="softened is 0; it must be positive"):
-        MATERIALS["steel"].softened(0)
+@pytest.mark.parametrize("name", [field.name for field in fields(Grain)])
+def test_impossible_grains_are_refused(name):
+    for value in (float("nan"), "1", None, True):
+        with pytest.raises((ValueError, TypeError), match=f"{name} of a grain is"):
+            replace(MATERIALS["oak"].grain, **{name: value})
+
+
+@pytest.mark.parametrize("factor", [0, -1, float("inf"), 1e13, "2", True])
+def test_softening_by_no_factor_is_refused(factor):
+    with pytest.raises((ValueError, TypeError), match=r"factor is .*; it must be a number from 1e-12 to"):
+        MATERIALS["steel"].softened(factor)
 
 
 def test_by_name():
-    assert material_of("oak") is MATERIALS["oak"]
+    assert material_of("oak") == MATERIALS["oak"]
+    assert material_of("oak").sources == MATERIALS["oak"].sources
+    assert material_of("oak", 4.0) == MATERIALS["oak"].softened(4)
     own = Material("clay", 1e9, 0.3, 2000.0)
-    assert material_of(own) is own
-    with pytest.raises(ValueError, match="unknown material 'cheese'; there are steel, aluminium"):
+    assert material_of(own) == own
+    with pytest.raises(ValueError, match="material is 'cheese'; it must be one of steel, aluminium"):
         material_of("cheese")
+    with pytest.raises(TypeError, match="material is 3; it must be Material or str"):
+        material_of(3)
+
+
+def test_sources_are_its_own():
+    given = {"young": "a book"}
+    clay = Material("clay", 1e9, 0.3, 2000.0, sources=given)
+    given["young"] = "hearsay"
+    assert clay.sources == {"young": "a book"}
+    for copied in (pickle.loads(pickle.dumps(clay)), copy.deepcopy(clay), replace(clay)):
+        assert copied == clay
+        assert hash(copied) == hash(clay)
+        assert copied.sources == clay.sources
 
 
 def test_fields_are_described():

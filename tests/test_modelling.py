@@ -10,7 +10,7 @@ from springgym.scenes import load
 
 def test_rubber_top():
     need = needed(load("rubber-top"), 0.02, implicit=())
-    assert need.gap == pytest.approx(-0.0117, rel=0.01)
+    assert need.steady.gap == pytest.approx(-0.0117, rel=0.01)
     rigid, *springs = sorted(need.models, key=lambda model: (model.dynamics, model.softened))
     assert rigid.error == pytest.approx(0.0118, rel=0.01)  # the rigid top is faster by the gap
     real, softer = springs
@@ -34,10 +34,25 @@ def test_more_than_any_model_has():
         _ = need.cheapest
 
 
-@pytest.mark.parametrize("wanted", [0.0, 1.0, float("nan")])
+@pytest.mark.parametrize("wanted", [0.0, -1.0, 1.1, float("nan"), "0.1", True, None])
 def test_impossible_shares_are_refused(wanted):
-    with pytest.raises(ValueError, match="the wanted share is"):
+    with pytest.raises((ValueError, TypeError), match=r"wanted is .*; it must be a positive number"):
         needed(load("rubber-top"), wanted)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"plan": "rubber-top"}, "plan is 'rubber-top'; it must be Plan"),
+        ({"implicit": "tr_bdf2"}, "implicit is 'tr_bdf2'; it must be list or tuple"),
+        ({"implicit": ["bdf"]}, "a method is 'bdf'; it must be one of"),
+        ({"duration": 0.0}, r"duration is 0\.0; it must be a number from 1e-06"),
+    ],
+)
+def test_what_cannot_be_modelled_is_named(given, message):
+    right = {"plan": load("rubber-top"), "wanted": 0.01}
+    with pytest.raises((ValueError, TypeError), match=message):
+        needed(**(right | given))
 
 
 def test_what_is_no_top_is_refused():
@@ -52,6 +67,8 @@ def test_command(capsys):
     assert "a rigid top precesses at 3.818488 rad/s, the real one 0.012 slower" in said
     assert "→  " in said
     assert main(["model", "steel-rope"]) == 2
+    assert main(["model", "rubber-top", "--gap", "2"]) == 2
+    assert "--gap is 2.0; it must be a positive number" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ import numpy as np
 
 from springgym.bodies.elastic import Cable, Elastic
 from springgym.checks import TINY, array, flag, indices, instance, whole_array
+from springgym.records import ReadOnly
 
 MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
 """Larger bodies are refused: whether springs hold N particles in shape, and the largest stable step, are
@@ -24,7 +25,7 @@ PHYSICAL = ("positions", "masses", "springs", "stiffness", "damping", "lengths")
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(ReadOnly):
     """Particles and springs, checked once when it is made.
 
     Parameters
@@ -81,23 +82,18 @@ class Body:
         instance("name of a body", self.name, str)
         what = f"body {self.name!r}: "
 
-        def keep(name: str, value: np.ndarray) -> None:
-            value = np.array(value)
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
-
         def numbers(name: str, count: int, low: float) -> None:
             given = array(what + name, getattr(self, name), (count,), (), low=low)
-            keep(name, np.broadcast_to(given, (count,)))
+            self.keep(name, np.broadcast_to(given, (count,)))
 
-        keep("positions", array(what + "positions", self.positions, (None, 3), (0,)))
+        self.keep("positions", array(what + "positions", self.positions, (None, 3), (0,)))
         count = len(self.positions)
         if not 0 < count <= MOST_PARTICLES:
             raise ValueError(f"{what}it has {count} particles; it must have from 1 to {MOST_PARTICLES}")
         numbers("masses", count, TINY)
         for name, ends in (("springs", 2), ("triangles", 3)):
             given = whole_array(what + name, getattr(self, name), (None, ends), (0,), high=count - 1)
-            keep(name, given.reshape(-1, ends))
+            self.keep(name, given.reshape(-1, ends))
         self._check_springs()
         if self.lengths is None:
             object.__setattr__(self, "lengths", self._distances())
@@ -120,6 +116,7 @@ class Body:
                 raise ValueError(f"{what}parts[{name!r}] has no particles")
         object.__setattr__(self, "parts", parts)
         flag(what + "floppy", self.floppy)
+        instance(what + "solid", self.solid, Elastic, Cable, type(None))
         self._check_shape()
 
     def _distances(self) -> np.ndarray:
@@ -165,18 +162,18 @@ class Body:
         held = indices("pinned", pinned, len(self.masses))
         free = np.setdiff1d(np.arange(len(self.masses)), held)
         rigid = rigid_motions(self.positions)
-        moving = _rank(rigid.reshape(-1, 6)) - _rank(rigid[held].reshape(-1, 6))
+        moving = rank(rigid.reshape(-1, 6)) - rank(rigid[held].reshape(-1, 6))
         if len(self.masses) > EXACT:
             first, second = self.springs.T
             along = (self.positions[second] - self.positions[first]) / self._distances()[:, None]
             squares = assembled(along[:, :, None] * along[:, None, :], self.springs, len(self.masses))
             coordinates = (3 * free[:, None] + np.arange(3)).ravel()
             sizes = np.linalg.eigvalsh(squares[np.ix_(coordinates, coordinates)])  # of the matrix's square
-            rank = int(np.sum(sizes > 1e-12 * sizes[-1])) if len(sizes) else 0
+            stretching = int(np.sum(sizes > 1e-12 * sizes[-1])) if len(sizes) else 0
         else:
             rows = rigidity_matrix(self.positions, self.springs)[:, free]
-            rank = _rank(rows.reshape(len(rows), 3 * len(free)))
-        return 3 * len(free) - moving - rank
+            stretching = rank(rows.reshape(len(rows), 3 * len(free)))
+        return 3 * len(free) - moving - stretching
 
     def particle(self, name: str) -> int:
         """The particle of a part that has just one.
@@ -220,7 +217,9 @@ class Body:
     @cached_property
     def centre(self) -> np.ndarray:
         """Centre of mass of the unstretched shape [m], (3,)."""
-        return self.masses @ self.positions / self.mass
+        centre = self.masses @ self.positions / self.mass
+        centre.setflags(write=False)
+        return centre
 
     def inertia(self, about: Any = None) -> np.ndarray:
         """Inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), about a point (the centre of mass)."""
@@ -279,7 +278,8 @@ def assembled(blocks: np.ndarray, springs: np.ndarray, count: int) -> np.ndarray
     return matrix.transpose(0, 2, 1, 3).reshape(3 * count, 3 * count)
 
 
-def _rank(matrix: np.ndarray) -> int:
+def rank(matrix: np.ndarray) -> int:
+    """Of a matrix, singular values of less than 1e-9 of the largest counted as zero."""
     if not matrix.size:
         return 0
     sizes = np.linalg.svd(matrix, compute_uv=False)

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from springgym.materials import Material
+from springgym.records import ReadOnly
 
 HIGHER = "higher frequencies and the contraction across a stretch"
 """What bodies with calibrated springs do not have of a solid."""
 
 
 @dataclass(frozen=True, eq=False)
-class Elastic:
+class Elastic(ReadOnly):
     """The elastic solid that a body stands for.
 
     The body has its mass, centre of mass and inertia tensor exactly. Its springs are calibrated to the
@@ -47,9 +48,7 @@ class Elastic:
 
     def __post_init__(self) -> None:
         for name in ("centre", "inertia", "axes", "stretch", "stretch_ratios"):
-            array = np.array(getattr(self, name), float)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            self.keep(name, getattr(self, name))
 
     @property
     def damping_ratio(self) -> float:

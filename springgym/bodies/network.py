@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.bodies.body import Body, rigidity_matrix
+from springgym.bodies.body import Body, rank, rigid_motions, rigidity_matrix
+from springgym.checks import instance
 from springgym.theory.solid import Rule
 
 REACHED = 1e-6
@@ -117,12 +118,10 @@ class Response(NamedTuple):
 
 
 def response(network: Network, stiffness: np.ndarray, axes: np.ndarray) -> Response:
+    """Vibrations of a network, and its growth under spin about some axes, columns (3, 3)."""
     positions, masses, springs = network
     root = np.sqrt(np.repeat(masses, 3))
-    rigidity = rigidity_matrix(positions, springs).reshape(len(springs), -1) / root
-    squares, modes = np.linalg.eigh(rigidity.T @ (stiffness[:, None] * rigidity))
-    squares, modes = squares[6:], modes[:, 6:]
-    elongation = rigidity @ modes
+    squares, modes, elongation = _modes(network, stiffness, 6)
     arm = positions - masses @ positions / masses.sum()
     stretch, spun, moved = np.zeros(3), np.zeros((3, len(springs))), np.zeros((3, *positions.shape))
     for n, axis in enumerate(axes.T):
@@ -133,6 +132,19 @@ def response(network: Network, stiffness: np.ndarray, axes: np.ndarray) -> Respo
         spun[n] = 2 * (elongation @ (load / squares)) ** 2 / inertia
         moved[n] = (modes @ (load / squares) / root).reshape(positions.shape)
     return Response(squares, elongation, stretch, spun, moved)
+
+
+def _modes(network: Network, stiffness: np.ndarray, rigid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """ω² (q,), ascending, modes √m u (3N, q) of unit length, and what they do to springs (S, q).
+
+    As many as there are rigid motions are left out: they come first, at 0.
+    """
+    positions, masses, springs = network
+    root = np.sqrt(np.repeat(masses, 3))
+    rigidity = rigidity_matrix(positions, springs).reshape(len(springs), len(root)) / root
+    squares, modes = np.linalg.eigh(rigidity.T @ (stiffness[:, None] * rigidity))
+    squares, modes = squares[rigid:], modes[:, rigid:]
+    return squares, modes, rigidity @ modes
 
 
 def bars(network: Network) -> np.ndarray:
@@ -214,19 +226,21 @@ def vibrations(body: Body) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     frequencies
-        (3N − 6,) [rad/s], ascending.
+        (q,) [rad/s], ascending: q = 3N − 6 or, of a pair of particles, 1, and of a single one 0.
     modes
-        (3N − 6, N, 3) displacements with Σ m u² = 1 kg·m².
+        (q, N, 3) displacements with Σ m u² = 1 kg·m².
 
     Raises
     ------
+    TypeError
+        If it is no body.
     ValueError
         If the body is floppy.
     """
-    if body.floppy:
+    if instance("body", body, Body).floppy:
         raise ValueError(f"body {body.name!r} is floppy: it does not vibrate about its shape")
-    root = np.sqrt(np.repeat(body.masses, 3))
-    rigidity = rigidity_matrix(body.positions, body.springs).reshape(len(body.springs), -1) / root
-    squares, modes = np.linalg.eigh(rigidity.T @ (body.stiffness[:, None] * rigidity))
-    shapes = (modes / root[:, None]).T.reshape(-1, *body.positions.shape)
-    return np.sqrt(squares[6:]), shapes[6:]
+    rigid = rank(rigid_motions(body.positions).reshape(-1, 6))
+    network = Network(body.positions, body.masses, body.springs)
+    squares, modes, _ = _modes(network, body.stiffness, rigid)
+    shapes = (modes / np.sqrt(np.repeat(body.masses, 3))[:, None]).T.reshape(-1, *body.positions.shape)
+    return np.sqrt(squares), shapes

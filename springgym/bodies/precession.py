@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from springgym.bodies.body import Body, rigidity_matrix
 from springgym.bodies.motion import axes, relative_equilibrium, rotation, skew, spring_force_and_jacobian
+from springgym.checks import array, indices, instance, number
 from springgym.theory.top import HeavyTop, steady_precession
+
+UPRIGHT = 1e-6
+"""A top that leans by less than this angle [rad] from the vertical does not precess."""
 
 TURNS = 4
 """Positions about its axis that a top is averaged over; wood is not the same in all."""
@@ -19,20 +24,46 @@ def heavy_top(body: Body, pinned: Sequence[int], gravity: Sequence[float]) -> He
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        If it is not pinned at one particle, or not symmetric about its axis, or gravity is not vertical.
+        If it is not pinned at one particle, or not symmetric about its axis; or gravity is not vertical, or
+        does not pull it over.
     """
-    if len(pinned) != 1 or any(gravity[:2]):
+    pins = indices("pinned", pinned, len(instance("body", body, Body).masses))
+    pull = array("gravity", gravity, (3,))
+    if len(pins) != 1 or pull[:2].any():
         raise ValueError(f"body {body.name!r} is no heavy top: it needs one pin, and vertical gravity")
-    pin = body.positions[pinned[0]]
-    if body.floppy:
-        raise ValueError(f"body {body.name!r} is no heavy top: it is floppy")
+    pin = body.positions[pins[0]]
+    i1, i3 = axial_moments(body, pin, "heavy top")
     own = axes(body.positions, body.frame)
-    tensor, arm = own.T @ body.inertia(pin) @ own, own.T @ (body.centre - pin)
-    i1, i3 = tensor[0, 0], tensor[2, 2]
-    if np.abs(tensor - np.diag([i1, i1, i3])).max() > 1e-9 * i1 or np.abs(arm[:2]).max() > 1e-9 * abs(arm[2]):
+    arm = own.T @ (body.centre - pin)
+    if np.abs(arm[:2]).max() > 1e-9 * abs(arm[2]):
         raise ValueError(f"body {body.name!r} is no heavy top: it is not symmetric about its axis")
-    return HeavyTop(i1, i3, -body.mass * gravity[2] * arm[2])
+    moment = -body.mass * float(pull[2]) * float(arm[2])
+    if not moment > 0:
+        raise ValueError(f"body {body.name!r} is no heavy top: gravity does not pull it over its pin")
+    return HeavyTop(i1, i3, moment)
+
+
+def axial_moments(body: Body, about: np.ndarray, kind: str = "symmetric top") -> tuple[float, float]:
+    """Moments of inertia I₁ and I₃ across and along the third axis of a body, about a point (3,) [kg·m²].
+
+    ``kind`` is what errors say that it is not.
+
+    Raises
+    ------
+    ValueError
+        If the body is floppy, or its inertia not symmetric about that axis.
+    """
+    if body.floppy:
+        raise ValueError(f"body {body.name!r} is no {kind}: it is floppy")
+    own = axes(body.positions, body.frame)
+    tensor = own.T @ body.inertia(about) @ own
+    i1, i3 = float(tensor[0, 0]), float(tensor[2, 2])
+    if not np.abs(tensor - np.diag([i1, i1, i3])).max() <= 1e-9 * i1:
+        raise ValueError(f"body {body.name!r} is no {kind}: it is not symmetric about its axis")
+    return i1, i3
 
 
 def precession_gap(
@@ -56,20 +87,28 @@ def precession_gap(
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        If it is no heavy top, has no such precession, or no such shape.
+        If it is no heavy top, stands upright, has no such precession, or no such shape.
     """
-    rigid = steady_precession(heavy_top(body, pinned, gravity), tilt, spin)[0]
+    tilt, spin = number("tilt", tilt, UPRIGHT, math.pi - UPRIGHT), number("spin", spin)
+    top = heavy_top(body, pinned, gravity)
+    try:
+        rigid = steady_precession(top, tilt, spin)[0]
+    except ValueError as error:
+        raise ValueError(f"spin is {spin:g}: {error}") from error
+    pin = int(indices("pinned", pinned, len(body.masses))[0])
     own = axes(body.positions, body.frame)
     up = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])  # in axes whose third is that of the top
     mass = body.masses[:, None]
-    pull = np.linalg.norm(gravity)
+    pull = -float(np.asarray(gravity)[2])
 
     def shape(turn: float, omega: np.ndarray) -> np.ndarray:
         """Positions from the pin, in those axes, of the top turned by an angle about its own."""
         placed = rotation((0, 0, 1), turn) @ own.T
-        x = relative_equilibrium(body, placed.T @ omega, pinned, -pull * placed.T @ up)
-        return np.asarray((x - x[pinned[0]]) @ placed.T)
+        x = relative_equilibrium(body, placed.T @ omega, (pin,), -pull * placed.T @ up)
+        return np.asarray((x - x[pin]) @ placed.T)
 
     def balance(rate: float, relative: float) -> tuple[float, float]:
         """Ω that the moment of the weight gives, and ω₃, for an assumed Ω and spin relative to the tilt."""
@@ -87,13 +126,13 @@ def precession_gap(
 
     rate, relative = float(rigid), float(spin - rigid * np.cos(tilt))
     slope = (balance(1.001 * rate, relative)[0] - balance(rate, relative)[0]) / (1e-3 * rate) - 1
-    for _ in range(6):  # Newton's method
+    for _ in range(20):  # Newton's method for the rate; the spin is corrected beside it
         given, spun = balance(rate, relative)
-        change = (given - rate) / slope
-        rate, relative = rate - change, relative + spin - spun
-        if abs(change) < 1e-12 * rate:
-            break
-    return rate / float(rigid) - 1
+        change, lack = (given - rate) / slope, spin - spun
+        rate, relative = rate - change, relative + lack
+        if abs(change) < 1e-11 * abs(rate) and abs(lack) < 1e-11 * abs(spin):
+            return rate / float(rigid) - 1
+    raise ValueError(f"body {body.name!r} has no steady precession with a spin of {spin:g} rad/s")
 
 
 def wobble_growth(body: Body, spin: float) -> float:
@@ -115,9 +154,13 @@ def wobble_growth(body: Body, spin: float) -> float:
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        If there is no steady shape at this spin.
+        If it is not symmetric about its axis, or there is no steady shape at this spin.
     """
+    spin = number("spin", spin)
+    axial_moments(instance("body", body, Body), body.centre)
     axis = axes(body.positions, body.frame)[:, 2]
     shape = relative_equilibrium(body, spin * axis)
     _, jacobian = spring_force_and_jacobian(body, shape)

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.bodies.body import Body
+from springgym.bodies.body import MOST_PARTICLES, Body
 from springgym.bodies.cube import CORNERS, FACES
 from springgym.bodies.elastic import HIGHER, Cable, Elastic
 from springgym.bodies.irregular import MOST_VERTICES, braces, convex_hull, edges_of, read_mesh
@@ -37,15 +37,24 @@ from springgym.bodies.network import (
     response,
     second_moments,
 )
-from springgym.bodies.network import (
-    missed as missed_by,
-)
-from springgym.materials import Material, material_of
+from springgym.bodies.network import missed as missed_by
+from springgym.bodies.rope import rope
+from springgym.checks import TINY, array, instance, number, shown, whole
+from springgym.materials import SOFTEST, Material, material_of
 from springgym.theory import rope as chain
 from springgym.theory import solid as theory
 
 ENOUGH = 0.01
 """A hull is given more particles if its frequency and growths are missed by more than this share."""
+
+MOST_RING = 40
+"""Rings of a top are no finer: their springs are of four kinds, however many, and fit the solid no better."""
+
+MOST_UNEQUAL = 100.0
+"""Radius and height of a top differ by this factor at the most,"""
+
+FLATTEST = 30.0
+"""and the root mean squares of the coordinates of other solids, along their principal axes, by this."""
 
 AXIS_RELUCTANCE = 30.0
 """The spring along the axis of a top changes less than others in calibration, by this weight."""
@@ -104,25 +113,31 @@ def solid_top(
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        If a length is not positive, the ring too small, or the material unknown.
+        Naming a number out of bounds (a height is from 1/100 to 100 radii), or if the material is unknown.
     """
-    if ring < 4:
-        raise ValueError(f"ring is {ring}; a solid top has at least 4 particles in its ring")
-    for name, value in {"radius": radius, "height": height}.items():
-        if not 0 < value < math.inf:
-            raise ValueError(f"{name} is {value} m; it must be positive and finite")
-    made = material_of(material).softened(softened)
+    ring = whole("ring", ring, 4, MOST_RING)
+    radius, height = number("radius", radius, low=TINY), number("height", height, low=TINY)
+    if not 1 / MOST_UNEQUAL <= radius / height <= MOST_UNEQUAL:
+        raise ValueError(
+            f"radius is {radius:g} and height {height:g}; neither must be more than {MOST_UNEQUAL:g} "
+            "times the other"
+        )
+    made = material_of(material, softened)
     unit = _unit_top(radius / height, ring, _tensor(made))
     heart, tip, edge = ring, ring + 1, [(n, (n + 1) % ring) for n in range(ring)]
-    body = _body(unit, made, height, "cone")
     # pinned at its tip, at a height l = ¾ h below its centre, a top precesses at Ω = M g l/I₃ω
     of_springs = unit.solid.stretch[2] * unit.stretch_ratios[2] + unit.moved[2, tip, 2] / 0.75
     of_solid = unit.solid.stretch[2] + unit.solid.moved[2, 0, 2] / 0.75
-    assert isinstance(body.solid, Elastic)
-    return body.with_(
+    return _body(
+        unit,
+        made,
+        height,
+        "cone",
+        precession_ratio=float(of_springs / of_solid),
         name="top",
-        solid=replace(body.solid, precession_ratio=float(of_springs / of_solid)),
         frame=(tip, heart, 0),
         parts={"ring": tuple(range(ring)), "heart": (heart,), "tip": (tip,)},
         triangles=np.array([(heart, i, j) for i, j in edge] + [(tip, j, i) for i, j in edge]),
@@ -182,34 +197,35 @@ def solid_box(
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        If there are not three positive sides, the material is unknown or, of a lattice, a wood, cells are
-        too far from cubes, or the body would have more than 400 particles.
+        Naming a number out of bounds; or if the material is unknown or, of a lattice, a wood; cells are too
+        far from cubes; or the body would have more than 400 particles.
     """
-    lengths = np.array(sides, float)
-    if lengths.shape != (3,) or not ((lengths > 0) & np.isfinite(lengths)).all():
-        raise ValueError(f"sides are {sides}; a box has three positive sides")
-    if cells < 1:
-        raise ValueError(f"cells is {cells}; a box has at least one along its shortest side")
-    made = material_of(material).softened(softened)
+    lengths = array("sides", sides, (3,), low=TINY)
+    cells = whole("cells", cells, 1, MOST_VERTICES)
+    made = material_of(material, softened)
     size = float(lengths.min())
     shares = tuple((lengths / size).tolist())
     counts = tuple(max(1, round(cells * share)) for share in shares)
     particles = math.prod(n + 1 for n in counts) + (math.prod(counts) if cells == 1 else 0)
     if particles > MOST_VERTICES:
         raise ValueError(
-            f"a box of {' × '.join(map(str, counts))} cells has {particles} particles; there may be "
-            f"{MOST_VERTICES}"
+            f"sides are {shown(sides)} and cells {cells}; such a box has {particles:g} particles, and must "
+            f"have at most {MOST_VERTICES}"
         )
-    if cells == 1:
-        body = _body(_unit_box(shares, counts, _tensor(made)), made, size, "box")
-    else:
-        if made.grain is not None:
-            raise ValueError(f"a lattice has no grain: make the box of {made.name!r} with cells = 1")
-        body = _body(_unit_lattice(shares, counts), made, size, "box", f"a Poisson's ratio of {made.poisson}")
-    where = lengths / 2 * np.vstack([CORNERS, CORNERS * (1, 1, -1)])
-    corner = np.linalg.norm(body.positions - where[:, None], axis=2).argmin(axis=1).tolist()
-    return body.with_(
+    if cells > 1 and made.grain:
+        raise ValueError(f"cells is {cells}; a box of {made.name!r} must have 1: a lattice has no grain")
+    unit = _unit_box(shares, counts, _tensor(made)) if cells == 1 else _unit_lattice(shares, counts)
+    where = np.array(shares) / 2 * np.vstack([CORNERS, CORNERS * (1, 1, -1)])
+    corner = np.linalg.norm(unit.network.positions - where[:, None], axis=2).argmin(axis=1).tolist()
+    return _body(
+        unit,
+        made,
+        size,
+        "box",
+        missed=HIGHER if cells == 1 else f"a Poisson's ratio of {made.poisson}",
         name="box",
         frame=(corner[4], corner[0], corner[5]),
         parts={f"corner {n}": (i,) for n, i in enumerate(corner)}
@@ -266,12 +282,14 @@ def solid_hull(points: Sequence[Sequence[float]], material: Material | str, soft
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
         If the points have no volume or are not finite, or the material is unknown.
     """
-    cloud = np.array(points, float)
+    cloud = array("points", points, (None, 3), (0,))
+    made = material_of(material, softened)
     corners, triangles = np.unique(convex_hull(cloud), return_inverse=True)
-    made = material_of(material).softened(softened)
     return _polyhedron("hull", cloud[corners], triangles.reshape(-1, 3), made, "convex hull")
 
 
@@ -301,8 +319,8 @@ def solid_mesh(path: str | Path, material: Material | str, scale: float = 1.0, s
     ValueError
         If it is no mesh, too fine or not closed, or its moments cannot be had.
     """
+    made = material_of(material, softened)
     name, vertices, triangles, _ = read_mesh(path, scale)
-    made = material_of(material).softened(softened)
     return _polyhedron(name, vertices, triangles, made, "mesh")
 
 
@@ -316,9 +334,13 @@ def _polyhedron(
         tuple(map(tuple, triangles.tolist())),
         _tensor(material),
     )
-    body = _body(unit, material, size, shape, at=middle)
-    last = len(body.masses) - 1
-    return body.with_(
+    last = len(unit.network.masses) - 1
+    return _body(
+        unit,
+        material,
+        size,
+        shape,
+        at=middle,
         name=name,
         frame=(last, 0, 1),
         parts={"surface": tuple(range(last)), "centre": (last,)},
@@ -334,6 +356,13 @@ def _unit_polyhedron(
     vertices, triangles = np.array(points), np.array(faces)
     rule = theory.polyhedron_rule(vertices, triangles, theory.DEGREE if len(faces) <= FINE else 6)
     centre = rule.weights @ rule.points / rule.weights.sum()
+    arm = rule.points - centre
+    extents = np.sqrt(np.maximum(np.linalg.eigvalsh((rule.weights * arm.T) @ arm), 0.0))
+    if not FLATTEST * extents[0] >= extents[-1]:
+        raise ValueError(
+            "the points of the surface are too flat or slender: in one direction the solid extends less "
+            f"than 1/{FLATTEST:g} of what it does in another"
+        )
     symmetries = SWAPS if _is_isotropic(tensor) else REFLECTIONS
     found: list[tuple[Unit, np.ndarray]] = []
     for corners, outside in ((vertices, triangles), _subdivided(vertices, triangles)):
@@ -397,35 +426,22 @@ def solid_rope(
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        If a length or the mass is not positive, there are fewer than two beads, or the material is unknown.
+        Naming a number out of bounds, or if the material is unknown.
     """
-    for name, value in {"diameter": diameter, "length": length, "end_mass": end_mass}.items():
-        if not 0 < value < math.inf:
-            raise ValueError(f"{name} is {value}; it must be positive and finite")
-    if beads < 2:
-        raise ValueError(f"beads is {beads}; a rope has at least 2: its top and the weight")
-    cable = Cable(material_of(material).softened(softened), diameter, length, end_mass)
-    last = beads - 1
-    masses = np.full(beads, cable.mass / last)
-    masses[[0, last]] /= 2
-    masses[last] += end_mass
-    stiffness = cable.material.young * cable.section * last / length
+    diameter, length = number("diameter", diameter, low=TINY), number("length", length, low=TINY)
+    beads, end_mass = whole("beads", beads, 2, MOST_PARTICLES), number("end_mass", end_mass, low=TINY)
+    cable = Cable(material_of(material, softened), diameter, length, end_mass)
+    masses = np.full(beads, cable.mass / (beads - 1))
+    masses[[0, -1]] /= 2
+    masses[-1] += end_mass
+    stiffness = cable.material.young * cable.section * (beads - 1) / length
     bounce = chain.bounce_modes(masses[1:], stiffness).frequencies[0]
-    positions = np.zeros((beads, 3))
-    positions[:, 2] = -length * np.arange(beads) / last
-    return Body(
-        name="rope",
-        positions=positions,
-        masses=masses,
-        springs=np.array([(n, n + 1) for n in range(last)]),
-        stiffness=stiffness,  # type: ignore[arg-type]
-        damping=cable.material.loss * stiffness / bounce,
-        frame=(last, 0, 0),
-        parts={"top": (0,), "beads": tuple(range(last)), "weight": (last,)},
-        floppy=True,
-        solid=cable,
-    )
+    damping = cable.material.loss * stiffness / bounce
+    even = rope(beads, length, stiffness=stiffness, damping=damping)
+    return even.with_(masses=masses, solid=cable)
 
 
 def softened(body: Body, factor: float) -> Body:
@@ -435,12 +451,13 @@ def softened(body: Body, factor: float) -> Body:
 
     Raises
     ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        If the factor is not positive and finite.
+        If the factor is not positive, or farther from 1 than `springgym.materials.SOFTEST`.
     """
-    if not 0 < factor < math.inf:
-        raise ValueError(f"factor is {factor}; it must be positive and finite")
-    solid = body.solid
+    factor = number("factor", factor, 1 / SOFTEST, SOFTEST)
+    solid = instance("body", body, Body).solid
     if isinstance(solid, Elastic):
         solid = replace(
             solid,
@@ -502,10 +519,13 @@ def _body(
     material: Material,
     size: float,
     shape: str,
-    missed: str = HIGHER,
+    *,
     at: Any = (0.0, 0.0, 0.0),
+    missed: str = HIGHER,
+    precession_ratio: float | None = None,
+    **named: Any,
 ) -> Body:
-    """The body of a unit whose length 1 is ``size`` [m], moved to ``at``; its parts are still to come."""
+    """The body of a unit whose length 1 is ``size`` [m], moved to ``at``; ``named`` are fields of `Body`."""
     solid, scale = unit.solid, material.density * size**3
     frequency = float(solid.frequencies[0]) * math.sqrt(material.young / material.density) / size
     stiffness = unit.stiffness * material.young * size
@@ -520,14 +540,15 @@ def _body(
         stretch=solid.stretch * material.density * size**2 / material.young,
         frequency_ratio=unit.frequency_ratio,
         stretch_ratios=unit.stretch_ratios,
+        precession_ratio=precession_ratio,
         missed=missed,
     )
     return Body(
-        name=shape,
         positions=unit.network.positions * size + at,
         masses=unit.network.masses * scale,
         springs=unit.network.springs,
         stiffness=stiffness,
         damping=material.loss * stiffness / frequency,
         solid=stands_for,
+        **named,
     )

@@ -216,7 +216,8 @@ def elastic_solid(
 ) -> ElasticSolid:
     """Mass, inertia, frequencies and spin stretch of a free elastic solid.
 
-    Polynomials are of the rule's degree: 8 has 495 unknowns.
+    Polynomials are of the rule's degree, 8 having 495 unknowns, in coordinates along the principal
+    axes: in others, those of a flat solid that lies aslant could hardly be told from each other.
 
     Parameters
     ----------
@@ -235,14 +236,20 @@ def elastic_solid(
     centre = density * rule.weights @ rule.points / mass
     arm = rule.points - centre
     second = density * (rule.weights * arm.T) @ arm
-    basis = _basis(rule, centre)
+    own = np.eye(3)
+    if np.abs(second - np.diag(np.diag(second))).max() > 1e-9 * np.trace(second):
+        own = np.linalg.eigh(second)[1]
+    basis = _basis(rule._replace(points=arm @ own))
     root = np.linalg.inv(np.linalg.cholesky(basis.gram))  # root phi are orthonormal
     slopes = [root @ derivative for derivative in basis.derivatives]
     products = np.array([[a @ basis.gram @ b.T for b in slopes] for a in slopes])
     count = len(root)
-    matrix = np.einsum("ikjl,klab->iajb", np.asarray(elasticity, float), products, optimize=True)
+    stiffness = np.asarray(elasticity, float)
+    for _ in range(4):  # each index in turn
+        stiffness = np.tensordot(stiffness, own, (0, 0))
+    matrix = np.einsum("ikjl,klab->iajb", stiffness, products, optimize=True)
     matrix = matrix.reshape(3 * count, 3 * count)
-    directions = np.eye(3) if axes is None else np.asarray(axes, float)
+    directions = own.T @ (np.eye(3) if axes is None else np.asarray(axes, float))
     across = np.eye(3) - np.einsum("in,jn->nij", directions, directions)
     # the force rho r of unit omega about each axis, its moments with all polynomials; it has no resultant
     forces = density * np.einsum("nij,aj->ian", across, root @ basis.arms).reshape(3 * count, 3)
@@ -253,10 +260,10 @@ def elastic_solid(
         elastic = values > every[5]  # the six lowest are of rigid motion, 0 but for round-off
         load = modes[:, elastic].T @ forces[block]
         response[block] = modes[:, elastic] @ (load / values[elastic, None])
-    inertia = np.einsum("nij,ij->n", across, second)
+    inertia = np.einsum("nij,ij->n", across, own.T @ second @ own)
     stretch = 2 * np.sum(forces * response, axis=0) / inertia
-    at = basis.at(np.reshape(np.asarray(marks, float), (-1, 3))) @ root.T
-    moved = np.einsum("pa,ian->npi", at, response.reshape(3, count, 3))
+    at = basis.at((np.reshape(np.asarray(marks, float), (-1, 3)) - centre) @ own) @ root.T
+    moved = np.einsum("pa,ian,ji->npj", at, response.reshape(3, count, 3), own, optimize=True)
     return ElasticSolid(mass, centre, second, np.sqrt(every[6:] / density), stretch, moved)
 
 
@@ -280,12 +287,12 @@ class _Basis(NamedTuple):
     derivatives: tuple[Floats, ...]
     """d phi_a/dx_k = sum of derivatives[k][a, b] phi_b, each (n, n)"""
     arms: Floats
-    """int phi_a (x - centre), (n, 3)"""
+    """int phi_a x, (n, 3)"""
     at: Callable[[Floats], Floats]
     """phi at points (Q, 3), (Q, n)"""
 
 
-def _basis(rule: Rule, centre: Floats) -> _Basis:
+def _basis(rule: Rule) -> _Basis:
     degree = rule.degree
     low, high = rule.points.min(axis=0), rule.points.max(axis=0)
     middle, half = (high + low) / 2, (high - low) / 2
@@ -302,7 +309,7 @@ def _basis(rule: Rule, centre: Floats) -> _Basis:
         points, weights = rule.points[start : start + CHUNK], rule.weights[start : start + CHUNK]
         phi = at(points)
         gram += phi.T @ (weights[:, None] * phi)
-        arms += phi.T @ (weights[:, None] * (points - centre))
+        arms += phi.T @ (weights[:, None] * points)
     index = {tuple(p): n for n, p in enumerate(powers.tolist())}
     derivatives = tuple(np.zeros((count, count)) for _ in range(3))
     for n, p in enumerate(powers.tolist()):

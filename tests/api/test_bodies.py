@@ -18,12 +18,21 @@ from springgym.bodies import (
     relative_equilibrium,
     rope,
     rotation,
+    softened,
+    solid_box,
+    solid_hull,
+    solid_rope,
+    solid_top,
     spinning,
     start,
     stretched_shapes,
     top,
     union,
+    vibrations,
 )
+from springgym.bodies.precession import heavy_top, precession_gap, wobble_growth
+from springgym.materials import MATERIALS, Grain, Material
+from springgym.theory.top import HeavyTop
 from tests.api.values import KINDS, NUMBERS, Door, arguments, arrays, attempt, door
 
 CUBE, TOP = cube(), top(ring=5)
@@ -60,6 +69,19 @@ DOORS: list[Door] = [
     door(CUBE.principal, about=(0.0, 0.0, 0.0)),
     door(CUBE.floppy_modes, pinned=(0,)),
     door(TOP.particle, name="tip"),
+    door(Material, name="clay", young=1e9, poisson=0.3, density=2e3, loss=0.1, sources={"loss": "a book"}),
+    door(Material, name="fir", young=12.9e9, poisson=0.35, density=7e2, grain=MATERIALS["oak"].grain),
+    door(Grain, **vars(MATERIALS["oak"].grain)),
+    door(MATERIALS["oak"].softened, factor=2.0),
+    door(solid_top, radius=0.03, height=0.04, material="steel", ring=5),
+    door(solid_box, sides=(0.03, 0.02, 0.02), material="oak"),
+    door(solid_hull, points=TETRAHEDRON, material="steel"),
+    door(solid_rope, material="nylon", diameter=0.01),
+    door(softened, body=TOP, factor=2.0),
+    door(vibrations, body=TOP),
+    door(heavy_top, body=TOP, pinned=(6,), gravity=(0.0, 0.0, -1.0)),
+    door(precession_gap, body=TOP, pinned=(6,), gravity=(0.0, 0.0, -1.0), tilt=0.3, spin=40.0),
+    door(wobble_growth, body=TOP, spin=20.0),
 ]
 
 
@@ -95,6 +117,8 @@ def finite_numbers(result: Any) -> list[Any]:
         assert all(0 <= i < len(result.masses) and type(i) is int for i in result.frame)
         held = ("positions", "masses", "stiffness", "damping", "lengths", "mass")
         return [getattr(result, name) for name in held]
+    if isinstance(result, (Material, Grain, HeavyTop)):
+        return [value for value in vars(result).values() if isinstance(value, float)]
     if isinstance(result, (Start, tuple)):
         return list(result)
     return [] if result is None else [getattr(result, "coefficients", result)]

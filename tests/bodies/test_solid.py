@@ -26,6 +26,7 @@ from springgym.bodies.elastic import Elastic
 from springgym.bodies.lattice import lattice
 from springgym.bodies.network import Network, bars, calibrated, missed, moment_masses, orbits, response
 from springgym.materials import MATERIALS
+from springgym.scene import Scene
 from springgym.theory import solid as theory
 
 CUBE = list(product((-0.01, 0.01), repeat=3))
@@ -265,6 +266,16 @@ def test_hull_far_from_the_origin():
     assert far.solid.centre == pytest.approx(far.centre, abs=1e-13)
 
 
+def test_hull_that_is_thin_and_lies_aslant():
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    thin = STONE * (1, 1, 0.1)
+    straight, aslant = solid_hull(thin, "steel"), solid_hull(thin @ turn.T, "steel")
+    assert aslant.solid.frequency == pytest.approx(straight.solid.frequency, rel=1e-6)
+    assert reached(aslant)[0] == pytest.approx(1, abs=1e-4)
+    with pytest.raises(ValueError, match="the points of the surface are too flat or slender"):
+        solid_hull(STONE * (1, 1, 0.01), "steel")
+
+
 def test_too_symmetric_a_hull_says_what_it_misses():
     """A tetrahedron with its centre: two kinds of springs for a frequency and a growth that do not fit."""
     body = solid_hull([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], "steel")
@@ -358,13 +369,38 @@ def test_changed_body_stands_for_no_solid():
     assert isinstance(body.with_(stiffness=body.stiffness, solid=body.solid), Body)
 
 
-def test_bodies_travel_and_cannot_be_spoilt():
+def arrays(record):
+    """All arrays that a record holds, by name, those of records in it among them."""
+    for name, value in vars(record).items():
+        if isinstance(value, np.ndarray):
+            yield name, value
+        elif hasattr(value, "__dict__"):
+            yield from ((f"{name}.{inner}", array) for inner, array in arrays(value))
+
+
+@pytest.mark.parametrize(
+    "travel",
+    [pickle.dumps, copy.deepcopy, copy.copy, lambda record: record.with_()],
+    ids=["pickle", "deepcopy", "copy", "with_"],
+)
+def test_records_travel_and_cannot_be_spoilt(travel):
     body = solid_top(0.03, 0.04, "beech")
-    for copied in (pickle.loads(pickle.dumps(body)), copy.deepcopy(body)):
-        assert repr(copied) == repr(body)
-        assert copied.solid.material.sources == body.solid.material.sources
-    with pytest.raises(ValueError, match="read-only"):
-        body.solid.stretch[0] = 1.0
+    assert body.centre[2] > 0  # kept from now on
+    scene = Scene(body, pinned=body.parts["tip"])
+    assert scene.free.any()
+    for record in (body, scene, solid_rope("nylon", 0.01)):
+        copied = travel(record)
+        copied = pickle.loads(copied) if isinstance(copied, bytes) else copied
+        assert repr(copied) == repr(record)
+        for (name, array), (_, before) in zip(arrays(copied), arrays(record), strict=False):
+            assert np.array_equal(array, before)
+            with pytest.raises(ValueError, match="read-only"):
+                array.flat[0] = 1
+            assert name
+    assert "body.solid.stretch" in dict(arrays(scene))
+    kept = pickle.loads(pickle.dumps(body)).solid.material
+    assert kept == body.solid.material
+    assert kept.sources == MATERIALS["beech"].sources
 
 
 def test_calibration_that_cannot_reach_ends_where_it_is_best():
@@ -387,27 +423,41 @@ def test_calibration_that_cannot_reach_ends_where_it_is_best():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: solid_top(0.03, 0.04, "cheese"), "unknown material 'cheese'; there are steel"),
-        (lambda: solid_top(-0.03, 0.04, "steel"), r"radius is -0\.03 m; it must be positive"),
-        (lambda: solid_top(0.03, math.inf, "steel"), "height is inf m; it must be positive"),
-        (lambda: solid_top(0.03, 0.04, "steel", ring=3), "ring is 3; a solid top has at least 4"),
-        (lambda: solid_top(0.03, 0.04, "steel", softened=0), "softened is 0; it must be positive"),
-        (lambda: solid_box((1, 1), "steel"), r"sides are \(1, 1\); a box has three positive sides"),
-        (lambda: solid_box((1, 1, 1), "steel", cells=0), "cells is 0; a box has at least one"),
+        (lambda: solid_top(0.03, 0.04, "cheese"), "material is 'cheese'; it must be one of steel"),
+        (lambda: solid_top(-0.03, 0.04, "steel"), r"radius is -0\.03; it must be a positive number"),
+        (lambda: solid_top(0.03, math.inf, "steel"), "height is inf; it must be a positive number"),
+        (
+            lambda: solid_top(0.03, 4.0, "steel"),
+            r"radius is 0\.03 and height 4; neither must be more than 100",
+        ),
+        (lambda: solid_top(0.03, 0.04, "steel", ring=3), "ring is 3; it must be a whole number from 4 to 40"),
+        (lambda: solid_top(0.03, 0.04, "steel", softened=0), "softened is 0; it must be a number from 1e-12"),
+        (lambda: solid_box((1, 1), "steel"), r"sides is \(1, 1\), of shape \(2,\); it must be an array"),
+        (lambda: solid_box((1, 1, 1), "steel", cells=0), "cells is 0; it must be a whole number from 1"),
         (
             lambda: solid_box((1, 1, 1), "steel", cells=9),
-            "9 × 9 × 9 cells has 1000 particles; there may be 400",
+            r"sides are \(1, 1, 1\) and cells 9; such a box has 1000 particles, and must have at most 400",
         ),
-        (lambda: solid_box((1, 1, 1), "oak", cells=2), "a lattice has no grain: make the box of 'oak'"),
+        (lambda: solid_box((1, 1, 1), "oak", cells=2), "cells is 2; a box of 'oak' must have 1"),
         (lambda: lattice((1, 1, 2), (2, 2, 2)), r"cells of 0.5 × 0.5 × 1 are too far from cubes"),
         (lambda: lattice((1, 1, 1), (1, 2, 2)), "at least two cells along each side, not 1"),
         (lambda: solid_hull([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], "steel"), "have no volume"),
-        (lambda: solid_rope("steel", 0), "diameter is 0; it must be positive"),
-        (lambda: solid_rope("steel", 0.01, beads=1), "beads is 1; a rope has at least 2"),
-        (lambda: softened(solid_rope("steel", 0.01), -1), "factor is -1; it must be positive"),
+        (lambda: solid_rope("steel", 0), "diameter is 0; it must be a positive number"),
+        (lambda: solid_rope("steel", 0.01, beads=1), "beads is 1; it must be a whole number from 2"),
+        (lambda: softened(solid_rope("steel", 0.01), -1), "factor is -1; it must be a number from 1e-12"),
         (lambda: vibrations(solid_rope("steel", 0.01)), "is floppy: it does not vibrate about its shape"),
     ],
 )
 def test_errors_name_the_offender(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_vibration_of_a_pair():
+    """Two masses on a spring have one, at √(k (1/m + 1/M)), and five rigid motions; one mass has none."""
+    pair = Body("pair", [(0, 0, 0), (0.3, 0.4, 0)], [2.0, 3.0], [(0, 1)], 60.0, 0.0)
+    frequencies, modes = vibrations(pair)
+    assert frequencies == pytest.approx([math.sqrt(60 * (1 / 2 + 1 / 3))])
+    assert np.einsum("qni,n,qni->q", modes, pair.masses, modes) == pytest.approx([1.0])
+    point = Body("point", [(0, 0, 0)], [1.0], np.zeros((0, 2), int), [], [])
+    assert vibrations(point)[0].shape == (0,)
