@@ -238,8 +238,9 @@ def material_of(given: Material | str, softened: float = 1.0) -> Material:
         If there is none of that name, or none so soft, see `Material.softened`.
     """
     softened = number("softened", softened, 1 / SOFTEST, SOFTEST)
-    if isinstance(instance("material", given, Material, str), str):
+    if isinstance(given, str):
         if given not in MATERIALS:
             raise ValueError(f"material is {shown(given)}; it must be one of {', '.join(MATERIALS)}")
         given = MATERIALS[given]
-    return given.softened(softened)
+    made: Material = instance("material", given, Material, str)
+    return made.softened(softened)

@@ -9,20 +9,26 @@ from springgym.scene import Scene
 from springgym.surfaces import PaperContact
 
 Vector = tuple[float, float, float]
-Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation"]
+Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation", "ringing"]
 
 
 LEAST = {"duration": 1e-6, "interval": 1e-6, "step": 1e-9}
 """Least times of a run [s]: in shorter ones nothing moves that a plot or a film could show."""
 
 
+SPEEDS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0, 8.0)
+"""Seconds of the motion a second of showing it."""
+
+
 class View(NamedTuple):
-    """From where a film is seen."""
+    """From where a film is seen, and how fast it is."""
 
     azimuth: float = -1.0
     """of the eye, counted from x about z [rad]"""
     elevation: float = 0.3
     """of the eye above the horizon [rad]"""
+    speed: float | None = None
+    """one of `SPEEDS`; if None, the fastest up to real time at which the eye can follow the rotation"""
 
 
 @dataclass(frozen=True, eq=False)

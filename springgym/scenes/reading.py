@@ -33,7 +33,7 @@ from springgym.checks import shown
 from springgym.integrators import METHODS
 from springgym.scene import GRAVITY, Scene
 from springgym.scenes.checks import CHECKS
-from springgym.scenes.plan import LEAST, Plan, Plot, Vector, View
+from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
 from springgym.surfaces import Contact, Dish, PaperContact, Plane, Surface, floor, incline, scales
 from springgym.theory.contact import rest_height
@@ -170,10 +170,18 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
             trace=traced[0] if traced else None,
             plot=plot,
             checks=tuple(checks),
-            view=View() if view is None else build(View, tree, ("view",)),
+            view=View() if view is None else _view(tree),
         )
 
     return build(plan, tree)
+
+
+def _view(tree: Tree) -> View:
+    view: View = build(View, tree, ("view",))
+    if view.speed is not None and view.speed not in SPEEDS:
+        known = ", ".join(f"{speed:g}" for speed in SPEEDS)
+        raise _error(tree, "view", f"speed is {view.speed:g}; it must be one of {known}")
+    return view
 
 
 def _error(tree: Tree, key: str, message: str) -> YamlError:

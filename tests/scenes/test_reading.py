@@ -106,6 +106,7 @@ def test_numbers_without_a_point_are_numbers(read):
         (BOX + "view: {height: 1}", "mine.yaml:4: unknown key 'height'"),
         (BOX + "start: {spin: fast}", "mine.yaml:4: start.spin: expected a number, got 'fast'"),
         (BOX + "start: {hanging: true}", "mine.yaml:4: start: body 'box' is not pinned: it cannot hang"),
+        (BOX + "view: {speed: 3}", "mine.yaml:4: view: speed is 3; it must be one of 0.015625, 0.03125"),
         (BOX + "start: {precession: slow}", "mine.yaml:4: start: body 'box' is no heavy top"),
         (BOX + "start: {kick: {tip: [0, 0, 1]}}", "mine.yaml:4: start: kick names an unknown part 'tip'"),
         (BOX + "start: {kick: {9: [0, 0, 1]}}", "mine.yaml:4: start: kick names particle 9"),
