@@ -31,6 +31,7 @@ from springgym.bodies.motion import Start
 from springgym.bodies.precession import heavy_top
 from springgym.checks import shown
 from springgym.integrators import METHODS
+from springgym.materials import Material
 from springgym.scene import GRAVITY, Scene
 from springgym.scenes.checks import CHECKS
 from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
@@ -230,7 +231,9 @@ def _mesh(
     return from_mesh(folder / file, mass, by, scale, stiffness, damping)
 
 
-def _solid_mesh(folder: Path, file: str, material: str, scale: float = 1.0, softened: float = 1.0) -> Body:
+def _solid_mesh(
+    folder: Path, file: str, material: Material | str, scale: float = 1.0, softened: float = 1.0
+) -> Body:
     """Arguments of `springgym.bodies.solid_mesh`; ``file`` is relative to the scene file."""
     return solid_mesh(folder / file, material, scale, softened)
 
