@@ -250,7 +250,7 @@ def fit(kind: Any, tree: Tree, path: tuple[str, ...]) -> Any:
         return build(kind, tree, path)
     if origin in (Union, types.UnionType):
         for other in arguments:
-            if is_dataclass(other) and isinstance(value, dict):
+            if isinstance(other, type) and is_dataclass(other) and isinstance(value, dict):
                 return build(other, tree, path)  # whose errors say more
             if fits(other):
                 return fit(other, tree, path)
