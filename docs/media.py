@@ -9,7 +9,6 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterable
-from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -52,7 +51,7 @@ def scene(name: str, folder: Path) -> None:
     told = {"title": plan.title, "checks": rows(check(recording))}
     (folder / f"{name}.json").write_text(json.dumps(told), encoding="utf-8")
     save_page(recording, folder / f"{name}.viser")
-    frames = film.frames(replace(recording, times=recording.times[recording.times <= SECONDS]))
+    frames = islice(film.frames(recording), round(SECONDS * film.FPS))
     write(frames, folder / f"{name}.mp4", film.FPS)
 
 

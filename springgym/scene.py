@@ -12,6 +12,7 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.checks import TINY, array, flag, indices, instance, number, shown, whole, whole_array
+from springgym.records import ReadOnly
 from springgym.surfaces import (
     Contact,
     Dish,
@@ -68,7 +69,7 @@ class DriveActuator:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class Placed(ReadOnly):
     """A body, how it starts, and what drives it.
 
     Parameters
@@ -108,9 +109,7 @@ class Placed:
         count = len(body.masses)
         for name, default in (("positions", body.positions), ("velocities", np.zeros((count, 3)))):
             given = getattr(self, name)
-            value = np.array(array(name, default if given is None else given, (count, 3)))
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+            self.keep(name, array(name, default if given is None else given, (count, 3)))
         pinned = dict.fromkeys(indices("pinned", self.pinned, count).tolist())
         object.__setattr__(self, "pinned", tuple(pinned))
         kinds = {"wrench": WrenchActuator, "thrust": ThrustActuator, "drive": DriveActuator}
@@ -189,7 +188,7 @@ OWN = ("body", "positions", "velocities", "pinned", "wrench", "thrust", "drive")
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(ReadOnly):
     """All that is simulated: bodies, how they start, and what acts on them.
 
     A scene of one body takes it and the fields of its `Placed` as arguments. A scene of several takes them as
@@ -238,9 +237,7 @@ class Scene:
                 object.__setattr__(self, name, getattr(bodies[0], name))
         else:
             for name in ("positions", "velocities"):
-                value = np.concatenate([getattr(placed, name) for placed in bodies])
-                value.setflags(write=False)
-                object.__setattr__(self, name, value)
+                self.keep(name, np.concatenate([getattr(placed, name) for placed in bodies]))
         if self.gravity is not None:
             object.__setattr__(self, "gravity", tuple(array("gravity", self.gravity, (3,)).tolist()))
         self._check_surfaces()

@@ -12,6 +12,7 @@ import inspect
 import re
 import types
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
@@ -245,8 +246,12 @@ def fit(kind: Any, tree: Tree, path: tuple[str, ...]) -> Any:
         return None
     if origin is Literal and value in arguments:
         return value
+    if isinstance(kind, type) and is_dataclass(kind) and isinstance(value, dict):
+        return build(kind, tree, path)
     if origin in (Union, types.UnionType):
         for other in arguments:
+            if isinstance(other, type) and is_dataclass(other) and isinstance(value, dict):
+                return build(other, tree, path)  # whose errors say more
             if fits(other):
                 return fit(other, tree, path)
     if origin in (list, tuple, Sequence) and isinstance(value, list):

@@ -6,8 +6,10 @@ from springgym.bodies.equilibrium import relative_equilibrium, stretched_shapes
 from springgym.bodies.gyroscope import gyroscope
 from springgym.bodies.irregular import from_mesh, from_points, union
 from springgym.bodies.motion import Start, spinning, start
+from springgym.bodies.network import vibrations
 from springgym.bodies.rope import rope
 from springgym.bodies.rotations import rotation
+from springgym.bodies.solid import softened, solid_box, solid_hull, solid_mesh, solid_rope, solid_top
 from springgym.bodies.top import top
 
 __all__ = [
@@ -21,9 +23,16 @@ __all__ = [
     "relative_equilibrium",
     "rope",
     "rotation",
+    "softened",
+    "solid_box",
+    "solid_hull",
+    "solid_mesh",
+    "solid_rope",
+    "solid_top",
     "spinning",
     "start",
     "stretched_shapes",
     "top",
     "union",
+    "vibrations",
 ]

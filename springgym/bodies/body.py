@@ -9,7 +9,9 @@ from typing import Any, Self
 
 import numpy as np
 
+from springgym.bodies.elastic import Cable, Elastic
 from springgym.checks import TINY, array, flag, indices, instance, whole_array
+from springgym.records import ReadOnly
 
 MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
 """Larger bodies are refused: whether springs hold N particles in shape, and the largest stable step, are
@@ -18,9 +20,12 @@ found from matrices of (3 N)² numbers, in a time that grows as N³ and at this 
 EXACT = 400
 """Up to so many particles, ways to change shape are counted to the accuracy that doubles allow."""
 
+PHYSICAL = ("positions", "masses", "springs", "stiffness", "damping", "lengths")
+"""Fields of a `Body` that decide how it moves."""
+
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(ReadOnly):
     """Particles and springs, checked once when it is made.
 
     Parameters
@@ -47,6 +52,8 @@ class Body:
         Its surface, for drawing; corners in the order that points the normal outwards.
     floppy
         Whether its springs may leave it free to change shape, as a rope is.
+    solid
+        What it stands for, if it was made from a material (`springgym.bodies.solid`).
 
     Raises
     ------
@@ -69,28 +76,24 @@ class Body:
     parts: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), int))
     floppy: bool = False
+    solid: Elastic | Cable | None = None
 
     def __post_init__(self) -> None:
         instance("name of a body", self.name, str)
         what = f"body {self.name!r}: "
 
-        def keep(name: str, value: np.ndarray) -> None:
-            value = np.array(value)
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
-
         def numbers(name: str, count: int, low: float) -> None:
             given = array(what + name, getattr(self, name), (count,), (), low=low)
-            keep(name, np.broadcast_to(given, (count,)))
+            self.keep(name, np.broadcast_to(given, (count,)))
 
-        keep("positions", array(what + "positions", self.positions, (None, 3), (0,)))
+        self.keep("positions", array(what + "positions", self.positions, (None, 3), (0,)))
         count = len(self.positions)
         if not 0 < count <= MOST_PARTICLES:
             raise ValueError(f"{what}it has {count} particles; it must have from 1 to {MOST_PARTICLES}")
         numbers("masses", count, TINY)
         for name, ends in (("springs", 2), ("triangles", 3)):
             given = whole_array(what + name, getattr(self, name), (None, ends), (0,), high=count - 1)
-            keep(name, given.reshape(-1, ends))
+            self.keep(name, given.reshape(-1, ends))
         self._check_springs()
         if self.lengths is None:
             object.__setattr__(self, "lengths", self._distances())
@@ -113,6 +116,7 @@ class Body:
                 raise ValueError(f"{what}parts[{name!r}] has no particles")
         object.__setattr__(self, "parts", parts)
         flag(what + "floppy", self.floppy)
+        instance(what + "solid", self.solid, Elastic, Cable, type(None))
         self._check_shape()
 
     def _distances(self) -> np.ndarray:
@@ -158,18 +162,18 @@ class Body:
         held = indices("pinned", pinned, len(self.masses))
         free = np.setdiff1d(np.arange(len(self.masses)), held)
         rigid = rigid_motions(self.positions)
-        moving = _rank(rigid.reshape(-1, 6)) - _rank(rigid[held].reshape(-1, 6))
+        moving = rank(rigid.reshape(-1, 6)) - rank(rigid[held].reshape(-1, 6))
         if len(self.masses) > EXACT:
             first, second = self.springs.T
             along = (self.positions[second] - self.positions[first]) / self._distances()[:, None]
             squares = assembled(along[:, :, None] * along[:, None, :], self.springs, len(self.masses))
             coordinates = (3 * free[:, None] + np.arange(3)).ravel()
             sizes = np.linalg.eigvalsh(squares[np.ix_(coordinates, coordinates)])  # of the matrix's square
-            rank = int(np.sum(sizes > 1e-12 * sizes[-1])) if len(sizes) else 0
+            stretching = int(np.sum(sizes > 1e-12 * sizes[-1])) if len(sizes) else 0
         else:
             rows = rigidity_matrix(self.positions, self.springs)[:, free]
-            rank = _rank(rows.reshape(len(rows), 3 * len(free)))
-        return 3 * len(free) - moving - rank
+            stretching = rank(rows.reshape(len(rows), 3 * len(free)))
+        return 3 * len(free) - moving - stretching
 
     def particle(self, name: str) -> int:
         """The particle of a part that has just one.
@@ -189,7 +193,12 @@ class Body:
         return self.parts[name][0]
 
     def with_(self, **changes: Any) -> Self:
-        """A copy with some fields changed, checked anew."""
+        """A copy with some fields changed, checked anew.
+
+        With other particles or springs it stands for no ``solid`` any more, unless that is given anew.
+        """
+        if not changes.keys().isdisjoint(PHYSICAL):
+            changes = {"solid": None} | changes
         return replace(self, **changes)
 
     @cached_property
@@ -208,7 +217,9 @@ class Body:
     @cached_property
     def centre(self) -> np.ndarray:
         """Centre of mass of the unstretched shape [m], (3,)."""
-        return self.masses @ self.positions / self.mass
+        centre = self.masses @ self.positions / self.mass
+        centre.setflags(write=False)
+        return centre
 
     @cached_property
     def size(self) -> float:
@@ -238,7 +249,7 @@ class Body:
         return (
             f"Body({self.name!r}: {len(self.masses)} particles of {_span(self.masses)} kg, "
             f"{self.mass:g} kg in all; {springs}{', floppy' if self.floppy else ''}; "
-            f"parts: {', '.join(self.parts) or 'none'})"
+            f"parts: {', '.join(self.parts) or 'none'}{f'; {self.solid!r}' if self.solid else ''})"
         )
 
 
@@ -279,7 +290,8 @@ def assembled(blocks: np.ndarray, springs: np.ndarray, count: int) -> np.ndarray
     return matrix.transpose(0, 2, 1, 3).reshape(3 * count, 3 * count)
 
 
-def _rank(matrix: np.ndarray) -> int:
+def rank(matrix: np.ndarray) -> int:
+    """Of a matrix, singular values of less than 1e-9 of the largest counted as zero."""
     if not matrix.size:
         return 0
     sizes = np.linalg.svd(matrix, compute_uv=False)

@@ -116,12 +116,37 @@ def from_mesh(
         If it is no mesh, too fine, not closed or, by volume, so far from convex that a vertex would have
         no mass; or `Body` finds fault.
     """
+    mass = number("mass", mass, low=TINY)
+    chosen("by", by, ("volume", "area"))
+    name, vertices, triangles, centre = read_mesh(path, scale)
+    a, b, c = vertices[triangles].transpose(1, 0, 2)
+    if by == "area":
+        share = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
+        masses = np.bincount(triangles.ravel(), np.repeat(share, 3))
+        return _shell(name, vertices, triangles, mass * masses / masses.sum(), stiffness, damping)
+    volume = np.linalg.det(np.stack([a - centre, b - centre, c - centre], axis=1)) / 6
+    masses = np.bincount(triangles.ravel(), np.repeat(volume / 4, 3))
+    if (masses <= 0).any():
+        vertex = int(np.argmin(masses))
+        raise ValueError(
+            f"{path} is so far from convex that vertex {vertex} would have no mass: "
+            "take by='area', or the union of convex parts"
+        )
+    total = np.append(masses, volume.sum() / 4)
+    return _around_centre(name, vertices, triangles, mass * total / total.sum(), centre, stiffness, damping)
+
+
+def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
+    """Name, vertices (n, 3) [m], triangles (T, 3) and the solid's centre of mass (3,) [m] of a mesh file.
+
+    The surface is closed, its triangles anticlockwise seen from outside. Parameters and errors are those
+    of `from_mesh`.
+    """
     try:
         import trimesh
     except ImportError as error:
-        raise ImportError("from_mesh needs trimesh: pip install springgym[mesh]") from error
-    mass, scale = number("mass", mass, low=TINY), number("scale", scale, low=TINY)
-    chosen("by", by, ("volume", "area"))
+        raise ImportError("reading a mesh needs trimesh: pip install springgym[mesh]") from error
+    scale = number("scale", scale, low=TINY)
     path = Path(instance("path", path, str, PathLike))
     if not path.is_file():
         raise FileNotFoundError(f"there is no mesh file {path}")
@@ -137,24 +162,7 @@ def from_mesh(
     vertices, triangles = scale * np.array(mesh.vertices), np.array(mesh.faces)
     if mesh.volume < 0:
         triangles = triangles[:, ::-1]
-    a, b, c = vertices[triangles].transpose(1, 0, 2)
-    if by == "area":
-        share = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
-        masses = np.bincount(triangles.ravel(), np.repeat(share, 3))
-        return _shell(path.stem, vertices, triangles, mass * masses / masses.sum(), stiffness, damping)
-    centre = np.array(mesh.center_mass) * scale
-    volume = np.linalg.det(np.stack([a - centre, b - centre, c - centre], axis=1)) / 6
-    masses = np.bincount(triangles.ravel(), np.repeat(volume / 4, 3))
-    if (masses <= 0).any():
-        vertex = int(np.argmin(masses))
-        raise ValueError(
-            f"{path} is so far from convex that vertex {vertex} would have no mass: "
-            "take by='area', or the union of convex parts"
-        )
-    total = np.append(masses, volume.sum() / 4)
-    return _around_centre(
-        path.stem, vertices, triangles, mass * total / total.sum(), centre, stiffness, damping
-    )
+    return path.stem, vertices, triangles, np.array(mesh.center_mass) * scale
 
 
 def union(bodies: Sequence[Body], name: str = "union") -> Body:
@@ -315,7 +323,7 @@ def _around_centre(
     """Vertices with the springs of their triangles, and a centre, the last particle, joined to all."""
     last = len(vertices)
     positions = np.vstack([vertices, centre])
-    springs = np.vstack([_edges_of(triangles), [(last, n) for n in range(last)]])
+    springs = np.vstack([edges_of(triangles), [(last, n) for n in range(last)]])
     return Body(
         name=name,
         positions=positions,
@@ -340,7 +348,7 @@ def _shell(
     """Vertices with the springs of their triangles, each joined to the one farthest from it."""
     farthest = np.argmax(np.linalg.norm(vertices[:, None] - vertices, axis=2), axis=1)
     across = np.column_stack([np.arange(len(vertices)), farthest])
-    springs = np.unique(np.sort(np.vstack([_edges_of(triangles), across]), axis=1), axis=0)
+    springs = np.unique(np.sort(np.vstack([edges_of(triangles), across]), axis=1), axis=0)
     return Body(
         name=name,
         positions=vertices,
@@ -353,7 +361,7 @@ def _shell(
     )
 
 
-def _edges_of(triangles: np.ndarray) -> np.ndarray:
+def edges_of(triangles: np.ndarray) -> np.ndarray:
     """Pairs (e, 2) that are edges of triangles, each once."""
     pairs = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     return np.unique(np.sort(pairs, axis=1), axis=0)

@@ -11,9 +11,9 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import rope, rotation
+from springgym.bodies import rope, rotation, solid_rope
 from springgym.bodies import spinning as rigid_velocities
-from springgym.checks import flag
+from springgym.checks import flag, shown
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, Particles
@@ -80,10 +80,20 @@ class SpringRope(Task):
         action: str = "trolley",
         hard: bool = False,
         body: Mapping[str, Any] | None = None,
+        material: str | None = None,
+        diameter: float | None = None,
     ) -> None:
         super().__init__(observation, action)
         self.sway, self.rate, self.farthest = (0.6, 0.8, 6.0) if flag("hard", hard) else (0.25, 0.3, 4.0)
-        self.body = made(rope, body, beads=9, length=4.0, end_mass=70.0, damping=30.0)
+        usual: dict[str, Any] = {"beads": 9, "length": 4.0, "end_mass": 70.0}
+        if material is not None and diameter is not None:
+            self.body = made(solid_rope, body, **usual, material=material, diameter=diameter)
+        elif material is None and diameter is None:
+            self.body = made(rope, body, **usual, damping=30.0)
+        else:
+            raise ValueError(
+                f"material is {shown(material)} and diameter {shown(diameter)}; give both, or neither"
+            )
 
     @cached_property
     def scene(self) -> Scene:
@@ -200,7 +210,9 @@ class SpringRopeEnv(SpringEnv, gym.Env):
     ## Arguments
     - `observation`: above.
     - `hard=True`: sway U(0, 0.6) rad, U(−0.8, 0.8) rad/s, target U(1.5, 6) m away.
-    - `body`: arguments of `springgym.bodies.rope`.
+    - `material`, `diameter`: of a cable in place of the paper's rope, as `"steel"` and 0.005 [m]. Steel
+      hardly stretches; nylon bounces.
+    - `body`: arguments of `springgym.bodies.rope`, or of `springgym.bodies.solid_rope` with a material.
     - `integrator` ("verlet"), `step`, `dtype`, `randomize`, `render_mode`: see
       `springgym.envs.base.SpringEnv`. A rope has no rigid twin.
 

@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, rotation, stretched_shapes, top
+from springgym.bodies import Body, rotation, solid_top, stretched_shapes, top
 from springgym.bodies import spinning as rigid_velocities
 from springgym.checks import flag
 from springgym.compiling import compiled, kernel
@@ -30,6 +30,8 @@ TORQUE, WEAK_TORQUE = 15.0, 10.0  # largest component, and that of hard=True [N�
 IMPULSE = 0.3  # largest component a control period [N·s]
 ACROSS_UNIT, SPIN_UNIT = 2.0, 20.0  # angular velocities that the compact observation shows as 1 [rad/s]
 FALLEN = 1.2  # tilt [rad]
+PAPER_MOMENT = 9.0  # mass times height of the centre of mass of the paper's top, 1 m high [kg·m]
+SOLID = {"radius": 0.61, "height": 1.0}  # of a solid top that stands upright from the same spin on [m]
 FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
 
 
@@ -86,8 +88,15 @@ class SpringTop(Task):
     ) -> None:
         super().__init__(observation, action)
         hard = flag("hard", hard)
-        self.body: Body = made(top, body)
-        self.torque = WEAK_TORQUE if hard else TORQUE
+        solid = isinstance(body, Mapping) and "material" in body
+        self.body: Body = made(solid_top, body, **SOLID) if solid else made(top, body)
+        self.upper = self.body.particle("heart" if solid else "crown")
+        moment = self.body.mass * float(
+            self.body.centre[2] - self.body.positions[self.body.particle("tip"), 2]
+        )
+        heavier = moment / PAPER_MOMENT if solid else 1.0
+        self.torque = heavier * (WEAK_TORQUE if hard else TORQUE)
+        self.impulse = heavier * IMPULSE / (float(self.body.positions[self.upper, 2]) if solid else 1.0)
         self._across = self.torque * np.array([1.0, 1.0, 0.0])
         self._along = self.torque * np.array([0.0, 0.0, 1.0])
         slowest = 40.0 if action == "impulse" else 30.0
@@ -105,7 +114,7 @@ class SpringTop(Task):
             velocities=spin,
             pinned=self.body.parts["tip"],
             wrench=None if impulse else WrenchActuator(axial=False),
-            thrust=ThrustActuator(self.body.parts["crown"]) if impulse else None,
+            thrust=ThrustActuator((self.upper,)) if impulse else None,
         )
 
     @property
@@ -114,10 +123,10 @@ class SpringTop(Task):
 
     @cached_property
     def particles(self) -> Particles:
-        ring, crown = self.body.parts["ring"], self.body.particle("crown")
+        ring = self.body.parts["ring"]
         reach = np.linalg.norm(self.body.positions, axis=1)
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
-        return Particles((*ring, crown), reach, WANTED * outwards + 2.0 * reach)
+        return Particles((*ring, self.upper), reach, WANTED * outwards + 2.0 * reach)
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         drawn = rng.uniform((0.1, -math.pi, self.spins[0]), (0.6, math.pi, self.spins[1])).tolist()
@@ -132,11 +141,11 @@ class SpringTop(Task):
 
     @property
     def limits(self) -> np.ndarray:
-        return np.full(3, IMPULSE if self.action == "impulse" else self.torque)
+        return np.full(3, self.impulse if self.action == "impulse" else self.torque)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulse":
-            return {"thrust": action[:, None] * (IMPULSE / self.period)}
+            return {"thrust": action[:, None] * (self.impulse / self.period)}
         return {"torque": action * self._across, "body_torque": action * self._along}
 
     def look(self) -> Look:
@@ -145,7 +154,7 @@ class SpringTop(Task):
             triangles=self.body.triangles,
             triangle_colors=np.tile(two_tone(ring), (2, 1)),
             springs=self.body.springs,
-            trace=self.body.particle("crown"),
+            trace=self.upper,
         )
 
     def camera(self) -> Camera:
@@ -159,7 +168,7 @@ class SpringTop(Task):
         tilt, spin = math.acos(np.clip(m.axis[2], -1, 1)), float(m.angular_velocity @ m.axis)
         arrows = []
         if self.action == "impulse":
-            arrows = [Arrow(x[self.body.particle("crown")], 0.4 * action)]
+            arrows = [Arrow(x[self.upper], 0.4 * action)]
         return Marks(
             arrows=arrows,
             text=(f"tilt {math.degrees(tilt):4.1f}°", f"spin {spin:4.1f} rad/s"),
@@ -224,6 +233,9 @@ class SpringTopEnv(SpringEnv, gym.Env):
     - `body={"scaled": {0: 1.1}}`: an unbalanced top, a particle of its ring 10 % heavier; from some 20 % on
       it wobbles more than success allows.
     - `body={"height": 1.25}`: an elongated top (1 m): a larger moment of the weight for the same spin.
+    - `body` with a `material`, as `{"material": "beech"}`: a solid cone with the arguments of
+      `springgym.bodies.solid_top`, its radius 0.61 m and its height 1 m if not given. Torques and impulses
+      at ±1 grow with the moment of its weight, and its heart, two thirds up the axis, stands for the crown.
     - `body`: any other arguments of `springgym.bodies.top`.
     - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `render_mode`: see `springgym.envs.base.SpringEnv`.

@@ -13,6 +13,7 @@ from springgym.bodies import Body
 from springgym.rendering import Camera, Look, Marks, Renderer, Scenery, save_video, two_tone
 from springgym.rendering.look import AMBER, BLUE, INK, IVORY, STEEL, TEAL, together
 from springgym.scene import Scene
+from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import Recording
 from springgym.surfaces import Dish, Plane
 
@@ -20,8 +21,6 @@ SIZE = (640, 640)
 FPS = 50.0
 GIF_FPS = 25.0
 """Frames a second of a GIF: browsers show many more at the wrong speed."""
-SPEEDS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0)
-"""Seconds of the motion a second of showing it."""
 TURN_A_FRAME = 1.05
 """[rad] The eye cannot follow a body that turns by more from frame to frame."""
 FAR = 8.0
@@ -33,8 +32,8 @@ CALM = 0.5
 def save_film(recording: Recording, path: str | PathLike[str], speed: float | None = None) -> None:
     """Write the film of a recording as .mp4 or .gif.
 
-    It is in real time unless the body turns too fast for the eye, see `visible_speed`; then the film says
-    how much slower it is.
+    It is as fast as the scene's view says or, if that is silent, in real time unless the body turns too
+    fast for the eye, see `visible_speed`. If it is not in real time, the film says so.
 
     Parameters
     ----------
@@ -55,16 +54,21 @@ def save_film(recording: Recording, path: str | PathLike[str], speed: float | No
 def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -> Iterator[np.ndarray]:
     """Pictures (height, width, 3) of a recording at a rate, see `save_film`."""
     plan, x = recording.plan, recording.positions
-    pace = visible_speed(turning(recording), fps) if speed is None else speed
+    pace = speed or plan.view.speed or visible_speed(turning(recording), fps)
     renderer = Renderer(look(plan.scene, plan.trace), camera(recording), scenery(recording), SIZE)
     along = way(recording)
-    still, note = renderer.camera, () if pace == 1 else (f"{Fraction(pace)} of real time",)
+    still, note = renderer.camera, () if pace == 1 else (told(pace),)
     for t in np.arange(0.0, recording.times[-1] + 1e-9, pace / fps):
         n = min(int(np.searchsorted(recording.times, t - 1e-9)), len(x) - 1)
         if along is not None:
             renderer.camera = still.moved(along[n])
         yield renderer.frame(x[n], Marks(text=(f"{t:5.2f} s", *note)))  # type: ignore[misc]
     renderer.close()
+
+
+def told(pace: float) -> str:
+    """How fast a film is, in words: "1/8 of real time"."""
+    return f"{Fraction(pace)} {'of' if pace < 1 else '×'} real time"
 
 
 def visible_speed(fastest: float, fps: float) -> float:
@@ -192,7 +196,8 @@ def _balls(body: Body, size: float) -> dict[str, Any]:
 
 
 def _top(body: Body, size: float) -> dict[str, Any]:
-    ring, poles = len(body.parts["ring"]), [body.particle("crown"), body.particle("tip")]
+    upper = "crown" if "crown" in body.parts else "heart"  # of a solid top
+    ring, poles = len(body.parts["ring"]), [body.particle(upper), body.particle("tip")]
     heavy = body.masses > 1.01 * np.median(body.masses[:ring])
     radii, colors = np.where(heavy, 0.05 * size, 0.0), np.tile(INK, (len(body.masses), 1))
     radii[poles], colors[poles] = 0.02 * size, INK

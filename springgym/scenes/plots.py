@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from springgym.bodies.elastic import Elastic
 from springgym.rendering import Camera
 from springgym.scenes import film
 from springgym.scenes.plan import Plot
@@ -438,6 +439,31 @@ def bodies(recording: Recording, figure: Figure) -> None:
     _energies(recording, figure, grid[2, 1])
 
 
+def ringing(recording: Recording, figure: Figure) -> None:
+    """A chord of the body, from the traced particle to that farthest from it, in time; the energies.
+
+    Of a solid, dashed, what its loss factor η leaves of the swings: e^(−η ω₁ t/2) of the first.
+    """
+    plan, x, t = recording.plan, recording.positions, recording.times
+    body, first = plan.scene.body, plan.trace or 0
+    far = int(np.argmax(np.linalg.norm(body.positions - body.positions[first], axis=1)))
+    longer = np.linalg.norm(x[:, far] - x[:, first], axis=1)
+    longer = longer - np.linalg.norm(body.positions[far] - body.positions[first])
+    grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.4))
+    _picture(recording, figure, grid[:, 0], (4.4, 5.2), [0], "")
+    unit, factor = _scaled("m", longer)
+    swings = _panel(figure, grid[0, 1], "how much longer it is across", "", f"[{unit}]")
+    swings.plot(t, factor * longer, color=TRACE, linewidth=0.7, label="springs")
+    if isinstance(body.solid, Elastic):
+        left = np.exp(-body.solid.material.loss * body.solid.frequency * t / 2)
+        for side, label in ((1, "solid"), (-1, None)):
+            edge = side * factor * np.abs(longer).max() * left
+            swings.plot(t, edge, "k", linestyle=DASHES, linewidth=0.7, label=label)
+    swings.margins(x=0)
+    _legend(swings)
+    _energies(recording, figure, grid[1, 1])
+
+
 def _straight(recording: Recording) -> bool:
     """Whether the particles of the body's triad lie on a line, so that it has a third axis alone."""
     return bool((np.linalg.norm(recording.measures.side, axis=1) < 0.5).any())
@@ -460,4 +486,5 @@ PLOTS: dict[Plot, Callable[[Recording, Figure], None]] = {
     "slide": slide,
     "rotation": rotation,
     "bodies": bodies,
+    "ringing": ringing,
 }

@@ -11,13 +11,31 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from springgym.bodies import Body, box, cube, from_mesh, from_points, gyroscope, rope, start, top, union
+from springgym.bodies import (
+    Body,
+    box,
+    cube,
+    from_mesh,
+    from_points,
+    gyroscope,
+    rope,
+    solid_box,
+    solid_hull,
+    solid_mesh,
+    solid_rope,
+    solid_top,
+    start,
+    top,
+    union,
+)
 from springgym.bodies.motion import Start
+from springgym.bodies.precession import heavy_top
 from springgym.checks import shown
 from springgym.integrators import METHODS
+from springgym.materials import Material
 from springgym.scene import GRAVITY, Placed, Scene
 from springgym.scenes.checks import CHECKS
-from springgym.scenes.plan import LEAST, Plan, Plot, Vector, View, heavy_top
+from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
 from springgym.surfaces import Contact, Dish, PaperContact, Plane, Surface, floor, incline, scales
 from springgym.theory.contact import rest_height
@@ -132,7 +150,7 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
             trace=_traced(tree, scene, trace),
             plot=plot or ("bodies" if len(begun) > 1 else "rotation"),
             checks=tuple(checks),
-            view=View() if view is None else build(View, tree, ("view",)),
+            view=View() if view is None else _view(tree),
         )
         if bodies is None:
             return whole
@@ -244,6 +262,14 @@ def _standing(
     return _Standing(placed, begun.stretched, tuple(checks))
 
 
+def _view(tree: Tree) -> View:
+    view: View = build(View, tree, ("view",))
+    if view.speed is not None and view.speed not in SPEEDS:
+        known = ", ".join(f"{speed:g}" for speed in SPEEDS)
+        raise _error(tree, ("view",), f"speed is {view.speed:g}; it must be one of {known}")
+    return view
+
+
 # --- Bodies -----------------------------------------------------------------------------------------
 
 
@@ -286,6 +312,13 @@ def _mesh(
     return from_mesh(folder / file, mass, by, scale, stiffness, damping)
 
 
+def _solid_mesh(
+    folder: Path, file: str, material: Material | str, scale: float = 1.0, softened: float = 1.0
+) -> Body:
+    """Arguments of `springgym.bodies.solid_mesh`; ``file`` is relative to the scene file."""
+    return solid_mesh(folder / file, material, scale, softened)
+
+
 KINDS: dict[str, Callable[..., Body]] = {
     "top": top,
     "gyroscope": gyroscope,
@@ -295,6 +328,11 @@ KINDS: dict[str, Callable[..., Body]] = {
     "points": from_points,
     "mesh": _mesh,
     "net": _net,
+    "solid_top": solid_top,
+    "solid_box": solid_box,
+    "solid_hull": solid_hull,
+    "solid_mesh": _solid_mesh,
+    "solid_rope": solid_rope,
 }
 """Bodies by the name a scene file gives them; ``union`` is the other."""
 
@@ -315,7 +353,7 @@ def _body(tree: Tree, path: tuple[str, ...]) -> Body:
         where = tree.where[*path, "kind"]
         raise YamlError(f"{where}: unknown kind {shown(kind)}{suggestion(kind, [*KINDS, 'union'])}")
     skip = ("kind", "name", "at") if len(path) > 1 else ("kind",)
-    given = {"folder": Path(tree.where[()]).parent} if kind == "mesh" else {}
+    given = {"folder": Path(tree.where[()]).parent} if kind in ("mesh", "solid_mesh") else {}
     return build(KINDS[kind], tree, path, skip=skip, **given)
 
 

@@ -183,3 +183,42 @@ def catenary(
     across = root(gap, least, most)
     edge, tension = edges(across, lift(across))
     return Catenary(np.vstack([np.zeros(2), np.cumsum(edge, axis=0)]), tension)
+
+
+def cable_stretch(
+    load: float, mass: float, young: float, section: float, length: float, gravity: float = 9.81
+) -> float:
+    """How much longer a hanging cable is under a load and its own weight, (M + m/2) g L / (E A), m.
+
+    Parameters
+    ----------
+    load, mass : float
+        M at its end, and m of the cable, kg.
+    young, section, length : float
+        E, Pa; A, m^2; L unstretched, m.
+
+    Source: Gere & Timoshenko, *Mechanics of Materials*, 4th ed., section 2.3.
+    """
+    return (load + mass / 2) * gravity * length / (young * section)
+
+
+def cable_bounce(load: float, mass: float, young: float, section: float, length: float) -> float:
+    """Lowest frequency of a hanging cable with a load along itself, rad/s: x tan x = m / M.
+
+    The wave equation with u(0) = 0 and M u_tt = -E A u_x at the end, x = omega L / c,
+    c^2 = E A L / m; Newton's method from x = sqrt(m / (M + m / 3)), Rayleigh's estimate.
+
+    Parameters
+    ----------
+    load, mass, young, section, length : float
+        As for `cable_stretch`.
+
+    Source: Rao, *Mechanical Vibrations*, 5th ed., section 8.3.
+    """
+    x = math.sqrt(mass / (load + mass / 3))
+    for _ in range(50):
+        change = (x * math.tan(x) - mass / load) / (math.tan(x) + x / math.cos(x) ** 2)
+        x -= change
+        if abs(change) < 1e-15 * x:
+            break
+    return x * math.sqrt(young * section / (mass * length))

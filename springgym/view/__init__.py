@@ -18,11 +18,12 @@ from pathlib import Path
 from typing import Any
 
 from springgym.scenes import load, names
+from springgym.scenes.film import told
 from springgym.scenes.recording import Recording, record
 from springgym.stability import automatic_step
 from springgym.view.knobs import knobs
 from springgym.view.motion import Motion, of_recording
-from springgym.view.page import FPS, Changes, Page, Subject, fraction
+from springgym.view.page import FPS, Changes, Page, Subject
 
 PORT = 8080
 
@@ -136,7 +137,7 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
         look_from(server, stage.camera(motion))
         pace = motion.speed(FPS) if speed is None else speed
         if pace != 1:
-            stage.write(f"{fraction(pace)} of real time" if pace < 1 else f"{fraction(pace)} × real time")
+            stage.write(told(pace))
         serializer = play(server, stage, motion, FPS, pace)
         if path.suffix.lower() == ".html":
             path.write_text(serializer.as_html(), encoding="utf-8")

@@ -67,6 +67,8 @@ class Motion:
     """what else is drawn at each time"""
     camera: Camera | None = None
     """where an environment is seen from; the page sees to it where there is none"""
+    pace: float | None = None
+    """how fast it is to be played, if that is said"""
     summary: str = ""
     """in a line, what simulated it and how well"""
 
@@ -83,8 +85,8 @@ class Motion:
         return apart / self.lengths - 1.0
 
     def speed(self, fps: float) -> float:
-        """How fast it can be played, at most in real time, for the eye to follow the rotation."""
-        return film.visible_speed(self.fastest, fps)
+        """How fast it is to be played or, if nothing says so, can be for the eye to follow the rotation."""
+        return self.pace or film.visible_speed(self.fastest, fps)
 
     def at(self, time: float) -> tuple[int, float]:
         """The state before a time [s], and the share of the way to the next."""
@@ -120,6 +122,7 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
         lengths=np.concatenate([placed.body.lengths for placed in scene.bodies]),
         centre=m.centre,
         fastest=film.turning(recording),
+        pace=recording.plan.view.speed,
         direction=(plan.view.azimuth, plan.view.elevation),
         graphs=graphs(m, scene),
         arrows=_arrows(recording),

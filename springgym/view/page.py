@@ -12,7 +12,7 @@ import numpy as np
 
 from springgym.rendering.look import GREEN, ORANGE, SLATE, TEAL, Color
 from springgym.rendering.solids import COLD, HOT, NEUTRAL
-from springgym.scenes.film import SPEEDS
+from springgym.scenes.plan import SPEEDS
 from springgym.view.knobs import Knob
 from springgym.view.motion import PURPLE, Motion
 from springgym.view.stage import Stage, look_from

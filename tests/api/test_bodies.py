@@ -1,262 +1,136 @@
-"""Scenes of several bodies: each is what it would be alone, to the bit, and is named in all that is said."""
+"""Every argument of every public function and class of `springgym.bodies`, given what it could not be."""
 
 from __future__ import annotations
 
-import copy
-import pickle
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-import springgym
-from springgym import integrators, rigid
-from springgym.bodies import Body, box, cube, gyroscope, rope, start, top
-from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
-from springgym.simulator import Simulator
-from springgym.surfaces import Contact, Dish, PaperContact, floor
-
-TOP = top()
-TIP = TOP.particle("tip")
-VARYING = ("masses", "stiffness", "gravity", "friction", "strength", "restitution")
-
-
-def tops(body: Body) -> Scene:
-    """Two tops, turned and spun differently, with actuators."""
-    placed = []
-    for name, tilt, spin, aside in (("left", 0.3, 20.0, 0.0), ("right", 0.5, -30.0, 3.0)):
-        x, v = start(body, tilt=tilt, spin=spin, position=(aside, 0, 0), pinned=(TIP,))
-        actuators = {"wrench": WrenchActuator(), "thrust": ThrustActuator((0, 1))}
-        placed.append(Placed(body, x, v, pinned=(TIP,), name=name, **actuators))
-    return Scene(bodies=tuple(placed))
-
-
-def zoo() -> Scene:
-    """Five bodies of different kinds on a floor: pinned, free, floppy, driven, undamped."""
-    x, v = start(TOP, tilt=0.3, spin=20.0, position=(0, 0, 1.0), pinned=(TIP,))
-    line = rope(beads=6)
-    free = {"cube": cube(damping=0.0), "box": box((1, 0.7, 0.4), mass=2.0), "gyroscope": gyroscope()}
-    lifted = {
-        name: np.add(body.positions, (3.0 * n, 0.0, 0.05 - body.positions[:, 2].min()))
-        for n, (name, body) in enumerate(free.items())
-    }
-    return Scene(
-        bodies=(
-            Placed(TOP, x, v, pinned=(TIP,), wrench=WrenchActuator()),
-            Placed(free["cube"], lifted["cube"], np.ones((8, 3))),
-            Placed(free["box"], lifted["box"], thrust=ThrustActuator((1,), turns=True)),
-            Placed(line, np.add(line.positions, (0, 0, 9.0)), pinned=(0,), drive=DriveActuator(0, 2.0)),
-            Placed(free["gyroscope"], lifted["gyroscope"], wrench=WrenchActuator(axial=False)),
-        ),
-        surfaces=(floor(),),
-        contact=Contact(friction=0.3, restitution=0.7),
-    )
-
-
-def assert_each_as_alone(scene: Scene, steps: tuple[int, ...] = (7, 13), **options) -> Simulator:
-    """Each body of a scene does to the bit what it does alone, and is measured so."""
-    both = Simulator(scene, **options)
-    options = {**options, "step": both.step}
-    alone = [Simulator(part, **options) for part in scene.parts]
-    values = {"force": (1.0, 2.0, 3.0), "torque": (0.3, 0.2, 0.1), "acceleration": (0.5, 0.0, 0.2)}
-    for n, (placed, own) in enumerate(zip(scene.bodies, alone, strict=True)):
-        given = {name: np.add(n, values[name]) for name in own._actuators if name in values}
-        if placed.thrust:
-            given["thrust"] = np.full((len(placed.thrust.particles), 3), 0.1 + n)
-        own.actuate(**given)
-        both.actuate(**{f"{placed.name}.{name}": value for name, value in given.items()})
-    if options.get("varying"):
-        masses = 1.1 * scene.masses
-        shared = {"friction": 0.2, "restitution": 0.5, "gravity": (0.0, 0.1, -9.0)}
-        shared = {name: value for name, value in shared.items() if name in options["varying"]}
-        strengths = {"strength": np.arange(1.0, 1 + len(alone))} if "strength" in options["varying"] else {}
-        both.vary([0], masses=masses, **strengths, **shared)
-        for n, (own, where) in enumerate(zip(alone, scene.slices, strict=True)):
-            strength = {name: values[n] for name, values in strengths.items()}
-            own.vary([0], masses=masses[where], **strength, **shared)
-    for count in steps:
-        both.advance(count)
-        for own in alone:
-            own.advance(count)
-    for n, (own, where) in enumerate(zip(alone, scene.slices, strict=True)):
-        assert np.abs(own.positions - scene.parts[n].positions).max() > 1e-9
-        np.testing.assert_array_equal(both.positions[:, where], own.positions)
-        np.testing.assert_array_equal(both.velocities[:, where], own.velocities)
-        for name, here, there in zip(own.measure()._fields, both.measure(n), own.measure(), strict=True):
-            np.testing.assert_array_equal(here, there, err_msg=name)
-    return both
-
-
-QUICK = ("verlet",)
-
-
-@pytest.mark.parametrize(
-    "method",
-    [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in integrators.METHODS],
+from springgym.bodies import (
+    Body,
+    Start,
+    box,
+    cube,
+    from_mesh,
+    from_points,
+    gyroscope,
+    relative_equilibrium,
+    rope,
+    rotation,
+    softened,
+    solid_box,
+    solid_hull,
+    solid_rope,
+    solid_top,
+    spinning,
+    start,
+    stretched_shapes,
+    top,
+    union,
+    vibrations,
 )
-def test_two_tops_in_one_scene_are_two_scenes_of_one(method: str) -> None:
-    backward = integrators.integrator(method).negative_substeps
-    scene = tops(TOP.with_(damping=0.0) if backward else TOP)
-    assert_each_as_alone(scene, integrator=method, step=2e-4)
-    assert_each_as_alone(scene, integrator=method, step=2e-4, copies=5, dtype=np.float32)
+from springgym.bodies.precession import heavy_top, precession_gap, wobble_growth
+from springgym.materials import MATERIALS, Grain, Material
+from springgym.theory.top import HeavyTop
+from tests.api.values import KINDS, NUMBERS, Door, arguments, arrays, attempt, door
+
+CUBE, TOP = cube(), top(ring=5)
+TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+
+DOORS: list[Door] = [
+    door(
+        Body,
+        name="tetrahedron",
+        positions=TETRAHEDRON,
+        masses=np.ones(4),
+        springs=[(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)],
+        stiffness=np.ones(6),
+        damping=np.ones(6),
+        lengths=np.ones(6),
+        frame=(0, 1, 2),
+        parts={"tip": (3,)},
+        triangles=[(0, 1, 2)],
+    ),
+    door(box, mass=np.ones(8)),
+    door(cube),
+    door(top, ring=5, scaled={0: 2.0}),
+    door(gyroscope, ring=5),
+    door(rope),
+    door(from_points, points=TETRAHEDRON, mass=np.ones(4), centre_mass=1.0),
+    door(union, bodies=(CUBE, box().with_(positions=box().positions + np.eye(3)[0]))),
+    door(start, body=TOP, tilt=0.0, pinned=TOP.parts["tip"], gravity=(0.0, 0.0, -1.0)),
+    door(rotation, axis=(0.0, 0.0, 1.0), angle=1.0),
+    door(spinning, positions=np.ones((4, 3)), omega=(0.0, 0.0, 1.0), about=(0.0, 0.0, 0.0)),
+    door(relative_equilibrium, body=TOP, omega=(0, 0, 1.0), pinned=(6,), gravity=(0.0, 0.0, -1.0)),
+    door(stretched_shapes, body=TOP, axis=(0.0, 0.0, 1.0), fastest=10.0, pinned=(6,)),
+    door(stretched_shapes(TOP, (0, 0, 1), 10.0, (6,)), spin=1.0),
+    door(CUBE.inertia, about=(0.0, 0.0, 0.0)),
+    door(CUBE.principal, about=(0.0, 0.0, 0.0)),
+    door(CUBE.floppy_modes, pinned=(0,)),
+    door(TOP.particle, name="tip"),
+    door(Material, name="clay", young=1e9, poisson=0.3, density=2e3, loss=0.1, sources={"loss": "a book"}),
+    door(Material, name="fir", young=12.9e9, poisson=0.35, density=7e2, grain=MATERIALS["oak"].grain),
+    door(Grain, **vars(MATERIALS["oak"].grain)),
+    door(MATERIALS["oak"].softened, factor=2.0),
+    door(solid_top, radius=0.03, height=0.04, material="steel", ring=5),
+    door(solid_box, sides=(0.03, 0.02, 0.02), material="oak"),
+    door(solid_hull, points=TETRAHEDRON, material="steel"),
+    door(solid_rope, material="nylon", diameter=0.01),
+    door(softened, body=TOP, factor=2.0),
+    door(vibrations, body=TOP),
+    door(heavy_top, body=TOP, pinned=(6,), gravity=(0.0, 0.0, -1.0)),
+    door(precession_gap, body=TOP, pinned=(6,), gravity=(0.0, 0.0, -1.0), tilt=0.3, spin=40.0),
+    door(wobble_growth, body=TOP, spin=20.0),
+]
 
 
-@pytest.mark.parametrize(
-    "method",
-    [pytest.param(name, marks=() if name == "suzuki" else pytest.mark.slow) for name in rigid.METHODS],
-)
-def test_two_rigid_tops_in_one_scene_are_two_scenes_of_one(method: str) -> None:
-    assert_each_as_alone(tops(TOP), dynamics="rigid", integrator=method, step=1e-3)
+def wrong_for(right: Any) -> list[Any]:
+    """What an argument could be given in place of what is right."""
+    held = [CUBE, [CUBE], [CUBE, CUBE], (CUBE, top(ring=300)), {0: 0.0}, {0: np.nan}, {99: 1.0}, {0.5: 1.0}]
+    held += [{"tip": 3}, {"tip": ()}, {"tip": (9,)}, {"tip": (-1,)}, {3: (3,)}, {"tip": (0.5,)}]
+    held += [(0, 1), (0, 0), (-1,), (99,), (0.5,), (True,), [True] * 4, [False] * 8]
+    held += [(0, 1, 2), (0, 0, 1), (3, 2, 1)]
+    if isinstance(right, (tuple, list, np.ndarray)) and not isinstance(right[0], Body):
+        held += arrays(np.shape(right))
+    return KINDS + NUMBERS + held
 
 
-@pytest.mark.slow
-def test_five_kinds_of_bodies_on_a_floor_are_five_scenes_of_one() -> None:
-    together = assert_each_as_alone(zoo(), (100, 1000), varying=VARYING)
-    assert (together.measure().contact_loss > 0).all()
-    assert_each_as_alone(zoo(), (300,), varying=VARYING, copies=20, threads=2)
-
-
-@pytest.mark.slow
-def test_bodies_in_a_dish_and_of_the_paper_s_contact_are_scenes_of_one() -> None:
-    balls = tuple(
-        Placed(Body(f"ball {n}", [[0.3 * n, 0, 0.2]], 0.1 + n, [], 1e5, 0.0), name=f"{n}") for n in range(3)
-    )
-    contact = Contact(strength=0.05, reach=0.02, friction=0.1)
-    assert_each_as_alone(Scene(bodies=balls, surfaces=(Dish((0, 0, 1), 1.0),), contact=contact), (2000,))
-    cubes = Scene(bodies=zoo().bodies[1:3], surfaces=(floor(),), contact=PaperContact(0.3, 1.0))
-    assert_each_as_alone(cubes, (3000,), integrator="rk4")
-
-
-def test_measures_of_all_bodies_are_sums_of_those_of_each() -> None:
-    left, right = tops(TOP).bodies
-    loose = Placed(TOP, right.positions, right.velocities, thrust=right.thrust, name="loose")
-    simulator = assert_each_as_alone(Scene(bodies=(left, loose)), (300,), varying=("masses",), copies=3)
-    whole, each = simulator.measure(), [simulator.measure(placed.name) for placed in simulator.scene.bodies]
-    for name in ("kinetic", "gravity", "elastic", "contact", "momentum", "work", "energy", "balance"):
-        total = sum(getattr(m, name) for m in each)
-        np.testing.assert_allclose(getattr(whole, name), total, rtol=1e-12, atol=1e-9)
-    np.testing.assert_array_equal(whole.strain, np.max([m.strain for m in each], axis=0))
-    mass = np.array([1.1 * placed.body.mass for placed in simulator.scene.bodies])  # of copy 0
-    centre = mass @ [m.centre[0] for m in each] / mass.sum()
-    np.testing.assert_allclose(whole.centre[0], centre, rtol=1e-12)
-    # Koenig: the spins, and what the centres of mass carry about the common one
-    about = [m.centre[0] if placed.pivot < 0 else x for placed, m, x in _pivots(simulator, each)]
-    carried = sum(
-        m.angular_momentum[0] + np.cross(point - centre, m.momentum[0])
-        for m, point in zip(each, about, strict=True)
-    )
-    np.testing.assert_allclose(whole.angular_momentum[0], carried, rtol=1e-10)
-    assert not whole.axis.any()
-    assert not whole.side.any()
-
-
-def _pivots(simulator: Simulator, each):
-    x = simulator.positions[0]
-    for placed, m, own in zip(simulator.scene.bodies, each, simulator.scene.slices, strict=True):
-        yield placed, m, x[own.start + max(placed.pivot, 0)]
-
-
-def test_states_and_copies_of_a_simulator_go_on_to_the_bit() -> None:
-    simulator = Simulator(tops(TOP), copies=3)
-    simulator.actuate(**{"left.force": (1.0, 2.0, 3.0)})
-    simulator.advance(10)
-    state = simulator.state()
-    others = [copy.deepcopy(simulator), pickle.loads(pickle.dumps(simulator)), Simulator(tops(TOP), copies=3)]
-    others[-1].restore(state)
-    simulator.advance(10, read=True)
-    for other in others:
-        other.advance(10, read=True)
-        np.testing.assert_array_equal(other.positions, simulator.positions)
-        np.testing.assert_array_equal(other.readout.bodies, simulator.readout.bodies)
-
-
-def test_one_body_is_the_short_form() -> None:
-    placed = Placed(TOP, pinned=(TIP,), wrench=WrenchActuator())
-    short, long = Scene(TOP, pinned=(TIP,), wrench=WrenchActuator()), Scene(bodies=(placed,))
-    assert repr(short) == repr(long)
-    assert long.body is TOP
-    assert short.parts == (short,)
-    assert long.with_(pinned=()).bodies[0].pinned == ()
-    simulator = Simulator(long)
-    simulator.advance(3, read=True)
-    assert np.shares_memory(simulator.readout.rows, simulator.readout.bodies)
-
-
-@pytest.mark.parametrize(
-    ("make", "error", "says"),
-    [
-        (lambda: Scene(bodies=(Placed(TOP), Placed(TOP))), ValueError, r"both called 'top'"),
-        (lambda: Scene(bodies=(Placed(TOP), Placed(cube(), name="a.b"))), ValueError, "without a dot"),
-        (lambda: Scene(TOP, bodies=(Placed(TOP),)), ValueError, "body is given beside bodies"),
-        (lambda: Scene(bodies=(Placed(TOP),), pinned=(1,)), ValueError, "pinned is given beside bodies"),
-        (lambda: Scene(), TypeError, "body is None"),
-        (lambda: Scene(bodies=5), TypeError, "bodies is 5"),
-        (lambda: Scene(bodies=(TOP,)), TypeError, r"bodies\[0\] is Body"),
-        (lambda: Placed(TOP, name=3), TypeError, "name is 3"),
-        (lambda: tops(TOP).number("middle"), ValueError, "'left', 'right'"),
-        (lambda: tops(TOP).number(None), ValueError, "body is None"),
-        (lambda: tops(TOP).number(2), ValueError, "body is 2"),
-        (lambda: tops(TOP).number(True), TypeError, "body is True"),
-        (lambda: Simulator(tops(TOP)).actuate(force=(1, 2, 3)), ValueError, "no actuator for 'force'"),
-        (lambda: Simulator(tops(TOP)).measure("middle"), ValueError, "body is 'middle'"),
-        (lambda: Simulator(tops(TOP)).place(TOP.positions, TOP.positions), ValueError, "positions"),
-        (lambda: zoo().with_(surfaces=(floor(0.6),)), ValueError, "of 'cube' starts"),
-        (
-            lambda: tops(TOP).check_start(tops(TOP).positions, np.ones((28, 3))),
-            ValueError,
-            "body 'left': pinned particle 13",
-        ),
-        (
-            lambda: Simulator(Scene(bodies=(Placed(TOP), Placed(rope()))), dynamics="rigid"),
-            ValueError,
-            "body 'rope' is meant to change shape",
-        ),
-    ],
-)
-def test_what_cannot_be_names_the_body(make, error, says: str) -> None:
-    with pytest.raises(error, match=says):
-        make()
-
-
-def test_an_environment_over_two_bodies_is_the_same_single_and_in_a_batch() -> None:
-    scene = replace_actuators(tops(TOP))
-
-    def made(**options):
-        return springgym.make_scene_env(
-            scene,
-            lambda m, x, v, action: 1 / (1 + m.kinetic / 1e3),
-            actuators={"left.torque": 5.0, "right.thrust": 1.0, "right.force": 3.0},
-            randomize={"masses": (0.9, 1.1), "scale": (0.9, 1.1)},
-            **options,
+@pytest.mark.parametrize(("number", "argument"), arguments(DOORS))
+def test_an_argument_is_refused_by_name_or_right(number: int, argument: str) -> None:
+    """Whatever it is: refused, or the result holds finite numbers, and no warning is given."""
+    call, right = DOORS[number]
+    refused = 0
+    for value in wrong_for(right[argument]):
+        result = attempt(
+            [argument, *right], value, lambda value=value: call(**right | {argument: value}), KeyError
         )
-
-    single, envs = made(), made(num_envs=3)
-    assert single.action_space.shape == (3 + 6 + 3,)
-    first, _ = envs.reset(seed=5)
-    np.testing.assert_array_equal(single.reset(seed=7)[0], first[2])
-    actions = np.linspace(-1, 1, 3 * 12, dtype=np.float32).reshape(3, 12)
-    for _ in range(5):
-        seen, rewards, *_ = envs.step(actions)
-        alone, reward, *_ = single.step(actions[2])
-        np.testing.assert_array_equal(alone, seen[2])
-        assert reward == rewards[2]
-    assert np.abs(seen - first).max() > 1e-3
+        refused += result is None
+        for held in finite_numbers(result):
+            assert np.isfinite(held).all(), (argument, value)
+    assert refused > len(KINDS) / 2
 
 
-def replace_actuators(scene: Scene) -> Scene:
-    """The scene without wrenches: environments add those that they drive."""
-    return scene.with_(bodies=tuple(replace(placed, wrench=None) for placed in scene.bodies))
+def finite_numbers(result: Any) -> list[Any]:
+    if isinstance(result, Body):
+        assert min(result.masses.min(), result.stiffness.min(initial=1), result.lengths.min(initial=1)) > 0
+        assert all(0 <= i < len(result.masses) and type(i) is int for i in result.frame)
+        held = ("positions", "masses", "stiffness", "damping", "lengths", "mass")
+        return [getattr(result, name) for name in held]
+    if isinstance(result, (Material, Grain, HeavyTop)):
+        return [value for value in vars(result).values() if isinstance(value, float)]
+    if isinstance(result, (Start, tuple)):
+        return list(result)
+    return [] if result is None else [getattr(result, "coefficients", result)]
 
 
-@pytest.mark.parametrize(
-    ("actuators", "says"),
-    [
-        ({"torque": 1.0}, "the body that actuators"),
-        ({"dog.force": 1.0}, "'left', 'right'"),
-        ({"left.spin": 1.0}, "'spin'"),
-        ({"left.acceleration": 1.0}, "nothing that it could drive"),
-    ],
-)
-def test_an_actuator_of_no_body_is_refused(actuators, says: str) -> None:
-    with pytest.raises(ValueError, match=says):
-        springgym.make_scene_env(tops(TOP), lambda m, x, v, a: m.energy, actuators=actuators)
+@pytest.mark.parametrize("argument", ["path", "mass", "by", "scale", "stiffness", "damping"])
+def test_an_argument_of_a_mesh(argument: str, tmp_path: Any) -> None:
+    file = tmp_path / "tetrahedron.obj"
+    corners = "".join(f"v {x} {y} {z}\n" for x, y, z in TETRAHEDRON)
+    file.write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    right = {"path": file, "mass": 1.0, "by": "volume", "scale": 1.0, "stiffness": 1.0, "damping": 1.0}
+    for value in (*KINDS, *NUMBERS, tmp_path, "colour"):
+        names = [argument, *right]
+        result = attempt(names, value, lambda value=value: from_mesh(**right | {argument: value}), OSError)
+        assert result is None or np.isfinite(result.positions).all()

@@ -12,6 +12,7 @@ OFTEN = {
     *("sleeping-top", "waking-top", "cube-pendulum", "cube-pendulum-high", "irregular-pendulum"),
     *("rope-hanging", "rope-swing", "bungee", "sliding-block", "block-holds", "block-slides"),
     *("cube-drop", "irregular-fall", "top-with-friction"),
+    *("beech-top", "rubber-top", "ringing-rubber-top", "steel-rope", "nylon-rope"),
 }
 """Scenes that take two compiled variants in all; the others are for long runs."""
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from springgym.bodies import start
+from springgym.bodies import softened, start
 from springgym.scenes import load, names
 from springgym.scenes.checks import CHECKS, check, fitting
 from springgym.scenes.checks.basis import crossings, peaks, period, spread
@@ -102,7 +102,32 @@ def unbalanced(recording):
     return off(recording, body=body.with_(masses=body.masses * np.where(body.masses > 0.6, 1.0, 1.05)))
 
 
+def of_softer_material(recording):
+    """By 20 %."""
+    return off(recording, body=softened(recording.plan.scene.body, 1.2))
+
+
+def of_lossier_material(recording):
+    body = recording.plan.scene.body
+    material = replace(body.solid.material, loss=1.1 * body.solid.material.loss)
+    return off(recording, body=body.with_(solid=replace(body.solid, material=material)))
+
+
+def with_a_heavy_tip(recording):
+    body = recording.plan.scene.body
+    masses = body.masses * np.where(np.arange(len(body.masses)) == body.particle("tip"), 1 + 1e-9, 1.0)
+    return off(recording, body=body.with_(masses=masses, solid=body.solid))
+
+
 BROKEN = [
+    ("beech-top", "solid_inertia", with_a_heavy_tip),
+    ("beech-top", "spin_gap", of_softer_material),
+    ("rubber-top", "spin_gap", of_softer_material),
+    ("ringing-rubber-top", "ring_frequency", of_softer_material),
+    ("ringing-rubber-top", "ring_down", of_lossier_material),
+    ("steel-rope", "cable", heavier_gravity),
+    ("nylon-rope", "cable", of_softer_material),
+    ("turning-over", "wobble", of_softer_material),
     ("bouncing-ball", "bounces", heavier_gravity),
     ("bouncing-ball-lossy", "restitution", livelier),
     ("bungee", "bungee", softer),
@@ -202,6 +227,12 @@ MISFITS = [
     ("cube-drop", "stopping", "there is no friction", lambda plan: frictionless(plan)),
     ("sliding-block", "stopping", "it starts at rest", still),
     ("top-with-friction", "straight_fall", "there is friction", None),
+    ("flipping-box", "solid_inertia", "body 'box' is made of no material", None),
+    ("flipping-box", "ring_down", "body 'box' is made of no material", None),
+    ("steel-top", "ring_frequency", "it does not move freely", None),
+    ("ringing-top", "spin_gap", "body 'top' is no heavy top: it needs one pin", None),
+    ("rubber-cube", "wobble", "it does not move freely", None),
+    ("rope-swing", "cable", "body 'rope' is no rope made of a material", None),
     ("cube-pendulum", "bungee", "it is of a rope: a chain of springs", None),
     ("cube-pendulum", "spun_length", "it is of two equal masses on a spring", None),
     ("rope-swing", "rope_modes", "there is no gravity", lambda plan: weightless(plan)),

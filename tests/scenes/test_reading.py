@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from springgym.bodies.precession import heavy_top
+from springgym.materials import Grain, Material
 from springgym.scenes import load, names
-from springgym.scenes.plan import heavy_top
 from springgym.strict_yaml import YamlError
 from springgym.surfaces import Contact, Dish, PaperContact, Plane, scales
 from springgym.theory.contact import force
@@ -11,6 +12,8 @@ from springgym.theory.top import steady_precession
 
 ROPE = "title: a rope\nbody: {kind: rope}\nduration: 1\npinned: [top]\n"
 BOX = "title: a box\nbody: {kind: box}\nduration: 1\n"
+SOLID = "title: a box\nbody: {kind: solid_box, sides: [1, 1, 1], material: %s}\nduration: 1\n"
+CLAY = "{name: clay, young: 2e7, poisson: 0.4, density: 1900, loss: 0.2}"
 
 
 @pytest.fixture
@@ -106,6 +109,15 @@ def test_numbers_without_a_point_are_numbers(read):
         (BOX + "view: {height: 1}", "mine.yaml:4: unknown key 'height'"),
         (BOX + "start: {spin: fast}", "mine.yaml:4: start.spin: expected a number, got 'fast'"),
         (BOX + "start: {hanging: true}", "mine.yaml:4: start: body 'box' is not pinned: it cannot hang"),
+        (SOLID % "3", "mine.yaml:2: body.material: expected a mapping or text, got 3"),
+        (SOLID % "cheese", "mine.yaml:2: body: material is 'cheese'; it must be one of steel"),
+        (SOLID % CLAY.replace("1900", "-1"), "mine.yaml:2: body.material: density of 'clay' is -1.0"),
+        (SOLID % CLAY.replace("loss", "los"), "mine.yaml:2: unknown key 'los'; did you mean 'loss'"),
+        (
+            SOLID % CLAY.replace("0.2", "soft"),
+            "body.material.loss: expected a number, got 'soft'",
+        ),
+        (BOX + "view: {speed: 3}", "mine.yaml:4: view: speed is 3; it must be one of 0.015625, 0.03125"),
         (BOX + "start: {precession: slow}", "mine.yaml:4: start: body 'box' is no heavy top"),
         (BOX + "start: {kick: {tip: [0, 0, 1]}}", "mine.yaml:4: start: kick names an unknown part 'tip'"),
         (BOX + "start: {kick: {9: [0, 0, 1]}}", "mine.yaml:4: start: kick names particle 9"),
@@ -130,6 +142,14 @@ def test_error_names_file_line_and_key(read, text, message):
         read(text)
     assert message in str(error.value)
     assert len(str(error.value)) < 400
+
+
+def test_material_of_ones_own(read):
+    assert read(SOLID % CLAY).scene.body.solid.material == Material("clay", 2e7, 0.4, 1900.0, 0.2)
+    moduli = "young_r: 2e9, young_t: 1e9, shear_lr: 1e9, shear_lt: 1e9, shear_rt: 2e8"
+    grain = f"{{{moduli}, poisson_lt: 0.4, poisson_rt: 0.5}}"
+    fir = f"{{name: fir, young: 1e10, poisson: 0.4, density: 400, grain: {grain}}}"
+    assert read(SOLID % fir).scene.body.solid.material.grain == Grain(2e9, 1e9, 1e9, 1e9, 2e8, 0.4, 0.5)
 
 
 def test_unknown_scene():

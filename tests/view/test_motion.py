@@ -8,7 +8,8 @@ import pytest
 
 import springgym  # noqa: F401  (registers)
 from springgym.scenes import load
-from springgym.scenes.film import SPEEDS, TURN_A_FRAME
+from springgym.scenes.film import TURN_A_FRAME
+from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import record
 from springgym.view.motion import of_recording
 

@@ -16,6 +16,7 @@ from springgym.scenes.checks.contact import (
 )
 from springgym.scenes.checks.free import energy, flips, momentum, spun_length, twin
 from springgym.scenes.checks.needs import fitting
+from springgym.scenes.checks.solids import cable, ring_down, ring_frequency, solid_inertia, spin_gap, wobble
 from springgym.scenes.checks.swings import (
     bungee,
     pendulum,
@@ -32,6 +33,7 @@ CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
     for function in (
         bounces,
         bungee,
+        cable,
         dish_period,
         energy,
         flips,
@@ -40,17 +42,22 @@ CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
         pendulum,
         rest_height,
         restitution,
+        ring_down,
+        ring_frequency,
         rope_modes,
         rope_stretch,
         rope_swing,
         sleep,
         slope,
         small_swings,
+        solid_inertia,
+        spin_gap,
         spun_length,
         steady_precession,
         stopping,
         straight_fall,
         twin,
+        wobble,
     )
 }
 

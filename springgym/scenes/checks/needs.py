@@ -8,8 +8,11 @@ from collections.abc import Callable
 import numpy as np
 
 from springgym import rigid
+from springgym.bodies.elastic import Cable, Elastic
+from springgym.bodies.network import vibrations
+from springgym.bodies.precession import axial_moments, heavy_top
 from springgym.rigid.shape import check_rigid
-from springgym.scenes.plan import Plan, heavy_top
+from springgym.scenes.plan import Plan
 from springgym.surfaces import Contact, Dish, Plane, scales
 
 Need = Callable[[Plan], None]
@@ -161,26 +164,59 @@ def _flips(plan: Plan) -> None:
         )
 
 
+def _solid(plan: Plan) -> None:
+    if not isinstance(plan.scene.body.solid, Elastic):
+        raise ValueError(f"body {plan.scene.body.name!r} is made of no material")
+
+
+def _symmetric(plan: Plan) -> None:
+    axial_moments(plan.scene.body, plan.scene.body.centre)
+
+
+def _struck(plan: Plan) -> None:
+    """Its lowest vibration, of all of the same frequency, is excited, and not turned away from its modes."""
+    scene, body = plan.scene, plan.scene.body
+    frequencies, modes = vibrations(body)
+    lowest = modes[frequencies < frequencies[0] * (1 + 1e-6)]
+    excited = np.linalg.norm(np.einsum("qni,n,ni->q", lowest, body.masses, scene.velocities))
+    if not excited > 1e-9 * np.linalg.norm(np.sqrt(body.masses)[:, None] * scene.velocities):
+        raise ValueError("nothing excites its lowest vibration")
+    shift = scene.positions - body.positions
+    if np.abs(shift - shift.mean(axis=0)).max() > 1e-3 * np.ptp(body.positions, axis=0).max():
+        raise ValueError("it is turned away from how it was made, and its vibrations with it")
+
+
+def _cable(plan: Plan) -> None:
+    if not isinstance(plan.scene.body.solid, Cable):
+        raise ValueError(f"body {plan.scene.body.name!r} is no rope made of a material")
+
+
 NEEDS: dict[str, tuple[Need, ...]] = {
     "bounces": (_particle, _ground, _dropped, _gravity),
     "bungee": (_rope, _gravity),
+    "cable": (_cable, _rope, _gravity),
     "dish_period": (_particle, _dish, _gravity),
     "flips": (_free, _flips),
     "nutation": (_top,),
     "pendulum": (_pinned, _gravity),
     "rest_height": (_level, _gravity),
     "restitution": (_particle, _ground, _dropped, _restitution, _gravity),
+    "ring_down": (_solid, _free, _struck),
+    "ring_frequency": (_solid, _free, _struck),
     "rope_modes": (_rope, _gravity),
     "rope_stretch": (_rope, _gravity),
     "rope_swing": (_rope, _gravity),
     "sleep": (_top,),
     "slope": (_slope, _gravity),
     "small_swings": (_pinned, _gravity),
+    "solid_inertia": (_solid,),
+    "spin_gap": (_solid, _top),
     "spun_length": (_pair, _free),
     "steady_precession": (_top,),
     "stopping": (_level, _friction, _moves, _gravity),
     "straight_fall": (_level, _ice, _gravity),
     "twin": (_trace, _rigid),
+    "wobble": (_solid, _free, _symmetric, _moves),
 }
 """By the name of a check; the others mean something for every scene."""
 

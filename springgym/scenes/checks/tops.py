@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from springgym.bodies.precession import heavy_top
 from springgym.scenes.checks.basis import Check, peaks, slack, spread
-from springgym.scenes.plan import heavy_top
 from springgym.scenes.recording import Recording
 from springgym.theory import top as theory
 from springgym.theory.top import HeavyTop, TopState
@@ -34,6 +34,18 @@ def angles(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     """Tilt and azimuth of the axis [rad], each (T,)."""
     x, y, z = recording.measures.axis.T
     return np.arctan2(np.hypot(x, y), z), np.unwrap(np.arctan2(y, x))
+
+
+def mean_rate(times: np.ndarray, angle: np.ndarray) -> float:
+    """Slope of an angle that also swings; NaN of fewer than five samples.
+
+    Weights that vanish at both ends leave little of the swing.
+    """
+    if len(times) < 5:
+        return math.nan
+    weights = np.sin(math.pi * np.arange(len(times)) / (len(times) - 1)) ** 2
+    middle = weights @ times / weights.sum()
+    return float(weights * (times - middle) @ angle / (weights @ (times - middle) ** 2))
 
 
 def _compared(

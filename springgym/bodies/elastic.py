@@ -1,0 +1,105 @@
+"""What a body of springs stands for: an elastic solid, or a cable; what it has of that, and what not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from springgym.materials import Material
+from springgym.records import ReadOnly
+
+HIGHER = "higher frequencies and the contraction across a stretch"
+"""What bodies with calibrated springs do not have of a solid."""
+
+
+@dataclass(frozen=True, eq=False)
+class Elastic(ReadOnly):
+    """The elastic solid that a body stands for.
+
+    The body has its mass, centre of mass and inertia tensor exactly. Its springs are calibrated to the
+    solid's lowest frequency and to its growth under spin, and its dampers to its loss factor.
+    """
+
+    material: Material
+    shape: str
+    """what it is a solid of, in words"""
+    mass: float
+    """[kg]"""
+    centre: np.ndarray
+    """(3,) centre of mass [m]"""
+    inertia: np.ndarray
+    """(3, 3) about it [kg·m²]"""
+    frequency: float
+    """lowest frequency ω₁ of the free solid [rad/s]"""
+    axes: np.ndarray
+    """(3, 3) axes of spin, its columns"""
+    stretch: np.ndarray
+    """(3,) s of each axis [s²]: spun at ω, the moment of inertia about it grows by the share s ω²"""
+    frequency_ratio: float
+    """lowest frequency of the springs over that of the solid: what calibration reached"""
+    stretch_ratios: np.ndarray
+    """(3,) the same for s"""
+    precession_ratio: float | None = None
+    """of a top pinned at its tip, by how much stretch slows its precession over the same of the solid"""
+    missed: str = HIGHER
+    """what the body does not have of the solid, in words"""
+
+    def __post_init__(self) -> None:
+        for name in ("centre", "inertia", "axes", "stretch", "stretch_ratios"):
+            self.keep(name, getattr(self, name))
+
+    @property
+    def damping_ratio(self) -> float:
+        """ζ of the lowest vibration of the springs. At a frequency ω it is larger by ω/ω₁."""
+        return self.material.loss / 2 * self.frequency_ratio
+
+    def __repr__(self) -> str:
+        ratios = ", ".join(_ratio(value) for value in self.stretch_ratios)
+        if self.precession_ratio is not None:
+            ratios += f", slowing of its precession × {self.precession_ratio:.2f}"
+        return (
+            f"as a {self.shape} of {self.material}: mass, centre and inertia exact; lowest frequency "
+            f"{self.frequency / (2 * math.pi):.5g} Hz × {_ratio(self.frequency_ratio)}, growth under spin × "
+            f"{ratios}; damping ratio {self.damping_ratio:.3g} there; not matched: {self.missed}"
+        )
+
+
+def _ratio(value: float) -> str:
+    """A ratio near 1 to four digits, or to as many as tell it from 1."""
+    return f"{value:.4f}" if abs(value - 1) >= 5e-5 else "1"
+
+
+@dataclass(frozen=True)
+class Cable:
+    """The cable of a round section that a rope stands for."""
+
+    material: Material
+    diameter: float
+    """[m]"""
+    length: float
+    """[m]"""
+    load: float
+    """mass of the weight at its end [kg]"""
+
+    @property
+    def section(self) -> float:
+        """A [m²]"""
+        return math.pi * self.diameter**2 / 4
+
+    @property
+    def mass(self) -> float:
+        """Of the cable alone [kg]."""
+        return self.material.density * self.section * self.length
+
+    def bending_length(self, gravity: float = 9.81) -> float:
+        """√(EI/T) [m] under the weight T of the load: kinks are rounded over this length."""
+        moment = math.pi * self.diameter**4 / 64
+        return math.sqrt(self.material.young * moment / (self.load * gravity))
+
+    def __repr__(self) -> str:
+        return (
+            f"as a cable of {self.material}, {1e3 * self.diameter:g} mm thick: mass and stiffness along "
+            f"itself exact; not matched: bending, which matters over {self.bending_length():.3g} m"
+        )

@@ -1,0 +1,183 @@
+"""How an elastic top turns: not quite as a rigid one; spin stretches it, and friction takes energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from springgym.bodies.body import Body, rigidity_matrix
+from springgym.bodies.elasticity import spring_force_and_jacobian
+from springgym.bodies.equilibrium import relative_equilibrium
+from springgym.bodies.rotations import axes, rotation, skew
+from springgym.checks import array, indices, instance, number
+from springgym.theory.top import HeavyTop, steady_precession
+
+UPRIGHT = 1e-6
+"""A top that leans by less than this angle [rad] from the vertical does not precess."""
+
+TURNS = 4
+"""Positions about its axis that a top is averaged over; wood is not the same in all."""
+
+
+def heavy_top(body: Body, pinned: Sequence[int], gravity: Sequence[float]) -> HeavyTop:
+    """The rigid symmetric top of a body that is pinned on its axis.
+
+    Raises
+    ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
+    ValueError
+        If it is not pinned at one particle, or not symmetric about its axis; or gravity is not vertical, or
+        does not pull it over.
+    """
+    pins = indices("pinned", pinned, len(instance("body", body, Body).masses))
+    pull = array("gravity", gravity, (3,))
+    if len(pins) != 1 or pull[:2].any():
+        raise ValueError(f"body {body.name!r} is no heavy top: it needs one pin, and vertical gravity")
+    pin = body.positions[pins[0]]
+    i1, i3 = axial_moments(body, pin, "heavy top")
+    own = axes(body.positions, body.frame)
+    arm = own.T @ (body.centre - pin)
+    if np.abs(arm[:2]).max() > 1e-9 * abs(arm[2]):
+        raise ValueError(f"body {body.name!r} is no heavy top: it is not symmetric about its axis")
+    moment = -body.mass * float(pull[2]) * float(arm[2])
+    if not moment > 0:
+        raise ValueError(f"body {body.name!r} is no heavy top: gravity does not pull it over its pin")
+    return HeavyTop(i1, i3, moment)
+
+
+def axial_moments(body: Body, about: np.ndarray, kind: str = "symmetric top") -> tuple[float, float]:
+    """Moments of inertia I₁ and I₃ across and along the third axis of a body, about a point (3,) [kg·m²].
+
+    ``kind`` is what errors say that it is not.
+
+    Raises
+    ------
+    ValueError
+        If the body is floppy, or its inertia not symmetric about that axis.
+    """
+    if body.floppy:
+        raise ValueError(f"body {body.name!r} is no {kind}: it is floppy")
+    own = axes(body.positions, body.frame)
+    tensor = own.T @ body.inertia(about) @ own
+    i1, i3 = float(tensor[0, 0]), float(tensor[2, 2])
+    if not np.abs(tensor - np.diag([i1, i1, i3])).max() <= 1e-9 * i1:
+        raise ValueError(f"body {body.name!r} is no {kind}: it is not symmetric about its axis")
+    return i1, i3
+
+
+def precession_gap(
+    body: Body, pinned: tuple[int, ...], gravity: Sequence[float], tilt: float, spin: float
+) -> float:
+    """Share by which the slow steady precession of an elastic top differs from that of the rigid one.
+
+    In steady precession the top keeps a shape that turns about the vertical with its axis, while its
+    particles pass through it. In each position about its axis that shape is the one in which springs carry
+    weight and rotation (`relative_equilibrium`). With its moment of the weight T and its angular momentum L,
+    of velocities that follow from the turning shape, the rate Ω solves T = Ω ẑ × L.
+
+    Holds as long as the spin is slow beside the vibrations of the body: shapes are those of rest.
+
+    Parameters
+    ----------
+    body, pinned, gravity
+        A heavy top: pinned at one particle on its axis, in vertical gravity (3,) [m/s²].
+    tilt, spin
+        θ [rad] and ω₃ [rad/s], of the rigid rotation with its angular momentum.
+
+    Raises
+    ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
+    ValueError
+        If it is no heavy top, stands upright, has no such precession, or no such shape.
+    """
+    tilt, spin = number("tilt", tilt, UPRIGHT, math.pi - UPRIGHT), number("spin", spin)
+    top = heavy_top(body, pinned, gravity)
+    try:
+        rigid = steady_precession(top, tilt, spin)[0]
+    except ValueError as error:
+        raise ValueError(f"spin is {spin:g}: {error}") from error
+    pin = int(indices("pinned", pinned, len(body.masses))[0])
+    own = axes(body.positions, body.frame)
+    up = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])  # in axes whose third is that of the top
+    mass = body.masses[:, None]
+    pull = -float(np.asarray(gravity)[2])
+
+    def shape(turn: float, omega: np.ndarray) -> np.ndarray:
+        """Positions from the pin, in those axes, of the top turned by an angle about its own."""
+        placed = rotation((0, 0, 1), turn) @ own.T
+        x = relative_equilibrium(body, placed.T @ omega, (pin,), -pull * placed.T @ up)
+        return np.asarray((x - x[pin]) @ placed.T)
+
+    def balance(rate: float, relative: float) -> tuple[float, float]:
+        """Ω that the moment of the weight gives, and ω₃, for an assumed Ω and spin relative to the tilt."""
+        omega = rate * up + np.array([0.0, 0.0, relative])
+        torque, momentum, spun = np.zeros(3), np.zeros(3), 0.0
+        for turn in 2 * np.pi * np.arange(TURNS) / TURNS + 0.1:
+            before, x, after = (shape(turn + step, omega) for step in (-1e-3, 0.0, 1e-3))
+            v = np.cross(rate * up, x) + relative * (after - before) / 2e-3
+            own_momentum = np.sum(mass * np.cross(x, v), axis=0)
+            inertia = np.sum(mass * x * x) * np.eye(3) - (mass * x).T @ x
+            spun += np.linalg.solve(inertia, own_momentum)[2] / TURNS
+            momentum += own_momentum / TURNS
+            torque += np.cross(x, -pull * mass * up).sum(axis=0) / TURNS
+        return float(torque[1] / np.cross(up, momentum)[1]), float(spun)
+
+    rate, relative = float(rigid), float(spin - rigid * np.cos(tilt))
+    slope = (balance(1.001 * rate, relative)[0] - balance(rate, relative)[0]) / (1e-3 * rate) - 1
+    for _ in range(20):  # Newton's method for the rate; the spin is corrected beside it
+        given, spun = balance(rate, relative)
+        change, lack = (given - rate) / slope, spin - spun
+        rate, relative = rate - change, relative + lack
+        if abs(change) < 1e-11 * abs(rate) and abs(lack) < 1e-11 * abs(spin):
+            return rate / float(rigid) - 1
+    raise ValueError(f"body {body.name!r} has no steady precession with a spin of {spin:g} rad/s")
+
+
+def wobble_growth(body: Body, spin: float) -> float:
+    """Rate [1/s] at which a small wobble of a free symmetric body grows by internal friction.
+
+    Friction keeps the angular momentum L and takes from the energy L² (cos²θ/I₃ + sin²θ/I₁)/2, θ the angle
+    between L and the axis: a slender body, I₁ > I₃, turns over, and a flat one comes to rest (a negative
+    rate). This is the real part of the eigenvalue of the wobble, near i (I₃ − I₁) ω/I₁, of motion linearised
+    about steady rotation in axes that turn with the body, with centrifugal and Coriolis forces:
+
+    m ü = J u − D u̇ − 2 m ω × u̇ − m ω × (ω × u).
+
+    Parameters
+    ----------
+    body
+        Its third axis, see `Body.frame`, is one of symmetry.
+    spin
+        ω about it [rad/s].
+
+    Raises
+    ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
+    ValueError
+        If it is not symmetric about its axis, or there is no steady shape at this spin.
+    """
+    spin = number("spin", spin)
+    axial_moments(instance("body", body, Body), body.centre)
+    axis = axes(body.positions, body.frame)[:, 2]
+    shape = relative_equilibrium(body, spin * axis)
+    _, jacobian = spring_force_and_jacobian(body, shape)
+    rows = rigidity_matrix(shape, body.springs).reshape(len(body.springs), -1)
+    dampers = rows.T @ (body.damping[:, None] * rows)
+    mass = np.repeat(body.masses, 3)[:, None]
+    turning = np.kron(np.eye(len(body.masses)), skew(spin * axis))
+    size = len(mass)
+    matrix = np.zeros((2 * size, 2 * size))
+    matrix[:size, size:] = np.eye(size)
+    matrix[size:, :size] = jacobian / mass - turning @ turning
+    matrix[size:, size:] = -dampers / mass - 2 * turning
+    r = shape - body.masses @ shape / body.mass
+    along = float(np.sum(body.masses * ((r * r).sum(axis=1) - (r @ axis) ** 2)))
+    across = float(np.sum(body.masses * ((r * r).sum(axis=1) + (r @ axis) ** 2))) / 2
+    values = np.linalg.eigvals(matrix)
+    wobble = 1j * (along - across) / across * spin
+    return float(values[np.abs(values - wobble).argmin()].real)

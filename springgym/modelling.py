@@ -1,0 +1,344 @@
+"""``springgym model``: only what a scene needs. The cheapest model of a top for a wanted precession.
+
+A real top precesses slower than a rigid one by the share that its spin stretches it, see
+`springgym.bodies.precession.precession_gap`: 7e-7 for steel. Whoever can do with less than that may make it
+softer, and so take longer steps; or rigid. Here each is tried, its error measured and its cost.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from springgym.bodies import Body, softened, solid_top, start
+from springgym.bodies.elastic import Elastic
+from springgym.bodies.rotations import axes
+from springgym.bodies.precession import heavy_top, precession_gap
+from springgym.checks import TINY, chosen, instance, number
+from springgym.integrators import METHODS
+from springgym.materials import MATERIALS, Material
+from springgym.scene import Scene
+from springgym.scenes.checks.tops import angles, mean_rate
+from springgym.scenes.plan import LEAST, Plan
+from springgym.scenes.reading import load
+from springgym.scenes.recording import record
+from springgym.simulator import DYNAMICS, SimulationDivergedError, Simulator
+from springgym.theory.top import steady_precession
+
+SOFTEST = 0.05
+"""Tops whose own gap would be larger than this are not made: their springs leave what they are meant for."""
+
+COARSEST = 10
+"""Implicit methods are tried from so many steps a revolution on, and then with ever half the step."""
+
+
+class Model(NamedTuple):
+    """A way to simulate a top."""
+
+    dynamics: str
+    integrator: str
+    softened: float
+    """factor by which its material is made softer; 1 for rigid dynamics, which has none"""
+    step: float
+    """[s]"""
+    error: float
+    """measured share by which it precesses faster or slower than the real top"""
+    cost: float
+    """computing time of a simulated second [s], on this machine, without compiling"""
+
+
+class Steady(NamedTuple):
+    """The slow steady precession of a top."""
+
+    tilt: float
+    """[rad]"""
+    spin: float
+    """[rad/s]"""
+    rigid: float
+    """rate of the rigid top [rad/s]"""
+    gap: float
+    """share by which the elastic one is faster (slower if negative)"""
+
+
+class Need(NamedTuple):
+    """What is asked for, and the models that were tried, the cheapest first."""
+
+    steady: Steady
+    wanted: float
+    """largest error"""
+    models: list[Model]
+
+    @property
+    def cheapest(self) -> Model:
+        """The cheapest whose error is at most the one wanted.
+
+        Raises
+        ------
+        ValueError
+            If none is: not even the real material at a step of the stability limit.
+        """
+        for model in self.models:
+            if model.error <= self.wanted:
+                return model
+        raise ValueError(f"no model precesses within {self.wanted:g} of the real top; take smaller steps")
+
+
+def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), duration: float = 1.0) -> Need:
+    """The models of a top in slow steady precession, each with its measured error and cost.
+
+    Parameters
+    ----------
+    plan
+        A top pinned at its tip; its start gives tilt and spin.
+    wanted
+        Largest share by which the precession may differ from that of the real top, the plan's; below 1.
+    implicit
+        Methods that are tried on the real material with steps as long as their error allows.
+    duration
+        Simulated for each [s].
+
+    Raises
+    ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
+    ValueError
+        Naming a number out of bounds or an unknown method; or if the plan is of no heavy top, or it has no
+        steady precession.
+    """
+    wanted = number("wanted", wanted, TINY, 1.0)
+    duration = number("duration", duration, LEAST["duration"])
+    implicit = [chosen("a method", name, METHODS) for name in instance("implicit", implicit, list, tuple)]
+    scene = instance("plan", plan, Plan).scene
+    steady = _steady(scene.body, scene, *_turning(scene))
+
+    def tried(dynamics: str, integrator: str, factor: float = 1.0, step: float | None = None) -> Model:
+        try:
+            body = softened(scene.body, factor)
+            rate, simulator = _precessing(plan, body, steady, duration, dynamics, integrator, step)
+        except SimulationDivergedError:
+            return Model(dynamics, integrator, factor, step or math.nan, math.inf, math.inf)
+        error = abs(rate / (steady.rigid * (1 + steady.gap)) - 1)
+        cost = _cost(simulator, max(1, round(0.1 * duration / simulator.step)))
+        return Model(dynamics, integrator, factor, simulator.step, error, cost)
+
+    models = [tried("rigid", DYNAMICS["rigid"].default(scene)), real := tried("springs", "verlet")]
+    factor = _softest(scene, steady, wanted)
+    if factor > 1.01:
+        models.append(tried("springs", "verlet", factor))
+    for integrator in implicit:
+        step = 2 * math.pi / abs(steady.spin) / COARSEST
+        model = tried("springs", integrator, 1.0, step)
+        while model.error > wanted and step > 2 * real.step:
+            step /= 2
+            model = tried("springs", integrator, 1.0, step)
+        models.append(model)
+    return Need(steady, wanted, sorted(models, key=lambda model: model.cost))
+
+
+def _turning(scene: Scene) -> tuple[float, float]:
+    """Tilt of the axis [rad] and ω along it [rad/s] that a scene starts with."""
+    x, body = scene.positions, scene.body
+    axis = axes(x, body.frame)[:, 2]
+    r = x - x[scene.pivot]
+    momentum = body.masses @ np.cross(r, scene.velocities)
+    placed = body.with_(positions=x, lengths=body.lengths)
+    omega = np.linalg.solve(placed.inertia(x[scene.pivot]), momentum)
+    return math.acos(float(np.clip(axis[2], -1, 1))), float(omega @ axis)
+
+
+def _steady(body: Body, scene: Scene, tilt: float, spin: float) -> Steady:
+    """The precession of a body in place of that of a scene."""
+    pull = scene.gravity or (0.0, 0.0, 0.0)
+    rigid = steady_precession(heavy_top(body, scene.pinned, pull), tilt, spin)[0]
+    return Steady(tilt, spin, float(rigid), precession_gap(body, scene.pinned, pull, tilt, spin))
+
+
+def _precessing(
+    plan: Plan,
+    body: Body,
+    steady: Steady,
+    duration: float,
+    dynamics: str = "springs",
+    integrator: str = "verlet",
+    step: float | None = None,
+) -> tuple[float, Simulator]:
+    """Mean precession [rad/s] of a body that starts at the rate of the rigid top, and a simulator of it."""
+    begun = start(
+        body,
+        tilt=steady.tilt,
+        spin=steady.spin,
+        precession=steady.rigid,
+        pinned=plan.scene.pinned,
+        gravity=plan.scene.gravity,
+        stretched=dynamics == "springs",
+    )
+    scene = plan.scene.with_(body=body, positions=begun.positions, velocities=begun.velocities)
+    run = replace(
+        plan, scene=scene, integrator=integrator, step=step, duration=duration, interval=duration / 500
+    )
+    recording = record(run, dynamics=dynamics)
+    rate = mean_rate(recording.times, angles(recording)[1])
+    return rate, Simulator(scene, dynamics=dynamics, integrator=integrator, step=recording.step)
+
+
+def _softest(scene: Scene, steady: Steady, wanted: float) -> float:
+    """The factor by which a top may be made softer to precess within a share of the real one."""
+    most = min(abs(steady.gap) + 0.95 * wanted, SOFTEST)  # the rest is for the steps
+    factor = most / abs(steady.gap)
+    for _ in range(3):  # the gap grows a little faster than the factor
+        own = _steady(softened(scene.body, max(1.0, factor)), scene, steady.tilt, steady.spin).gap
+        factor *= most / abs(own)
+    return max(1.0, factor)
+
+
+# --- Real tops --------------------------------------------------------------------------------------
+
+COPIES = 256
+"""Copies of a batch whose speed is measured."""
+
+
+class RealTop(NamedTuple):
+    """A solid cone of a material, pinned at its tip, spun and tilted, by verlet at its default step."""
+
+    material: str
+    mass: float
+    """[kg]"""
+    frequency: float
+    """lowest of the free solid [Hz]"""
+    step: float
+    """[s]"""
+    growth: float
+    """share by which its spin makes its largest moment of inertia grow"""
+    predicted: float
+    """share by which it precesses faster than a rigid top"""
+    gap: float
+    """the same, measured"""
+    ratio: float
+    """that of springs over that of the solid, see `springgym.bodies.elastic.Elastic`"""
+    alone: float
+    """simulated seconds in a second, of one copy"""
+    batch: float
+    """the same in a batch of `COPIES`, of all copies together"""
+
+
+def real_top(material: Material | str, duration: float = 1.0) -> RealTop:
+    """Measure the top of the scene "steel-top", of another material."""
+    plan, body = load("steel-top"), solid_top(0.03, 0.04, material)
+    steady = _steady(body, plan.scene, *_turning(plan.scene))
+    rate, alone = _precessing(plan, body, steady, duration)
+    batch = Simulator(alone.scene, step=alone.step, copies=COPIES)
+    steps = max(1, round(0.1 * duration / alone.step))
+    solid = body.solid
+    assert isinstance(solid, Elastic)
+    return RealTop(
+        material=str(solid.material),
+        mass=body.mass,
+        frequency=solid.frequency / (2 * math.pi),
+        step=alone.step,
+        growth=float(solid.stretch[2]) * steady.spin**2,
+        predicted=steady.gap,
+        gap=rate / steady.rigid - 1,
+        ratio=solid.precession_ratio or math.nan,
+        alone=1 / _cost(alone, steps),
+        batch=COPIES / _cost(batch, max(1, round(steps / COPIES**0.5))),
+    )
+
+
+def _cost(simulator: Simulator, steps: int) -> float:
+    """Computing time of a simulated second [s]: the best of three, without compiling."""
+    simulator.advance(1)
+    costs = []
+    for _ in range(3):
+        before = time.perf_counter()
+        simulator.advance(steps)
+        costs.append((time.perf_counter() - before) / (steps * simulator.step))
+    return min(costs)
+
+
+def table_of_tops(materials: Iterable[str]) -> Iterator[str]:
+    """Lines of a table of `RealTop`, in Markdown."""
+    heads = ("", "g", "lowest Hz", "step s", "dI₃/I₃", "gap", "predicted", "of the solid's", "alone", "batch")
+    yield f"| {' | '.join(heads)} |"
+    yield "|---" * len(heads) + "|"
+    for name in materials:
+        top = real_top(name)
+        cells = (
+            top.material,
+            f"{1e3 * top.mass:.0f}",
+            f"{top.frequency:.4g}",
+            f"{top.step:.2g}",
+            f"{top.growth:.1e}",
+            f"{top.gap:.3e}",
+            f"{top.predicted:.3e}",
+            f"{top.ratio:.2f}",
+            f"{top.alone:.2g}",
+            f"{top.batch:.2g}",
+        )
+        yield f"| {' | '.join(cells)} |"
+
+
+# --- The command ------------------------------------------------------------------------------------
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument("scene", nargs="?", help="name of a scene with a top, as steel-top, or a YAML file")
+    parser.add_argument(
+        "--gap", type=float, default=1e-3, help="largest error of the precession, a share (1e-3)"
+    )
+    parser.add_argument(
+        "--implicit", nargs="*", default=["tr_bdf2"], metavar="METHOD", help="implicit methods to try, too"
+    )
+    parser.add_argument("--tops", action="store_true", help="measure a top of every material instead")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do what the arguments ask for; the exit status."""
+    if args.tops:
+        for line in table_of_tops(MATERIALS):
+            print(line, flush=True)
+        return 0
+    if args.scene is None:
+        raise ValueError(
+            "which scene? Give one with a top, as steel-top, or --tops for one of every material"
+        )
+    number("--gap", args.gap, TINY, 1.0)
+    plan = load(args.scene)
+    need = needed(plan, args.gap, tuple(args.implicit))
+    for line in _said(plan, need):
+        print(line)
+    return 0
+
+
+def _said(plan: Plan, need: Need) -> Iterator[str]:
+    best, steady = need.cheapest, need.steady
+    slower = "slower" if steady.gap < 0 else "faster"
+    yield (
+        f"{plan.name}: tilt {steady.tilt:.4g} rad, spin {steady.spin:.5g} rad/s; a rigid top precesses at "
+        f"{steady.rigid:.7g} rad/s, the real one {abs(steady.gap):.2g} {slower}"
+    )
+    yield f"wanted: the precession within {need.wanted:g} of the real one"
+    yield _row(("", "dynamics", "method", "softer by", "step", "error", "computing a second takes"))
+    for model in need.models:
+        yield _row(
+            (
+                "→" if model == best else "" if model.error <= need.wanted else "no",
+                model.dynamics,
+                model.integrator,
+                "" if model.dynamics == "rigid" else f"{model.softened:.4g}",
+                f"{model.step:.2g} s",
+                f"{model.error:.1e}",
+                f"{1e3 * model.cost:.3g} ms",
+            )
+        )
+
+
+def _row(cells: tuple[str, ...]) -> str:
+    widths = (3, 9, 9, 10, 10, 9, 25)
+    return "".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()

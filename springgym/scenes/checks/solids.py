@@ -1,0 +1,153 @@
+"""Bodies made from a material against the solids they stand for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from springgym.bodies import vibrations
+from springgym.bodies.elastic import Cable, Elastic
+from springgym.bodies.precession import precession_gap, wobble_growth
+from springgym.scenes.checks.basis import Check, crossings, peaks, period
+from springgym.scenes.checks.tops import angles, mean_rate, rigid_top
+from springgym.scenes.recording import Recording
+from springgym.theory import rope, top
+
+
+def _solid(recording: Recording) -> Elastic:
+    """The solid that the body of a recording stands for; `needs` make sure that there is one."""
+    solid = recording.plan.scene.body.solid
+    assert isinstance(solid, Elastic)
+    return solid
+
+
+def solid_inertia(recording: Recording) -> list[Check]:
+    """Mass, centre and inertia tensor of the particles against those of the solid, by quadrature."""
+    body, solid = recording.plan.scene.body, _solid(recording)
+    size = float(np.ptp(body.positions, axis=0).max())
+    moments = np.sort(np.linalg.eigvalsh(solid.inertia))
+    turned = float(np.abs(body.inertia() - solid.inertia).max())
+    centre = float(np.linalg.norm(body.centre - solid.centre))
+    checks = [
+        Check("mass", solid.mass, body.mass, 1e-12 * solid.mass, "kg"),
+        Check("distance of the centres of mass", 0.0, centre, 1e-12 * size, "m"),
+        Check("difference of the inertia tensors", 0.0, turned, 1e-12 * float(moments[-1]), "kg·m²"),
+    ]
+    for name, expected, found in zip(
+        ("least", "middle", "largest"), moments, body.principal()[0], strict=True
+    ):
+        checks.append(Check(f"{name} moment", expected, found, 1e-12 * expected, "kg·m²"))
+    return checks
+
+
+def _ringing(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+    """Velocity of the lowest vibration [√kg m/s], (T,), and times; of several alike, of that which is kicked.
+
+    Modes are orthogonal to all others and to rigid motion, so this is one damped oscillator.
+    """
+    body = recording.plan.scene.body
+    frequencies, modes = vibrations(body)
+    lowest = frequencies < frequencies[0] * (1 + 1e-6)
+    own = np.einsum("qni,n,tni->tq", modes[lowest], body.masses, recording.velocities)
+    kicked = own[0] / np.linalg.norm(own[0])
+    return recording.times, own @ kicked
+
+
+def ring_frequency(recording: Recording) -> list[Check]:
+    """Lowest frequency of a body that rings, against that of the solid.
+
+    Verlet steps of h make it ω (1 + (ω h)²/24), friction ω √(1 − ζ²).
+    """
+    solid = _solid(recording)
+    times, ringing = _ringing(recording)
+    ratio, damping = solid.frequency_ratio, solid.damping_ratio
+    slow = math.sqrt(1 - damping**2) * (1 + (solid.frequency * recording.step) ** 2 / 24)
+    measured = 1 / period(times, ringing) if len(crossings(times, ringing)) > 2 else math.nan
+    expected = solid.frequency / (2 * math.pi) * slow
+    by = abs(ratio - 1) + 1e-4
+    return [Check("lowest frequency", expected, measured, by * expected, "Hz")]
+
+
+def ring_down(recording: Recording) -> list[Check]:
+    """How fast the ringing dies away: a damping ratio of half the loss factor."""
+    solid = _solid(recording)
+    times, ringing = _ringing(recording)
+    marks, heights = peaks(times, np.abs(ringing))
+    heard = heights > 1e-3 * heights.max(initial=0.0)
+    measured = math.nan
+    if heard.sum() > 2:
+        decay = -np.polyfit(marks[heard], np.log(heights[heard]), 1)[0]
+        measured = float(decay / solid.frequency)
+    expected = solid.material.loss / 2
+    by = 5e-3 + 2 * abs(solid.frequency_ratio - 1)
+    return [Check("damping ratio", expected, measured, by * expected, "")]
+
+
+def spin_gap(recording: Recording) -> list[Check]:
+    """Share by which an elastic top precesses slower than the rigid one, for the stretch of its spin.
+
+    Theory is of a body without inertia of its vibrations: off by (ω₃/ω₁)² and, since it starts at the rigid
+    body's rate and nutates a little, by the square of the axis's share in the angular momentum.
+    """
+    scene = recording.plan.scene
+    solid, (rigid, state) = _solid(recording), rigid_top(recording)
+    _, azimuth = angles(recording)
+    rate = top.steady_precession(rigid, state.theta, state.omega3)[0]
+    expected = precession_gap(scene.body, scene.pinned, scene.gravity or (), state.theta, state.omega3)
+    measured = mean_rate(recording.times, azimuth) / rate - 1
+    share = (rigid.i1 * rate / (rigid.i3 * state.omega3)) ** 2
+    by = abs(expected) + (state.omega3 / solid.frequency) ** 2 + share
+    resolved = (state.omega3 * recording.step) ** 2 * rate / state.omega3
+    return [Check("gap of the precession", expected, measured, by * abs(expected) + resolved, "")]
+
+
+def _mean(times: np.ndarray, values: np.ndarray) -> float:
+    """Mean over time, by the trapezoidal rule."""
+    return float(np.trapezoid(values, times) / (times[-1] - times[0]))
+
+
+def wobble(recording: Recording) -> list[Check]:
+    """Growth of the wobble of a free symmetric body by internal friction, while it is small."""
+    scene, m = recording.plan.scene, recording.measures
+    momentum = m.angular_momentum / np.linalg.norm(m.angular_momentum, axis=1)[:, None]
+    across = np.linalg.norm(np.cross(m.axis, momentum), axis=1)
+    tilt = np.arctan2(across, np.einsum("ti,ti->t", m.axis, momentum))
+    large = tilt > 0.25
+    small = slice(0, int(np.argmax(large)) if large.any() else len(tilt))
+    measured = math.nan
+    if len(tilt[small]) > 9:
+        measured = float(np.polyfit(recording.times[small], np.log(tilt[small]), 1)[0])
+    growth = wobble_growth(scene.body, float(m.angular_velocity[0] @ m.axis[0]))
+    by = float(tilt[small].max(initial=0.0)) ** 2
+    return [Check("growth of the wobble", growth, measured, by * abs(growth), "1/s")]
+
+
+def cable(recording: Recording) -> list[Check]:
+    """Mean stretch of a cable that bounces under a load, and how fast, against a continuous cable.
+
+    In its lowest mode the cable has a phase x = ω L √(ρ/E); n springs of a share x/n each are off by
+    (x/n)²/24. Of a bounce that dies away as exp(−γ t) the mean of a period is off by the share γ/ω.
+    """
+    scene = recording.plan.scene
+    made = scene.body.solid
+    assert isinstance(made, Cable)
+    given = (made.load, made.mass, made.material.young, made.section, made.length)
+    stretch = rope.cable_stretch(*given, float(np.linalg.norm(scene.gravity or 0.0)))
+    bounce = rope.cable_bounce(*given)
+    ends = recording.positions[:, [0, -1]]
+    longer = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) - made.length
+    marks = crossings(recording.times, longer - stretch, rising=True)
+    mean = measured = math.nan
+    if len(marks) > 2:
+        within = (recording.times >= marks[0]) & (recording.times <= marks[-1])
+        mean = _mean(recording.times[within], longer[within])
+        measured = (len(marks) - 1) / (marks[-1] - marks[0])
+    phase = bounce * made.length * math.sqrt(made.material.density / made.material.young)
+    friction = made.material.loss / 2
+    by = (phase / len(scene.body.springs)) ** 2 / 24 + (bounce * recording.step) ** 2 + friction**2
+    frequency = bounce / (2 * math.pi)
+    return [
+        Check("mean stretch", stretch, mean, (by + friction) * stretch, "m"),
+        Check("bounce frequency", frequency, measured, by * frequency, "Hz"),
+    ]

@@ -1,0 +1,83 @@
+"""Model only what a scene needs: errors as asked for, costs in order."""
+
+import numpy as np
+import pytest
+
+from springgym.cli import main
+from springgym.modelling import needed
+from springgym.scenes import load
+
+
+def test_rubber_top():
+    need = needed(load("rubber-top"), 0.02, implicit=())
+    assert need.steady.gap == pytest.approx(-0.0117, rel=0.01)
+    rigid, *springs = sorted(need.models, key=lambda model: (model.dynamics, model.softened))
+    assert rigid.error == pytest.approx(0.0118, rel=0.01)  # the rigid top is faster by the gap
+    real, softer = springs
+    assert real.error < 1e-4
+    assert 0.015 < softer.error < 0.02
+    assert 2 < softer.softened < 4
+    assert softer.step == pytest.approx(real.step * np.sqrt(softer.softened), rel=0.1)
+    assert need.models == sorted(need.models, key=lambda model: model.cost)
+    assert need.cheapest.error <= 0.02
+
+
+def test_less_than_the_gap_rules_the_rigid_top_out():
+    need = needed(load("rubber-top"), 0.005, implicit=())
+    assert need.cheapest.dynamics == "springs"
+    assert max(model.error for model in need.models) == pytest.approx(0.0118, rel=0.01)
+
+
+def test_more_than_any_model_has():
+    need = needed(load("rubber-top"), 1e-9, implicit=())
+    with pytest.raises(ValueError, match="no model precesses within 1e-09 of the real top"):
+        _ = need.cheapest
+
+
+@pytest.mark.parametrize("wanted", [0.0, -1.0, 1.1, float("nan"), "0.1", True, None])
+def test_impossible_shares_are_refused(wanted):
+    with pytest.raises((ValueError, TypeError), match=r"wanted is .*; it must be a positive number"):
+        needed(load("rubber-top"), wanted)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"plan": "rubber-top"}, "plan is 'rubber-top'; it must be Plan"),
+        ({"implicit": "tr_bdf2"}, "implicit is 'tr_bdf2'; it must be list or tuple"),
+        ({"implicit": ["bdf"]}, "a method is 'bdf'; it must be one of"),
+        ({"duration": 0.0}, r"duration is 0\.0; it must be a number from 1e-06"),
+    ],
+)
+def test_what_cannot_be_modelled_is_named(given, message):
+    right = {"plan": load("rubber-top"), "wanted": 0.01}
+    with pytest.raises((ValueError, TypeError), match=message):
+        needed(**(right | given))
+
+
+def test_what_is_no_top_is_refused():
+    for name in ("steel-rope", "steel-cube"):
+        with pytest.raises(ValueError, match="is no heavy top"):
+            needed(load(name), 1e-3)
+
+
+def test_command(capsys):
+    assert main(["model", "rubber-top", "--gap", "0.02", "--implicit"]) == 0
+    said = capsys.readouterr().out
+    assert "a rigid top precesses at 3.818488 rad/s, the real one 0.012 slower" in said
+    assert "→  " in said
+    assert main(["model", "steel-rope"]) == 2
+    assert main(["model", "rubber-top", "--gap", "2"]) == 2
+    assert "--gap is 2.0; it must be a positive number" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_steel_top_is_rigid_for_all_one_sees():
+    need = needed(load("steel-top"), 1e-3)
+    assert need.cheapest.dynamics == "rigid"
+    assert need.cheapest.error == pytest.approx(9.5e-7, rel=0.02)
+    softer = next(model for model in need.models if model.softened > 1)
+    assert 700 < softer.softened < 1500
+    implicit = next(model for model in need.models if model.integrator == "tr_bdf2")
+    assert implicit.error < 1e-3
+    assert implicit.step > 100 * 8.7e-7
