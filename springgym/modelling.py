@@ -18,8 +18,8 @@ import numpy as np
 
 from springgym.bodies import Body, softened, solid_top, start
 from springgym.bodies.elastic import Elastic
-from springgym.bodies.rotations import axes
 from springgym.bodies.precession import heavy_top, precession_gap
+from springgym.bodies.rotations import axes
 from springgym.checks import TINY, chosen, instance, number
 from springgym.integrators import METHODS
 from springgym.materials import MATERIALS, Material

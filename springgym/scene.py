@@ -248,6 +248,9 @@ class Scene(ReadOnly):
             raise TypeError(f"bodies is {shown(self.bodies)}; it must be a tuple of Placed")
         if not self.bodies:
             return (Placed(**{name: getattr(self, name) for name in OWN}),)
+        if len(self.bodies) == 1 and isinstance(self.bodies[0], Placed) and self.body is self.bodies[0].body:
+            # what `dataclasses.replace` gives: the fields of the one body, one of them changed
+            return (Placed(**{name: getattr(self, name) for name in OWN}, name=self.bodies[0].name),)
         for own in fields(self):
             if own.name in OWN and getattr(self, own.name) is not own.default:
                 raise ValueError(

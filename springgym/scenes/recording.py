@@ -98,7 +98,8 @@ def record(
     positions = np.zeros((count, *plan.scene.positions.shape))
     velocities = np.zeros_like(positions)
     rows = np.zeros((count, SIZE))
-    each = np.zeros((count, len(plan.scene.bodies), SIZE))
+    several = len(plan.scene.bodies) > 1
+    each = np.zeros((count, len(plan.scene.bodies), SIZE)) if several else rows[:, None]
     floppy = any(placed.body.floppy for placed in plan.scene.bodies)
     done = 0
     try:
@@ -147,7 +148,7 @@ def _check_size(plan: Plan, step: float, steps: int, count: int) -> None:
             f"a step of {step:g} s makes {steps:g} of an interval of {plan.interval:g} s, and at most "
             f"{MOST_STEPS:g} are taken: {why}"
         )
-    size = count * (2 * plan.scene.positions.nbytes + 8 * SIZE * (1 + len(bodies)))
+    size = count * (2 * plan.scene.positions.nbytes + 8 * SIZE * (1 + len(bodies) if len(bodies) > 1 else 1))
     if size > MOST_BYTES:
         raise ValueError(
             f"{plan.duration:g} s at intervals of {plan.interval:g} s are {count:g} states of "

@@ -177,6 +177,8 @@ def test_one_body_is_the_short_form() -> None:
     assert long.body is TOP
     assert short.parts == (short,)
     assert long.with_(pinned=()).bodies[0].pinned == ()
+    assert replace(long, pinned=()).bodies[0].pinned == ()
+    assert replace(long, gravity=None).pinned == (TIP,)
     simulator = Simulator(long)
     simulator.advance(3, read=True)
     assert np.shares_memory(simulator.readout.rows, simulator.readout.bodies)
