@@ -11,6 +11,7 @@ __version__ = "0.1.0"
 
 _PUBLIC = {
     "Body": "springgym.bodies",
+    "Placed": "springgym.scene",
     "Scene": "springgym.scene",
     "Simulator": "springgym.simulator",
     "get_state": "springgym.envs.base",
@@ -19,7 +20,7 @@ _PUBLIC = {
 }
 """Public names and the modules they come from, imported when first used: `import springgym` is quick."""
 
-__all__ = ["Body", "Scene", "Simulator", "get_state", "make_scene_env", "register", "set_state"]
+__all__ = ["Body", "Placed", "Scene", "Simulator", "get_state", "make_scene_env", "register", "set_state"]
 
 
 def __getattr__(name: str) -> Any:

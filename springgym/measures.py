@@ -10,8 +10,7 @@ import numpy as np
 from springgym.compiling import compiled
 from springgym.forces import potential_energy
 from springgym.forces.ledger import ENTRIES, WORK
-from springgym.lanes import load, maximum, sqrt, store
-from springgym.ragged import bodies_of, of_body
+from springgym.lanes import bodies_of, load, maximum, of_body, sqrt, store
 from springgym.vectors import (
     ROUND_OFF,
     angular_momentum,

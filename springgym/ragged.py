@@ -1,39 +1,19 @@
-"""Values of several bodies in one array, and the view that compiled code has of one body.
+"""Values of several bodies in one array: how they are put together, and each body's view of them.
 
-What bodies have is stored one body after another: `Ragged` arrays of rows, `Each` numbers. `of_body` gives
-one body's share of nested tuples of them, as if there were no other. In a scene of one body nothing is
-`Ragged` or `Each`, `of_body` gives back what it is given, and nothing of this is left when compiled.
+What bodies have is stored one body after another: `Ragged` arrays of rows, `Each` numbers. Compiled code
+sees one body's share of nested tuples of them, as if there were no other, see `springgym.lanes.of_body`. In a
+scene of one body nothing is `Ragged` or `Each`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
-from numba.np.arrayobj import populate_array
 
 from springgym.blocks import aligned_zeros
-from springgym.lanes import check_index
-
-
-class Ragged(NamedTuple):
-    """Rows of several bodies."""
-
-    values: np.ndarray
-    """(rows, …) of one body after another"""
-    start: np.ndarray
-    """(bodies + 1,) where each body's rows begin, and the end"""
-
-
-class Each(NamedTuple):
-    """A number of each body."""
-
-    numbers: np.ndarray
-    """(bodies,)"""
+from springgym.lanes import Each, Ragged
 
 
 def stacked(terms: Sequence[Any], blocks: bool = True) -> Any:
@@ -74,78 +54,3 @@ def share(term: Any, body: int) -> Any:
         parts = [share(part, body) for part in term]
         return type(term)(*parts) if hasattr(term, "_fields") else tuple(parts)
     return term
-
-
-def _is_one_of(kind: type, term: types.Type) -> bool:
-    return isinstance(term, types.BaseNamedTuple) and term.instance_class is kind
-
-
-def _of_body_type(term: types.Type) -> types.Type:
-    """The type `of_body` gives for a term."""
-    if _is_one_of(Ragged, term):
-        return term[0]
-    if _is_one_of(Each, term):
-        return term[0].dtype
-    if isinstance(term, types.BaseTuple):
-        return types.BaseTuple.from_types(
-            [_of_body_type(t) for t in term], getattr(term, "instance_class", None)
-        )
-    return term
-
-
-def _item(context: Any, builder: Any, array_type: Any, value: Any, n: Any) -> Any:
-    """A number of a one-dimensional array."""
-    array = context.make_array(array_type)(context, builder, value)
-    (extent,) = cgutils.unpack_tuple(builder, array.shape, 1)
-    check_index(context, builder, n, extent)
-    return context.unpack_value(builder, array_type.dtype, builder.gep(array.data, [n]))
-
-
-def _of_body(context: Any, builder: Any, term: types.Type, value: Any, body: Any) -> Any:
-    """LLVM value of `of_body`."""
-    result = _of_body_type(term)
-    if result == term:
-        return value
-    items = cgutils.unpack_tuple(builder, value)
-    if _is_one_of(Each, term):
-        return _item(context, builder, term[0], items[0], body)
-    if _is_one_of(Ragged, term):
-        first = _item(context, builder, term[1], items[1], body)
-        after = builder.add(body, body.type(1))
-        last = _item(context, builder, term[1], items[1], after)
-        array = context.make_array(term[0])(context, builder, items[0])
-        view = context.make_array(term[0])(context, builder)
-        shape, strides = (cgutils.unpack_tuple(builder, of) for of in (array.shape, array.strides))
-        data = cgutils.pointer_add(builder, array.data, builder.mul(first, strides[0]))
-        shape = [builder.sub(last, first), *shape[1:]]
-        populate_array(view, data, shape, strides, array.itemsize, array.meminfo, array.parent)
-        return view._getvalue()
-    chosen = [_of_body(context, builder, t, v, body) for t, v in zip(term, items, strict=True)]
-    return context.make_tuple(builder, result, chosen)
-
-
-@intrinsic
-def of_body(typingctx: Any, term: Any, body: Any) -> Any:
-    """A term with the values of one body: those of `Ragged` and `Each` are chosen, all else is shared."""
-
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        index = context.cast(builder, args[1], sig.args[1], types.intp)
-        return _of_body(context, builder, sig.args[0], args[0], index)
-
-    return _of_body_type(term)(term, body), codegen
-
-
-@intrinsic
-def bodies_of(typingctx: Any, term: Any) -> Any:
-    """How many bodies' values a `Ragged` holds; 1 if it is an array."""
-    several = _is_one_of(Ragged, term)
-
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        if not several:
-            return context.get_constant(types.intp, 1)
-        start = cgutils.unpack_tuple(builder, args[0])[1]
-        array = context.make_array(sig.args[0][1])(context, builder, start)
-        (extent,) = cgutils.unpack_tuple(builder, array.shape, 1)
-        return builder.sub(extent, extent.type(1))
-
-    return types.intp(term), codegen

@@ -24,9 +24,10 @@ from springgym.checks import HUGE, MANY, TINY
 from springgym.compiling import SameTypes
 from springgym.forces.ledger import ENTRIES
 from springgym.integrators.record import COUNTS, Control, Integrator, refusal, workspace
+from springgym.lanes import Ragged
 from springgym.measures import Measures, Readout
 from springgym.packing import PARAMETERS, Options, Packed, pack
-from springgym.ragged import Ragged, share, stacked
+from springgym.ragged import share, stacked
 from springgym.scene import Scene
 from springgym.surfaces import Contact, PaperContact
 

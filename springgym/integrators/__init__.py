@@ -13,7 +13,7 @@ from typing import Any
 from springgym.blocks import at
 from springgym.compiling import kernel
 from springgym.integrators.record import Integrator
-from springgym.ragged import bodies_of, of_body
+from springgym.lanes import bodies_of, of_body
 
 METHODS = (
     "verlet",

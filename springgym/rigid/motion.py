@@ -21,8 +21,7 @@ import numpy as np
 from springgym.blocks import at
 from springgym.compiling import compiled, kernel
 from springgym.forces.ledger import WORK, record
-from springgym.lanes import any_lane, load
-from springgym.ragged import bodies_of, of_body
+from springgym.lanes import any_lane, bodies_of, load, of_body
 from springgym.rigid.contact import rub, slide
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.rigid.rotation import turn, turn_back

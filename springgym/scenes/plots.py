@@ -435,6 +435,9 @@ def bodies(recording: Recording, figure: Figure) -> None:
             turning.plot(t, np.linalg.norm(m.angular_velocity, axis=1), color=color)
     for axes in (high, turning):
         axes.margins(x=0)
+        low, top = axes.get_ylim()
+        if top - low < 0.02 * abs(top):  # what stays is shown as staying
+            axes.set_ylim(0, 1.15 * top)
     _legend(high)
     _energies(recording, figure, grid[2, 1])
 

@@ -189,7 +189,7 @@ def test_one_body_is_the_short_form() -> None:
     [
         (lambda: Scene(bodies=(Placed(TOP), Placed(TOP))), ValueError, r"both called 'top'"),
         (lambda: Scene(bodies=(Placed(TOP), Placed(cube(), name="a.b"))), ValueError, "without a dot"),
-        (lambda: Scene(TOP, bodies=(Placed(TOP),)), ValueError, "body is given beside bodies"),
+        (lambda: Scene(cube(), bodies=(Placed(TOP),)), ValueError, "body is given beside bodies"),
         (lambda: Scene(bodies=(Placed(TOP),), pinned=(1,)), ValueError, "pinned is given beside bodies"),
         (lambda: Scene(), TypeError, "body is None"),
         (lambda: Scene(bodies=5), TypeError, "bodies is 5"),
