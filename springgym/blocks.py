@@ -6,12 +6,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
-from numba.np.arrayobj import populate_array
 
-from springgym.lanes import block_dtype, check_index
+from springgym.lanes import at as at
+from springgym.lanes import block_dtype
 
 WIDTH = {np.dtype(np.float64): 16, np.dtype(np.float32): 32}
 """Copies in a block of a batch: two AVX-512 registers, four of AVX2. While one of a pair waits for the result
@@ -78,42 +75,3 @@ def set_all(array: np.ndarray, values: np.ndarray) -> None:
     lanes[:full] = np.reshape(values[: full * width], (full, *lanes.shape[1:]))
     if rest:
         lanes[full, :rest] = values[full * width :]
-
-
-def _one_block(term: types.Type) -> types.Type:
-    """The type `at` gives for a term."""
-    if isinstance(term, types.Array) and isinstance(term.dtype, types.Record):
-        return term.copy(ndim=term.ndim - 1)
-    if isinstance(term, types.BaseTuple):
-        return types.BaseTuple.from_types(
-            [_one_block(item) for item in term], getattr(term, "instance_class", None)
-        )
-    return term
-
-
-def _at(context: Any, builder: Any, term: types.Type, value: Any, block: Any) -> Any:
-    """LLVM value of `at`: blocks lie one after another, so a block is an offset of the data."""
-    if _one_block(term) == term:
-        return value
-    if isinstance(term, types.BaseTuple):
-        items = cgutils.unpack_tuple(builder, value)
-        chosen = [_at(context, builder, t, v, block) for t, v in zip(term, items, strict=True)]
-        return context.make_tuple(builder, _one_block(term), chosen)
-    array = context.make_array(term)(context, builder, value)
-    view = context.make_array(_one_block(term))(context, builder)
-    shape, strides = (cgutils.unpack_tuple(builder, of) for of in (array.shape, array.strides))
-    check_index(context, builder, block, shape[0])
-    data = cgutils.pointer_add(builder, array.data, builder.mul(block, strides[0]))
-    populate_array(view, data, shape[1:], strides[1:], array.itemsize, array.meminfo, array.parent)
-    return view._getvalue()
-
-
-@intrinsic
-def at(typingctx: Any, term: Any, block: Any) -> Any:
-    """A term with the values of one block: arrays of blocks are indexed, all else is shared."""
-
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        index = context.cast(builder, args[1], sig.args[1], types.intp)
-        return _at(context, builder, sig.args[0], args[0], index)
-
-    return _one_block(term)(term, block), codegen

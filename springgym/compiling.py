@@ -10,6 +10,9 @@ function is compiled from, the argument types, the CPU, the versions of Python a
 settings that change the code. Nothing is ever invalidated or locked; another source, another name. Numba's
 settings are not touched. An entry is code of this machine: its folder must be one's own.
 
+The cache needs a few things of Numba that are not of its public interface: `INSIDE` names them. Where a
+version of Numba lacks one, a warning says so, every process compiles anew, and results are the same.
+
 With ``NUMBA_BOUNDSCHECK=1`` in the environment all compiled functions check every index, those of `lanes` and
 `blocks` too, and raise an `IndexError`: slow, for the search of a fault.
 """
@@ -23,19 +26,16 @@ import platform
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numba
 import numpy as np
-from numba.core.caching import NullCache
-from numba.core.compiler import CompileResult
-from numba.core.compiler_lock import global_compiler_lock
-from numba.core.dispatcher import Dispatcher
-from numba.core.registry import CPUDispatcher
-from numba.core.serialize import dumps
+from numba.extending import is_jitted
 
 if numba.config.DISABLE_JIT:
     raise ImportError("springgym computes on LLVM values, for which it is compiled: unset NUMBA_DISABLE_JIT")
@@ -49,20 +49,67 @@ much as the physics where small functions hand arrays on."""
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO_DEFAULT")
 """Those of `numba.config` that change what is compiled."""
 
-if hasattr(os, "register_at_fork"):
+PLAIN = numba.njit(**OPTIONS)(lambda: None)
+"""A function that is never called: a sample of how this version of Numba wraps a compiled function."""
+
+
+def _inside(path: str) -> Any:
+    """Something in Numba that may be gone in its next version; None if it is."""
+    try:
+        return attrgetter(path)(numba)
+    except AttributeError:
+        return None
+
+
+INSIDE = {
+    path: _inside(path)
+    for path in (
+        "core.compiler_lock.global_compiler_lock",
+        "core.compiler.CompileResult._reduce",
+        "core.compiler.CompileResult._rebuild",
+        "core.serialize.dumps",
+    )
+}
+"""What there is of the private things in Numba that the cache is made of."""
+
+LOCK, REDUCE, REBUILD, DUMPS = INSIDE.values()
+
+LACKING = [f"numba.{path}" for path, found in INSIDE.items() if found is None]
+if not hasattr(PLAIN, "_cache"):
+    LACKING.append(f"{type(PLAIN).__name__}._cache")
+
+
+def _warn_uncached(why: str) -> None:
+    """Say, once a process, that compiled code is not kept."""
+    global _warned
+    if not _warned:
+        _warned = True
+        warnings.warn(
+            f"Numba {numba.__version__} {why}: springgym cannot keep compiled code, and each process "
+            "compiles anew, for up to a minute. Install a version of Numba that springgym asks for",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+
+
+_warned = False
+if LACKING:
+    _warn_uncached(f"has no {', '.join(LACKING)}")
+
+if LOCK is not None and hasattr(os, "register_at_fork"):
     # A forked child has the compiler's lock as it was, but not the thread that held it: it would wait for
     # ever. So a fork waits until no other thread compiles.
     os.register_at_fork(
-        before=global_compiler_lock.acquire,
-        after_in_parent=global_compiler_lock.release,
-        after_in_child=global_compiler_lock.release,
+        before=LOCK.acquire,
+        after_in_parent=LOCK.release,
+        after_in_child=LOCK.release,
     )
 
 CHECKED = bool(numba.config.BOUNDSCHECK)
 """Whether compiled functions check indices, and `SameTypes` types."""
 
 
-class Inner(CPUDispatcher):
+class Inner(type(PLAIN)):  # type: ignore[misc]
     """A compiled function without the code by which Python would call it: half of the compiler's work."""
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
@@ -86,7 +133,8 @@ def compiled(function: Callable[..., Any]) -> Any:
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls: releases the GIL, cached on disk by its sources."""
     dispatcher = numba.njit(**OPTIONS, nogil=True, no_cfunc_wrapper=True)(function)
-    dispatcher._cache = SourceKeyedCache(function)
+    if not LACKING:
+        dispatcher._cache = SourceKeyedCache(function)
     return dispatcher
 
 
@@ -101,14 +149,14 @@ class SameTypes:
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = function
+        self._function: Any = function
         self._code: Callable[..., Any] | None = None
         self._types: tuple[Any, ...] | None = None
 
     def __call__(self, *arguments: Any) -> Any:
         if self._code is None:
             self._code = self._function
-            if isinstance(self._function, Dispatcher):
+            if is_jitted(self._function):
                 self._types = types = tuple(map(numba.typeof, arguments))
                 if types not in self._function.overloads:  # compiling waits for the compiler's lock
                     self._function.compile(types)
@@ -135,9 +183,11 @@ def cache_directory() -> Path | None:
         return None
 
 
-class SourceKeyedCache(NullCache):
+class SourceKeyedCache:
     """Numba's cache interface over one file an entry, named by a hash of all it depends on."""
 
+    cache_path = None
+    """for Numba's statistics"""
     imported = time.time_ns()
     """when this module was [ns]: before all others that hold compiled functions"""
 
@@ -145,25 +195,34 @@ class SourceKeyedCache(NullCache):
         self._function = function
         self._sources: bytes | None = None
 
-    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
-        target_context.refresh()
-        path = self._path(sig, target_context.codegen())
-        if path is None:
-            return None
+    def flush(self) -> None:
+        """Nothing is ever out of date."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled function of a signature, if there is an entry of it."""
         try:
+            target_context.refresh()
+            path = self._path(sig, target_context.codegen())
+            if path is None:
+                return None
             content = path.read_bytes()
             payload = content[DIGEST:]
             if content[:DIGEST] != _checksum(path, payload):
                 return None
-            return CompileResult._rebuild(target_context, *pickle.loads(payload))
+            return REBUILD(target_context, *pickle.loads(payload))
         except Exception:  # whatever is wrong with an entry: it is compiled anew, and replaced
             return None
 
-    def save_overload(self, sig: Any, data: CompileResult) -> None:
-        path = self._path(sig, data.codegen)
-        if path is None:
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a compiled function."""
+        try:
+            path = self._path(sig, data.codegen)
+            if path is None:
+                return
+            payload = DUMPS(REDUCE(data))
+        except (AttributeError, TypeError) as error:  # Numba's inside is another than it was
+            _warn_uncached(f"cannot be asked for its compiled code ({error})")
             return
-        payload = dumps(data._reduce())
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             descriptor, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
@@ -221,7 +280,7 @@ def _source_digest(function: Callable[..., Any]) -> bytes:
             home = _home(value)
             if isinstance(value, ModuleType) and home.startswith(f"{name}."):
                 continue  # importing a submodule puts it there, whether this module uses it or not
-            if home.partition(".")[0] in packages or isinstance(value, Dispatcher):
+            if home.partition(".")[0] in packages or is_jitted(value):
                 waiting.append(home)
     for name in sorted(modules):
         module = sys.modules[name]

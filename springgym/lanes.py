@@ -9,6 +9,10 @@ two broadcasts. So one source serves a single environment (width 1: a plain scal
 A `Lanes` value is an LLVM vector, hence explicit SIMD: no auto-vectoriser has to be talked into it,
 small batches are as fast as large ones, and since the operations are IEEE and element by element,
 every width gives the same bits. `multiply_add` is IEEE's fused operation: processors since 2013 have it.
+
+All that springgym tells Numba's compiler is here: its types, its intrinsics, and the address of a block. It
+needs more of Numba than its public interface, and nothing could stand in for it: hence the upper bound on
+Numba in ``pyproject.toml``.
 """
 
 from __future__ import annotations
@@ -21,9 +25,9 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, models, register_model
+from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.np.arrayobj import populate_array
 
 from springgym.compiling import compiled
 
@@ -168,6 +172,16 @@ def sqrt(typingctx: Any, value: Any) -> Any:
 
 
 @intrinsic
+def nearest(typingctx: Any, value: Any) -> Any:
+    """The nearest whole number in each lane."""
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _call(builder, "rint", args[0])
+
+    return value(value), codegen
+
+
+@intrinsic
 def multiply_add(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
     """a b + c, rounded once, in each lane: one instruction where a product and a sum are two."""
     lanes = _common((a, b, c))
@@ -209,6 +223,17 @@ def any_lane(typingctx: Any, mask: Any) -> Any:
         return builder.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
 
     return types.boolean(mask), codegen
+
+
+@intrinsic
+def epsilon(typingctx: Any, value: Any) -> Any:
+    """Distance of 1 from the next number of the kind that lanes hold: 2⁻⁵², or 2⁻²³ in single precision."""
+    size = float(np.finfo(value.dtype.name).eps)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return context.get_constant(types.float64, size)
+
+    return types.float64(value), codegen
 
 
 # --- Memory -----------------------------------------------------------------------------------------
@@ -298,6 +323,51 @@ def store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(array, index, value), codegen
+
+
+# --- Blocks -----------------------------------------------------------------------------------------
+
+
+def _one_block(term: types.Type) -> types.Type:
+    """The type `at` gives for a term."""
+    if isinstance(term, types.Array) and isinstance(term.dtype, types.Record):
+        return term.copy(ndim=term.ndim - 1)
+    if isinstance(term, types.BaseTuple):
+        return types.BaseTuple.from_types(
+            [_one_block(item) for item in term], getattr(term, "instance_class", None)
+        )
+    return term
+
+
+def _at(context: Any, builder: Any, term: types.Type, value: Any, block: Any) -> Any:
+    """LLVM value of `at`: blocks lie one after another, so a block is an offset of the data."""
+    if _one_block(term) == term:
+        return value
+    if isinstance(term, types.BaseTuple):
+        items = cgutils.unpack_tuple(builder, value)
+        chosen = [_at(context, builder, t, v, block) for t, v in zip(term, items, strict=True)]
+        return context.make_tuple(builder, _one_block(term), chosen)
+    array = context.make_array(term)(context, builder, value)
+    view = context.make_array(_one_block(term))(context, builder)
+    shape, strides = (cgutils.unpack_tuple(builder, of) for of in (array.shape, array.strides))
+    check_index(context, builder, block, shape[0])
+    data = cgutils.pointer_add(builder, array.data, builder.mul(block, strides[0]))
+    populate_array(view, data, shape[1:], strides[1:], array.itemsize, array.meminfo, array.parent)
+    return view._getvalue()
+
+
+@intrinsic
+def at(typingctx: Any, term: Any, block: Any) -> Any:
+    """A term with the values of one block: arrays of blocks are indexed, all else is shared."""
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        index = context.cast(builder, args[1], sig.args[1], types.intp)
+        return _at(context, builder, sig.args[0], args[0], index)
+
+    return _one_block(term)(term, block), codegen
+
+
+# --- Compiled of these ------------------------------------------------------------------------------
 
 
 @compiled

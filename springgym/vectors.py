@@ -4,27 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numba import types
-from numba.extending import intrinsic
-
 from springgym.compiling import compiled
+from springgym.lanes import epsilon as epsilon
 from springgym.lanes import load, multiply_add, select, sqrt, store
 
 TINY = 1e-30  # added to a squared length: keeps 1/length finite at zero, and changes no other length
 
 ROUND_OFF = 1e-13 / 2.0**-52  # a share lost by rounding, or less, in units of `epsilon`
-
-
-@intrinsic
-def epsilon(typingctx: Any, value: Any) -> Any:
-    """Distance of 1 from the next number of the kind that lanes hold: 2⁻⁵², or 2⁻²³ in single precision."""
-    size = float(np.finfo(value.dtype.name).eps)
-
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return context.get_constant(types.float64, size)
-
-    return types.float64(value), codegen
 
 
 @compiled

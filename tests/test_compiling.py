@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import runpy
 import subprocess
 import sys
@@ -204,6 +205,55 @@ def test_a_cache_that_cannot_be_written_costs_a_compilation(package: Path, tmp_p
     blocked.write_text("no folder")
     assert finish(start(package, blocked / "cache")) == (8.0, 0)
     assert blocked.read_text() == "no folder"
+
+
+LACKING = """
+import sys, warnings
+sys.path.insert(0, {folder!r})
+import numba
+kept = {path}
+del {path}
+with warnings.catch_warnings(record=True) as given:
+    warnings.simplefilter("always")
+    import springgym.compiling
+    if {path!r} in springgym.compiling.LACKING:
+        {path} = kept  # Numba itself needs it
+    from user.outer import double_sum, triple_sum
+    value = double_sum(3.0) + triple_sum(3.0)
+(warning,) = given
+assert {path!r}.rpartition(".")[2] in str(warning.message), warning
+assert warning.category is RuntimeWarning
+print(value, sum(double_sum.stats.cache_hits.values()))
+"""
+"""Uses two kernels of a Numba that lacks something."""
+
+
+@pytest.mark.parametrize("lacks", [*compiling.INSIDE, "core.codegen.CPUCodegen.magic_tuple"])
+def test_a_numba_that_lacks_something_costs_compilations(lacks: str, package: Path, tmp_path: Path) -> None:
+    """Whatever of its private side is gone: there is one warning, no cache, and the same value."""
+    (package / "outer.py").write_text(
+        FILES["outer.py"] + "@kernel\ndef triple_sum(a):\n    return 3.0 * shifted(a)\n"
+    )
+    path = f"numba.{lacks}"
+    run = LACKING.replace("{path!r}", repr(path)).replace("{path}", path)
+    assert finish(start(package, tmp_path / "cache", run)) == (20.0, 0)
+    assert not (tmp_path / "cache").exists()
+
+
+ALLOWED = ("springgym/compiling.py", "springgym/lanes.py")
+"""Files that may reach into Numba."""
+
+
+def test_numbas_private_side_is_behind_two_files() -> None:
+    """The rest of the package takes what Numba makes public."""
+    root = Path(compiling.__file__).parents[1]
+    private = re.compile(r"\bllvmlite\b|\bnumba\.(core|np)\b|\._cache\b|\b_(reduce|rebuild)\(")
+    found = [
+        path
+        for path in (file.relative_to(root).as_posix() for file in root.glob("springgym/**/*.py"))
+        if private.search((root / path).read_text(encoding="utf-8"))
+    ]
+    assert sorted(found) == sorted(ALLOWED)
 
 
 STEP = """

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
-from numba.core.dispatcher import Dispatcher
+from numba.extending import is_jitted
 from numpy.random import Generator
 
 from springgym import checks, measures
@@ -534,7 +534,7 @@ class Episodes:
         self.measures = measures.view(self.simulator.readout.rows)
         self._shown: tuple[Measures, np.ndarray, np.ndarray] = (self.measures, *self.particles)
         self._shown_action = self.action
-        if not isinstance(self.task.evaluate, Dispatcher):  # a user's own functions see, and change nothing
+        if not is_jitted(self.task.evaluate):  # a user's own functions see, and change nothing
             x, v = self.particles
             self._shown = Measures(*map(_locked, self.measures)), _locked(x), _locked(v)
             self._shown_action = _locked(self.action)

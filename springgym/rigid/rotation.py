@@ -4,31 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
-
 from springgym.compiling import compiled
-from springgym.lanes import sqrt
+from springgym.lanes import nearest, sqrt
 from springgym.vectors import TINY, cross, dot, plus, times
 
 PI_HIGH = 3.1415925025939941  # 22 bits: a few times it is exact
 PI_LOW = 1.5099579909783765e-07
-
-
-@intrinsic
-def nearest(typingctx: Any, value: Any) -> Any:
-    """The nearest whole number in each lane."""
-    name = {types.float64: "f64", types.float32: "f32"}[value.dtype]
-    name = f"llvm.rint.v{value.width}{name}" if value.width > 1 else f"llvm.rint.{name}"
-
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        lanes = args[0].type
-        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(lanes, [lanes]), name)
-        return builder.call(function, args)
-
-    return value(value), codegen
 
 
 @compiled
