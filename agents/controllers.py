@@ -1,13 +1,16 @@
 """Baselines without learning: ``zero``, ``random`` and a classical controller by environment.
 
 A classical controller reads the compact observation (``observation="frame"``) and nothing else.
-It maps a batch ``(n, d)`` to actions ``(n, a)`` in [-1, 1].
+It maps a task and a batch ``(n, d)`` to actions ``(n, a)`` in [-1, 1]. What the numbers mean, what the
+actuators can do and how long they do it, it asks the task: `Task.seen`, `Task.limits`, `Task.period`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Callable, Mapping
 from functools import cache, partial
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -17,66 +20,72 @@ from gymnasium import spaces
 from runs import HELD_OUT_SEED
 
 from springgym.bodies.motion import axes
-from springgym.envs import detumble, tumble
+from springgym.envs import detumble, free_top, top, tumble
+from springgym.envs.task import Task
+from springgym.registration import ENVIRONMENTS
+from springgym.scene import GRAVITY
 
 UP = np.array([0.0, 0.0, 1.0])
+G = -GRAVITY[2]
+
+Controller = Callable[[Any, np.ndarray], np.ndarray]
+"""From a task, and compact observations (n, d), actions (n, a)."""
 
 
-def top_moment(observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def top_moment(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Moment (n, 3) in N·m that erects the pinned top, and the moment (n,) about its axis.
 
     With the axis n, the angular velocity ω⊥ across it and the spin ω₃:
     60 (z − n (n·z)) turns the angular momentum L ≈ I₃ω₃ n towards the vertical,
-    40 n×z carries part of the weight, −20 ω⊥ damps the nutation; 3 (50 − ω₃) keeps the spin.
+    40 n×z carries part of the weight, −20 ω⊥ damps the nutation; 3 (ω_wanted − ω₃) keeps the spin.
     """
-    axis, across, spin = _top_frame(observations)
+    seen = task.seen(observations)
+    axis, spin = seen["axis"], seen["spin"][:, 0]
     upright = UP - axis * axis[:, 2:]
-    moment = 60.0 * upright + 40.0 * np.cross(axis, UP) - 20.0 * across
-    return moment, 3.0 * (50.0 - spin)
+    moment = 60.0 * upright + 40.0 * np.cross(axis, UP) - 20.0 * seen["across"]
+    return moment, 3.0 * (top.WANTED - spin)
 
 
-def top_torque(observations: np.ndarray, limit: float = 15.0) -> np.ndarray:
-    """SpringTop with world torques x, y and an axis torque, each up to ``limit`` [N·m]."""
-    moment, about_axis = top_moment(observations)
-    return _saturated(np.column_stack([moment[:, :2], about_axis]), limit)
+def top_torque(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringTop with world torques x, y and an axis torque."""
+    moment, about_axis = top_moment(task, observations)
+    return _saturated(np.column_stack([moment[:, :2], about_axis]), task.limits)
 
 
-def top_impulse(observations: np.ndarray) -> np.ndarray:
-    """SpringTop with an impulse on its crown, up to 0.3 N·s a component.
+def top_impulse(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringTop with an impulse on its crown.
 
-    An impulse J on the crown, 1 m from the tip along n, acts over a control period of 20 ms as the
-    moment n×J / 0.02 s; J = 0.02 s (τ×n) gives τ.
+    An impulse J on the crown, 1 m from the tip along n, acts over a control period T as the moment
+    n×J / T; J = T (τ×n) gives τ.
     """
-    axis, _, _ = _top_frame(observations)
-    moment, _ = top_moment(observations)
-    return _saturated(0.02 * np.cross(moment, axis), 0.3)
+    moment, _ = top_moment(task, observations)
+    return _saturated(task.period * np.cross(moment, task.seen(observations)["axis"]), task.limits)
 
 
-def gyroscope_moment(observations: np.ndarray) -> np.ndarray:
+def gyroscope_moment(task: Task, observations: np.ndarray) -> np.ndarray:
     """Moment (n, 3) in N·m that turns the axis n of a gyroscope towards d.
 
     60 sign(ω₃) (d − n (n·d)), cut at 20 N·m, turns the angular momentum I₃ω₃ n towards ±d;
     −10 ω⊥ damps the nutation.
     """
-    observations = np.asarray(observations, dtype=np.float64)
-    axis, across, wanted = observations[:, :3], observations[:, 3:6], observations[:, 7:10]
-    spin = 35.0 + 20.0 * observations[:, 6:7]
+    seen = task.seen(observations)
+    axis, wanted = seen["axis"], seen["target"]
     towards = wanted - axis * _dot(axis, wanted)
-    return np.clip(60.0 * np.sign(spin) * towards, -20.0, 20.0) - 10.0 * across
+    return np.clip(60.0 * np.sign(seen["spin"]) * towards, -20.0, 20.0) - 10.0 * seen["across"]
 
 
-def gyroscope_torque(observations: np.ndarray) -> np.ndarray:
-    """SpringGyroscope with world torques up to 20 N·m."""
-    return _saturated(gyroscope_moment(observations), 20.0)
+def gyroscope_torque(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringGyroscope with world torques."""
+    return _saturated(gyroscope_moment(task, observations), task.limits)
 
 
-def gyroscope_impulse(observations: np.ndarray) -> np.ndarray:
-    """SpringGyroscope with an impulse on the head, 0.5 m from the pin, up to 0.8 N·s a component."""
-    axis = np.asarray(observations, dtype=np.float64)[:, :3]
-    return _saturated(0.02 * np.cross(gyroscope_moment(observations), axis) / 0.5, 0.8)
+def gyroscope_impulse(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringGyroscope with an impulse on the head, 0.5 m from the pin."""
+    moment, axis = gyroscope_moment(task, observations), task.seen(observations)["axis"]
+    return _saturated(task.period * np.cross(moment, axis) / 0.5, task.limits)
 
 
-def pendulum_moment(observations: np.ndarray) -> np.ndarray:
+def pendulum_moment(task: Task, observations: np.ndarray) -> np.ndarray:
     """Moment (n, 3) in N·m that pumps energy into the cube until it can stand upside down, then holds it.
 
     Far from the top, 4 N·m along or against ω⊥, as the energy ½ I₁ω² + Mgl n·z, with I₁ = 1.25 kg·m²
@@ -84,8 +93,8 @@ def pendulum_moment(observations: np.ndarray) -> np.ndarray:
     doi:10.1016/S0005-1098(99)00140-5), and −2 (ω·z) z against whirling. Within 0.6 rad of it
     30 n×z − 8 ω⊥, of which the weight takes 8.5.
     """
-    observations = np.asarray(observations, dtype=np.float64)
-    axis, across = observations[:, :3], 4.0 * observations[:, 3:6]
+    seen = task.seen(observations)
+    axis, across = seen["axis"], seen["across"]
     lift = 8.5
     speed = np.linalg.norm(across, axis=1, keepdims=True)
     sideways = np.cross(axis, np.where(axis[:, 2:] < -0.9999, [1.0, 0.0, 0.0], UP))
@@ -97,29 +106,29 @@ def pendulum_moment(observations: np.ndarray) -> np.ndarray:
     return np.where(axis[:, 2:] > np.cos(0.6), hold, pump)
 
 
-def pendulum_torque(observations: np.ndarray) -> np.ndarray:
-    """SpringPendulum with world torques up to 4.25 N·m."""
-    return _saturated(pendulum_moment(observations), 4.25)
+def pendulum_torque(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringPendulum with world torques."""
+    return _saturated(pendulum_moment(task, observations), task.limits)
 
 
-def pendulum_impulse(observations: np.ndarray) -> np.ndarray:
-    """SpringPendulum with an impulse on the far corner, √3 m from the pin, up to 0.1 N·s a component."""
-    axis = np.asarray(observations, dtype=np.float64)[:, :3]
-    return _saturated(0.04 * np.cross(pendulum_moment(observations), axis) / np.sqrt(3.0), 0.1)
+def pendulum_impulse(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringPendulum with an impulse on the far corner, √3 m from the pin."""
+    moment, axis = pendulum_moment(task, observations), task.seen(observations)["axis"]
+    return _saturated(task.period * np.cross(moment, axis) / np.sqrt(3.0), task.limits)
 
 
-def detumble_torque(observations: np.ndarray) -> np.ndarray:
-    """SpringDetumble with torques −10 H up to 0.35 N·m, H the angular momentum in the body's axes."""
-    return _saturated(-10.0 * np.asarray(observations, dtype=np.float64)[:, 3:6], 0.35)
+def detumble_torque(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringDetumble with torques −10 H, H the angular momentum in the body's axes."""
+    return _saturated(-10.0 * task.seen(observations)["angular_momentum"], task.limits)
 
 
-def detumble_thrusters(observations: np.ndarray) -> np.ndarray:
+def detumble_thrusters(task: Task, observations: np.ndarray) -> np.ndarray:
     """SpringDetumble with thrusters, each against the speed u at which the rotation moves it along itself.
 
     An impulse −J takes the energy J u away, so the body slows down as long as any thruster moves. Full
     thrust from u = 0.1 m/s on.
     """
-    speed = 4.0 * np.asarray(observations, dtype=np.float64)[:, :3] @ _thruster_arms().T
+    speed = task.seen(observations)["angular_velocity"] @ _thruster_arms().T
     return _saturated(-speed, 0.1)
 
 
@@ -156,29 +165,29 @@ def regulator(
 
 
 @cache
-def _rope_gain() -> np.ndarray:
+def _rope_gain(period: float) -> np.ndarray:
     """For x = load − target, trolley − load and both velocities, along one axis."""
-    pull = 9.81 / 4.05  # g over the length of the rope
+    pull = G / 4.05  # g over the length of the rope
     drift = np.array([[0, 0, 1, 0], [0, 0, -1, 1], [0, pull, 0, 0], [0, 0, 0, 0]], float)
-    return regulator(drift, np.array([[0.0], [0], [0], [1]]), np.array([1.0, 0.1, 0.1, 0.1]), 0.1, 0.05)
+    return regulator(drift, np.array([[0.0], [0], [0], [1]]), np.array([1.0, 0.1, 0.1, 0.1]), 0.1, period)
 
 
-def rope_trolley(observations: np.ndarray) -> np.ndarray:
-    """SpringRope: a linear-quadratic regulator along x and y, up to 3 m/s²."""
-    observations = np.asarray(observations, dtype=np.float64)
-    x = observations.reshape(-1, 4, 2) * np.array([-2.0, 1.0, 2.0, 2.0])[:, None]
-    return _saturated(-np.einsum("k,nka->na", _rope_gain()[0], x), 3.0)
+def rope_trolley(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringRope: a linear-quadratic regulator along x and y."""
+    seen = task.seen(observations)
+    x = np.stack([-seen["to_target"], seen["to_trolley"], seen["velocity"], seen["trolley_velocity"]], axis=1)
+    return _saturated(-np.einsum("k,nka->na", _rope_gain(task.period)[0], x), task.limits)
 
 
 @cache
-def _free_top_gain() -> np.ndarray:
+def _free_top_gain(period: float) -> np.ndarray:
     """For x = n_x, n_y, ω_x, ω_y, and position and velocity of the centre of mass, near the upright.
 
     The floor carries the weight at the tip, l below the centre of mass, and the crown is h − l above it:
     I₁ω⊥' = Mgl n×z + (h − l) z×F − I₃ω₃ n',  n' = ω×n,  M X'' = F.
     """
     mass, low, high, moment = 10.0, 0.375, 0.125, 1.094
-    whirl, fall = 1.25 * 8.0 / moment, mass * 9.81 * low / moment
+    whirl, fall = 1.25 * free_top.WANTED / moment, mass * G * low / moment
     drift, control = np.zeros((8, 8)), np.zeros((8, 2))
     drift[0, 3], drift[1, 2] = 1.0, -1.0
     drift[2, [1, 3]] = -fall, -whirl
@@ -186,25 +195,25 @@ def _free_top_gain() -> np.ndarray:
     drift[4, 6] = drift[5, 7] = 1.0
     control[2, 1], control[3, 0] = -high / moment, high / moment
     control[6, 0] = control[7, 1] = 1 / mass
-    return regulator(drift, control, np.array([10.0, 10, 1, 1, 20, 20, 1, 1]), 1e-4, 0.02)
+    return regulator(drift, control, np.array([10.0, 10, 1, 1, 20, 20, 1, 1]), 1e-4, period)
 
 
-def free_top_push(observations: np.ndarray) -> np.ndarray:
-    """SpringFreeTop: a linear-quadratic regulator of the push, up to 40 N; 4 (8 − ω₃) of 8 rad/s²."""
-    observations = np.asarray(observations, dtype=np.float64)
-    state = observations[:, [0, 1, 3, 4, 7, 8, 9, 10]] * np.array([1, 1, 1, 1, 0.5, 0.5, 0.5, 0.5])
-    push = -state @ _free_top_gain().T
-    return np.column_stack([_saturated(push, 40.0), _saturated(-4.0 * 4.0 * observations[:, 6:7], 8.0)])
+def free_top_push(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringFreeTop: a linear-quadratic regulator of the push; the ring is sped up by 4/s (ω_wanted − ω₃)."""
+    seen = task.seen(observations)
+    moving = [seen["axis"][:, :2], seen["across"][:, :2], seen["centre"], seen["centre_velocity"]]
+    push = -np.hstack(moving) @ _free_top_gain(task.period).T
+    speeding = 4.0 * (free_top.WANTED - seen["spin"])
+    return np.hstack([_saturated(push, task.limits[:2]), _saturated(speeding, free_top.SPIN_UP)])
 
 
-def tumble_push(observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def tumble_push(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Force [N] and torque [N·m], (n, 3) each, that turn the face down and the body to the target.
 
     It is half lifted while on the way.
     """
-    observations = np.asarray(observations, dtype=np.float64)
-    offset, velocity = observations[:, :3].copy(), observations[:, 3:6]
-    normal, omega = observations[:, 6:9], 4.0 * observations[:, 9:12]
+    seen = task.seen(observations)
+    offset, normal = seen["offset"].copy(), seen["normal"]
     offset[:, 2] = 0.0
     error = np.linalg.norm(offset, axis=1, keepdims=True)
     axis = np.cross(normal, -UP)
@@ -212,31 +221,32 @@ def tumble_push(observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     axis = np.where(behind, np.cross(normal, [1.0, 0.0, 0.0]), axis)
     sine = np.linalg.norm(axis, axis=1, keepdims=True)
     angle = np.arctan2(sine, -normal[:, 2:])
-    torque = 30.0 * angle * axis / np.maximum(sine, 1e-9) - 3.0 * omega
-    force = -60.0 * offset - 30.0 * velocity
+    torque = 30.0 * angle * axis / np.maximum(sine, 1e-9) - 3.0 * seen["angular_velocity"]
+    force = -60.0 * offset - 30.0 * seen["velocity"]
     force[:, 2] = 0.0
     way = np.clip((error - 0.05) / 0.05, 0.0, 1.0)
     force += way * 20.0 * -offset / np.maximum(error, 1e-9) + way * 35.0 * UP
     return force, torque
 
 
-def tumble_wrench(observations: np.ndarray, force: float = 35.0, torque: float = 9.0) -> np.ndarray:
-    """SpringTumble with a force and a torque up to these [N], [N·m]."""
-    push, twist = tumble_push(observations)
-    return np.column_stack([_saturated(push, force), _saturated(twist, torque)])
+def tumble_wrench(task: tumble.SpringTumble, observations: np.ndarray) -> np.ndarray:
+    """SpringTumble with a force and a torque."""
+    return _saturated(np.column_stack(tumble_push(task, observations)), task.limits)
 
 
-def tumble_impulses(observations: np.ndarray, force: float = 35.0, torque: float = 9.0) -> np.ndarray:
+def tumble_impulses(task: tumble.SpringTumble, observations: np.ndarray) -> np.ndarray:
     """SpringTumble with impulses on its corners: the smallest forces f_i of Σ f_i = F and Σ r_i×f_i = τ.
 
-    F and τ go up to ``force`` [N] and ``torque`` [N·m], each component of f_i to a quarter of the force;
-    what one corner cannot give is asked of the others.
+    F and τ go up to those of the task's wrench, each component of f_i to a quarter of that force; what one
+    corner cannot give is asked of the others.
     """
+    force = task.force
     push, twist = (
         np.clip(values, -limit, limit)
-        for values, limit in zip(tumble_push(observations), (force, torque), strict=True)
+        for values, limit in zip(tumble_push(task, observations), (force, task.torque), strict=True)
     )
-    first, third = np.asarray(observations, dtype=np.float64)[:, 12:].reshape(-1, 2, 3).swapaxes(0, 1)
+    seen = task.seen(observations)
+    first, third = seen["side"], seen["axis"]
     triad = np.stack([first, np.cross(third, first), third], axis=1)
     arms = _corner_arms() @ triad
     moments = np.cross(arms[:, :, None], np.eye(3)).swapaxes(2, 3)  # of the unit forces, (n, corners, 3, 3)
@@ -262,19 +272,13 @@ def _dot(u: np.ndarray, w: np.ndarray) -> np.ndarray:
     return np.sum(u * w, axis=1, keepdims=True)
 
 
-def _top_frame(observations: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Axis n (n, 3), ω⊥ (n, 3) in rad/s and spin ω₃ (n,) in rad/s."""
-    observations = np.asarray(observations, dtype=np.float64)
-    return observations[:, :3], 2.0 * observations[:, 3:6], 50.0 + 20.0 * observations[:, 6]
-
-
-def _saturated(values: np.ndarray, limit: float) -> np.ndarray:
-    """Physical values (n, a) cut at ``limit`` and scaled to actions."""
+def _saturated(values: np.ndarray, limit: float | np.ndarray) -> np.ndarray:
+    """Physical values (n, a) cut at ``limit``, one or (a,), and scaled to actions."""
     return np.clip(values / limit, -1.0, 1.0).astype(np.float32)
 
 
 #: Environment id -> ``action`` keyword -> controller; the first is that of the default action.
-CLASSICAL: dict[str, dict[str, Policy]] = {
+CLASSICAL: dict[str, dict[str, Controller]] = {
     "SpringTop-v0": {"torque": top_torque, "impulse": top_impulse},
     "SpringGyroscope-v0": {"torque": gyroscope_torque, "impulse": gyroscope_impulse},
     "SpringPendulum-v0": {"torque": pendulum_torque, "impulse": pendulum_impulse},
@@ -284,14 +288,18 @@ CLASSICAL: dict[str, dict[str, Policy]] = {
     "SpringFreeTop-v0": {"push": free_top_push},
 }
 
-#: The same where ``hard=True`` weakens the actuators.
-HARD: dict[str, dict[str, Policy]] = {
-    "SpringTop-v0": {"torque": partial(top_torque, limit=10.0)},
-    "SpringTumble-v0": {
-        "wrench": partial(tumble_wrench, force=28.0, torque=7.5),
-        "impulses": partial(tumble_impulses, force=28.0, torque=7.5),
-    },
-}
+
+def task_of(env_id: str, env_kwargs: Mapping[str, Any]) -> Task | None:
+    """The task of an environment, made with those of the arguments that are its own.
+
+    None if the environment is not one of springgym's.
+    """
+    row = next((row for row in ENVIRONMENTS if row.id == env_id), None)
+    if row is None:
+        return None
+    task_type = getattr(import_module(f"springgym.envs.{row.module}"), row.name)
+    own = inspect.signature(task_type).parameters
+    return task_type(**{name: value for name, value in env_kwargs.items() if name in own})
 
 
 def make_controller(
@@ -304,7 +312,7 @@ def make_controller(
     name
         ``"zero"``, ``"random"`` or ``"classical"``.
     env_id, env_kwargs
-        The environment and its keyword arguments, of which ``action`` and ``hard`` choose the controller.
+        The environment and its keyword arguments, of which ``action`` chooses the controller.
     action_space
         Of one copy.
 
@@ -333,9 +341,7 @@ def make_controller(
             f"no classical controller for {env_id} with action={action!r}; "
             f"there is one for: {', '.join(known)}"
         )
-    if env_kwargs.get("hard"):
-        return HARD.get(env_id, {}).get(action, by_action[action])
-    return by_action[action]
+    return partial(by_action[action], task_of(env_id, env_kwargs))
 
 
 def controller_env_kwargs(name: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:

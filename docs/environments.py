@@ -23,7 +23,8 @@ import numpy as np
 
 import springgym
 from springgym.bench.environments import error_per_step
-from springgym.envs.task import RANDOMIZABLE, Task
+from springgym.envs.randomisation import RANDOMIZABLE
+from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS, Row
 from springgym.simulator import Simulator
 

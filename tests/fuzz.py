@@ -32,7 +32,7 @@ import numpy as np
 from numpy.random import Generator
 
 import springgym
-from springgym.envs.task import OF_SPRINGS, RANDOMIZABLE
+from springgym.envs.randomisation import OF_SPRINGS, RANDOMIZABLE
 from springgym.scenes import load, names
 from tests.envs.cases import IDS, TWINLESS, task_type
 

@@ -17,7 +17,8 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
 from springgym.checks import chosen, shown, whole
-from springgym.envs.task import Episodes, Task
+from springgym.envs.episodes import Episodes
+from springgym.envs.task import MET, Task
 from springgym.measures import Measures
 from springgym.rendering import Renderer
 
@@ -137,7 +138,7 @@ class SpringEnv(_Common, gym.Env):
         See `springgym.simulator.Simulator`; the step must be a whole part of the control period.
     randomize
         Ranges (low, high) of factors drawn each episode, by name, out of
-        `springgym.envs.task.RANDOMIZABLE`.
+        `springgym.envs.randomisation.RANDOMIZABLE`.
     max_episode_steps
         Time limit; none if not given: `gymnasium.make` sees to the registered one by a wrapper.
     options
@@ -204,7 +205,7 @@ class SpringEnv(_Common, gym.Env):
         )
 
     def _info(self) -> dict[str, Any]:
-        stepped = zip(self.episodes.task.reported, self.episodes.out[0].tolist(), strict=False)
+        stepped = zip(self.episodes.task.reported, self.episodes.out[0, :MET].tolist(), strict=True)
         return _plain(self._always(0)) | dict(stepped)
 
     def render(self) -> np.ndarray | None:
@@ -377,7 +378,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
 
     def _info(self) -> dict[str, Any]:
         return self._always(slice(None)) | dict(
-            zip(self.episodes.task.reported, self.episodes.out.T, strict=False)
+            zip(self.episodes.task.reported, self.episodes.out.T[:MET], strict=True)
         )
 
     def _begin(self, fresh: np.ndarray) -> None:

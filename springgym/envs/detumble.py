@@ -16,9 +16,11 @@ from springgym.bodies.motion import axes
 from springgym.checks import chosen
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, Particles
+from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
-from springgym.envs.task import Particles, Start, Task, made, number
+from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, two_tone
 from springgym.rendering.look import RED
@@ -26,6 +28,7 @@ from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 0.35  # [N·m]
 IMPULSE = 0.012  # of a thruster in a control period [N·s]
+TURNING_UNIT = 4.0  # angular velocity that the compact observation shows as 1 [rad/s]
 SIDES = (1.0, 0.7, 0.4)  # [m]
 MASSES = (0.2, 0.1, 0.1, 0.15, 0.1, 0.1, 0.15, 0.1)  # [kg]
 THRUSTERS = ((1, (0, 0, 1)), (2, (0, 0, 1)), (4, (0, 1, 0)), (6, (0, 1, 0)))
@@ -56,17 +59,17 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
         for axis in range(3):
             speed += m.angular_velocity[c, axis] ** 2
         speed **= 0.5
-        out[c, 0] = gaussian(speed, 2.0, 0.05) * thrift(action, c)
-        out[c, 1] = speed
-        out[c, 2] = speed < 0.15
-        out[c, 3] = False
+        out["reward_still"][c] = gaussian(speed, 2.0, 0.05) * thrift(action, c)
+        out["speed"][c] = speed
+        out["met"][c] = speed < 0.15
+        out["failed"][c] = False
 
 
 @kernel
 def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
     for c in range(observation.shape[0]):
         for axis in range(3):
-            observation[c, axis] = in_body(m, c, m.angular_velocity[c], axis) / 4
+            observation[c, axis] = in_body(m, c, m.angular_velocity[c], axis) / TURNING_UNIT
             observation[c, 3 + axis] = in_body(m, c, m.angular_momentum[c], axis)
 
 
@@ -76,7 +79,7 @@ class SpringDetumble(Task):
     actions: ClassVar = {"torque": 3, "thrusters": len(THRUSTERS)}
     terms = ("still",)
     metrics = ("speed",)
-    frame_size = 6
+    entries = (Entry("angular_velocity", 3, TURNING_UNIT), Entry("angular_momentum", 3))
     evaluate = staticmethod(evaluate)
     frame = staticmethod(frame)
 
@@ -132,6 +135,10 @@ class SpringDetumble(Task):
         omega = turn @ (speed / np.linalg.norm(axis) * axis)
         positions = factors["scale"] * self._shape @ turn.T
         return Start(positions, rigid_velocities(positions, omega, (0.0, 0.0, 0.0)))
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.full(len(THRUSTERS), IMPULSE) if self.action == "thrusters" else np.full(3, TORQUE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "thrusters":

@@ -16,8 +16,10 @@ from springgym.bodies import spinning as rigid_velocities
 from springgym.checks import chosen, flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, Particles
+from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, spinning, thrift
-from springgym.envs.task import Particles, Start, Task, made, number
+from springgym.envs.task import Start, Task
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
@@ -31,6 +33,8 @@ BAND = 4.5  # how far the spin may be off [rad/s]
 FORCE = 40.0  # on the crown [N]
 SPIN_UP = 8.0  # angular acceleration of the ring about the axis [rad/s²]
 FALLEN = 0.7  # tilt [rad]
+SPIN_UNIT = 4.0  # what the compact observation shows as 1, from `WANTED` [rad/s]
+WAY_UNIT = 0.5  # the same of ways and speeds [m], [m/s]
 ARENA = 1.0  # largest distance from the middle [m]
 INSIDE = 0.15  # radius of the circle to stay in [m]
 DISH = 4.0  # radius of the dish [m]
@@ -44,14 +48,14 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
         spin, _ = spinning(m, c)
         upright = gaussian(tilt, 0.3, 0.03) * thrift(action, c)
         inside = gaussian(error, 0.4, 0.05)
-        out[c, 0] = 0.15 * upright
-        out[c, 1] = 0.35 * upright * inside
-        out[c, 2] = upright * (0.15 + 0.35 * inside) * gaussian(spin - WANTED, 3.0, 0.25)
-        out[c, 3] = tilt
-        out[c, 4] = error
-        out[c, 5] = spin
-        out[c, 6] = tilt < 0.1 and error < INSIDE and abs(spin - WANTED) < 1
-        out[c, 7] = tilt > FALLEN or error > ARENA or abs(spin - WANTED) > BAND
+        out["reward_upright"][c] = 0.15 * upright
+        out["reward_inside"][c] = 0.35 * upright * inside
+        out["reward_spin"][c] = upright * (0.15 + 0.35 * inside) * gaussian(spin - WANTED, 3.0, 0.25)
+        out["tilt"][c] = tilt
+        out["error"][c] = error
+        out["spin"][c] = spin
+        out["met"][c] = tilt < 0.1 and error < INSIDE and abs(spin - WANTED) < 1
+        out["failed"][c] = tilt > FALLEN or error > ARENA or abs(spin - WANTED) > BAND
 
 
 @kernel
@@ -62,10 +66,10 @@ def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) 
             n = m.axis[c, axis]
             observation[c, axis] = n
             observation[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n
-        observation[c, 6] = (spin - WANTED) / 4
+        observation[c, 6] = (spin - WANTED) / SPIN_UNIT
         for axis in range(2):
-            observation[c, 7 + axis] = 2 * m.centre[c, axis]
-            observation[c, 9 + axis] = 2 * m.centre_velocity[c, axis]
+            observation[c, 7 + axis] = m.centre[c, axis] / WAY_UNIT
+            observation[c, 9 + axis] = m.centre_velocity[c, axis] / WAY_UNIT
 
 
 class SpringFreeTop(Task):
@@ -74,7 +78,13 @@ class SpringFreeTop(Task):
     actions: ClassVar = {"push": 3}
     terms = ("upright", "inside", "spin")
     metrics = ("tilt", "error", "spin")
-    frame_size = 11
+    entries = (
+        Entry("axis", 3),
+        Entry("across", 3),
+        Entry("spin", 1, SPIN_UNIT, about=WANTED),
+        Entry("centre", 2, WAY_UNIT),
+        Entry("centre_velocity", 2, WAY_UNIT),
+    )
     hold = 100
     evaluate = staticmethod(evaluate)
     frame = staticmethod(frame)
@@ -153,6 +163,10 @@ class SpringFreeTop(Task):
         if self.surface == "dish":
             ground = DISH - np.sqrt((DISH - height) ** 2 - (positions[:, :2] ** 2).sum(axis=1))
         return max(0.0, float((ground - positions[:, 2]).max()))
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.array([FORCE, FORCE, self.torque])
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         push, twist = FORCE * action, self.torque * action

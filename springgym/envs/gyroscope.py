@@ -16,9 +16,11 @@ from springgym.bodies import spinning as rigid_velocities
 from springgym.checks import flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, Particles
+from springgym.envs.options import made, number
 from springgym.envs.rewards import angle_between, long_tail, spinning, thrift
 from springgym.envs.starts import direction
-from springgym.envs.task import Particles, Start, Task, made, number
+from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
 from springgym.rendering.look import GREEN
@@ -27,6 +29,7 @@ from springgym.scene import Scene, ThrustActuator, WrenchActuator
 TORQUE = 20.0  # [N·m]
 IMPULSE = 0.8  # largest component a control period [N·s]: 20 N·m at the arm of the head
 USUAL = 35.0  # spin [rad/s]
+SPIN_UNIT = 20.0  # what the compact observation shows as 1, from `USUAL` [rad/s]
 FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
 
 
@@ -36,13 +39,13 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
         angle = angle_between(m.axis[c], goal[c])
         spin, across = spinning(m, c)
         aligned = long_tail(angle, 0.5, 0.03) / 2 * thrift(action, c)
-        out[c, 0] = aligned
-        out[c, 1] = aligned * long_tail(across, 1.5, 0.1)
-        out[c, 2] = angle
-        out[c, 3] = spin
-        out[c, 4] = across
-        out[c, 5] = angle < 0.1 and across < 0.3
-        out[c, 6] = False
+        out["reward_aligned"][c] = aligned
+        out["reward_calm"][c] = aligned * long_tail(across, 1.5, 0.1)
+        out["angle"][c] = angle
+        out["spin"][c] = spin
+        out["precession"][c] = across
+        out["met"][c] = angle < 0.1 and across < 0.3
+        out["failed"][c] = False
 
 
 @kernel
@@ -54,7 +57,7 @@ def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) 
             observation[c, axis] = n
             observation[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n
             observation[c, 7 + axis] = goal[c, axis]
-        observation[c, 6] = (spin - USUAL) / 20
+        observation[c, 6] = (spin - USUAL) / SPIN_UNIT
 
 
 def turn_to(axis: np.ndarray) -> np.ndarray:
@@ -69,7 +72,12 @@ class SpringGyroscope(Task):
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("aligned", "calm")
     metrics = ("angle", "spin", "precession")
-    frame_size = 10
+    entries = (
+        Entry("axis", 3),
+        Entry("across", 3),
+        Entry("spin", 1, SPIN_UNIT, about=USUAL),
+        Entry("target", 3),
+    )
     goal_size = 3
     evaluate = staticmethod(evaluate)
     frame = staticmethod(frame)
@@ -117,6 +125,10 @@ class SpringGyroscope(Task):
         positions = factors["scale"] * self._shape(spin * softer) @ turn.T
         centre = positions[self.body.particle("centre")]
         return Start(positions, rigid_velocities(positions, spin * axis, centre), target.tolist())
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.full(3, IMPULSE if self.action == "impulse" else TORQUE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulse":

@@ -15,8 +15,10 @@ from springgym.bodies import cube, start
 from springgym.checks import chosen
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, Particles
+from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, spinning, thrift
-from springgym.envs.task import Particles, Start, Task, made, number
+from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
 from springgym.rendering.look import GREEN, RED
@@ -24,6 +26,7 @@ from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 4.25  # [N·m], half of the weight's largest moment
 IMPULSE = 0.1  # largest component a control period [N·s]: 4.3 N·m at the arm of the far corner
+TURNING_UNIT = 4.0  # angular velocity that the compact observation shows as 1 [rad/s]
 FAR = 6  # the corner opposite to the pin
 TOO_FAST = 8.0  # angular velocity that ends an episode [rad/s]
 
@@ -36,13 +39,13 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
         spin, across = spinning(m, c)
         speed = math.hypot(spin, across)
         raised = ((1 + up) / 2) ** 2 / 4 * thrift(action, c)
-        out[c, 0] = raised
-        out[c, 1] = 3 * raised * gaussian(tilt, 0.6, 0.05) * gaussian(speed, 4.0, 0.2)
-        out[c, 2] = tilt
-        out[c, 3] = speed
-        out[c, 4] = spin
-        out[c, 5] = tilt < 0.15 and speed < 0.5
-        out[c, 6] = speed > TOO_FAST
+        out["reward_raised"][c] = raised
+        out["reward_held"][c] = 3 * raised * gaussian(tilt, 0.6, 0.05) * gaussian(speed, 4.0, 0.2)
+        out["tilt"][c] = tilt
+        out["speed"][c] = speed
+        out["spin"][c] = spin
+        out["met"][c] = tilt < 0.15 and speed < 0.5
+        out["failed"][c] = speed > TOO_FAST
 
 
 @kernel
@@ -52,8 +55,8 @@ def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) 
         for axis in range(3):
             n = m.axis[c, axis]
             observation[c, axis] = n
-            observation[c, 3 + axis] = (m.angular_velocity[c, axis] - spin * n) / 4
-        observation[c, 6] = spin / 4
+            observation[c, 3 + axis] = (m.angular_velocity[c, axis] - spin * n) / TURNING_UNIT
+        observation[c, 6] = spin / TURNING_UNIT
 
 
 class SpringPendulum(Task):
@@ -62,7 +65,7 @@ class SpringPendulum(Task):
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("raised", "held")
     metrics = ("tilt", "speed", "spin")
-    frame_size = 7
+    entries = (Entry("axis", 3), Entry("across", 3, TURNING_UNIT), Entry("spin", 1, TURNING_UNIT))
     period = 0.04
     hold = 25
     evaluate = staticmethod(evaluate)
@@ -109,6 +112,10 @@ class SpringPendulum(Task):
             self.body, tilt=tilt, azimuth=azimuth, roll=roll, pinned=(0,), stretched=False
         ).positions
         return Start(factors["scale"] * placed, np.zeros_like(placed))
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.full(3, IMPULSE if self.action == "impulse" else TORQUE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulse":

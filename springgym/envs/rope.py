@@ -16,8 +16,10 @@ from springgym.bodies import spinning as rigid_velocities
 from springgym.checks import flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, Particles
+from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
-from springgym.envs.task import Particles, Start, Task, made, number
+from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN
@@ -25,6 +27,7 @@ from springgym.scene import GRAVITY, DriveActuator, Scene
 
 ACCELERATION = 3.0  # of the trolley [m/s²]
 SPEED = 3.0  # of the trolley [m/s]
+WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # what the compact observation shows as 1 [m], [m/s]
 
 
 @kernel
@@ -34,12 +37,12 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
         error = math.hypot(x[c, load, 0] - goal[c, 0], x[c, load, 1] - goal[c, 1])
         speed = math.hypot(v[c, load, 0], v[c, load, 1])
         near = (long_tail(error, 1.0, 0.05) + gaussian(error, 3.0, 0.05)) / 4 * thrift(action, c)
-        out[c, 0] = near
-        out[c, 1] = near * gaussian(error, 0.5, 0.05) * gaussian(speed, 1.0, 0.05)
-        out[c, 2] = error
-        out[c, 3] = speed
-        out[c, 4] = error < 0.1 and speed < 0.1
-        out[c, 5] = False
+        out["reward_near"][c] = near
+        out["reward_still"][c] = near * gaussian(error, 0.5, 0.05) * gaussian(speed, 1.0, 0.05)
+        out["error"][c] = error
+        out["speed"][c] = speed
+        out["met"][c] = error < 0.1 and speed < 0.1
+        out["failed"][c] = False
 
 
 @kernel
@@ -47,10 +50,10 @@ def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) 
     load = x.shape[1] - 1
     for c in range(observation.shape[0]):
         for axis in range(2):
-            observation[c, axis] = (goal[c, axis] - x[c, load, axis]) / 2
+            observation[c, axis] = (goal[c, axis] - x[c, load, axis]) / WAY_UNIT
             observation[c, 2 + axis] = x[c, 0, axis] - x[c, load, axis]
-            observation[c, 4 + axis] = v[c, load, axis] / 2
-            observation[c, 6 + axis] = v[c, 0, axis] / 2
+            observation[c, 4 + axis] = v[c, load, axis] / SPEED_UNIT
+            observation[c, 6 + axis] = v[c, 0, axis] / SPEED_UNIT
 
 
 class SpringRope(Task):
@@ -59,7 +62,12 @@ class SpringRope(Task):
     actions: ClassVar = {"trolley": 2}
     terms = ("near", "still")
     metrics = ("error", "speed")
-    frame_size = 8
+    entries = (
+        Entry("to_target", 2, WAY_UNIT),
+        Entry("to_trolley", 2),
+        Entry("velocity", 2, SPEED_UNIT),
+        Entry("trolley_velocity", 2, SPEED_UNIT),
+    )
     goal_size = 3
     period = 0.05
     hold = 20
@@ -103,6 +111,10 @@ class SpringRope(Task):
         omega = rate * np.array([math.cos(turning), math.sin(turning), 0.0])
         goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0)
         return Start(positions, rigid_velocities(positions, omega, (0.0, 0.0, 0.0)), goal)
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.full(2, ACCELERATION)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         return {"acceleration": ACCELERATION * np.pad(action, ((0, 0), (0, 1)))}

@@ -18,7 +18,9 @@ from numpy.random import Generator
 from springgym import checks
 from springgym.checks import TINY, chosen, instance
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.task import BOUND, Particles, Start, Task, mapping
+from springgym.envs.observation import BOUND, Entry, Particles
+from springgym.envs.options import mapping
+from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene, WrenchActuator
@@ -122,7 +124,7 @@ class SceneTask(Task):
     actions: ClassVar = {"actuators": 0}
     terms = ("own",)
     metrics = ()
-    frame_size = 0
+    entries: ClassVar[tuple[Entry, ...]] = ()
 
     def __init__(
         self,
@@ -146,8 +148,7 @@ class SceneTask(Task):
             if function is not None:
                 _callable(name, function)
         self._observe, self._start = observe, start
-        judges = ((1, "succeeded", succeeded), (2, "failed", failed))
-        self._judges = [(column, name, function) for column, name, function in judges if function is not None]
+        self._judges = (("met", "succeeded", succeeded), ("failed", "failed", failed))
         self.hold = checks.whole("hold", hold, 1)  # type: ignore[misc]
         self.period = checks.number("period", period, TINY)  # type: ignore[misc]
         self._actuators = {
@@ -216,10 +217,9 @@ class SceneTask(Task):
     ) -> None:
         shape = (len(out),)
         with _hearing(m):
-            out[:, 0] = _numbers("reward", self._reward(m, x, v, action), shape, m)
-            out[:, 1:] = 0.0
-            for column, name, judge in self._judges:
-                out[:, column] = _of_shape(name, judge(m, x, v), shape, "b", "bools")
+            out["reward_own"] = _numbers("reward", self._reward(m, x, v, action), shape, m)
+            for field, name, judge in self._judges:
+                out[field] = 0.0 if judge is None else _of_shape(name, judge(m, x, v), shape, "b", "bools")
 
     def frame(
         self,
@@ -234,7 +234,8 @@ class SceneTask(Task):
 
     def prepare(self, m: Measures, x: np.ndarray, v: np.ndarray) -> None:
         if self._observe is not None:
-            self.frame_size = self._seen(m, x, v, (len(x), None)).shape[1]  # type: ignore[misc]
+            size = self._seen(m, x, v, (len(x), None)).shape[1]
+            self.entries = (Entry("own", size),)  # type: ignore[misc]
 
     def _seen(self, m: Measures, x: np.ndarray, v: np.ndarray, shape: tuple[int | None, ...]) -> np.ndarray:
         assert self._observe is not None

@@ -17,15 +17,19 @@ from springgym.bodies.motion import spinning as rigid_velocities
 from springgym.checks import flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, Particles
+from springgym.envs.options import made, number
 from springgym.envs.rewards import long_tail, spinning, thrift
-from springgym.envs.task import Particles, Start, Task, made, number
+from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
 from springgym.rendering.look import RED
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 WANTED = 50.0  # spin [rad/s]
+TORQUE, WEAK_TORQUE = 15.0, 10.0  # largest component, and that of hard=True [N·m]
 IMPULSE = 0.3  # largest component a control period [N·s]
+ACROSS_UNIT, SPIN_UNIT = 2.0, 20.0  # angular velocities that the compact observation shows as 1 [rad/s]
 FALLEN = 1.2  # tilt [rad]
 FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
 
@@ -43,14 +47,14 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
         tilt = tilt_of(m, c)
         spin, across = spinning(m, c)
         upright = long_tail(tilt, 0.3, 0.02) / 4 * thrift(action, c)
-        out[c, 0] = upright
-        out[c, 1] = upright * long_tail(across, 1.5, 0.1)
-        out[c, 2] = 2 * upright * (long_tail(spin - WANTED, 15.0, 1.0) if spin_counts else 1.0)
-        out[c, 3] = tilt
-        out[c, 4] = spin
-        out[c, 5] = across
-        out[c, 6] = tilt < 0.1 and across < 0.3 and (abs(spin - WANTED) < 3 or not spin_counts)
-        out[c, 7] = tilt > FALLEN
+        out["reward_upright"][c] = upright
+        out["reward_calm"][c] = upright * long_tail(across, 1.5, 0.1)
+        out["reward_spin"][c] = 2 * upright * (long_tail(spin - WANTED, 15.0, 1.0) if spin_counts else 1.0)
+        out["tilt"][c] = tilt
+        out["spin"][c] = spin
+        out["precession"][c] = across
+        out["met"][c] = tilt < 0.1 and across < 0.3 and (abs(spin - WANTED) < 3 or not spin_counts)
+        out["failed"][c] = tilt > FALLEN
 
 
 @kernel
@@ -60,8 +64,8 @@ def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) 
         for axis in range(3):
             n = m.axis[c, axis]
             observation[c, axis] = n
-            observation[c, 3 + axis] = (m.angular_velocity[c, axis] - spin * n) / 2
-        observation[c, 6] = (spin - WANTED) / 20
+            observation[c, 3 + axis] = (m.angular_velocity[c, axis] - spin * n) / ACROSS_UNIT
+        observation[c, 6] = (spin - WANTED) / SPIN_UNIT
 
 
 class SpringTop(Task):
@@ -70,7 +74,7 @@ class SpringTop(Task):
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("upright", "calm", "spin")
     metrics = ("tilt", "spin", "precession")
-    frame_size = 7
+    entries = (Entry("axis", 3), Entry("across", 3, ACROSS_UNIT), Entry("spin", 1, SPIN_UNIT, about=WANTED))
     evaluate = staticmethod(evaluate)
     frame = staticmethod(frame)
 
@@ -84,7 +88,7 @@ class SpringTop(Task):
         super().__init__(observation, action)
         hard = flag("hard", hard)
         self.body: Body = made(top, body)
-        self.torque = 10.0 if hard else 15.0
+        self.torque = WEAK_TORQUE if hard else TORQUE
         self._across = self.torque * np.array([1.0, 1.0, 0.0])
         self._along = self.torque * np.array([0.0, 0.0, 1.0])
         slowest = 40.0 if action == "impulse" else 30.0
@@ -126,6 +130,10 @@ class SpringTop(Task):
         positions = factors["scale"] * self._shape(spin * softer) @ turn.T
         tip = positions[self.body.particle("tip")]
         return Start(positions, rigid_velocities(positions, spin * turn[:, 2], tip))
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.full(3, IMPULSE if self.action == "impulse" else self.torque)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulse":

@@ -16,9 +16,11 @@ from springgym.bodies import spinning as rigid_velocities
 from springgym.checks import flag, whole
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, Particles
+from springgym.envs.options import number
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import any_rotation
-from springgym.envs.task import Particles, Start, Task, number
+from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, RED
@@ -28,8 +30,9 @@ from springgym.surfaces import Contact, floor
 CORNERS = ((0.26, 0.0, -0.09), (-0.14, 0.24, -0.08), (-0.12, -0.23, -0.10), (0.03, 0.02, 0.27))  # [m]
 MASSES = (1.2, 1.0, 1.1, 1.3)  # [kg]
 CENTRE_MASS = 2.4  # [kg]
-FORCE = 35.0  # [N], half of the weight
-TORQUE = 9.0  # [N·m]
+FORCE, WEAK_FORCE = 35.0, 28.0  # half of the weight, and what hard=True leaves of it [N]
+TORQUE, WEAK_TORQUE = 9.0, 7.5  # [N·m]
+TURNING_UNIT = 4.0  # angular velocity that the compact observation shows as 1 [rad/s]
 ARENA = 4.0  # where an episode ends [m]
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
 """The face opposite to each corner; its corners in the order that points the normal outwards."""
@@ -64,14 +67,14 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
         down = -facing(x, c, int(goal[c, 3]))[2]
         near = (long_tail(error, 0.5, 0.05) + gaussian(error, 1.2, 0.05)) / 4 * (1 + down) * thrift(action, c)
         placed = 0.6 * near * gaussian(error, 0.3, 0.05) * gaussian(1 - down, 0.3, 0.02)
-        out[c, 0] = 0.4 * near
-        out[c, 1] = 0.3 * placed
-        out[c, 2] = 0.7 * placed * gaussian(speed, 1.0, 0.1)
-        out[c, 3] = error
-        out[c, 4] = math.acos(min(max(down, -1.0), 1.0))
-        out[c, 5] = speed
-        out[c, 6] = error < 0.1 and down > 0.97 and speed < 0.15
-        out[c, 7] = max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > ARENA
+        out["reward_near"][c] = 0.4 * near
+        out["reward_placed"][c] = 0.3 * placed
+        out["reward_still"][c] = 0.7 * placed * gaussian(speed, 1.0, 0.1)
+        out["error"][c] = error
+        out["angle"][c] = math.acos(min(max(down, -1.0), 1.0))
+        out["speed"][c] = speed
+        out["met"][c] = error < 0.1 and down > 0.97 and speed < 0.15
+        out["failed"][c] = max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > ARENA
 
 
 @kernel
@@ -82,7 +85,7 @@ def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) 
             observation[c, axis] = m.centre[c, axis] - goal[c, axis]
             observation[c, 3 + axis] = m.centre_velocity[c, axis]
             observation[c, 6 + axis] = normal[axis]
-            observation[c, 9 + axis] = m.angular_velocity[c, axis] / 4
+            observation[c, 9 + axis] = m.angular_velocity[c, axis] / TURNING_UNIT
             observation[c, 12 + axis] = m.side[c, axis]
             observation[c, 15 + axis] = m.axis[c, axis]
 
@@ -93,7 +96,14 @@ class SpringTumble(Task):
     actions: ClassVar = {"wrench": 6, "impulses": 3 * len(CORNERS)}
     terms = ("near", "placed", "still")
     metrics = ("error", "angle", "speed")
-    frame_size = 18
+    entries = (
+        Entry("offset", 3),
+        Entry("velocity", 3),
+        Entry("normal", 3),
+        Entry("angular_velocity", 3, TURNING_UNIT),
+        Entry("side", 3),
+        Entry("axis", 3),
+    )
     goal_size = 4
     finest = 5e-4
     hold = 25
@@ -109,7 +119,7 @@ class SpringTumble(Task):
     ) -> None:
         super().__init__(observation, action)
         self.contact = Contact(friction=friction, restitution=0.3, impact_speed=3.0)
-        self.force, self.torque = (28.0, 7.5) if flag("hard", hard) else (FORCE, TORQUE)
+        self.force, self.torque = (WEAK_FORCE, WEAK_TORQUE) if flag("hard", hard) else (FORCE, TORQUE)
         self.farthest = 2.0 if hard else 1.2
         self.body: Body = from_points(CORNERS, MASSES, CENTRE_MASS, stiffness=1e5, damping=30.0)
         self._shape = self.body.positions - self.body.centre
@@ -146,6 +156,12 @@ class SpringTumble(Task):
         goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0, corner)
         velocities = rigid_velocities(arm, omega, (0.0, 0.0, 0.0))
         return Start(arm + np.array([0.0, 0.0, height]), velocities, goal)
+
+    @property
+    def limits(self) -> np.ndarray:
+        if self.action == "impulses":
+            return np.full(3 * len(CORNERS), self.force / len(CORNERS) * self.period)
+        return np.repeat([self.force, self.torque], 3)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         if self.action == "impulses":

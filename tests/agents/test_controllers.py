@@ -9,7 +9,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from springgym.envs.top import SpringTop
 from tests.envs.cases import IDS, task_type
+
+TOP = SpringTop(observation="frame")
 
 
 def frame(tilt, azimuth=0.7, across=(0.0, 0.0, 0.0), spin=50.0):
@@ -20,22 +23,23 @@ def frame(tilt, azimuth=0.7, across=(0.0, 0.0, 0.0), spin=50.0):
 
 def test_top_moment_by_hand():
     """Axis along x: z − n (n·z) = z, n×z = −y. ω⊥ = (0, 1, 2) rad/s, 40 rad/s of spin."""
-    moment, about_axis = controllers.top_moment(frame(np.pi / 2, 0.0, (0, 1, 2), 40.0))
+    moment, about_axis = controllers.top_moment(TOP, frame(np.pi / 2, 0.0, (0, 1, 2), 40.0))
     np.testing.assert_allclose(moment, [[0, -40 - 20, 60 - 40]], atol=1e-5)
     np.testing.assert_allclose(about_axis, [30], rtol=1e-6)
 
 
 def test_upright_and_steady_needs_nothing():
-    for act in controllers.CLASSICAL["SpringTop-v0"].values():
-        np.testing.assert_array_equal(act(frame(0.0)), np.zeros((1, 3), np.float32))
+    for action, act in controllers.CLASSICAL["SpringTop-v0"].items():
+        task = SpringTop(observation="frame", action=action)
+        np.testing.assert_array_equal(act(task, frame(0.0)), np.zeros((1, 3), np.float32))
 
 
 def test_actions_are_scaled_and_saturated():
     small = frame(0.05, across=(0.02, 0.0, 0.0), spin=51.0)
-    moment, about_axis = controllers.top_moment(small)
+    moment, about_axis = controllers.top_moment(TOP, small)
     expected = [*(moment[0, :2] / 15), about_axis[0] / 15]
-    np.testing.assert_allclose(controllers.top_torque(small)[0], expected, rtol=1e-5)
-    large = controllers.top_torque(frame(1.0, across=(-9.0, 9.0, 0.0), spin=10.0))
+    np.testing.assert_allclose(controllers.top_torque(TOP, small)[0], expected, rtol=1e-5)
+    large = controllers.top_torque(TOP, frame(1.0, across=(-9.0, 9.0, 0.0), spin=10.0))
     np.testing.assert_array_equal(large, [[1, -1, 1]])
 
 
@@ -43,8 +47,8 @@ def test_impulse_gives_the_moment():
     """Over 20 ms an impulse J at n, 1 m from the tip, is the moment n×J / 0.02 s, across the axis."""
     small = frame(0.05, across=(0.02, -0.01, 0.0))
     axis = small[0, :3].astype(float)
-    moment = controllers.top_moment(small)[0][0]
-    impulse = 0.3 * controllers.top_impulse(small)[0].astype(float)
+    moment = controllers.top_moment(TOP, small)[0][0]
+    impulse = 0.3 * controllers.top_impulse(SpringTop(action="impulse"), small)[0].astype(float)
     across = moment - axis * (axis @ moment)
     np.testing.assert_allclose(np.cross(axis, impulse) / 0.02, across, rtol=1e-5, atol=1e-5)
     assert np.linalg.norm(across) > 1
@@ -102,8 +106,10 @@ def test_corner_impulses_add_up():
         seen = 0.05 * env.reset(seed=seed)[0]
         seen[6:9] = (0.05, 0.02, -1.0)  # the face is nearly down
         seen[12:] *= 20
-        wanted = controllers.tumble_wrench(seen[None]) * np.repeat([35.0, 9.0], 3)
-        forces = task.actuate(controllers.tumble_impulses(seen[None]).astype(float))["thrust"][0]
+        wanted = controllers.tumble_wrench(task_type("SpringTumble-v0")(), seen[None]) * np.repeat(
+            [35.0, 9.0], 3
+        )
+        forces = task.actuate(controllers.tumble_impulses(task, seen[None]).astype(float))["thrust"][0]
         m, (x, _) = env.unwrapped.episodes.measures, env.unwrapped.episodes.particles
         arms = x[0, :4] - m.centre[0]
         np.testing.assert_allclose(forces.sum(axis=0), wanted[0, :3], atol=1e-4)

@@ -18,7 +18,7 @@ def push_home(observations):
 
 @pytest.fixture
 def classical(monkeypatch):
-    monkeypatch.setitem(controllers.CLASSICAL, "Toy-v0", {"push": push_home})
+    monkeypatch.setitem(controllers.CLASSICAL, "Toy-v0", {"push": lambda task, seen: push_home(seen)})
 
 
 def single_episode(seed, act, **kwargs):
@@ -38,7 +38,7 @@ def run_away_to_the_right(observations):
 @pytest.mark.parametrize(("act", "ends_early"), [(push_home, False), (run_away_to_the_right, True)])
 def test_one_episode_per_seed(act, ends_early, monkeypatch):
     """Copies that end early start again; that must not count, nor lift the return per step."""
-    monkeypatch.setitem(controllers.CLASSICAL, "Toy-v0", {"push": act})
+    monkeypatch.setitem(controllers.CLASSICAL, "Toy-v0", {"push": lambda task, seen: act(seen)})
     e = evaluate.evaluate("classical", "Toy-v0", {"push": 0.6}, episodes=12, first_seed=7)
     expected = [single_episode(7 + i, act, push=0.6) for i in range(12)]
     assert e.lengths == [length for _, length in expected]

@@ -11,7 +11,7 @@ from PIL import Image
 
 @pytest.fixture
 def right(monkeypatch):
-    act = lambda observations: np.ones((len(observations), 1), np.float32)  # noqa: E731
+    act = lambda task, seen: np.ones((len(seen), 1), np.float32)  # noqa: E731
     monkeypatch.setitem(controllers.CLASSICAL, "Toy-v0", {"push": act})
 
 

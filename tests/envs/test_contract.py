@@ -16,7 +16,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
-from springgym.envs.task import RANDOMIZABLE
+from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import scales

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.envs.task import Episodes
+from springgym.envs.episodes import Episodes
 from springgym.simulator import Simulator
 from tests import fuzz
 from tests.fuzz import Player, Round

@@ -13,8 +13,8 @@ import pytest
 import springgym
 from springgym.bodies import Body, cube, rope
 from springgym.envs.base import SpringEnv, SpringVectorEnv, _Common
+from springgym.envs.episodes import MOST_STEPS
 from springgym.envs.scene import SceneTask
-from springgym.envs.task import MOST_STEPS
 from springgym.measures import Measures
 from springgym.scene import Scene, ThrustActuator
 from springgym.simulator import STRAIN_LIMIT

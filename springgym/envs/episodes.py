@@ -1,0 +1,438 @@
+"""Episodes: copies of a task, each in its own, stepped together."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import is_jitted
+from numpy.random import Generator
+
+from springgym import checks, measures
+from springgym.checks import TINY, chosen, instance
+from springgym.compiling import SameTypes, kernel
+from springgym.envs import observation, randomisation
+from springgym.envs.options import mapping
+from springgym.envs.randomisation import RANDOMIZABLE
+from springgym.envs.task import FAILED, MET, Task
+from springgym.measures import Measures
+from springgym.scene import Scene
+from springgym.simulator import DYNAMICS, STRAIN_LIMIT, Dynamics, Simulator
+from springgym.stability import steps_in
+
+MOST_STEPS = 100_000
+"""Steps in a control period at the most: as many take a control period up to about 0.1 s."""
+
+
+class Step(NamedTuple):
+    """What a step gave every copy."""
+
+    reward: np.ndarray
+    terminated: np.ndarray
+    truncated: np.ndarray
+
+
+STATE = ("goal", "strength", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
+"""Arrays of `Episodes` that change."""
+
+
+class Episodes:
+    """Copies of a task, each in its own episode, stepped together."""
+
+    def __init__(
+        self,
+        task: Task,
+        copies: int,
+        *,
+        integrator: str | None,
+        step: float | None,
+        dynamics: str,
+        dtype: Any,
+        threads: int,
+        randomize: Mapping[str, Sequence[float]] | None,
+        max_episode_steps: int | None,
+    ) -> None:
+        self.task = task
+        self.copies = copies
+        self.parameters = task.parameters
+        self.max_episode_steps = _checked_limit(max_episode_steps)
+        kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
+        self.ranges = randomisation.checked_ranges(randomize, dynamics)
+        scene = task.scene
+        self.simulator = Simulator(
+            scene,
+            dynamics=dynamics,
+            integrator=integrator,
+            step=self._step(scene, kind, integrator, step),
+            copies=copies,
+            dtype=dtype,
+            threads=threads,
+            varying=randomisation.varying(self.ranges, scene),
+        )
+        self.steps = steps_in(task.period, self.simulator.step)
+        self.goal = np.zeros((copies, task.goal_size))
+        self.strength = np.ones((copies, 1))
+        self.factors = np.ones((copies, len(self.ranges)))
+        self.elapsed = np.zeros(copies, np.int64)
+        self.held = np.zeros(copies, np.int64)
+        self.balance = np.zeros(copies)
+        """energy balance at the start of the episode [J]"""
+        self.action = np.zeros((copies, task.action_space.shape[0]))
+        """clipped to ±1"""
+        self._given, self._driven = np.zeros_like(self.action), np.zeros_like(self.action)
+        self.out = np.zeros((copies, len(task.outcome)))
+        """what `Task.evaluate` set last, a column for each name in `Task.outcome`"""
+        self._fresh = np.zeros_like(self.out)
+        self.diverged = np.zeros(copies, bool)
+        self._columns = observation.columns(task.particles)
+        self._of = self._identity()
+        self._use_kernels()
+        if task.observation == "own":
+            self.simulator.read()
+            task.prepare(*self._shown)
+
+    def _step(self, scene: Scene, kind: Dynamics, integrator: str | None, step: float | None) -> float:
+        """The step: given, or automatic, for the stiffest and lightest body of the randomisation.
+
+        Raises
+        ------
+        ValueError
+            If a given one is unstable for that body, or more than `MOST_STEPS` make a control period.
+        """
+        if integrator is not None:
+            instance("integrator", integrator, str)
+        body, period = scene.body, self.task.period
+        factor = {name: self.ranges.get(name, (1.0, 1.0)) for name in RANDOMIZABLE}
+        if self.ranges:
+            scene = scene.with_(
+                body=body.with_(
+                    stiffness=body.stiffness * factor["stiffness"][1],
+                    damping=body.damping * factor["damping"][1],
+                    masses=body.masses * factor["masses"][0],
+                )
+            )
+        method = kind.integrator(kind.default(scene) if integrator is None else integrator)
+        ranges = f" with randomize={self.ranges}" if self.ranges else ""
+        if step is not None:
+            step = checks.number("step", step, TINY)
+            if self.ranges and step > (limit := kind.largest_step(scene, method)):
+                raise ValueError(
+                    f"a step of {step:g} s is unstable: {method.name} on this body{ranges} allows at most "
+                    f"{limit:.4g} s. Take a smaller step, or narrower ranges"
+                )
+            if period / step > MOST_STEPS:
+                raise ValueError(
+                    f"step is {step:g} s, {period / step:.3g} to a control period of {period:g} s; "
+                    f"there must be at most {MOST_STEPS:,}"
+                )
+            return step
+        automatic = min(kind.automatic_step(scene, method), self.task.finest)
+        if not period <= MOST_STEPS * automatic:
+            raise ValueError(
+                f"{method.name} needs steps of {automatic:.3g} s on this body{ranges}, more than "
+                f"{MOST_STEPS:,} to a control period of {period:g} s: {_fastest(scene, kind)}"
+            )
+        return period / math.ceil(period / automatic - 1e-9)
+
+    # --- Episodes ---------------------------------------------------------------------------------
+
+    def begin(
+        self, copies: np.ndarray, generators: Sequence[Generator], options: Mapping[str, Any] | None
+    ) -> None:
+        """Start new episodes in some copies (k,), each drawing from its own generator.
+
+        What is refused changes nothing, the generators included.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Naming an option that the task does not have, or a value that is none or out of range.
+        """
+        given = {} if options is None else dict(mapping("options", options))
+        before = [rng.bit_generator.state for rng in generators]
+        try:
+            self._begin(copies, generators, given)
+        except BaseException:
+            for rng, state in zip(generators, before, strict=True):
+                rng.bit_generator.state = state
+            raise
+
+    def _begin(self, copies: np.ndarray, generators: Sequence[Generator], options: dict[str, Any]) -> None:
+        starts, drawn = [], []
+        for rng in generators:
+            left = dict(options)
+            factors = randomisation.drawn(self.ranges, rng, left)
+            starts.append(self.task.start(rng, left, factors))
+            drawn.append(factors)
+            if left:
+                raise ValueError(f"{type(self.task).__name__} has no reset option {next(iter(left))!r}")
+        positions = np.stack([s.positions for s in starts])
+        self._check_strain(positions, drawn)
+        before = [self._drawn(copy) for copy in copies] if self.ranges else []
+        self._vary(copies, drawn)
+        try:
+            self.simulator.place(positions, np.stack([s.velocities for s in starts]), copies)
+        except BaseException:
+            self._vary(copies, before)
+            raise
+        self.goal[copies] = [s.goal for s in starts]
+        self.elapsed[copies] = 0
+        self.held[copies] = 0
+        self.action[copies] = 0.0
+        self.out[copies] = 0.0
+        self.diverged[copies] = False
+        self.simulator.read(copies)
+        self.balance[copies] = self.measures.balance[copies]
+        if self.task.metrics:
+            self._evaluate(
+                *self._shown, self._shown_action, self.goal, self.parameters, self._named(self._fresh)
+            )
+            metrics = slice(len(self.task.terms), len(self.task.reported))  # nothing has been earned yet
+            self.out[copies, metrics] = self._fresh[copies, metrics]
+
+    def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
+        """Refuse starts (k, N, 3) in a shape that has diverged already."""
+        body = self.simulator.scene.body
+        if self.simulator.dynamics == "rigid" or not len(body.springs):
+            return
+        first, second = body.springs.T
+        scale = np.array([[factors["scale"]] for factors in drawn])
+        apart = np.linalg.norm(positions[:, second] - positions[:, first], axis=-1)
+        strain = np.abs(apart / (scale * body.lengths) - 1).max(axis=1)
+        if not (strain <= STRAIN_LIMIT).all():
+            n = int(np.argmax(~(strain <= STRAIN_LIMIT)))
+            factors = ", ".join(f"{name} × {drawn[n][name]:g}" for name in self.ranges)
+            raise ValueError(
+                f"{type(self.task).__name__} would start with a strain of {strain[n]:.3g}"
+                f"{f' ({factors})' if factors else ''}; it must be at most {STRAIN_LIMIT}"
+            )
+
+    def step(self, action: np.ndarray) -> Step:
+        """One control period of all copies. ``action`` (n, A) is clipped to [−1, 1].
+
+        Raises
+        ------
+        ValueError
+            If it holds a value that is not finite.
+        """
+        task, simulator = self.task, self.simulator
+        self._given[:] = action
+        if not self._take(self._given, self.strength, self.action, self._driven):
+            raise ValueError(f"action holds a value that is not finite: {action}")
+        simulator.actuate(**task.actuate(self._driven))
+        simulator.advance(self.steps, check=False, read=True)
+        self._evaluate(*self._shown, self._shown_action, self.goal, self.parameters, self._outcome)
+        result = Step(np.empty(self.copies), np.empty(self.copies, bool), np.empty(self.copies, bool))
+        self._finish(
+            simulator.readout.rows,
+            self.out,
+            len(task.terms),
+            self.held,
+            self.elapsed,
+            self.max_episode_steps,
+            self.diverged,
+            *result,
+        )
+        return result
+
+    def observe(self) -> np.ndarray:
+        """The observations of all copies, (n, D), float32, freshly made."""
+        seen = np.empty((self.copies, self.task.observation_size), np.float32)
+        if self.task.observation != "particles":
+            self._observe(*self._shown, self.goal, self.parameters, seen)
+        else:
+            self._observe(*self.simulator.readout, self.goal, *self._columns, seen)
+        self._bound(seen, self.diverged)
+        return seen
+
+    # --- Randomisation ----------------------------------------------------------------------------
+
+    def _drawn(self, copy: int) -> dict[str, float]:
+        """The factors of a copy's episode."""
+        return dict.fromkeys(RANDOMIZABLE, 1.0) | dict(zip(self.ranges, self.factors[copy], strict=True))
+
+    def _vary(self, copies: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
+        """Give some copies (k,) their factors."""
+        if not self.ranges:
+            return
+        for copy, factors in zip(copies, drawn, strict=True):
+            self.factors[copy] = [factors[name] for name in self.ranges]
+            self.strength[copy] = factors["actuator"]
+            values = randomisation.parameters(self.simulator.scene, self.ranges, factors)
+            if values:
+                self.simulator.vary(np.array([copy]), **{name: value[None] for name, value in values.items()})
+
+    # --- State ------------------------------------------------------------------------------------
+
+    def _identity(self) -> dict[str, Any]:
+        """What a state belongs to."""
+        body, simulator = self.simulator.scene.body, self.simulator
+        digest = hashlib.sha256(repr(simulator.scene.pinned).encode())
+        for values in (body.masses, body.springs, body.lengths, body.stiffness, body.damping):
+            digest.update(values.tobytes())
+        return {
+            "task": type(self.task).__name__,
+            "action": self.task.action,
+            "copies": self.copies,
+            "dynamics": simulator.dynamics,
+            "dtype": simulator.dtype.name,
+            "randomized": list(self.ranges),
+            "body": digest.hexdigest()[:16],
+        }
+
+    def state(self) -> dict[str, Any]:
+        """All that changes, copied, and what it belongs to."""
+        arrays = {name: getattr(self, name).copy() for name in STATE}
+        return {"of": dict(self._of), **arrays, "simulator": self.simulator.state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Return to what `state` gave, to the bit.
+
+        Raises
+        ------
+        ValueError
+            If it belongs to something else, or is mangled. Nothing is changed then.
+        """
+        if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
+            raise ValueError("state is not one of an environment of springgym")
+        of = mapping("state['of']", state["of"])
+        for name, own in self._of.items():
+            if of.get(name) != own:
+                raise ValueError(
+                    f"state is one of another environment: its {name} is {of.get(name)!r}, here it is {own!r}"
+                )
+        for name in STATE:
+            given, own = np.asarray(state[name]), getattr(self, name)
+            if given.shape != own.shape or given.dtype != own.dtype:
+                raise ValueError(
+                    f"state[{name!r}] is {given.dtype} of shape {given.shape}; it must be {own.dtype} of "
+                    f"shape {own.shape}"
+                )
+        self.simulator.restore(state["simulator"])
+        for name in STATE:
+            getattr(self, name)[:] = state[name]
+        self._vary(np.arange(self.copies), [self._drawn(copy) for copy in range(self.copies)])
+        self.simulator.read()
+
+    def _named(self, out: np.ndarray) -> np.ndarray:
+        """View of outcomes (n, columns) as records (n,) with the names of `Task.outcome`."""
+        return out.view([(name, out.dtype) for name in self.task.outcome])[:, 0]
+
+    def _use_kernels(self) -> None:
+        self._outcome = self._named(self.out)
+        self.measures = measures.view(self.simulator.readout.rows)
+        self._shown: tuple[Measures, np.ndarray, np.ndarray] = (self.measures, *self.particles)
+        self._shown_action = self.action
+        if not is_jitted(self.task.evaluate):  # a user's own functions see, and change nothing
+            x, v = self.particles
+            self._shown = Measures(*map(_locked, self.measures)), _locked(x), _locked(v)
+            self._shown_action = _locked(self.action)
+        compact = self.task.observation != "particles"
+        self._take = SameTypes(take)
+        self._evaluate = SameTypes(self.task.evaluate)
+        self._finish = SameTypes(finish)
+        self._observe = SameTypes(self.task.frame if compact else observation.observe_particles)
+        self._bound = SameTypes(observation.bound)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {
+            name: value
+            for name, value in vars(self).items()
+            if name not in ("measures", "_shown", "_shown_action", "_outcome")
+            and not isinstance(value, SameTypes)
+        }  # views do not survive being copied
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._use_kernels()
+
+    @property
+    def particles(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities after the last step or start, (n, N, 3) each; do not change them."""
+        return self.simulator.readout.positions, self.simulator.readout.velocities
+
+
+# --- Checks ---------------------------------------------------------------------------------------
+
+
+def _locked(array: np.ndarray) -> np.ndarray:
+    """A view that cannot be written to."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def _fastest(scene: Scene, kind: Dynamics) -> str:
+    """What asks for the shortest steps, in words."""
+    if kind is not DYNAMICS["springs"]:
+        return "it starts to turn too fast"
+    body = scene.body
+    stiffness, damping = np.zeros(len(body.masses)), np.zeros(len(body.masses))
+    for end in body.springs.T:
+        np.add.at(stiffness, end, body.stiffness)
+        np.add.at(damping, end, body.damping)
+    rate = np.maximum(np.sqrt(stiffness / body.masses), damping / body.masses) * scene.free
+    n = int(np.argmax(rate))
+    return (
+        f"particle {n} of {body.masses[n]:.3g} kg is held by springs of {stiffness[n]:.3g} N/m and dampers "
+        f"of {damping[n]:.3g} kg/s in all"
+    )
+
+
+def _checked_limit(steps: int | None) -> int:
+    """A time limit; −1 if there is none."""
+    if steps is None or (isinstance(steps, int) and steps == -1):
+        return -1
+    return checks.whole("max_episode_steps", steps, 1)
+
+
+# --- Compiled -------------------------------------------------------------------------------------
+
+
+@kernel
+def take(given: Any, strength: Any, action: Any, driven: Any) -> bool:
+    """Clip the given actions, and scale what they drive; False if one is not finite, and nothing is taken."""
+    for c in range(given.shape[0]):
+        for n in range(given.shape[1]):
+            if not math.isfinite(given[c, n]):
+                return False
+    for c in range(given.shape[0]):
+        for n in range(given.shape[1]):
+            action[c, n] = min(max(given[c, n], -1.0), 1.0)
+            driven[c, n] = action[c, n] * strength[c, 0]
+    return True
+
+
+@kernel
+def finish(
+    rows: Any,
+    out: Any,
+    terms: Any,
+    held: Any,
+    elapsed: Any,
+    limit: Any,
+    diverged: Any,
+    reward: Any,
+    terminated: Any,
+    truncated: Any,
+) -> None:
+    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0."""
+    met, failed = out.shape[1] + MET, out.shape[1] + FAILED
+    for c in range(out.shape[0]):
+        total = 0.0
+        for n in range(rows.shape[1]):
+            total += rows[c, n]
+        diverged[c] = not (math.isfinite(total) and rows[c, measures.STRAIN] <= STRAIN_LIMIT)
+        if diverged[c]:
+            out[c, :] = 0.0
+            out[c, failed] = 1.0
+        reward[c] = 0.0
+        for n in range(terms):
+            reward[c] += out[c, n]
+        held[c] = held[c] + 1 if out[c, met] > 0 else 0
+        elapsed[c] += 1
+        terminated[c] = out[c, failed] > 0
+        truncated[c] = 0 <= limit <= elapsed[c]

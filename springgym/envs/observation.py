@@ -1,0 +1,174 @@
+"""Observations: positions and velocities of particles, or a few numbers with names and units.
+
+Both are scaled to order one. The first is made here from the particles of a task, see `Particles`. The
+second, the compact one, is made by the task's own function ``frame``; `Entry` says what its numbers mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from springgym import measures
+from springgym.compiling import compiled, kernel
+
+BOUND = 10.0
+"""Observations are scaled to order one and clipped here, so that their space is finite."""
+
+ABOUT = ("origin", "centre", "goal")
+ABOUT_CENTRE, ABOUT_GOAL = 1, 2
+
+
+class Entry(NamedTuple):
+    """Some numbers of the compact observation: (value − ``about``) / ``unit``."""
+
+    name: str
+    size: int
+    """how many numbers"""
+    unit: float = 1.0
+    """what is observed as 1, in SI units"""
+    about: float = 0.0
+    """what is observed as 0"""
+
+
+def values(entries: Sequence[Entry], observations: np.ndarray) -> dict[str, np.ndarray]:
+    """What compact observations (n, D) mean: by name of the entry, (n, size) in SI units."""
+    observations, found, first = np.asarray(observations, np.float64), {}, 0
+    for entry in entries:
+        found[entry.name] = entry.about + entry.unit * observations[:, first : first + entry.size]
+        first += entry.size
+    return found
+
+
+@dataclass(frozen=True)
+class Particles:
+    """The "particles" observation: positions and velocities, scaled particle by particle.
+
+    One scale for all would bury a slow particle under a fast one.
+    """
+
+    observed: tuple[int, ...]
+    """particles in it: not the pinned ones, they never change"""
+    position_scale: np.ndarray
+    """(N,) [m]"""
+    velocity_scale: np.ndarray
+    """(N,) [m/s]"""
+    about: str = "origin"
+    """what positions count from: "origin"; "centre", the centre of mass, velocities too, so that a drifting
+    body stays in view; or "goal", its first three numbers, which then are not observed themselves"""
+    pointed: int | None = None
+    """the entry of the goal that is the index of a particle: the unit vector from the centre of mass to
+    that particle is observed in its place"""
+    skipped: tuple[tuple[int, int], ...] = ()
+    """(particle, axis) pairs left out, because they never change"""
+    appended: Mapping[str, float] = field(default_factory=dict)
+    """measures that follow, by name (see `springgym.measures.FIELDS`), and their scales"""
+    turned: bool = False
+    """whether these are vectors to be seen in the body's axes"""
+
+
+def columns(particles: Particles) -> tuple[Any, ...]:
+    """What `observe_particles` takes before the observation."""
+    every = [(i, axis) for i in particles.observed for axis in range(3)]
+    entries = np.array([pair for pair in every if pair not in particles.skipped], np.int64)
+    appended: list[int] = []
+    scales: list[float] = []
+    for name, scale in particles.appended.items():
+        size = measures.FIELDS[name]
+        appended += range(measures.OFFSETS[name], measures.OFFSETS[name] + size)
+        scales += [scale] * size
+    return (
+        entries,
+        1 / np.asarray(particles.position_scale, float)[entries[:, 0]],
+        1 / np.asarray(particles.velocity_scale, float)[entries[:, 0]],
+        ABOUT.index(particles.about),
+        -1 if particles.pointed is None else particles.pointed,
+        np.array(appended, np.int64),
+        1 / np.array(scales, float),
+        particles.turned,
+    )
+
+
+@compiled
+def along(row: Any, first: Any, axis: Any) -> Any:
+    """Component along an axis of the body's triad of the measured vector that starts at column ``first``."""
+    e1, e3 = row[measures.SIDE : measures.SIDE + 3], row[measures.AXIS : measures.AXIS + 3]
+    total = 0.0
+    for n in range(3):
+        if axis == 0:
+            part = e1[n]
+        elif axis == 2:
+            part = e3[n]
+        else:
+            part = e3[(n + 1) % 3] * e1[(n + 2) % 3] - e3[(n + 2) % 3] * e1[(n + 1) % 3]
+        total += part * row[first + n]
+    return total
+
+
+@compiled
+def point_to(row: Any, position: Any, out: Any) -> None:
+    """The unit vector from the centre of mass to a position (3,)."""
+    length = 0.0
+    for axis in range(3):
+        out[axis] = position[axis] - row[measures.CENTRE + axis]
+        length += out[axis] ** 2
+    for axis in range(3):
+        out[axis] /= math.sqrt(length)
+
+
+@kernel
+def observe_particles(
+    rows: Any,
+    x: Any,
+    v: Any,
+    goal: Any,
+    entries: Any,
+    per_metre: Any,
+    per_speed: Any,
+    about: Any,
+    pointed: Any,
+    columns: Any,
+    per_measure: Any,
+    turned: Any,
+    observation: Any,
+) -> None:
+    """Positions and velocities of the (particle, axis) ``entries``, the goal, and appended measures."""
+    count = entries.shape[0]
+    unseen = 3 if about == ABOUT_GOAL else 0
+    for c in range(x.shape[0]):
+        for n in range(count):
+            i, axis = entries[n]
+            position, velocity = x[c, i, axis], v[c, i, axis]
+            if about == ABOUT_CENTRE:
+                position -= rows[c, measures.CENTRE + axis]
+                velocity -= rows[c, measures.CENTRE_VELOCITY + axis]
+            elif about == ABOUT_GOAL:
+                position -= goal[c, axis]
+            observation[c, n] = position * per_metre[n]
+            observation[c, count + n] = velocity * per_speed[n]
+        k = 2 * count
+        for n in range(unseen, goal.shape[1]):
+            if n == pointed:
+                point_to(rows[c], x[c, int(goal[c, n])], observation[c, k : k + 3])
+                k += 3
+            else:
+                observation[c, k] = goal[c, n]
+                k += 1
+        for n in range(columns.size):
+            value = rows[c, columns[n]]
+            if turned:
+                value = along(rows[c], columns[n - n % 3], n % 3)
+            observation[c, k + n] = value * per_measure[n]
+
+
+@kernel
+def bound(observation: Any, diverged: Any) -> None:
+    """Clip observations to ±`BOUND`; those of diverged copies are 0."""
+    for c in range(observation.shape[0]):
+        for n in range(observation.shape[1]):
+            value = observation[c, n]
+            observation[c, n] = 0.0 if diverged[c] else min(max(value, -BOUND), BOUND)

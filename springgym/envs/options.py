@@ -1,0 +1,48 @@
+"""What users give to environments by name: checked, and told by name if it is wrong."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from springgym import checks
+from springgym.bodies import Body
+
+
+def mapping(name: str, value: Any) -> Mapping[str, Any]:
+    """A mapping from names, checked to be one."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} is {checks.shown(value)}; it must be a mapping, as a dict is")
+    return value
+
+
+def number(options: dict[str, Any], name: str, otherwise: float, low: float, high: float) -> float:
+    """Take a number from ``low`` to ``high`` out of reset options, if it is there."""
+    if name not in options:
+        return otherwise
+    return checks.number(f"reset option {name!r}", options.pop(name), low, high)
+
+
+def made(maker: Callable[..., Body], body: Mapping[str, Any] | None, **usual: Any) -> Body:
+    """A body from the arguments of its maker that the user gave as ``body``, over the usual ones.
+
+    Keys that are numbers may be texts: JSON makes them so.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming an argument that the maker does not have, or what it finds fault with.
+    """
+    given = {} if body is None else dict(mapping("body", body))
+    known = inspect.signature(maker).parameters
+    for name, value in given.items():
+        if name not in known:
+            raise ValueError(f"body has no {name!r}; {maker.__name__} takes {', '.join(known)}")
+        if isinstance(value, Mapping):
+            numbers = (int(key) if isinstance(key, str) and key.isdecimal() else key for key in value)
+            given[name] = dict(zip(numbers, value.values(), strict=True))
+    try:
+        return maker(**(usual | given))
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"body: {error}") from error

@@ -1,0 +1,108 @@
+"""Factors that each episode draws from the ranges that an environment was made with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from springgym import checks
+from springgym.checks import TINY
+from springgym.envs.options import mapping
+from springgym.scene import Scene
+from springgym.surfaces import Contact
+
+RANDOMIZABLE = ("masses", "stiffness", "damping", "scale", "gravity", "friction", "restitution", "actuator")
+"""What `randomize` may give a range of factors for, where the scene has it."""
+
+OF_SPRINGS = ("stiffness", "damping", "scale")
+"""Those of them that a rigid body does not have; ``scale`` is of the springs' lengths."""
+
+Ranges = dict[str, tuple[float, float]]
+"""(low, high) of factors by name, out of `RANDOMIZABLE`."""
+
+
+def checked_ranges(randomize: Mapping[str, Sequence[float]] | None, dynamics: str) -> Ranges:
+    """The ranges that a user gave.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming a factor that there is not, or a range that is none.
+    """
+    ranges: Ranges = {}
+    if randomize is None:
+        return ranges
+    for name, given in mapping("randomize", randomize).items():
+        if name not in RANDOMIZABLE:
+            raise ValueError(f"cannot randomize {name!r}; {', '.join(RANDOMIZABLE)} can be")
+        if dynamics == "rigid" and name in OF_SPRINGS:
+            raise ValueError(f"cannot randomize {name!r}: a rigid body has no springs")
+        low, high = checks.array(f"randomize[{name!r}]", given, (2,), low=TINY).tolist()
+        if low > high:
+            raise ValueError(f"randomize[{name!r}] is {given!r}; it must be (low, high) with low ≤ high")
+        ranges[name] = (low, high)
+    return ranges
+
+
+def varying(ranges: Mapping[str, Any], scene: Scene) -> set[str]:
+    """Names of the parameters that the ranges make vary in the simulator.
+
+    Raises
+    ------
+    ValueError
+        If a range asks for a restitution above 1, or for a gravity that the scene does not have.
+    """
+    if scene.surfaces and isinstance(scene.contact, Contact) and "restitution" in ranges:
+        highest = scene.contact.restitution * ranges["restitution"][1]
+        if highest > 1:
+            raise ValueError(
+                f"randomize['restitution'] makes the restitution {highest:g}; it must be at most 1"
+            )
+    if "gravity" in ranges and scene.gravity is None:
+        raise ValueError("cannot randomize 'gravity': the scene has no gravity")
+    return {"lengths" if name == "scale" else name for name in ranges} - {"actuator"}
+
+
+def drawn(ranges: Ranges, rng: Generator, options: dict[str, Any]) -> dict[str, float]:
+    """The factors of an episode, all of `RANDOMIZABLE`: drawn, unless given in ``options["randomize"]``.
+
+    That is removed from the options. What has no range has a factor of 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming a factor that has no range, or is out of it.
+    """
+    given = mapping("reset option 'randomize'", options.pop("randomize", {}))
+    for name in given:
+        if name not in ranges:
+            raise ValueError(
+                f"reset cannot set the factor of {name!r}: "
+                f"randomize was given {', '.join(ranges) or 'nothing'} when the environment was made"
+            )
+    factors = dict.fromkeys(RANDOMIZABLE, 1.0)
+    for name, (low, high) in ranges.items():
+        factors[name] = rng.uniform(low, high)
+        if name in given:
+            factors[name] = checks.number(f"reset option 'randomize', {name!r},", given[name], low, high)
+    return factors
+
+
+def parameters(scene: Scene, ranges: Ranges, factors: Mapping[str, float]) -> dict[str, np.ndarray]:
+    """What `Simulator.vary` gives one copy for these factors."""
+    values = {
+        "masses": scene.body.masses * factors["masses"],
+        "stiffness": scene.body.stiffness * factors["stiffness"],
+        "damping": scene.body.damping * factors["damping"],
+        "lengths": scene.body.lengths * factors["scale"],
+    }
+    if scene.gravity is not None:
+        values["gravity"] = np.array(scene.gravity) * factors["gravity"]
+    if isinstance(scene.contact, Contact):
+        values["friction"] = np.array(scene.contact.friction * factors["friction"])
+        values["restitution"] = np.array(scene.contact.restitution * factors["restitution"])
+    names = varying(ranges, scene)
+    return {name: value for name, value in values.items() if name in names}

@@ -1,0 +1,179 @@
+"""What docstrings and controllers tell of a task is what the task says: limits, period, units, sizes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from springgym.envs.task import Task
+from springgym.registration import ENVIRONMENTS, Row
+from springgym.simulator import Simulator
+from tests.envs.cases import task_type
+
+each_row = pytest.mark.parametrize("row", ENVIRONMENTS, ids=lambda row: row.id)
+
+
+def documentation(row: Row) -> str:
+    text = getattr(import_module(f"springgym.envs.{row.module}"), f"{row.name}Env").__doc__
+    return str(text).replace("−", "-")
+
+
+class Line(NamedTuple):
+    """A line of a table of a docstring."""
+
+    mode: str
+    first: int
+    last: int
+    told: str
+    """the last column"""
+
+
+def table(text: str, title: str) -> Iterator[Line]:
+    """Lines of the table in a section; an empty mode is that of the line above."""
+    mode = ""
+    for line in text.split(f"## {title}\n")[1].split("\n    ## ")[0].splitlines():
+        cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
+        if line.strip().startswith("|") and (entries := re.fullmatch(r"(\d+)(?:(?:–|, )(\d+))?", cells[1])):
+            mode = cells[0].strip('`"') or mode
+            first = int(entries[1])
+            yield Line(mode, first, int(entries[2] or first), cells[-1])
+
+
+def number(text: str) -> float:
+    """The first number in a text, π being left out."""
+    found = re.search(r"\d+(?:\.\d+)?", text)
+    assert found, text
+    return float(found[0])
+
+
+@each_row
+def test_limits_of_actions(row: Row) -> None:
+    lines = list(table(documentation(row), "Action Space"))
+    for action, size in task_type(row.id).actions.items():
+        limits = task_type(row.id)(action=action).limits
+        assert limits.shape == (size,)
+        told = np.full(size, np.nan)
+        for line in lines:
+            if line.mode == action:
+                told[line.first : line.last + 1] = number(line.told)
+        if not lines:  # one mode, told in words
+            told[:] = number(documentation(row).split("at ±1 ±")[1])
+        np.testing.assert_allclose(told, limits, rtol=0.03)  # as it is rounded there
+
+
+@each_row
+def test_limits_are_what_actuators_are_given(row: Row) -> None:
+    """At ±1, one entry after the other; an impulse is a force for a control period."""
+    for action, size in task_type(row.id).actions.items():
+        task = task_type(row.id)(action=action)
+        driven = task.actuate(np.eye(size))
+        largest = np.zeros(size)
+        for name, values in driven.items():
+            moved = np.linalg.norm(values.reshape(size, -1, 3), axis=-1).max(axis=1)
+            largest = np.maximum(largest, moved * (task.period if impulses(action) else 1.0))
+            assert name in Simulator(task.scene)._actuators
+        np.testing.assert_allclose(largest, task.limits, rtol=1e-12)
+
+
+def impulses(action: str) -> bool:
+    return action in ("impulse", "impulses", "thrusters")
+
+
+@each_row
+def test_limits_of_the_hard_variant(row: Row) -> None:
+    """ "…torques up to 10 N·m" of hard=True: what is told is what it does, for every action."""
+    bullet = re.search(r"- `hard=True`: (.*?)\n    - ", documentation(row), re.S)
+    if bullet is None:
+        pytest.skip("it has no hard variant")
+    told = [float(n) for n in re.findall(r"(\d+(?:\.\d+)?) N", bullet[1])]
+    changed = set()
+    for action in task_type(row.id).actions:
+        usual, hard = (task_type(row.id)(action=action, hard=flag).limits for flag in (False, True))
+        changed |= set(np.round(hard[hard != usual], 12).tolist())
+    assert changed == set(told)
+
+
+@each_row
+def test_period_limit_and_hold(row: Row) -> None:
+    text, task = documentation(row), task_type(row.id)
+    assert number(text.split("held for a control period of")[1]) == pytest.approx(1e3 * task.period)
+    steps, seconds = re.search(r"Truncation:\s+(\d+)\s+steps,\s+(\d+)\s+s\.", text).groups()  # type: ignore[union-attr]
+    assert int(steps) == row.max_episode_steps
+    assert int(seconds) == pytest.approx(row.max_episode_steps * task.period)
+    assert int(re.search(r"for\s+the\s+last\s+(\d+)\s+steps", text)[1]) == task.hold  # type: ignore[index]
+
+
+@each_row
+def test_entries_of_observations(row: Row) -> None:
+    """They follow one another, up to the size; the compact ones have the units of `Task.entries`."""
+    lines = list(table(documentation(row), "Observation Space"))
+    for observation in task_type(row.id).observations:
+        own = [line for line in lines if line.mode == observation]
+        assert [line.first for line in own] == [0, *(line.last + 1 for line in own[:-1])]
+        assert own[-1].last + 1 == task_type(row.id)(observation=observation).observation_size
+    told = np.concatenate(
+        [np.full(line.last + 1 - line.first, number(line.told)) for line in lines if line.mode == "frame"]
+    )
+    entries = task_type(row.id).entries
+    np.testing.assert_array_equal(told, np.repeat([e.unit for e in entries], [e.size for e in entries]))
+
+
+def looked_up(task: Task, m: Any, x: np.ndarray, v: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
+    """What entries must be, from measures; those that no measure is."""
+    turning = m.angular_velocity
+    spin = np.sum(turning * m.axis, axis=1, keepdims=True)
+    triad = np.stack([m.side, np.cross(m.axis, m.side), m.axis], axis=1)
+    load = x[:, -1]
+    known = {
+        "axis": m.axis,
+        "side": m.side,
+        "spin": spin,
+        "across": turning - spin * m.axis,
+        "target": goal,
+        "centre": m.centre[:, :2],
+        "centre_velocity": m.centre_velocity[:, :2],
+        "angular_velocity": turning,
+        "velocity": m.centre_velocity,
+    }
+    if "to_target" in {entry.name for entry in task.entries}:
+        known |= {"to_target": goal[:, :2] - load[:, :2], "to_trolley": x[:, 0, :2] - load[:, :2]}
+        known |= {"velocity": v[:, -1, :2], "trolley_velocity": v[:, 0, :2]}
+    if "angular_momentum" in {entry.name for entry in task.entries}:
+        known |= {
+            "angular_velocity": np.einsum("nij,nj->ni", triad, turning),
+            "angular_momentum": np.einsum("nij,nj->ni", triad, m.angular_momentum),
+        }
+    if "offset" in {entry.name for entry in task.entries}:
+        known["offset"] = m.centre - goal[:, :3]
+    return known
+
+
+@each_row
+def test_entries_are_what_is_observed(row: Row) -> None:
+    """`Task.seen` gives back, in SI units, what the kernel has scaled."""
+    envs = gym.make_vec(row.id, num_envs=3, vectorization_mode="vector_entry_point", observation="frame")
+    envs.reset(seed=0)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        observation, *_ = envs.step(rng.uniform(-1, 1, envs.action_space.shape).astype(np.float32))
+    episodes = envs.unwrapped.episodes
+    task, (x, v) = episodes.task, episodes.particles
+    known, compared = looked_up(task, episodes.measures, x, v, episodes.goal), 0
+    for name, value in task.seen(observation).items():
+        if name in known:
+            np.testing.assert_allclose(value, known[name], rtol=2e-6, atol=2e-6 * max(1.0, abs(value).max()))
+            compared += value.shape[1]
+    assert compared >= task.observation_size - 3  # a normal of a face is no measure
+
+
+@each_row
+def test_outcomes_have_names(row: Row) -> None:
+    task = task_type(row.id)()
+    assert task.outcome == (*(f"reward_{n}" for n in task.terms), *task.metrics, "met", "failed")
+    assert len(set(task.outcome)) == len(task.outcome)
