@@ -19,7 +19,7 @@ from config import ConfigError
 from gymnasium import spaces
 from runs import HELD_OUT_SEED
 
-from springgym.bodies.motion import axes
+from springgym.bodies.rotations import axes
 from springgym.envs import detumble, free_top, top, tumble
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS

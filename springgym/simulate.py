@@ -18,9 +18,7 @@ from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import load
 from springgym.scenes.reading import names as scene_names
 from springgym.scenes.recording import Recording, record
-
-PAPER_STEP = 5e-4
-"""The paper's step [s], for rk4."""
+from springgym.simulator import PAPER_STEP
 
 ENERGIES = (
     *("kinetic", "gravity", "elastic", "contact"),

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from springgym.bodies.motion import spring_force_and_jacobian
+from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.checks import TINY
 from springgym.integrators.record import Integrator
 from springgym.scene import Scene

@@ -13,8 +13,7 @@ from springgym.checks import TINY, array, direction, number
 from springgym.theory.contact import damping_for_restitution
 
 REACH = 0.01
-"""Δ where none is given, as a share of the body's size: twice the distance from its centre of mass to the
-particle farthest from it."""
+"""Δ where none is given, as a share of `Body.size`."""
 
 NEAREST = 1e-3
 """The least height to start at, as a share of Δ: below it the barrier's energy c/h has no sensible bound."""
@@ -166,7 +165,7 @@ def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
     """
     reach, strength = contact.reach, contact.strength
     if reach is None:
-        reach = 2 * REACH * float(np.linalg.norm(body.positions - body.centre, axis=1).max())
+        reach = REACH * body.size
     if strength is None:
         strength = 0.5 * float(body.stiffness.max(initial=0.0)) * reach**3
     if not (reach > 0 and strength > 0):

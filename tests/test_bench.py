@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from springgym import bench
+from springgym.accuracy.distances import rms_distance
 from springgym.bench import peers
-from springgym.bench.problem import distance, error, exact_positions, paper_top, rounding, stepping
+from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
 from springgym.bench.ratios import ratios
 from springgym.bench.sections import SECTIONS
 from springgym.bench.timing import Case, Row, measured
@@ -131,7 +132,7 @@ def test_mujoco_steps_the_same_springs(method: str) -> None:
     scene = paper_top()
     peer = peers.mujoco_springs(scene, method, PAPER_STEP / 4)
     assert peer is not None
-    assert distance(peer.positions, exact_positions(scene, 1.0), scene) < 5e-4
+    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.body) < 5e-4
 
 
 def test_mujoco_turns_the_same_rigid_body() -> None:
@@ -139,7 +140,7 @@ def test_mujoco_turns_the_same_rigid_body() -> None:
     scene = paper_top()
     peer = peers.mujoco_rigid(scene, "RK4", 1e-3)
     assert peer is not None
-    assert distance(peer.positions, exact_positions(scene, 1.0, "rigid"), scene) < 1e-5
+    assert rms_distance(peer.positions, exact_positions(scene, 1.0, "rigid"), scene.body) < 1e-5
 
 
 def test_scipy_steps_the_same_springs() -> None:
@@ -147,7 +148,7 @@ def test_scipy_steps_the_same_springs() -> None:
     scene = paper_top()
     peer = peers.scipy_rk45(scene, PAPER_STEP)
     assert peer is not None
-    assert distance(peer.positions, exact_positions(scene, 1.0), scene) < 1e-4
+    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.body) < 1e-4
 
 
 def test_jax_steps_the_same_springs() -> None:
@@ -155,7 +156,7 @@ def test_jax_steps_the_same_springs() -> None:
     scene = paper_top()
     peer = peers.jax_batch(scene, PAPER_STEP, 2)
     assert peer is not None
-    assert distance(peer.positions, exact_positions(scene, 1.0), scene) < 5e-4
+    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.body) < 5e-4
 
 
 @pytest.mark.parametrize(("precision", "copies"), [("float64", 1), ("float64", 8), ("float32", 16)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import Body
-from springgym.bodies.motion import rotation
+from springgym.bodies.rotations import rotation
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 

@@ -20,7 +20,7 @@ import numpy as np
 from springgym import theory
 from springgym.blocks import numbers
 from springgym.bodies import Body, box, cube, rope, start, top
-from springgym.bodies.motion import spring_force_and_jacobian
+from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.forces.springs import Decay, decay
 from springgym.scene import GRAVITY, Scene
 from springgym.simulator import SimulationDivergedError, Simulator

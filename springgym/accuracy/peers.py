@@ -6,20 +6,19 @@ import importlib.util
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from springgym import theory
 from springgym.accuracy.problems import Problem
-from springgym.bodies.motion import spring_force_and_jacobian
+from springgym.accuracy.rungs import SAMPLES, Rung
+from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.checks import TINY
+from springgym.integrators import integrator
 from springgym.scene import Scene
 from springgym.stability import largest_step
 from springgym.surfaces import Plane, scales
-
-if TYPE_CHECKING:
-    from springgym.accuracy.work_precision import Rung
 
 LONGEST_PIECE = 1e-2
 """Timed runs take about this long [s]: slower programs, longer pieces."""
@@ -71,9 +70,6 @@ def mujoco_rungs(problem: Problem, scene: Scene) -> list[Rung]:
     if importlib.util.find_spec("mujoco") is None:
         return []
     import mujoco
-
-    from springgym.accuracy.work_precision import SAMPLES, Rung
-    from springgym.integrators import integrator
 
     mujoco.set_mju_user_warning(lambda message: None)  # a run that fails is drawn as one
     free = scene.free
@@ -163,8 +159,6 @@ def scipy_rungs(problem: Problem, scene: Scene) -> list[Rung]:
     if importlib.util.find_spec("scipy") is None:
         return []
     from scipy.integrate import solve_ivp
-
-    from springgym.accuracy.work_precision import SAMPLES, Rung
 
     slope, matrix = derivative(scene), jacobian(scene)
     began = np.concatenate([scene.positions.ravel(), scene.velocities.ravel()])

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from springgym import theory
-from springgym.bodies import Body, box, cube, from_points, rope, rotation, start, top
+from springgym.bodies import box, cube, from_points, rope, rotation, start, top
 from springgym.integrators import METHODS, integrator
 from springgym.scene import GRAVITY, Scene
 from springgym.surfaces import Contact, floor
@@ -41,11 +41,6 @@ def _makes_sense(name: str, scene: Scene) -> bool:
     if scene.surfaces:
         return method.meets_surfaces
     return not (method.negative_substeps and scene.body.damping.any())
-
-
-def size(body: Body) -> float:
-    """Twice the distance from the centre of mass to the particle farthest from it [m]."""
-    return float(2 * np.linalg.norm(body.positions - body.centre, axis=1).max())
 
 
 # --- Tops ---------------------------------------------------------------------------------------------

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from springgym import theory
+from springgym.accuracy.distances import largest_distance
 from springgym.accuracy.problems import CUSPS, PROBLEMS, TOP
-from springgym.accuracy.work_precision import Rung, distance, edge, own_rung, reference, rows_of
+from springgym.accuracy.rungs import Rung
+from springgym.accuracy.work_precision import edge, own_rung, reference, rows_of
 from springgym.bodies import cube, start, top
 from springgym.rigid import METHODS
 from springgym.scene import Scene
@@ -78,7 +80,7 @@ def rigid_gap(quick: bool = False) -> dict[str, Any]:
         for k in stiffness:
             scene = problem.scene(k)
             positions, _, _ = reference(problem, scene)
-            gaps.append(distance(positions[-1], problem.rigid(problem.seconds), scene))
+            gaps.append(largest_distance(positions[-1], problem.rigid(problem.seconds), scene.body))
         result["gaps"][name] = gaps
         result["powers"][name] = float(np.polyfit(np.log(stiffness), np.log(gaps), 1)[0])
     return result

@@ -20,12 +20,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from springgym.accuracy.distances import largest_distance
 from springgym.accuracy.peers import mujoco_rungs, scipy_rungs
-from springgym.accuracy.problems import PROBLEMS, Problem, size
+from springgym.accuracy.problems import PROBLEMS, Problem
+from springgym.accuracy.rungs import SAMPLES, Rung
 from springgym.integrators import integrator
 from springgym.integrators.record import ITERATIONS, REJECTIONS, STEPS
 from springgym.scene import Scene
@@ -33,27 +35,12 @@ from springgym.simulator import Simulator
 from springgym.stability import automatic_step, largest_step, steps_in
 from springgym.surfaces import Contact
 
-SAMPLES = 4
 FAILED = 0.1
 """An error above this, or none that is a number, is a failure."""
 
 TOLERANCES = (1e-3, 1e-5, 1e-7)
 LONGEST_PIECE = 2e-3
 """Timed runs take about this long [s]."""
-
-
-class Rung(NamedTuple):
-    """A method at a step or tolerance, ready to be run."""
-
-    method: str
-    step: float
-    """h [s]; of an adaptive method, its tolerance"""
-    run: Callable[[], tuple[np.ndarray, float, float]]
-    """gives positions (samples, N, 3) [m], force evaluations per simulated second, wall time [s] of it"""
-    begin: Callable[[], None]
-    """puts it to its start"""
-    piece: Callable[[float], tuple[Callable[[], object], float]]
-    """of the wall time of the whole: a part to time, and how long it is in simulated time [s]"""
 
 
 def ladder(problem: Problem, scene: Scene, quick: bool) -> list[Rung]:
@@ -137,13 +124,6 @@ def advance_and_sample(simulator: Simulator, count: int) -> np.ndarray:
     return np.array(positions)
 
 
-def distance(positions: np.ndarray, others: np.ndarray, scene: Scene) -> float:
-    """The largest distance of a particle, over the body's size."""
-    with np.errstate(all="ignore"):
-        apart = np.linalg.norm(positions - others, axis=-1).max() / size(scene.body)
-    return float(apart) if np.isfinite(apart) else math.inf
-
-
 # --- References ---------------------------------------------------------------------------------------
 
 
@@ -158,15 +138,15 @@ def reference(problem: Problem, scene: Scene, quick: bool = False) -> tuple[np.n
         best = fine + (fine - coarse) / 3
         if isinstance(scene.contact, Contact) and scene.contact.friction == 0:
             (other,) = (rung.run()[0] for rung in scipy_rungs(problem, scene) if rung.step == 1e-12)
-            return best, distance(best, other, scene), "verlet extrapolated and SciPy's DOP853"
-        return best, distance(best, fine, scene), "verlet extrapolated, and verlet"
+            return best, largest_distance(best, other, scene.body), "verlet extrapolated and SciPy's DOP853"
+        return best, largest_distance(best, fine, scene.body), "verlet extrapolated, and verlet"
     damped = scene.body.damping.any()
     name, parts = ("rk4", 128) if damped else ("blanes_moan", 24)
     count = SAMPLES * math.ceil(problem.seconds * parts / largest_step(scene, integrator(name)) / SAMPLES)
     fixed = advance_and_sample(_simulator(scene, name, problem.seconds / count), count)
     count = edge(problem, scene, "dopri5")
     adaptive = advance_and_sample(_simulator(scene, "dopri5", problem.seconds / count, (1e-13, 1e-13)), count)
-    return adaptive if damped else fixed, distance(adaptive, fixed, scene), f"{name} and dopri5"
+    return adaptive if damped else fixed, largest_distance(adaptive, fixed, scene.body), f"{name} and dopri5"
 
 
 def model_error(problem: Problem) -> dict[str, Any]:
@@ -177,7 +157,7 @@ def model_error(problem: Problem) -> dict[str, Any]:
     for factor in factors:
         scene = problem.scene(factor * problem.stiffness)
         positions, _, _ = reference(problem, scene)
-        gaps.append(distance(positions[-1], rigid, scene))
+        gaps.append(largest_distance(positions[-1], rigid, scene.body))
     stiffness = [factor * problem.stiffness for factor in factors]
     power = float(np.polyfit(np.log(stiffness), np.log(gaps), 1)[0])
     return {"stiffness": stiffness, "errors": gaps, "power": power}
@@ -206,7 +186,7 @@ def consistency(problem: Problem, scene: Scene, quick: bool) -> list[dict[str, A
         for (x, v), end in zip(states, ends, strict=True):
             simulator.place(x, v)
             simulator.advance(count, check=False)
-            errors.append(distance(simulator.positions[0], end, scene))
+            errors.append(largest_distance(simulator.positions[0], end, scene.body))
         walls = []
         for _ in range(5 if quick else 20):
             walls.append(0.0)
@@ -249,7 +229,7 @@ def rows_of(rungs: list[Rung], exact: np.ndarray, scene: Scene, runs: int) -> li
     ran = []
     for rung in rungs:
         positions, evaluations, wall = rung.run()
-        ran.append((rung, distance(positions, exact, scene), evaluations, *rung.piece(wall)))
+        ran.append((rung, largest_distance(positions, exact, scene.body), evaluations, *rung.piece(wall)))
     costs: list[list[float]] = [[] for _ in ran]
     for _ in range(runs):
         for own, (rung, _, _, part, simulated) in zip(costs, ran, strict=True):

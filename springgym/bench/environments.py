@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from springgym.accuracy.distances import largest_distance
 from springgym.bench.timing import Case, Row, measured
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS
@@ -162,7 +163,7 @@ def error_per_step(
     env: Any = gym.make(env_id)
     at = env.unwrapped.episodes
     task, step = at.task, at.simulator.step
-    size = float(np.ptp(task.scene.body.positions, axis=0).max())
+    body = task.scene.body
     simulators = references(task, step)
     rng = np.random.default_rng(0)
     errors, apart = [], [0.0]
@@ -177,8 +178,8 @@ def error_per_step(
                 simulator.actuate(**task.actuate(action[None]))
                 simulator.advance(round(task.period / simulator.step))
             exact, *others = (simulator.positions for simulator in simulators)
-            errors.append(float(np.linalg.norm(at.particles[0] - exact, axis=-1).max() / size))
-            apart += [float(np.linalg.norm(other - exact, axis=-1).max() / size) for other in others]
+            errors.append(largest_distance(at.particles[0], exact, body))
+            apart += [largest_distance(other, exact, body) for other in others]
             if terminated or truncated:
                 break
     return step, float(np.median(errors)), max(errors), max(apart)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym.accuracy.peers import derivative, mujoco_model
+from springgym.bodies.body import inertia
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 
@@ -108,11 +109,6 @@ def mujoco_rigid(scene: Scene, integrator: str, step: float) -> Peer | None:
     mujoco.mju_quat2Mat(matrix, data.qpos)
     positions = scene.positions[scene.pivot] + x @ matrix.reshape(3, 3).T
     return Peer(lambda: mujoco.mj_step(model, data, 1000), 1000, positions)
-
-
-def inertia(x: np.ndarray, masses: np.ndarray) -> np.ndarray:
-    """Tensor of inertia (3, 3) about the origin [kg m²]."""
-    return np.asarray(np.eye(3) * (masses @ (x * x).sum(axis=1)) - (masses[:, None] * x).T @ x)
 
 
 def jax_batch(scene: Scene, step: float, copies: int) -> Peer | None:

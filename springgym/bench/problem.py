@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from springgym.accuracy.problems import size
+from springgym.accuracy.distances import rms_distance
 from springgym.bench.timing import Case
 from springgym.bodies import rotation, start, top
 from springgym.scene import Scene
@@ -53,18 +53,12 @@ def stepping(
 
 
 def error(scene: Scene, dynamics: str = "springs", **options: Any) -> dict[str, float]:
-    """The step of a simulator [ms], and its `distance` from the exact motion after some 1 s."""
+    """The step of a simulator [ms], and its `rms_distance` from the exact motion after some 1 s."""
     simulator = Simulator(scene, dynamics=dynamics, ledger=False, **options)
     steps = round(1 / simulator.step)
     simulator.advance(steps)
     exact = exact_positions(scene, steps * simulator.step, dynamics)
-    return {"step_ms": 1e3 * simulator.step, "error": distance(simulator.positions[0], exact, scene)}
-
-
-def distance(positions: np.ndarray, others: np.ndarray, scene: Scene) -> float:
-    """Root mean square of the distances between particles, over the body's size."""
-    apart = np.square(positions - others).sum(axis=-1).mean()
-    return float(math.sqrt(apart) / size(scene.body))
+    return {"step_ms": 1e3 * simulator.step, "error": rms_distance(simulator.positions[0], exact, scene.body)}
 
 
 @cache
@@ -78,7 +72,7 @@ def exact_positions(scene: Scene, seconds: float, dynamics: str = "springs") -> 
 
 
 def rounding(scene: Scene, **options: Any) -> dict[str, float]:
-    """`distance` of float32 from float64 in the same steps after 1 s and 10 s.
+    """`rms_distance` of float32 from float64 in the same steps after 1 s and 10 s.
 
     The root mean square of 16 starts that differ by a turn about the vertical: the same but for rounding.
     """
@@ -90,5 +84,5 @@ def rounding(scene: Scene, **options: Any) -> dict[str, float]:
     for seconds, more in ((1, 1), (10, 9)):
         for simulator in both:
             simulator.advance(round(more / simulator.step))
-        found[f"rounding_after_{seconds}_s"] = distance(both[1].positions, both[0].positions, scene)
+        found[f"rounding_after_{seconds}_s"] = rms_distance(both[1].positions, both[0].positions, scene.body)
     return found

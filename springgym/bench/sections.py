@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from springgym.accuracy.distances import rms_distance
 from springgym.bench import peers
 from springgym.bench.environments import environments
-from springgym.bench.problem import distance, error, exact_positions, paper_top, rounding, stepping
+from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
 from springgym.bench.timing import Case, Row, measured
 from springgym.blocks import block_array
 from springgym.bodies import start
@@ -155,7 +156,7 @@ def against_peers(rounds: int) -> list[Row]:
         **facts: Any,
     ) -> None:
         if peer is not None:
-            facts["error"] = distance(peer.positions, exact_positions(scene, 1.0, dynamics), scene)
+            facts["error"] = rms_distance(peer.positions, exact_positions(scene, 1.0, dynamics), scene.body)
             what = {"program": program, "precision": precision, "copies": copies}
             cases.append(Case(what, peer.run, peer.steps, facts=facts))
 
@@ -199,7 +200,7 @@ def equal_error(rounds: int) -> list[Row]:
             peer = peers.mujoco_springs(scene, method, step)
             if peer is None:
                 break
-            found = distance(peer.positions, exact_positions(scene, 1.0), scene)
+            found = rms_distance(peer.positions, exact_positions(scene, 1.0), scene.body)
             if found <= wanted["error"]:
                 facts = {"step_ms": 1e3 * step, "error": found}
                 what = {"program": f"MuJoCo {method}", "precision": "float64", "copies": 1}

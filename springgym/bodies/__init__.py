@@ -2,10 +2,12 @@
 
 from springgym.bodies.body import Body
 from springgym.bodies.cube import box, cube
+from springgym.bodies.equilibrium import relative_equilibrium, stretched_shapes
 from springgym.bodies.gyroscope import gyroscope
 from springgym.bodies.irregular import from_mesh, from_points, union
-from springgym.bodies.motion import Start, relative_equilibrium, rotation, spinning, start, stretched_shapes
+from springgym.bodies.motion import Start, spinning, start
 from springgym.bodies.rope import rope
+from springgym.bodies.rotations import rotation
 from springgym.bodies.top import top
 
 __all__ = [

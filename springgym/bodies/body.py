@@ -210,10 +210,16 @@ class Body:
         """Centre of mass of the unstretched shape [m], (3,)."""
         return self.masses @ self.positions / self.mass
 
+    @cached_property
+    def size(self) -> float:
+        """Twice the distance from the centre of mass to the particle farthest from it [m]."""
+        return 2 * float(np.linalg.norm(self.positions - self.centre, axis=1).max())
+
     def inertia(self, about: Any = None) -> np.ndarray:
         """Inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), about a point (the centre of mass)."""
-        r = self.positions - (self.centre if about is None else array("about", about, (3,)))
-        return np.sum(self.masses * (r * r).sum(axis=1)) * np.eye(3) - (self.masses * r.T) @ r
+        return inertia(
+            self.positions - (self.centre if about is None else array("about", about, (3,))), self.masses
+        )
 
     def principal(self, about: Any = None) -> tuple[np.ndarray, np.ndarray]:
         """Principal moments [kg·m²], ascending, (3,), and axes, the columns of a rotation (3, 3)."""
@@ -234,6 +240,12 @@ class Body:
             f"{self.mass:g} kg in all; {springs}{', floppy' if self.floppy else ''}; "
             f"parts: {', '.join(self.parts) or 'none'})"
         )
+
+
+def inertia(positions: np.ndarray, masses: np.ndarray) -> np.ndarray:
+    """Inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), of particles (N, 3) about the origin."""
+    r = positions
+    return np.sum(masses * (r * r).sum(axis=1)) * np.eye(3) - (masses * r.T) @ r
 
 
 def rigidity_matrix(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:

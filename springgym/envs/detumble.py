@@ -12,7 +12,7 @@ from numpy.random import Generator
 
 from springgym.bodies import Body, box
 from springgym.bodies import spinning as rigid_velocities
-from springgym.bodies.motion import axes
+from springgym.bodies.rotations import axes
 from springgym.checks import chosen
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv

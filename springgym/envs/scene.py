@@ -159,11 +159,11 @@ class SceneTask(Task):
         thrusters = len(scene.thrust.particles) if scene.thrust else 0
         self._sizes = {name: 3 * thrusters if name == "thrust" else 3 for name in self._actuators}
         self.actions = {"actuators": sum(self._sizes.values())}  # type: ignore[misc]
-        self._size = float(np.ptp(scene.body.positions, axis=0).max()) or 1.0  # a particle has none
+        self._extent = float(np.ptp(scene.body.positions, axis=0).max()) or 1.0  # a particle has none
         fastest = float(np.linalg.norm(scene.velocities, axis=1).max())
         self._scales = (
-            self._size if position_scale is None else checks.number("position_scale", position_scale, TINY),
-            max(fastest, math.sqrt(9.81 * self._size))
+            self._extent if position_scale is None else checks.number("position_scale", position_scale, TINY),
+            max(fastest, math.sqrt(9.81 * self._extent))
             if velocity_scale is None
             else checks.number("velocity_scale", velocity_scale, TINY),
         )
@@ -247,7 +247,7 @@ class SceneTask(Task):
 
     def camera(self) -> Camera:
         centre = tuple(self._scene.positions.mean(axis=0).tolist())
-        return Camera.framing(centre, 2.5 * self._size)
+        return Camera.framing(centre, 2.5 * self._extent)
 
     def scenery(self) -> Scenery:
         planes = tuple((s.point, s.normal) for s in self._scene.surfaces if isinstance(s, Plane))

@@ -11,9 +11,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, top
-from springgym.bodies.motion import rotation, stretched_shapes
-from springgym.bodies.motion import spinning as rigid_velocities
+from springgym.bodies import Body, rotation, stretched_shapes, top
+from springgym.bodies import spinning as rigid_velocities
 from springgym.checks import flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv

@@ -71,9 +71,9 @@ class Motion:
     """in a line, what simulated it and how well"""
 
     @property
-    def size(self) -> float:
-        """Of the body [m]."""
-        return size_of(self.positions)
+    def extent(self) -> float:
+        """Of the body in the picture, see `extent_of` [m]."""
+        return extent_of(self.positions)
 
     @property
     def strain(self) -> np.ndarray:
@@ -93,8 +93,10 @@ class Motion:
         return n, float(np.clip(share, 0.0, 1.0))
 
 
-def size_of(positions: np.ndarray) -> float:
-    """Size of a body that moves through positions (T, N, 3) [m]; of a particle, a share of its way."""
+def extent_of(positions: np.ndarray) -> float:
+    """Longest side of the box around a body that moves through positions (T, N, 3) [m]; of a particle, a share
+    of its way.
+    """
     size = float(np.ptp(positions[0], axis=0).max())
     return size or 0.3 * float(np.ptp(positions, axis=(0, 1)).max()) or 0.5
 
@@ -181,7 +183,7 @@ def _arrows(recording: Recording) -> dict[str, Arrows]:
     The support is what the momentum tells: pin and surfaces together push with dP/dt − M g.
     """
     scene, m, x = recording.plan.scene, recording.measures, recording.positions
-    size = 0.6 * size_of(x)
+    size = 0.6 * extent_of(x)
     drawn: dict[str, Arrows] = {}
     if scene.gravity is not None and len(recording.times) > 2:
         weight = scene.body.mass * np.array(scene.gravity)

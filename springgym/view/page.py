@@ -164,7 +164,7 @@ class Page:
         for slider in self._sliders.values():
             slider.on_update(self._slid)
         self._reset.visible, self._nothing.visible = bool(self._sliders), not self._sliders
-        travels = float(np.linalg.norm(np.ptp(motion.centre, axis=0))) > 6 * motion.size
+        travels = float(np.linalg.norm(np.ptp(motion.centre, axis=0))) > 6 * motion.extent
         self._ticks["follow"].value = travels
         self._stage.show(follow=travels)
         self._speed.value = fraction(motion.speed(FPS))

@@ -62,7 +62,7 @@ class Stage:
             self._scene.remove_by_name(name) if self._motion is not None else None
         self._motion = motion
         self._strain = motion.strain
-        size = motion.size
+        size = motion.extent
         self._ground = self._scene.add_frame("/ground", show_axes=False)
         self._world = self._scene.add_frame("/world", show_axes=False)
         self._scale = _rounded(float(np.percentile(np.abs(self._strain), 99.5))) if self._strain.size else 1.0
@@ -106,7 +106,7 @@ class Stage:
 
     def _add_scenery(self, motion: Motion) -> None:
         scenery, x = motion.scenery, motion.positions
-        extent = max(float(np.ptp(x, axis=(0, 1)).max()), motion.size)
+        extent = max(float(np.ptp(x, axis=(0, 1)).max()), motion.extent)
         middle = x.reshape(-1, 3).mean(axis=0)
         flat = [] if scenery.floor is None else [((0.0, 0.0, scenery.floor), (0.0, 0.0, 1.0))]
         for n, (point, normal) in enumerate([*flat, *scenery.planes]):
@@ -292,9 +292,9 @@ class Stage:
             group = "rotation" if name.startswith("angular") else "forces"
             start = origins[n] + share * (origins[n + 1] - origins[n])
             along = vectors[n] + share * (vectors[n + 1] - vectors[n])
-            shown = self._shown[group] and float(np.linalg.norm(along)) > 0.02 * motion.size
+            shown = self._shown[group] and float(np.linalg.norm(along)) > 0.02 * motion.extent
             if shown:
-                self._arrow(f"/world/arrows/{name}", start, along, color, motion.size)
+                self._arrow(f"/world/arrows/{name}", start, along, color, motion.extent)
             self._hide(f"/world/arrows/{name}", not shown)
 
     def _arrow(self, name: str, start: Any, along: Any, color: Any, size: float) -> None:
@@ -332,7 +332,7 @@ class Stage:
     # --- Marks --------------------------------------------------------------------------------------
 
     def _draw_marks(self, motion: Motion, marks: Marks) -> None:
-        extent = motion.size
+        extent = motion.extent
         for n, (centre, radius) in enumerate(marks.rings):
             points = circle(centre, radius, 73)
             ring = np.stack([points, np.roll(points, -1, axis=0)], axis=1)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from springgym.accuracy import REPORT, studies
+from springgym.accuracy.distances import largest_distance
 from springgym.accuracy.peers import derivative, jacobian, mujoco_rungs, scipy_rungs
 from springgym.accuracy.problems import PROBLEMS
 from springgym.accuracy.work_precision import (
     FAILED,
     cheapest,
     default_count,
-    distance,
     edge,
     measure,
     own_rung,
@@ -67,7 +67,7 @@ def test_mujoco_is_given_the_same_springs() -> None:
     scene = problem.scene(problem.stiffness)
     (exact,) = (rung.run()[0] for rung in scipy_rungs(problem, scene) if rung.step == 1e-9)
     rungs = [rung for rung in mujoco_rungs(problem, scene) if rung.method == "MuJoCo RK4"]
-    errors = [distance(rung.run()[0], exact, scene) for rung in rungs[1:]]
+    errors = [largest_distance(rung.run()[0], exact, scene.body) for rung in rungs[1:]]
     assert np.abs(exact[-1] - scene.positions).max() > 0.01
     assert errors[-1] < 1e-7
     assert errors[0] / errors[-1] > 100  # fourth order over two halvings: 256

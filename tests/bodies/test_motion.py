@@ -14,7 +14,8 @@ from springgym.bodies import (
     stretched_shapes,
     top,
 )
-from springgym.bodies.motion import axes, spring_force_and_jacobian
+from springgym.bodies.elasticity import spring_force_and_jacobian
+from springgym.bodies.rotations import axes
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.theory import oscillation

@@ -1,0 +1,133 @@
+"""Shapes in which springs carry a steady rotation, and the weight."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from springgym.bodies.body import Body, rigid_motions
+from springgym.bodies.elasticity import spring_force_and_jacobian
+from springgym.bodies.rotations import skew
+from springgym.checks import TINY, array, direction, indices, instance, number
+
+
+def relative_equilibrium(
+    body: Body, omega: Any, pinned: tuple[int, ...] = (), gravity: Any = None
+) -> np.ndarray:
+    """The shape (N, 3) in which the springs carry a rotation, and the weight.
+
+    Rotation stretches springs; a body released in its unstretched shape therefore breathes. Here every
+    particle satisfies
+
+    spring forces + m g = m [ω × (ω × r) + α × r] (+ m g if nothing is pinned),
+
+    where α follows from Euler's equation I α + ω × I ω = torque of the weight about the pin: the shape
+    in which the body moves as a rigid one does. Rotation about a principal axis keeps it for good; in
+    other motions the stresses change with time, and what is left of the breathing is smaller by the
+    ratio of ω to the frequencies of the body. Found by Newton's method, without turning the body.
+
+    Parameters
+    ----------
+    body
+        What rotates: about its first pinned particle or, unpinned, about its centre of mass.
+    omega : (3,)
+        Angular velocity ω [rad/s] in the axes of ``body.positions``.
+    pinned
+        Particles that are held.
+    gravity : (3,), optional
+        g [m/s²] in the same axes. A floppy body must hang along it.
+
+    Raises
+    ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
+    ValueError
+        If there is no such shape: the springs are too weak, the body is floppy, or a pin is off the axis.
+    """
+    instance("body", body, Body)
+    omega, mass = array("omega", omega, (3,)), body.masses[:, None]
+    pinned = tuple(indices("pinned", pinned, len(mass)).tolist())
+    pull = np.zeros(3) if gravity is None else array("gravity", gravity, (3,))
+    if not len(body.springs):
+        return np.array(body.positions)
+    weight = mass * (pull if pinned else np.zeros(3))
+    centre = body.positions[pinned[0]] if pinned else body.centre
+    free = np.setdiff1d(np.arange(len(mass)), pinned)
+    turns = _kernel(_skews(body.positions[list(pinned)] - centre)) if pinned else np.eye(3)
+    if np.linalg.norm(omega - turns @ (turns.T @ omega)) > 1e-9 * np.linalg.norm(omega):
+        raise ValueError(f"body {body.name!r} is pinned at {list(pinned)} and cannot turn about {omega}")
+    rigid = rigid_motions(body.positions, centre)[free].reshape(3 * len(free), 6)
+    rigid = rigid[:, 3:] @ turns if pinned else rigid
+    deforming = _kernel(rigid.T)  # displacements that are no rigid motion
+    unknown = (3 * free[:, None] + np.arange(3)).ravel()
+    scale = (body.stiffness * body.lengths).max(initial=0.0)
+    x = body.positions.copy()
+    residual = np.full_like(x, np.inf)
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):  # no shape: the residual says so
+        for _ in range(50):
+            r = x - (centre if pinned else body.masses @ x / body.mass)
+            # as `springgym.bodies.body.inertia`, but summed at once: another order moves starts by rounding
+            tensor = np.sum(mass * (r * r)) * np.eye(3) - (mass * r).T @ r
+            torque = np.cross(r, weight).sum(axis=0) - np.cross(omega, tensor @ omega)
+            alpha = turns @ np.linalg.lstsq(turns.T @ tensor @ turns, turns.T @ torque, rcond=1e-12)[0]
+            turning = skew(omega) @ skew(omega) + skew(alpha)
+            force, jacobian = spring_force_and_jacobian(body, x)
+            residual = force + weight - mass * (r @ turning.T)
+            if np.abs(residual[free]).max(initial=0.0) < 1e-14 * scale:
+                break
+            for i in free:
+                jacobian[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] -= mass[i] * turning
+            matrix = deforming.T @ jacobian[np.ix_(unknown, unknown)] @ deforming
+            step = deforming @ np.linalg.lstsq(matrix, -deforming.T @ residual[free].ravel(), rcond=1e-12)[0]
+            x.reshape(-1)[unknown] += step
+            if not np.abs(step).max() < 100 * np.ptp(body.positions, axis=0).max():
+                break
+    if not np.abs(residual[free]).max(initial=0.0) < 1e-9 * scale:
+        raise ValueError(
+            f"body {body.name!r} has no steady shape at ω = {omega} rad/s under gravity {gravity}: "
+            "its springs are too weak, or it is floppy and does not hang along gravity"
+        )
+    return x
+
+
+@dataclass(frozen=True)
+class StretchedShapes:
+    """The `relative_equilibrium` shapes of a body for all spins up to ``fastest`` about one axis."""
+
+    fastest: float
+    """[rad/s]"""
+    coefficients: np.ndarray
+    """(5, N, 3), of the powers 4 … 0 of (spin/fastest)²"""
+
+    def __call__(self, spin: float) -> np.ndarray:
+        """The shape (N, 3) at a spin [rad/s]."""
+        spin = number("spin", spin)
+        return np.tensordot((spin / self.fastest) ** (2 * np.arange(4, -1, -1)), self.coefficients, 1)
+
+
+def stretched_shapes(body: Body, axis: Any, fastest: float, pinned: tuple[int, ...] = ()) -> StretchedShapes:
+    """Find the `StretchedShapes` about an axis (3,) through the pin or the centre of mass.
+
+    Springs are linear, so the shape is a smooth function of ω²: a polynomial through five of them, at
+    Chebyshev's points, is exact to about (largest strain)⁵.
+    """
+    along, fastest = direction("axis", axis), number("fastest", fastest, low=TINY)
+    nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(5) + 0.5) / 5)  # ω²/fastest²
+    shapes = [relative_equilibrium(body, fastest * np.sqrt(u) * along, pinned) for u in nodes]
+    coefficients = np.linalg.solve(np.vander(nodes), np.reshape(shapes, (5, -1)))
+    return StretchedShapes(fastest, coefficients.reshape(5, *body.positions.shape))
+
+
+def _skews(vectors: np.ndarray) -> np.ndarray:
+    """The matrices of u × … for vectors (n, 3), one below the other: (3 n, 3)."""
+    return np.cross(vectors[:, None, :], np.eye(3)).transpose(0, 2, 1).reshape(-1, 3)
+
+
+def _kernel(matrix: np.ndarray) -> np.ndarray:
+    """Orthonormal columns that span what a matrix maps to zero."""
+    _, sizes, rows = np.linalg.svd(matrix)
+    rank = int(np.sum(sizes > 1e-9 * sizes.max(initial=0.0)))
+    return rows[rank:].T

@@ -1,0 +1,62 @@
+"""Rotations as matrices, and the triad that turns with a body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from springgym.checks import TINY, direction, number
+
+
+def rotation(axis: Any, angle: float) -> np.ndarray:
+    """Matrix (3, 3) of the rotation by ``angle`` [rad] about an axis (Rodrigues' formula)."""
+    return turned(direction("axis", axis), number("angle", angle))
+
+
+def turned(axis: np.ndarray, angle: float) -> np.ndarray:
+    """`rotation` about a unit vector, which is not checked."""
+    u = skew(axis)
+    return np.eye(3) + np.sin(angle) * u + (1 - np.cos(angle)) * u @ u
+
+
+def skew(u: np.ndarray) -> np.ndarray:
+    """The matrix (3, 3) of u × …"""
+    return np.array([[0, -u[2], u[1]], [u[2], 0, -u[0]], [-u[1], u[0], 0]])
+
+
+def axes(positions: np.ndarray, frame: Sequence[int]) -> np.ndarray:
+    """The triad of three particles (`Body.frame`) as the columns of a rotation (3, 3).
+
+    Where they lie on a line, the first axis is any one across it; in a point, they are the world's.
+    """
+    i, j, k = frame
+    third = positions[j] - positions[i]
+    if not third.any():
+        return np.eye(3)
+    third = third / np.linalg.norm(third)
+    across = np.eye(3) - np.outer(third, third)
+    candidates = across @ np.column_stack([positions[k] - positions[i], np.eye(3)])
+    size = np.linalg.norm(candidates, axis=0)
+    reach = np.linalg.norm(positions[k] - positions[i])
+    best = 0 if size[0] > 1e-9 * reach else 1 + int(np.argmax(size[1:]))
+    first = candidates[:, best] / size[best]
+    return np.column_stack([first, np.cross(third, first), third])
+
+
+def rotating(vector: Sequence[float] | np.ndarray) -> np.ndarray:
+    """The rotation by a vector along its axis [rad]."""
+    angle = float(np.linalg.norm(vector))
+    return turned(np.asarray(vector) / angle, angle) if angle >= TINY else np.eye(3)
+
+
+def aligning(source: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """The least rotation that takes the direction of ``source`` to the unit vector ``target``."""
+    source = source / np.linalg.norm(source)
+    across = np.cross(source, target)
+    size = float(np.linalg.norm(across))
+    if size > 1e-12:
+        return rotation(across, np.arctan2(size, source @ target))
+    any_normal = np.cross(target, np.eye(3)[np.argmin(np.abs(target))])
+    return np.eye(3) if source @ target > 0 else rotation(any_normal, np.pi)
