@@ -234,7 +234,7 @@ class Episodes:
             self.elapsed,
             self.max_episode_steps,
             self.diverged,
-            *result,
+            result,
         )
         return result
 
@@ -244,7 +244,7 @@ class Episodes:
         if self.task.observation != "particles":
             self._observe(*self._shown, self.goal, self.parameters, seen)
         else:
-            self._observe(*self.simulator.readout, self.goal, *self._columns, seen)
+            self._observe(*self.simulator.readout, self.goal, self._columns, seen)
         self._bound(seen, self.diverged)
         return seen
 
@@ -415,9 +415,7 @@ def finish(
     elapsed: Any,
     limit: Any,
     diverged: Any,
-    reward: Any,
-    terminated: Any,
-    truncated: Any,
+    result: Any,
 ) -> None:
     """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0."""
     met, failed = out.shape[1] + MET, out.shape[1] + FAILED
@@ -429,10 +427,10 @@ def finish(
         if diverged[c]:
             out[c, :] = 0.0
             out[c, failed] = 1.0
-        reward[c] = 0.0
+        result.reward[c] = 0.0
         for n in range(terms):
-            reward[c] += out[c, n]
+            result.reward[c] += out[c, n]
         held[c] = held[c] + 1 if out[c, met] > 0 else 0
         elapsed[c] += 1
-        terminated[c] = out[c, failed] > 0
-        truncated[c] = 0 <= limit <= elapsed[c]
+        result.terminated[c] = out[c, failed] > 0
+        result.truncated[c] = 0 <= limit <= elapsed[c]

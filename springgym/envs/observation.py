@@ -71,25 +71,45 @@ class Particles:
     """whether these are vectors to be seen in the body's axes"""
 
 
-def columns(particles: Particles) -> tuple[Any, ...]:
-    """What `observe_particles` takes before the observation."""
+class Columns(NamedTuple):
+    """`Particles` as compiled functions take it: a column of the observation for each entry."""
+
+    entries: np.ndarray
+    """(K, 2) particle and axis, positions first, then velocities of the same"""
+    per_metre: np.ndarray
+    """(K,) [1/m]"""
+    per_speed: np.ndarray
+    """(K,) [s/m]"""
+    about: int
+    """index in `ABOUT`"""
+    pointed: int
+    """the entry of the goal that is the index of a particle; −1 if there is none"""
+    measured: np.ndarray
+    """columns of the rows of measures that are appended"""
+    per_measure: np.ndarray
+    """1 over the scales of these"""
+    turned: bool
+
+
+def columns(particles: Particles) -> Columns:
+    """What `observe_particles` takes of an observation."""
     every = [(i, axis) for i in particles.observed for axis in range(3)]
     entries = np.array([pair for pair in every if pair not in particles.skipped], np.int64)
-    appended: list[int] = []
+    measured: list[int] = []
     scales: list[float] = []
     for name, scale in particles.appended.items():
         size = measures.FIELDS[name]
-        appended += range(measures.OFFSETS[name], measures.OFFSETS[name] + size)
+        measured += range(measures.OFFSETS[name], measures.OFFSETS[name] + size)
         scales += [scale] * size
-    return (
+    return Columns(
         entries,
-        1 / np.asarray(particles.position_scale, float)[entries[:, 0]],
-        1 / np.asarray(particles.velocity_scale, float)[entries[:, 0]],
-        ABOUT.index(particles.about),
-        -1 if particles.pointed is None else particles.pointed,
-        np.array(appended, np.int64),
-        1 / np.array(scales, float),
-        particles.turned,
+        per_metre=1 / np.asarray(particles.position_scale, float)[entries[:, 0]],
+        per_speed=1 / np.asarray(particles.velocity_scale, float)[entries[:, 0]],
+        about=ABOUT.index(particles.about),
+        pointed=-1 if particles.pointed is None else particles.pointed,
+        measured=np.array(measured, np.int64),
+        per_measure=1 / np.array(scales, float),
+        turned=particles.turned,
     )
 
 
@@ -121,48 +141,34 @@ def point_to(row: Any, position: Any, out: Any) -> None:
 
 
 @kernel
-def observe_particles(
-    rows: Any,
-    x: Any,
-    v: Any,
-    goal: Any,
-    entries: Any,
-    per_metre: Any,
-    per_speed: Any,
-    about: Any,
-    pointed: Any,
-    columns: Any,
-    per_measure: Any,
-    turned: Any,
-    observation: Any,
-) -> None:
-    """Positions and velocities of the (particle, axis) ``entries``, the goal, and appended measures."""
-    count = entries.shape[0]
-    unseen = 3 if about == ABOUT_GOAL else 0
+def observe_particles(rows: Any, x: Any, v: Any, goal: Any, columns: Any, observation: Any) -> None:
+    """Positions and velocities of (particle, axis) entries, goal, and appended measures: see `Columns`."""
+    count = columns.entries.shape[0]
+    unseen = 3 if columns.about == ABOUT_GOAL else 0
     for c in range(x.shape[0]):
         for n in range(count):
-            i, axis = entries[n]
+            i, axis = columns.entries[n]
             position, velocity = x[c, i, axis], v[c, i, axis]
-            if about == ABOUT_CENTRE:
+            if columns.about == ABOUT_CENTRE:
                 position -= rows[c, measures.CENTRE + axis]
                 velocity -= rows[c, measures.CENTRE_VELOCITY + axis]
-            elif about == ABOUT_GOAL:
+            elif columns.about == ABOUT_GOAL:
                 position -= goal[c, axis]
-            observation[c, n] = position * per_metre[n]
-            observation[c, count + n] = velocity * per_speed[n]
+            observation[c, n] = position * columns.per_metre[n]
+            observation[c, count + n] = velocity * columns.per_speed[n]
         k = 2 * count
         for n in range(unseen, goal.shape[1]):
-            if n == pointed:
+            if n == columns.pointed:
                 point_to(rows[c], x[c, int(goal[c, n])], observation[c, k : k + 3])
                 k += 3
             else:
                 observation[c, k] = goal[c, n]
                 k += 1
-        for n in range(columns.size):
-            value = rows[c, columns[n]]
-            if turned:
-                value = along(rows[c], columns[n - n % 3], n % 3)
-            observation[c, k + n] = value * per_measure[n]
+        for n in range(columns.measured.size):
+            value = rows[c, columns.measured[n]]
+            if columns.turned:
+                value = along(rows[c], columns.measured[n - n % 3], n % 3)
+            observation[c, k + n] = value * columns.per_measure[n]
 
 
 @kernel

@@ -94,8 +94,9 @@ class Motion:
 
 
 def extent_of(positions: np.ndarray) -> float:
-    """Longest side of the box around a body that moves through positions (T, N, 3) [m]; of a particle, a share
-    of its way.
+    """Longest side of the box around a body that moves through positions (T, N, 3) [m].
+
+    Of a particle, which has none, a share of its way.
     """
     size = float(np.ptp(positions[0], axis=0).max())
     return size or 0.3 * float(np.ptp(positions, axis=(0, 1)).max()) or 0.5
