@@ -228,7 +228,9 @@ made: positions and velocities, clocks, goals, factors, actuators, the time limi
 `springgym.set_state(env, state)`, in the same environment or in another one made alike, what follows is
 what followed, to the bit. A state of another task, action mode, body, number of copies, kind of dynamics or
 type of numbers is refused. (`env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit
-as it is.) `pickle` and `copy.deepcopy` take an environment in mid-episode with all its wrappers.
+as it is. That counter starts anew whenever Gymnasium's wrapper is asked to reset, even where the environment
+refuses: a state set back mends it.) `pickle` and `copy.deepcopy` take an environment in mid-episode with all
+its wrappers.
 
 **Divergence.** A copy whose springs are stretched by half, or whose numbers are not finite, ends with
 reward 0, an observation of zeros and `info["diverged"]`; `energy` and `strain` in `info` are then what they
