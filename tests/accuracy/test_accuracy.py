@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from springgym.accuracy import REPORT, studies
-from springgym.accuracy.distances import largest_distance
+from springgym.accuracy.distances import largest_distance, rms_distance
 from springgym.accuracy.peers import derivative, jacobian, mujoco_rungs, scipy_rungs
 from springgym.accuracy.problems import PROBLEMS
 from springgym.accuracy.work_precision import (
@@ -22,6 +23,7 @@ from springgym.accuracy.work_precision import (
     reference,
     rows_of,
 )
+from springgym.bodies import cube
 from springgym.cli import main
 
 
@@ -147,3 +149,15 @@ def test_all_methods_are_measured() -> None:
     result = measure("cube-swing", quick=True, peers=False)
     assert {row["method"] for row in result["rows"]} == set(PROBLEMS["cube-swing"].methods())
     assert abs(result["model"]["power"] + 1) < 0.02
+
+
+def test_distances_are_shares_of_the_size() -> None:
+    """Of the eight corners of a cube, whose size is its diagonal, one is moved by a diagonal."""
+    body = cube()
+    moved = body.positions.copy()
+    moved[3] += 1.0
+    assert body.size == pytest.approx(math.sqrt(3))
+    assert largest_distance(moved, body.positions, body) == pytest.approx(1.0)
+    assert rms_distance(moved, body.positions, body) == pytest.approx(1 / math.sqrt(8))
+    moved[0] = np.nan
+    assert largest_distance(moved, body.positions, body) == math.inf

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from controllers import free_top_push, pendulum_torque, top_torque
+from controllers import make_controller
 
-from tests.envs.playing import Played, play
+from tests.envs.cases import task_type
+from tests.envs.playing import Played, Policy, play
 
 COPIES = 8
+
+
+def classical(env_id: str, **options: str) -> Policy:
+    return make_controller("classical", env_id, options, task_type(env_id)(**options).action_space)
+
+
+pendulum_torque = classical("SpringPendulum-v0")
+free_top_push = classical("SpringFreeTop-v0")
+top_torque = classical("SpringTop-v0")
 
 
 def pendulum(policy, action: str = "torque") -> Played:
