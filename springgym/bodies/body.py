@@ -226,11 +226,6 @@ class Body(ReadOnly):
         """Twice the distance from the centre of mass to the particle farthest from it [m]."""
         return 2 * float(np.linalg.norm(self.positions - self.centre, axis=1).max())
 
-    @cached_property
-    def size(self) -> float:
-        """Twice the distance from the centre of mass to the particle farthest from it [m]."""
-        return 2 * float(np.linalg.norm(self.positions - self.centre, axis=1).max())
-
     def inertia(self, about: Any = None) -> np.ndarray:
         """Inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), about a point (the centre of mass)."""
         return inertia(
