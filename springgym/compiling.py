@@ -27,7 +27,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from operator import attrgetter
 from pathlib import Path
 from types import ModuleType
@@ -193,7 +193,7 @@ class SourceKeyedCache:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
-        self._sources: bytes | None = None
+        self._sources: dict[frozenset[str], bytes] = {}
 
     def flush(self) -> None:
         """Nothing is ever out of date."""
@@ -239,14 +239,15 @@ class SourceKeyedCache:
     def _path(self, sig: Any, codegen: Any) -> Path | None:
         """The entry's file; None if there is no source to name it by, as in a notebook."""
         function = self._function
-        if self._sources is None:
-            self._sources = _source_digest(function)
-        folder = cache_directory()
-        if not self._sources or folder is None:
+        homes = frozenset(_homes_of_records(getattr(sig, "args", sig)))
+        if homes not in self._sources:
+            self._sources[homes] = _source_digest(function, homes)
+        folder, sources = cache_directory(), self._sources[homes]
+        if not sources or folder is None:
             return None
         settings = [str(getattr(numba.config, name, None)) for name in SETTINGS]
         versions = (numba.__version__, platform.python_version(), codegen.magic_tuple(), settings)
-        key = hashlib.sha256(repr((sig, versions)).encode() + self._sources).hexdigest()
+        key = hashlib.sha256(repr((sig, versions)).encode() + sources).hexdigest()
         return folder / f"{function.__module__}.{function.__name__}-{key}.nbc"
 
 
@@ -259,17 +260,26 @@ def _checksum(path: Path, payload: bytes) -> bytes:
     return hashlib.sha256(path.name.encode() + payload).digest()
 
 
-def _source_digest(function: Callable[..., Any]) -> bytes:
+def _homes_of_records(types: Iterable[Any]) -> Iterator[str]:
+    """Modules of the named tuples in a signature: forces of one's own bring their functions with them."""
+    for one in types:
+        if isinstance(one, numba.types.BaseTuple):
+            yield from _homes_of_records(one)
+            if hasattr(one, "instance_class"):
+                yield one.instance_class.__module__
+
+
+def _source_digest(function: Callable[..., Any], homes: Collection[str] = ()) -> bytes:
     """Hash of what a function is compiled from; empty if a part of that is in no file, or edited since.
 
     These are the modules it reaches in its own package and in this one, those of compiled functions
-    elsewhere, the constants that they hold, wherever from, and what its closure binds.
+    elsewhere, the constants that they hold, wherever from, what its closure binds, and the modules ``homes``.
     """
-    packages = {PACKAGE, function.__module__.partition(".")[0]}
+    packages = {PACKAGE, *(home.partition(".")[0] for home in (function.__module__, *homes))}
     bound = [cell.cell_contents for cell in function.__closure__ or ()]
     named = [(_home(value), getattr(value, "__qualname__", value)) for value in bound]
     digest = hashlib.sha256(repr(named).encode())
-    waiting = [function.__module__, *map(_home, bound)]
+    waiting = [function.__module__, *map(_home, bound), *homes]
     modules: set[str] = set()
     while waiting:
         name = waiting.pop()

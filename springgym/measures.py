@@ -84,7 +84,7 @@ class Measures(NamedTuple):
     gravity: np.ndarray
     """potential energy in the gravity field [J], 0 at the origin"""
     elastic: np.ndarray
-    """energy of the springs [J]"""
+    """energy of the springs, and of forces of one's own [J]"""
     contact: np.ndarray
     """energy of the particles in the barriers of the surfaces [J]"""
     strain: np.ndarray

@@ -16,6 +16,7 @@ from springgym.forces.contact import Bowl, Planes
 from springgym.forces.paper_contact import PaperLaw
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.integrators.record import Integrator
+from springgym.own_forces import OfBody
 from springgym.ragged import share, stacked
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Contact, Dish, PaperContact, Plane, impact_damping, oblique, scales
@@ -91,7 +92,9 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
         If a parameter cannot vary in this scene.
     """
     shared = _shared(scene, options)
-    parts = [_packed(part, scene, shared, twin, options) for part in scene.parts]
+    parts = [
+        _packed(part, scene, shared._replace(body=n), twin, options) for n, part in enumerate(scene.parts)
+    ]
     terms = stacked([part.terms for part in parts])
     twins = stacked([_asymmetric(part.twin, parts, options) for part in parts]) if twin else ()
     views = (part._replace(terms=share(terms, n), twin=share(twins, n)) for n, part in enumerate(parts))
@@ -101,13 +104,14 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
 def _shared(scene: Scene, options: Options) -> Terms:
     """What acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
     surfaces, contact, varying = scene.surfaces, scene.contact, options.varying
+    own = [OfBody(n, force) for n, placed in enumerate(scene.bodies) for force in placed.forces]
     gravity = None
     if scene.gravity is not None:
         gravity = options.parameter({"gravity"}, np.array(scene.gravity, float))
     if not surfaces:
         if unused := varying & {"friction", "restitution", "strength"}:
             raise ValueError(f"{sorted(unused)[0]!r} cannot vary: the scene has no surfaces")
-        return Terms(None, gravity=gravity)  # type: ignore[arg-type]
+        return Terms(None, gravity=gravity, own=tuple(own) or None)  # type: ignore[arg-type]
     planes = bowl = friction = damping = law = None
     nothing = np.zeros(1)
     if isinstance(surfaces[0], Dish):
@@ -135,6 +139,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
         friction=friction,
         impact_damping=damping,
         paper_law=law,
+        own=tuple(own) or None,
     )
 
 

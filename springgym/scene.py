@@ -12,6 +12,7 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.checks import TINY, array, flag, indices, instance, number, shown, whole, whole_array
+from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
 from springgym.surfaces import (
     Contact,
@@ -82,6 +83,8 @@ class Placed(ReadOnly):
         Particles that are held (zero inverse mass): torques and angular momenta count from the first.
     wrench, thrust, drive
         Actuators; None for what there is not.
+    forces
+        Forces of one's own, see `springgym.own_forces`; their particles are numbered as those of the body.
     name
         What errors, plots and calls name it by in a scene of several bodies; the body's own if not given.
 
@@ -101,6 +104,7 @@ class Placed(ReadOnly):
     wrench: WrenchActuator | None = None
     thrust: ThrustActuator | None = None
     drive: DriveActuator | None = None
+    forces: tuple[Any, ...] = ()
     name: str = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -122,6 +126,9 @@ class Placed(ReadOnly):
                     f"thrust cannot turn with body {body.name!r}: the particles {body.frame} of its frame "
                     "lie on one line and tell no orientation; it must be fixed in the world"
                 )
+        object.__setattr__(self, "forces", checked_forces("forces", self.forces))
+        if self.drive and self.forces:
+            raise ValueError("forces and a drive cannot be together: the drive's work would not know of them")
         if self.drive and self.drive.particle not in self.pinned:
             raise ValueError(f"drive.particle {self.drive.particle} must be pinned: the drive alone moves it")
         self.check_start(self.positions, self.velocities)
@@ -177,13 +184,14 @@ class Placed(ReadOnly):
 
     def __repr__(self) -> str:
         acting = ", ".join(name for name in ("wrench", "thrust", "drive") if getattr(self, name))
-        parts = {"pinned": ", ".join(map(str, self.pinned)), "actuators": acting}
+        forces = ", ".join(type(force).__name__ for force in self.forces)
+        parts = {"pinned": ", ".join(map(str, self.pinned)), "actuators": acting, "forces": forces}
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
         called = f"{self.name}: " if self.name != self.body.name else ""
         return f"{called}{self.body!r}{rest}"
 
 
-OWN = ("body", "positions", "velocities", "pinned", "wrench", "thrust", "drive")
+OWN = ("body", "positions", "velocities", "pinned", "wrench", "thrust", "drive", "forces")
 """Fields of a scene that say of its one body what `Placed` says of each of several."""
 
 
@@ -197,7 +205,7 @@ class Scene(ReadOnly):
 
     Parameters
     ----------
-    body, positions, velocities, pinned, wrench, thrust, drive
+    body, positions, velocities, pinned, wrench, thrust, drive, forces
         The one body, as in `Placed`. A scene of several has positions (N, 3) and velocities (N, 3) only.
     gravity : (3,) or None
         [m/s²]
@@ -228,6 +236,7 @@ class Scene(ReadOnly):
     surfaces: tuple[Surface, ...] = ()
     contact: Contact | PaperContact = field(default_factory=Contact)
     bodies: tuple[Placed, ...] = ()
+    forces: tuple[Any, ...] = ()
 
     def __post_init__(self) -> None:
         bodies = self._placed()

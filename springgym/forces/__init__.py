@@ -2,8 +2,7 @@
 
 A scene has some of the terms and None for the others. A function that acts for a term takes it as an
 argument and asks whether it is None; such tests are removed, with what they guard, when it is compiled: a
-scene pays for what it has. To add a force: its file, its field in `Terms`, its line in the functions below
-that it takes part in.
+scene pays for what it has. A force of one's own needs no edit here, see `springgym.own_forces`.
 """
 
 from __future__ import annotations
@@ -28,6 +27,7 @@ from springgym.forces.contact import Bowl, Planes, bowl_energy, move_above_plane
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
 from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
 from springgym.lanes import load
+from springgym.own_forces import OfBody, add_own_forces, own_energy
 from springgym.vectors import add_row, add_scaled, dot, row, set_row, times, vector
 
 
@@ -61,6 +61,10 @@ class Terms(NamedTuple):
     """d of the surfaces [s/m], (1,)"""
     paper_law: PaperLaw | None = None
     """contact as the paper has it"""
+    own: tuple[OfBody, ...] | None = None
+    """forces that a user wrote, of all bodies"""
+    body: int = 0
+    """number of the body, of those that ``own`` names"""
 
 
 @compiled
@@ -71,6 +75,7 @@ def accelerate(x: Any, a: Any, direction: Any, terms: Any) -> None:
     """
     set_weights(a, terms.particles, terms.gravity)
     add_spring_forces(x, None, a, direction, terms.springs, terms.dampers, None, 0.0)
+    add_own_forces(x, a, terms.own, terms.body)
     divide_by_mass(a, terms.particles)
 
 
@@ -92,6 +97,7 @@ def derivative(x: Any, v: Any, a: Any, b: Any, weight: Any, ledger: Any, terms: 
     particles = terms.particles
     set_weights(a, particles, terms.gravity)
     add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
+    add_own_forces(x, a, terms.own, terms.body)
     hold(v, a, terms.drive, ledger, weight)
     add_paper_forces(
         x, v, a, particles, terms.planes, terms.bowl, terms.friction, terms.paper_law, ledger, weight
@@ -192,6 +198,8 @@ def potential_energy(x: Any, terms: Any) -> Any:
     """Energies [J] of gravity (0 at the origin), springs and contact, and the largest |L/L₀ − 1|²."""
     weight = gravity_energy(x, terms.particles, terms.gravity)
     elastic, strain = spring_energy(x, terms.springs)
+    if terms.own is not None:
+        elastic = elastic + own_energy(x, terms.own, terms.body)
     on_planes = planes_energy(x, terms.particles, terms.planes)
     return weight, elastic, on_planes + bowl_energy(x, terms.particles, terms.bowl), strain
 

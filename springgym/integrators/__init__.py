@@ -1,6 +1,6 @@
 """Time-stepping methods: one file each, with its `Integrator` record and ``integrate`` function.
 
-To add one: its file, and its name in `METHODS`.
+A method of one's own needs no edit here: `register` it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from functools import cache
 from typing import Any
 
 from springgym.blocks import at
-from springgym.compiling import kernel
+from springgym.checks import instance, shown
+from springgym.compiling import Inner, kernel
 from springgym.integrators.record import Integrator
 from springgym.lanes import bodies_of, of_body
 
@@ -37,19 +38,63 @@ def integrator(name: str) -> Integrator:
     ValueError
         If there is no method of that name.
     """
+    return _method(name)[0]
+
+
+def register(record: Integrator, integrate: Callable[..., None]) -> None:
+    """Make a method of one's own known by the name in its record; the last one of a name counts.
+
+    Parameters
+    ----------
+    record
+        The facts about it, which checks and steps rely on.
+    integrate
+        Compiled (`springgym.compiling.compiled`), as those of `springgym.integrators`:
+        ``integrate(x, v, ledger, workspace, h, steps, terms)`` takes one block of copies ``steps`` steps
+        further. ``h`` is a `springgym.integrators.record.Control` if the record says it controls its error.
+
+    Raises
+    ------
+    TypeError
+        If one is of the wrong kind.
+    ValueError
+        If a method of springgym has the name.
+    """
+    instance("record", record, Integrator)
+    if not isinstance(integrate, Inner):
+        raise TypeError(
+            f"integrate is {shown(integrate)}; it must be decorated with springgym.compiling.compiled"
+        )
+    if record.name in METHODS:
+        raise ValueError(
+            f"record.name is {record.name!r}, which is a method of springgym; choose another name"
+        )
+    _OWN[record.name] = (record, integrate)
+
+
+_OWN: dict[str, tuple[Integrator, Callable[..., None]]] = {}
+
+
+def _method(name: str) -> tuple[Integrator, Callable[..., None]]:
+    """Record and function of a method."""
+    if name in _OWN:
+        return _OWN[name]
     if name not in METHODS:
-        raise ValueError(f"unknown integrator {name!r}; there are {', '.join(METHODS)}")
-    return importlib.import_module(f"{__name__}.{name}").RECORD
+        raise ValueError(f"unknown integrator {name!r}; there are {', '.join((*METHODS, *_OWN))}")
+    module = importlib.import_module(f"{__name__}.{name}")
+    return module.RECORD, module.integrate
 
 
-@cache
 def advance_kernel(name: str, read: Callable[..., None]) -> Callable[..., None]:
     """The compiled function that takes blocks of copies through a number of steps by a method.
 
     Then, if it is told so, it reads them off, by a compiled function like `springgym.measures.read`.
     """
-    integrate = importlib.import_module(f"{__name__}.{name}").integrate
+    return _kernel(_method(name)[1], read)
 
+
+@cache
+def _kernel(integrate: Callable[..., None], read: Callable[..., None]) -> Callable[..., None]:
     @kernel
     def advance(
         x: Any,

@@ -97,6 +97,11 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
             f"{method.name} takes substeps back in time, in which dampers would add energy; "
             "use a body with damping 0, or verlet"
         )
+    if method.implicit and any(placed.forces for placed in scene.bodies):
+        return (
+            f"{method.name} solves with the stiffness of springs, and does not know that of forces of one's "
+            "own; use verlet or rk4"
+        )
     if scene.surfaces and isinstance(scene.contact, PaperContact):
         if method.name != "rk4":
             return (

@@ -1,0 +1,135 @@
+"""Forces of one's own: a named tuple of what a force is made of, with two compiled functions.
+
+    class Tether(NamedTuple):
+        particle: int
+        anchor: np.ndarray
+        stiffness: float
+
+        @staticmethod
+        @compiled
+        def add(x, force, tether):          # add the forces [N] that follow from the positions
+            ...
+
+        @staticmethod
+        @compiled
+        def energy(x, tether):              # their energy [J]
+            ...
+
+Scenes take any number of them. They act where the springs act, at the same times, so that a method keeps its
+order and its conservation laws; their energy is counted with that of the springs.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from springgym.checks import HUGE, number, shown, whole
+from springgym.compiling import OPTIONS, Inner
+from springgym.lanes import load
+
+MOST_FORCES = 20
+"""A body has no more: each is compiled into the kernel."""
+
+FUNCTIONS = {"add": "add(x, force, own)", "energy": "energy(x, own)"}
+
+
+class OfBody(NamedTuple):
+    """A force of one's own, and the body it acts on."""
+
+    body: int
+    """number of the body"""
+    force: Any
+
+
+def checked_forces(name: str, given: Any) -> tuple[Any, ...]:
+    """Forces of a body as compiled functions take them: their arrays contiguous, of float64 or int64.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming a force that is no named tuple, lacks a function, or holds what is no number.
+    """
+    if not isinstance(given, (tuple, list)) or hasattr(given, "_fields"):
+        raise TypeError(f"{name} is {shown(given)}; it must be a tuple of forces")
+    if len(given) > MOST_FORCES:
+        raise ValueError(f"{name} are {len(given)}; there must be at most {MOST_FORCES}")
+    return tuple(_checked(f"{name}[{n}]", force) for n, force in enumerate(given))
+
+
+def _checked(name: str, force: Any) -> Any:
+    if not isinstance(force, tuple) or not hasattr(force, "_fields"):
+        raise TypeError(f"{name} is {shown(force)}; it must be a named tuple, see springgym.own_forces")
+    kind: Any = type(force)
+    for function, form in FUNCTIONS.items():
+        if not isinstance(getattr(kind, function, None), Inner):
+            raise TypeError(
+                f"{name} is a {kind.__name__}, which has no function {form}; it must be a staticmethod, "
+                "decorated with springgym.compiling.compiled"
+            )
+    return kind._make(
+        _value(f"{name}.{field}", value) for field, value in zip(kind._fields, force, strict=True)
+    )
+
+
+def _value(name: str, value: Any) -> Any:
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (int, np.integer)):
+        return whole(name, value, low=-(2**53))
+    if not isinstance(value, np.ndarray):
+        return number(name, value)
+    if value.dtype.kind not in "iuf":
+        raise TypeError(f"{name} is an array of {value.dtype}; it must be one of numbers")
+    made = np.ascontiguousarray(value, np.float64 if value.dtype.kind == "f" else np.int64)
+    if not (np.abs(made) <= HUGE).all():
+        raise ValueError(f"{name} is {shown(value)}; its numbers must be finite, and at most {HUGE:g}")
+    return made
+
+
+def add_own_forces(x: Any, force: Any, own: Any, body: Any) -> None:
+    """Add the forces [N] of one's own that act on a body to ``force`` (N, 3); for compiled code."""
+
+
+@overload(add_own_forces, jit_options={**OPTIONS, "forceinline": True})
+def _add_own_forces(x: Any, force: Any, own: Any, body: Any) -> Any:
+    if not isinstance(own, types.BaseTuple) or not len(own):
+
+        def add_none(x: Any, force: Any, own: Any, body: Any) -> None:
+            pass
+
+        return add_none
+    add = own[0][1].instance_class.add
+
+    def add_first_and_others(x: Any, force: Any, own: Any, body: Any) -> None:
+        if own[0].body == body:
+            add(x, force, own[0].force)
+        add_own_forces(x, force, own[1:], body)
+
+    return add_first_and_others
+
+
+def own_energy(x: Any, own: Any, body: Any) -> Any:
+    """The energy [J] of the forces of one's own that act on a body; for compiled code."""
+
+
+@overload(own_energy, jit_options={**OPTIONS, "forceinline": True})
+def _own_energy(x: Any, own: Any, body: Any) -> Any:
+    if not isinstance(own, types.BaseTuple) or not len(own):
+
+        def no_energy(x: Any, own: Any, body: Any) -> Any:
+            return 0.0 * load(x, (0, 0))
+
+        return no_energy
+    energy = own[0][1].instance_class.energy
+
+    def energy_of_first_and_others(x: Any, own: Any, body: Any) -> Any:
+        total = own_energy(x, own[1:], body)
+        if own[0].body == body:
+            total = total + energy(x, own[0].force)
+        return total
+
+    return energy_of_first_and_others

@@ -1,0 +1,200 @@
+"""A force and a method of one's own: made as the tutorials say, and by nothing else."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from springgym import Placed, Scene, Simulator
+from springgym.bodies import Body, cube, rope, top
+from springgym.compiling import compiled
+from springgym.forces import accelerate, drift, kick
+from springgym.integrators import METHODS, integrator, register
+from springgym.integrators.record import Integrator
+from springgym.scene import DriveActuator
+from springgym.vectors import add_row, dot, minus, row, times, vector
+
+
+class Tether(NamedTuple):
+    """A spring of no length from a particle to a fixed point."""
+
+    particle: int
+    anchor: np.ndarray
+    stiffness: float
+
+    @staticmethod
+    @compiled
+    def add(x: Any, force: Any, tether: Any) -> None:
+        pull = minus(vector(tether.anchor), row(x, tether.particle))
+        add_row(force, tether.particle, times(tether.stiffness, pull))
+
+    @staticmethod
+    @compiled
+    def energy(x: Any, tether: Any) -> Any:
+        pull = minus(vector(tether.anchor), row(x, tether.particle))
+        return 0.5 * tether.stiffness * dot(pull, pull)
+
+
+class Wind(NamedTuple):
+    """A force that is the same everywhere: F = −∇U with U = −F · x."""
+
+    particle: int
+    push: np.ndarray
+
+    @staticmethod
+    @compiled
+    def add(x: Any, force: Any, wind: Any) -> None:
+        add_row(force, wind.particle, vector(wind.push))
+
+    @staticmethod
+    @compiled
+    def energy(x: Any, wind: Any) -> Any:
+        return -1.0 * dot(vector(wind.push), row(x, wind.particle))
+
+
+BEAD = Body("bead", [[0.0, 0.0, 0.0]], 2.0, [], 1e5, 0.0)
+ANCHOR = np.array([0.0, 0.0, 1.0])
+CUBE = cube(damping=0.0)
+PULLED = (Tether(0, ANCHOR, 50.0), Wind(3, np.array([1.0, 2.0, 3.0])), Tether(5, -ANCHOR, 20.0))
+
+
+@pytest.mark.parametrize("method", ["verlet", "rk4"])
+def test_a_bead_on_a_tether_swings_as_an_oscillator(method: str) -> None:
+    """z'' = −k/m (z − z₀), z₀ = 1 − m g/k, from rest at 0: z = z₀ (1 − cos ω t)."""
+    simulator = Simulator(Scene(BEAD, forces=(Tether(0, ANCHOR, 50.0),)), integrator=method, step=1e-3)
+    before = simulator.measure()
+    simulator.advance(700)
+    rest, omega = 1.0 - 2.0 * 9.81 / 50.0, np.sqrt(50.0 / 2.0)
+    expected = rest * (1 - np.cos(omega * 0.7))
+    assert abs(expected) > 0.1
+    allowed = {"verlet": omega**3 * 0.7 * 1e-6 / 24 * rest * 2, "rk4": 1e-10}[method]
+    assert abs(simulator.positions[0, 0, 2] - expected) < allowed
+    after = simulator.measure()
+    height, speed = simulator.positions[0, 0, 2], simulator.velocities[0, 0, 2]
+    np.testing.assert_allclose(after.elastic, 25.0 * (1 - height) ** 2, rtol=1e-12)
+    np.testing.assert_allclose(after.kinetic, speed**2, rtol=1e-12)
+    assert abs(after.balance - before.balance) < (omega * 1e-3) ** 2 * 25.0
+
+
+def test_forces_of_several_kinds_act_with_their_energies() -> None:
+    """What the measured energy says of the forces is what moves the particles: −dU/dt = F · v."""
+    simulator = Simulator(Scene(CUBE, forces=PULLED), step=1e-5)
+    simulator.advance(2000)
+    first = simulator.measure()
+    simulator.advance(2000)
+    second = simulator.measure()
+    assert abs(second.kinetic - first.kinetic) > 0.01
+    assert abs(second.balance - first.balance) < 1e-6 * first.elastic
+
+
+def test_a_batch_a_body_in_company_and_a_pickle_are_the_same() -> None:
+    single = Simulator(Scene(CUBE, forces=PULLED))
+    batch = Simulator(Scene(CUBE, forces=PULLED), copies=3)
+    aside = Placed(CUBE, np.add(CUBE.positions, (0.0, 0.0, 0.0)), forces=PULLED, name="pulled")
+    company = Simulator(Scene(bodies=(Placed(CUBE, name="free"), aside)))
+    again = pickle.loads(pickle.dumps(single))
+    for simulator in (single, batch, company, again):
+        simulator.advance(200)
+    np.testing.assert_array_equal(batch.positions, np.repeat(single.positions, 3, axis=0))
+    np.testing.assert_array_equal(company.positions[:, 8:], single.positions)
+    np.testing.assert_array_equal(company.measure("pulled").energy, single.measure().energy)
+    np.testing.assert_array_equal(again.positions, single.positions)
+    assert np.abs(company.positions[:, 8:] - company.positions[:, :8]).max() > 1e-4
+
+
+class Bare(NamedTuple):
+    particle: int
+
+
+class Uncompiled(NamedTuple):
+    particle: int
+
+    @staticmethod
+    def add(x: Any, force: Any, own: Any) -> None: ...
+
+    @staticmethod
+    def energy(x: Any, own: Any) -> Any: ...
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "says"),
+    [
+        (lambda: Scene(CUBE, forces=3), TypeError, "forces is 3; it must be a tuple of forces"),
+        (lambda: Scene(CUBE, forces=PULLED[0]), TypeError, "it must be a tuple of forces"),
+        (lambda: Scene(CUBE, forces=(3,)), TypeError, r"forces\[0\] is 3; it must be a named tuple"),
+        (lambda: Scene(CUBE, forces=(Bare(1),)), TypeError, r"no function add\(x, force, own\)"),
+        (lambda: Scene(CUBE, forces=(Uncompiled(1),)), TypeError, "springgym.compiling.compiled"),
+        (lambda: Scene(CUBE, forces=(Tether(0, ANCHOR, "k"),)), TypeError, r"forces\[0\].stiffness is 'k'"),
+        (lambda: Scene(CUBE, forces=(Tether(0, ANCHOR, np.nan),)), ValueError, "stiffness"),
+        (lambda: Scene(CUBE, forces=(Tether(0, np.full(3, np.inf), 1.0),)), ValueError, "anchor"),
+        (lambda: Scene(CUBE, forces=(Tether(0, np.array(["x"]), 1.0),)), TypeError, "anchor"),
+        (lambda: Scene(CUBE, forces=(PULLED[0],) * 99), ValueError, "forces are 99"),
+        (
+            lambda: Scene(rope(), pinned=(0,), drive=DriveActuator(0, 1.0), forces=PULLED),
+            ValueError,
+            "forces and a drive",
+        ),
+        (lambda: Simulator(Scene(top(), forces=PULLED), integrator="tr_bdf2"), ValueError, "tr_bdf2"),
+        (lambda: Simulator(Scene(top(), forces=PULLED), dynamics="rigid"), ValueError, "forces"),
+    ],
+)
+def test_what_is_no_force_is_refused(make: Any, error: type[Exception], says: str) -> None:
+    with pytest.raises(error, match=says):
+        make()
+
+
+# --- A method -------------------------------------------------------------------------------------------
+
+
+@compiled
+def drift_kick_drift(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+    a = workspace[0]
+    for _ in range(steps):
+        drift(x, v, 0.5 * h)
+        accelerate(x, a, None, terms)
+        kick(v, a, h)
+        drift(x, v, 0.5 * h)
+
+
+LEAPFROG = Integrator(
+    name="leapfrog",
+    order=2,
+    evaluations=1,
+    imaginary_limit=2.0,
+    real_limit=0.0,
+    symplectic=True,
+    negative_substeps=False,
+    workspace=1,
+    citation="Hairer, Lubich & Wanner, Geometric Numerical Integration, sec. I.1.4",
+)
+
+
+def test_a_method_of_one_s_own_is_of_the_order_it_says() -> None:
+    register(LEAPFROG, drift_kick_drift)
+    assert integrator("leapfrog") is LEAPFROG
+    scene = Scene(CUBE, 1.01 * CUBE.positions, gravity=None)
+    exact = Simulator(scene, integrator="blanes_moan", step=1e-5)
+    exact.advance(500)
+    errors = []
+    for halvings in (0, 1):
+        simulator = Simulator(scene, integrator="leapfrog", step=2.5e-5 / 2**halvings)
+        simulator.advance(200 * 2**halvings)
+        errors.append(np.abs(simulator.positions - exact.positions).max())
+    assert errors[0] > 1e-7
+    np.testing.assert_allclose(errors[0] / errors[1], 4.0, rtol=0.05)
+    with pytest.raises(ValueError, match="leapfrog on this body allows at most"):
+        Simulator(scene, integrator="leapfrog", step=1e-2)
+
+
+def test_what_is_no_method_is_refused() -> None:
+    with pytest.raises(TypeError, match="record is 'verlet'"):
+        register("verlet", drift_kick_drift)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="decorated with"):
+        register(LEAPFROG, lambda *arguments: None)
+    with pytest.raises(ValueError, match="a method of springgym"):
+        register(integrator(METHODS[0]), drift_kick_drift)
+    with pytest.raises(ValueError, match=r"unknown integrator 'hop'; there are verlet, "):
+        Simulator(Scene(CUBE), integrator="hop")
