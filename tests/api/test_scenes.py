@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import cube
-from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
+from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.surfaces import Contact, Dish, PaperContact, Plane, floor, incline
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
 
@@ -39,6 +39,17 @@ DOORS = [
         drive=DriveActuator(3, 1.0),
         surfaces=(floor(),),
         contact=Contact(),
+    ),
+    door(
+        Placed,
+        body=CUBE,
+        positions=PLACE,
+        velocities=np.zeros((8, 3)),
+        pinned=(0, 3),
+        wrench=WrenchActuator(),
+        thrust=ThrustActuator((1,)),
+        drive=DriveActuator(3, 1.0),
+        name="cube",
     ),
 ]
 
@@ -92,7 +103,7 @@ def test_an_argument_is_refused_by_name_or_right(number: int, argument: str) -> 
     if (
         isinstance(right[argument], (tuple, np.ndarray))
         and np.ndim(right[argument])
-        and argument != "surfaces"
+        and argument not in ("surfaces", "bodies", "forces")
     ):
         values = values + arrays(np.shape(right[argument]))
     refused = 0
@@ -107,11 +118,12 @@ def test_an_argument_is_refused_by_name_or_right(number: int, argument: str) -> 
 
 def check(result: Any) -> None:
     """What is made holds finite numbers of the types that compiled code is given."""
-    if isinstance(result, Scene):
-        assert result.gravity is None or [type(n) for n in result.gravity] == [float] * 3
+    if isinstance(result, (Scene, Placed)):
+        if isinstance(result, Scene):
+            assert result.gravity is None or [type(n) for n in result.gravity] == [float] * 3
+            assert isinstance(result.surfaces, tuple)
         assert all(type(i) is int and 0 <= i < 8 for i in result.pinned)
         assert len(set(result.pinned)) == len(result.pinned)
-        assert isinstance(result.surfaces, tuple)
         result = (result.positions, result.velocities)
     elif not isinstance(result, (np.ndarray, np.generic)):
         result = [value for value in vars(result).values() if value is not None]

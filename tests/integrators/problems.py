@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from springgym.bodies import Body
 from springgym.integrators import integrator
 from springgym.integrators.record import Control
+from springgym.packing import decays
 from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
 
@@ -58,9 +59,10 @@ def simulator(scene: Scene, name: str, step: float, **options: Any) -> Simulator
     made = Simulator(scene, integrator=name, step=1e-9, **options)
     vars(made)["step"] = step
     made._control = made._control._replace(step=step) if isinstance(made._control, Control) else step
-    if made._terms.dampers:
-        decays = made._decays(scene.body.damping, scene.body.masses)
-        for arrays, values in zip(made._terms.dampers[1:3], decays, strict=True):
+    (packed,) = made._packed
+    if packed.terms.dampers:
+        of = decays(scene, packed.order, step, scene.body.damping, scene.body.masses)
+        for arrays, values in zip(packed.terms.dampers[1:3], of, strict=True):
             for array, value in zip(arrays, values, strict=True):
                 array[:] = value
     return made
