@@ -337,7 +337,7 @@ class Simulator:
         placed[row, index % width] = True
         before = [numbers(array)[blocks] for array in (self._x, self._v)]
         for first, last in self._block_ranges(index):
-            self._run(0, first, last, 0, False)
+            self._run(0, first, last, 0, settles=True, reads=False)
         for array, others in zip((self._x, self._v), before, strict=True):
             lanes = numbers(array)
             lanes[blocks] = np.where(placed[:, None, None], lanes[blocks], others)
@@ -518,7 +518,7 @@ class Simulator:
             steps = checks.whole("steps", steps)
         if check.__class__ is not bool or read.__class__ is not bool:
             check, read = checks.flag("check", check), checks.flag("read", read)
-        self._share(steps, check or read)
+        self._share(steps, settles=True, reads=check or read)
         time = self.time
         time += steps * self.step
         if check:
@@ -533,8 +533,11 @@ class Simulator:
                     f"stability limit {self.largest_step:g} s"
                 )
 
-    def _run(self, thread: int, first: int, last: int, steps: int, reads: bool) -> None:
-        """Take blocks ``first`` to ``last`` ``steps`` further (to the rigid shape even by 0, not by −1)."""
+    def _run(self, thread: int, first: int, last: int, steps: int, settles: bool, reads: bool) -> None:
+        """Take blocks ``first`` to ``last`` ``steps`` further; then read them off, if ``reads``.
+
+        In rigid dynamics, particles are put onto the rigid shape first if ``settles``: no step without it.
+        """
         self._advance(
             *self._moving,
             self._workspace[thread],
@@ -542,6 +545,7 @@ class Simulator:
             last,
             self._control,
             steps,
+            settles,
             (*self._twin, self._terms) if self._twin else self._terms,
             reads,
             self.readout,
@@ -585,10 +589,10 @@ class Simulator:
             If there are no such copies.
         """
         if copies is None:
-            self._share(-1, True)
+            self._share(0, settles=False, reads=True)
         else:
             for first, last in self._block_ranges(self._index(copies)):
-                self._run(0, first, last, -1, True)
+                self._run(0, first, last, 0, settles=False, reads=True)
 
     def _block_ranges(self, copies: np.ndarray) -> list[tuple[int, int]]:
         """Ranges of blocks that together hold the copies and no other block."""
@@ -596,17 +600,20 @@ class Simulator:
         parts = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1) if len(blocks) else []
         return [(int(part[0]), int(part[-1]) + 1) for part in parts]
 
-    def _share(self, steps: int, reads: bool) -> None:
+    def _share(self, steps: int, settles: bool, reads: bool) -> None:
         """`_run` all blocks, on several threads where that pays."""
         blocks = self._x.shape[0]
         threads = min(self.threads, blocks)
-        if threads == 1 or blocks * abs(steps) * self._springs < WORTH_A_THREAD:
-            self._run(0, 0, blocks, steps, reads)
+        if threads == 1 or blocks * max(steps, 1) * self._springs < WORTH_A_THREAD:
+            self._run(0, 0, blocks, steps, settles, reads)
             return
         edges = [blocks * n // threads for n in range(threads + 1)]
         pool = _pool(os.getpid(), self.threads)
-        rest = [pool.submit(self._run, n, edges[n], edges[n + 1], steps, reads) for n in range(1, threads)]
-        self._run(0, edges[0], edges[1], steps, reads)
+        rest = [
+            pool.submit(self._run, n, edges[n], edges[n + 1], steps, settles, reads)
+            for n in range(1, threads)
+        ]
+        self._run(0, edges[0], edges[1], steps, settles, reads)
         for future in rest:
             future.result()
 

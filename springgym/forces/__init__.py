@@ -1,8 +1,9 @@
 """Everything that acts on the particles. `Terms` is the one list of it.
 
 A scene has some of the terms and None for the others. A function that acts for a term takes it as an
-argument and asks whether it is None; such tests are removed, with what they guard, when it is compiled: a
-scene pays for what it has. A force of one's own needs no edit here, see `springgym.own_forces`.
+argument and asks whether it is None. Such tests are removed, with what they guard, when a kernel is compiled:
+forces that a scene does not use are left out of its code. A force of one's own needs no edit here, see
+`springgym.own_forces`.
 """
 
 from __future__ import annotations

@@ -136,9 +136,10 @@ def bounce(h: Any, u: Any, tau: Any, c: Any, reach: Any, damping: Any, touching:
     """Move along a normal for ``tau`` seconds, from height ``h`` at speed ``u``.
 
     ``c`` is the strength per mass, ``damping`` d [s/m] or None. Lanes that are not ``touching`` get
-    numbers without a meaning. ``kick`` is what the potential forces gave along the normal since the last
-    move: as far as it is held, they do no work, and no energy is lost. Newton's method rises to the impulse
-    from below, lane by lane: in `response` alone the tangent stands for the curve.
+    numbers without a meaning. ``kick`` is the speed that the potential forces gave along the normal since
+    the last move. Where contact balances it, the particle does not move, so those forces do no work on it;
+    what they would have done is subtracted from the loss. Newton's method approaches the impulse from below,
+    lane by lane: only `response` is replaced by its tangent.
 
     Returns
     -------
@@ -210,8 +211,9 @@ def hold_back(slip: Any, limit: Any, kick: Any) -> Any:
 
     It stops exactly, and what rests stays where it is: a particle moves with its velocity after friction,
     times (3 − s)/2 if friction leaves the share s of it, so that quick sliding is the mean of before and
-    after, as uniform deceleration has it. ``kick`` is what the potential forces gave since the last move:
-    as far as it is held, they do no work, and no energy is lost.
+    after, as uniform deceleration has it. ``kick`` is the velocity that the potential forces gave since the
+    last move. Where friction balances it, the particle does not move, so those forces do no work on it; what
+    they would have done is subtracted from the loss.
 
     Returns
     -------

@@ -88,7 +88,8 @@ def _method(name: str) -> tuple[Integrator, Callable[..., None]]:
 def advance_kernel(name: str, read: Callable[..., None]) -> Callable[..., None]:
     """The compiled function that takes blocks of copies through a number of steps by a method.
 
-    Then, if it is told so, it reads them off, by a compiled function like `springgym.measures.read`.
+    If ``reads``, it then reads them off, by a compiled function like `springgym.measures.read`. Only rigid
+    bodies make use of ``settles``: springs need not be put into shape.
     """
     return _kernel(_method(name)[1], read)
 
@@ -105,6 +106,7 @@ def _kernel(integrate: Callable[..., None], read: Callable[..., None]) -> Callab
         last: Any,
         h: Any,
         steps: Any,
+        settles: Any,
         terms: Any,
         reads: Any,
         readout: Any,

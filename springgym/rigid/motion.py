@@ -237,7 +237,8 @@ def move(
 def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
     """As the kernels of springs; ``terms`` are `Rigid`, the asymmetry, and the scene's `Terms`.
 
-    Copies are put into the rigid shape even if they take no step, but not if ``steps`` is negative.
+    If ``settles``, the particles are put onto the rigid shape and then take their steps, be it none;
+    else they are left as they are, and only read off.
     """
 
     @kernel
@@ -250,6 +251,7 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
         last: Any,
         h: Any,
         steps: Any,
+        settles: Any,
         terms: Any,
         reads: Any,
         readout: Any,
@@ -259,7 +261,7 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
     ) -> None:
         for block in range(first, last):
             xb, vb, entries, all_terms = at(x, block), at(v, block), at(ledger, block), at(terms, block)
-            if steps >= 0:
+            if settles:
                 for body in range(bodies_of(xb)):
                     rigid, asymmetry, own = of_body(all_terms, body)
                     move(
