@@ -51,7 +51,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, filter_excluded_keys
 from stable_baselines3.common.utils import safe_mean
-from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from tensorboard.compat.proto.event_pb2 import Event, SessionLog
 from tensorboard.compat.proto.summary_pb2 import Summary
 from tensorboard.summary.writer.record_writer import RecordWriter
@@ -60,7 +60,7 @@ from watch import record
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import INTERRUPTED, guarded, whole_file
-from springgym.envs.sb3 import SB3VecEnv, make_sb3
+from springgym.envs.sb3 import SB3VecEnv, StaggeredMonitor, make_sb3
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
@@ -80,10 +80,12 @@ COLUMNS = (
 # ---------------------------------------------------------------- environment and algorithm
 
 
-def make_training_env(run: Run) -> VecMonitor:
-    """The copies the agent learns in."""
+def make_training_env(run: Run) -> StaggeredMonitor:
+    """The copies the agent learns in. They do not all end together, which would show as saw teeth."""
     with making(run.env_id):
-        return make_sb3(run.env_id, run.config.n_envs, seed=run.seed, **run.config.env_kwargs)
+        env = make_sb3(run.env_id, run.config.n_envs, run.seed, stagger=True, **run.config.env_kwargs)
+    assert isinstance(env, StaggeredMonitor)
+    return env
 
 
 def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
@@ -138,7 +140,7 @@ def _new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
 MAY_CHANGE = ("total_timesteps", "log_every", "checkpoint_every", "eval_env_kwargs")
 
 
-def save_checkpoint(run: Run, env: VecMonitor, model: BaseAlgorithm, recorder: Recorder) -> None:
+def save_checkpoint(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Recorder) -> None:
     """Write the model and all that training depends on into one file, swapped in whole, and the agent.
 
     To be called between iterations: after an update and before the next step is taken.
@@ -148,7 +150,7 @@ def save_checkpoint(run: Run, env: VecMonitor, model: BaseAlgorithm, recorder: R
     logger = model.logger
     state = {
         "env": native.get_state() if hasattr(native, "get_state") else None,
-        "monitor": (env.episode_returns, env.episode_lengths, env.episode_count),
+        "monitor": (env.episode_returns, env.episode_lengths, env.episode_count, env.shortened),
         "discounted_returns": normalize.returns if normalize else None,
         "replay_buffer": model.replay_buffer if isinstance(model, SAC) else None,
         "recorder": recorder.state(),
@@ -165,7 +167,7 @@ def save_checkpoint(run: Run, env: VecMonitor, model: BaseAlgorithm, recorder: R
     save_agent(run.agent, model)
 
 
-def load_checkpoint(run: Run, env: VecMonitor, recorder: Recorder) -> BaseAlgorithm:
+def load_checkpoint(run: Run, env: StaggeredMonitor, recorder: Recorder) -> BaseAlgorithm:
     """Restore an agent and everything around it as :func:`save_checkpoint` found it.
 
     Raises
@@ -193,7 +195,7 @@ def load_checkpoint(run: Run, env: VecMonitor, recorder: Recorder) -> BaseAlgori
 
 
 def _restore(
-    run: Run, env: VecMonitor, recorder: Recorder, state: dict[str, Any], normalize: Any, exact: bool
+    run: Run, env: StaggeredMonitor, recorder: Recorder, state: dict[str, Any], normalize: Any, exact: bool
 ) -> BaseAlgorithm:
     """What `load_checkpoint` does with what it read."""
     if normalize:
@@ -205,7 +207,9 @@ def _restore(
         exact = False
     else:
         native_env(env).set_state(state["env"])
-        env.episode_returns, env.episode_lengths, env.episode_count = state["monitor"]
+        env.episode_returns, env.episode_lengths, env.episode_count, *shortened = state["monitor"]
+        if shortened:  # checkpoints from before copies were staggered have no such array
+            (env.shortened,) = shortened
         if normalize:
             normalize.returns = state["discounted_returns"]
     model = ALGORITHMS[run.algo].load(run.model, env=normalize or env, device="cpu", force_reset=not exact)
@@ -247,7 +251,7 @@ def check_same(run: Run, whose: dict[str, Any]) -> None:
             )
 
 
-def native_env(env: VecMonitor) -> Any:
+def native_env(env: StaggeredMonitor) -> Any:
     """The native vector environment under Stable-Baselines3's wrappers."""
     adapter = env.unwrapped
     assert isinstance(adapter, SB3VecEnv)
@@ -302,7 +306,7 @@ class Recorder(BaseCallback):
 
     bar: tqdm
 
-    def __init__(self, run: Run, env: VecMonitor) -> None:
+    def __init__(self, run: Run, env: StaggeredMonitor) -> None:
         super().__init__()
         self.run, self.env = run, env
         self.limit = native_env(env).spec.kwargs["max_episode_steps"]
@@ -532,7 +536,7 @@ def resume(options: argparse.Namespace) -> int:
         return finish(run, env, model, recorder, options.episodes)
 
 
-def finish(run: Run, env: VecMonitor, model: BaseAlgorithm, recorder: Recorder, episodes: int) -> int:
+def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Recorder, episodes: int) -> int:
     """Train what is left, then evaluate and show the agent."""
     left = run.config.total_timesteps - model.num_timesteps
     try:

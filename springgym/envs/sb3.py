@@ -28,7 +28,9 @@ except ImportError as error:
         'springgym.envs.sb3 needs Stable-Baselines3. Install it with: pip install "springgym[agents]"'
     ) from error
 
-__all__ = ["SB3VecEnv", "make_sb3"]
+from springgym.envs.base import SpringVectorEnv
+
+__all__ = ["SB3VecEnv", "StaggeredMonitor", "make_sb3"]
 
 
 class SB3VecEnv(VecEnv):
@@ -152,7 +154,50 @@ class SB3VecEnv(VecEnv):
         return [None] * self.num_envs if frames is None else list(frames)
 
 
-def make_sb3(env_id: str | EnvSpec, num_envs: int, seed: int | None = None, **kwargs: Any) -> VecMonitor:
+class StaggeredMonitor(VecMonitor):
+    """A monitor whose copies do not all come to their time limit in the same step.
+
+    Copies that start together and run for as long as their time limit end together, again and again: each
+    batch that an algorithm learns from then holds the same part of all episodes. Here a reset starts the
+    clock of copy i of n at i/n of the time limit, so that its first episode is cut that much earlier. What
+    the copies see, and how they are rewarded, is as it was. Such a shortened episode would be reported with
+    too small a return: it ends without ``info["episode"]`` and without ``info["is_success"]``.
+
+    Copies of an environment that is not a native batch of springgym, or has no time limit, start together.
+    """
+
+    def __init__(self, venv: SB3VecEnv) -> None:
+        super().__init__(venv)
+        self.shortened = np.zeros(venv.num_envs, bool)
+        """Copies whose clock did not start at 0."""
+
+    def reset(self) -> VecEnvObs:
+        """Start a new episode in every copy, with its clock at its share of the time limit."""
+        observations = super().reset()
+        native = self.unwrapped.vector_env  # type: ignore[attr-defined]
+        if isinstance(native, SpringVectorEnv) and native.episodes.max_episode_steps > 0:
+            elapsed = np.arange(self.num_envs) * native.episodes.max_episode_steps // self.num_envs
+            native.episodes.elapsed[:] = elapsed
+            self.shortened = elapsed > 0
+        return observations
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Step every copy; shortened episodes end without a report."""
+        observations, rewards, dones, infos = super().step_wait()
+        for i in np.flatnonzero(dones & self.shortened):
+            infos[i] = {k: v for k, v in infos[i].items() if k not in ("episode", "is_success")}
+            self.shortened[i] = False
+        return observations, rewards, dones, infos
+
+
+def make_sb3(
+    env_id: str | EnvSpec,
+    num_envs: int,
+    seed: int | None = None,
+    *,
+    stagger: bool = False,
+    **kwargs: Any,
+) -> VecMonitor:
     """Make ``num_envs`` copies of an environment for Stable-Baselines3: native ones if it has them.
 
     Parameters
@@ -164,6 +209,8 @@ def make_sb3(env_id: str | EnvSpec, num_envs: int, seed: int | None = None, **kw
         Number of copies.
     seed
         Copy ``i`` starts its first episode from ``seed + i``; None draws the seeds.
+    stagger
+        Spread the ends of the episodes over time, see `StaggeredMonitor`: for training, not for evaluation.
     **kwargs
         Passed to the environment.
 
@@ -183,7 +230,7 @@ def make_sb3(env_id: str | EnvSpec, num_envs: int, seed: int | None = None, **kw
     else:
         mode = {"vectorization_mode": "sync", "vector_kwargs": mode}
     vector_env = gym.make_vec(env_id, num_envs=num_envs, **mode, **kwargs)
-    env = VecMonitor(SB3VecEnv(vector_env))
+    env = (StaggeredMonitor if stagger else VecMonitor)(SB3VecEnv(vector_env))
     if seed is not None:
         env.seed(seed)
     return env

@@ -182,6 +182,34 @@ def test_environment_without_state_resumes_with_new_episodes(tmp_path, monkeypat
     assert [int(row["timesteps"]) for row in rows(folder)] == [512 * i for i in range(1, 7)]
 
 
+def test_copies_end_at_different_times_in_resumed_runs_too(tmp_path, monkeypatch):
+    """The checkpoint lies where most first episodes, shortened to spread the ends, are still under way."""
+    monkeypatch.setattr(train, "report", lambda *arguments: 0)
+    monkeypatch.setattr(train, "save_checkpoint", kept := Kept(train.save_checkpoint))
+    settings = "n_envs=4 n_steps=64 batch_size=64 n_epochs=1 log_every=1 net_arch=[8]".split()
+    options = ["SpringTop-v0", "--set", *settings, "--timesteps"]
+    assert train.main([*options, "768", "--run", str(tmp_path / "one")]) == 0
+    whole, *middle, last = kept.shortened.pop()
+    assert not whole
+    assert any(middle)  # 192 of 500 steps were taken
+    assert not last  # it ended after 125
+    assert train.main([*options, "512", "--run", str(tmp_path / "two")]) == 0
+    assert train.main(["--resume", str(tmp_path / "two"), "--timesteps", "768"]) == 0
+    assert kept.shortened[1] == [whole, *middle, last]
+    assert_same_run(tmp_path / "two", tmp_path / "one")
+
+
+class Kept:
+    """Saves checkpoints, and notes which copies were in a shortened episode."""
+
+    def __init__(self, save):
+        self.save, self.shortened = save, []
+
+    def __call__(self, run, env, model, recorder):
+        self.save(run, env, model, recorder)
+        self.shortened.append(env.shortened.tolist())
+
+
 @pytest.fixture
 def copied(finished, tmp_path):
     """A run of one's own to damage."""

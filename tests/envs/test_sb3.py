@@ -191,6 +191,48 @@ def test_make_sb3_of_an_environment_that_is_not_registered():
         make_sb3("no_such_module:CartPole-v1", num_envs=2)
 
 
+LIMIT = 20
+
+
+def ends(env, steps):
+    """Steps at which copies end, the infos with which they do, and all observations and rewards."""
+    seen, ended = [(env.reset(), None)], []
+    for step in range(1, steps + 1):
+        observations, rewards, dones, infos = env.step(np.zeros((env.num_envs, *env.action_space.shape)))
+        seen.append((observations, rewards))
+        ended += [(step, i, infos[i]) for i in np.flatnonzero(dones)]
+    return ended, seen
+
+
+@pytest.mark.parametrize("copies", [1, 4])
+def test_staggered_copies_do_not_end_together(copies):
+    made = [
+        make_sb3("SpringTop-v0", copies, seed=0, stagger=stagger, max_episode_steps=LIMIT)
+        for stagger in (False, True)
+    ]
+    (together, seen), (spread, same) = (ends(env, 3 * LIMIT) for env in made)
+    assert [step for step, *_ in together] == np.repeat([LIMIT, 2 * LIMIT, 3 * LIMIT], copies).tolist()
+    first = [LIMIT - i * LIMIT // copies for i in range(copies)]
+    for i in range(copies):
+        own = [step for step, copy, _ in spread if copy == i]
+        assert own[:3] == [first[i], first[i] + LIMIT, first[i] + 2 * LIMIT][: len(own)]
+    # what a copy sees and earns is what it would, until it ends
+    for step in range(min(first)):
+        for a, b in zip(seen[step], same[step], strict=True):
+            np.testing.assert_array_equal(a, b)
+    # only whole episodes are reported
+    for step, i, info in spread:
+        assert info["TimeLimit.truncated"]
+        assert ("episode" in info) == ("is_success" in info) == (i == 0 or step > LIMIT)
+        assert "episode" not in info or info["episode"]["l"] == LIMIT
+
+
+def test_copies_that_cannot_be_staggered_start_together():
+    env = make_sb3("ScoredCartPole-v0", num_envs=2, seed=3, stagger=True)
+    np.testing.assert_array_equal(env.reset(), make_sb3("ScoredCartPole-v0", num_envs=2, seed=3).reset())
+    assert not env.shortened.any()
+
+
 def test_sb3_trains_and_evaluates_on_it(tmp_path):
     evaluation = EvalCallback(
         make_sb3("ScoredCartPole-v0", 2, seed=9), n_eval_episodes=4, eval_freq=64, verbose=0,
