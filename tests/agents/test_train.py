@@ -186,7 +186,7 @@ def test_copies_end_at_different_times_in_resumed_runs_too(tmp_path, monkeypatch
     """The checkpoint lies where most first episodes, shortened to spread the ends, are still under way."""
     monkeypatch.setattr(train, "report", lambda *arguments: 0)
     monkeypatch.setattr(train, "save_checkpoint", kept := Kept(train.save_checkpoint))
-    settings = "n_envs=4 n_steps=64 batch_size=64 n_epochs=1 log_every=1 net_arch=[8]".split()
+    settings = ["n_envs=4", "n_steps=64", "batch_size=64", "n_epochs=1", "log_every=1", "net_arch=[8]"]
     options = ["SpringTop-v0", "--set", *settings, "--timesteps"]
     assert train.main([*options, "768", "--run", str(tmp_path / "one")]) == 0
     whole, *middle, last = kept.shortened.pop()

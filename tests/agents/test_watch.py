@@ -2,11 +2,14 @@
 
 import controllers
 import gymnasium as gym
+import imageio_ffmpeg
 import numpy as np
 import pytest
 import toy_env
 import watch
-from PIL import Image
+from PIL import Image, ImageSequence
+
+from springgym.registration import ENVIRONMENTS
 
 
 @pytest.fixture
@@ -40,6 +43,27 @@ def test_gif_drops_frames_above_25_a_second(right, tmp_path, monkeypatch):
     with Image.open(path) as film:
         assert film.n_frames == -(-len(frames) // 2)
         assert film.info["duration"] == 40
+
+
+@pytest.mark.parametrize(
+    ("env_id", "suffix"), [("SpringRope-v0", ".mp4"), *((row.id, ".gif") for row in ENVIRONMENTS)]
+)
+def test_films_play_in_real_time(env_id, suffix, tmp_path):
+    """At the environment's own rate; a picture of a GIF stays for as long as browsers can keep to."""
+    steps, path = 6, tmp_path / f"film{suffix}"
+    watch.record("zero", env_id, {"max_episode_steps": steps}, path, seed=0)
+    period = gym.make(env_id).unwrapped.episodes.task.period
+    if suffix == ".mp4":
+        pictures, seconds = imageio_ffmpeg.count_frames_and_secs(path)
+        assert pictures == steps + 1
+        every = 1
+    else:
+        with Image.open(path) as film:
+            shown = [frame.info["duration"] for frame in ImageSequence.Iterator(film)]
+        seconds = sum(shown) / 1000
+        every = -(-(steps + 1) // len(shown))
+        assert min(shown) >= 40
+    assert seconds == pytest.approx(-(-(steps + 1) // every) * every * period, abs=0.011)
 
 
 def test_mp4(right, tmp_path):
