@@ -17,7 +17,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import gymnasium as gym
 import numba
 import numpy as np
 
@@ -30,8 +29,6 @@ from springgym.simulator import Simulator
 
 PAGE = Path(__file__).with_name("environments.md")
 FOLDER = PAGE.with_suffix("")
-PICTURE = PAGE.parent / "figures" / "environments.png"
-PIXELS, SEED, MOMENT = 280, 8, 60
 EPISODES, STEPS = 10, 50
 SEEDS = 200
 BASELINES = ("zero", "random", "classical")
@@ -156,30 +153,6 @@ def table_of_errors() -> list[str]:
     return lines
 
 
-# --- The picture ------------------------------------------------------------------------------------
-
-
-def draw() -> None:
-    """Every environment side by side, some time after its start, under classical control."""
-    from controllers import controller_env_kwargs, make_controller
-    from PIL import Image
-
-    frames = []
-    for row in ENVIRONMENTS:
-        options = controller_env_kwargs("classical", {})
-        env = gym.make(row.id, render_mode="rgb_array", **options)
-        control = make_controller("classical", row.id, options, env.action_space)
-        observation, _ = env.reset(seed=SEED)
-        for _ in range(MOMENT):
-            observation, *_ = env.step(control(observation[None])[0])
-        frames.append(Image.fromarray(env.render()).resize((PIXELS, PIXELS), Image.Resampling.LANCZOS))
-        env.close()
-    sheet = Image.new("RGB", (PIXELS * len(frames), PIXELS))
-    for n, frame in enumerate(frames):
-        sheet.paste(frame, (n * PIXELS, 0))
-    sheet.save(PICTURE, optimize=True)
-
-
 # --- The page ---------------------------------------------------------------------------------------
 
 INTRODUCTION = """Every environment has its page: what the agent sees, what it may do, what is rewarded, how
@@ -293,7 +266,7 @@ gymnasium.register("Hover-v0", entry_point=hover, max_episode_steps=200)
 
 
 def main() -> None:
-    """Write the pages; draw the picture and measure, unless told not to."""
+    """Write the pages; measure, unless told not to."""
     write_pages()
     if "--pages" in sys.argv[1:]:
         measured = MEASURED + PAGE.read_text(encoding="utf-8").partition(MEASURED)[2]
@@ -309,9 +282,8 @@ def main() -> None:
 
 
 def measure() -> str:
-    """The part of the page that is measured; draws the picture, too."""
+    """The part of the page that is measured."""
     sys.path.insert(0, str(PAGE.parents[1] / "agents"))
-    draw()
     versions = f"springgym {springgym.__version__}, Python {platform.python_version()}, "
     versions += f"NumPy {np.__version__}, Numba {numba.__version__}"
     lines = [
