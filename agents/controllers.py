@@ -14,13 +14,13 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from agent import Policy
 from config import ConfigError
 from gymnasium import spaces
 from runs import HELD_OUT_SEED
 
 from springgym.bodies.rotations import axes
 from springgym.envs import detumble, free_top, top, tumble
+from springgym.envs.agent import Policy
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS
 from springgym.scene import GRAVITY

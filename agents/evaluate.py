@@ -20,8 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-from agent import Policy
 from config import (
     CONFIG_FOLDER,
     MENDABLE,
@@ -37,6 +35,7 @@ from runs import HELD_OUT_SEED, Run, load_policy, open_run, write_atomically
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded
+from springgym.envs.agent import Policy
 from springgym.envs.sb3 import make_sb3
 from springgym.strict_yaml import read_yaml
 
@@ -232,7 +231,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.json and not options.json.absolute().parent.is_dir():
         parser.error(f"--json {options.json}: there is no folder {options.json.absolute().parent}")
-    torch.set_num_threads(1)  # networks this small are fastest on one
     return guarded("evaluate.py", lambda: _compare(options), MENDABLE)
 
 

@@ -35,12 +35,13 @@ from typing import IO, Any, Literal, NamedTuple
 
 import stable_baselines3
 import yaml
-from agent import Policy, load_agent
+from agent import load_agent
 from config import Config, ConfigError, build_config
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from springgym.cli import whole_file
+from springgym.envs.agent import Policy
 from springgym.strict_yaml import build, read_yaml
 
 #: Evaluation episodes start from this seed upwards, training from seeds below it.

@@ -16,8 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import torch
-from agent import Policy
 from config import MENDABLE, ConfigError, making, whole
 from controllers import controller_env_kwargs, make_controller
 from evaluate import LAST_SEED, find_task, trained_kwargs, trained_on
@@ -25,6 +23,7 @@ from runs import HELD_OUT_SEED, load_policy
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded, whole_file
+from springgym.envs.agent import Policy
 
 #: Frames per second of a GIF at most; browsers show many more at the wrong speed.
 GIF_FPS = 25
@@ -114,7 +113,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"--out {options.out}: the name must end in .gif or .mp4")
     if options.out and not options.out.absolute().parent.is_dir():
         parser.error(f"--out {options.out}: there is no folder {options.out.absolute().parent}")
-    torch.set_num_threads(1)  # networks this small are fastest on one
     return guarded("watch.py", lambda: _watch(options), MENDABLE)
 
 

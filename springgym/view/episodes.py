@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 
 import springgym.registration
 from springgym import measures
+from springgym.envs.agent import Network, Policy, load_agent
 from springgym.measures import Measures
-from springgym.strict_yaml import read_yaml
+from springgym.strict_yaml import build, read_yaml
 from springgym.view.motion import Motion, fastest_turn, graphs
 from springgym.view.page import Changes, Subject
 
@@ -21,9 +22,6 @@ INTERVAL = 5e-3
 """Longest time between two states [s]: control periods are too long to see a spin in."""
 SEEDS = 20
 """Episodes to choose from."""
-
-Policy = Callable[[np.ndarray], np.ndarray]
-"""From observations (n, …) to actions (n, …)."""
 
 
 class Agent(NamedTuple):
@@ -34,6 +32,16 @@ class Agent(NamedTuple):
     env_kwargs: dict[str, Any]
     policy: Callable[[gym.Env], Policy]
     """made for an environment"""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What stands in the ``config.yaml`` of a run folder."""
+
+    algo: Literal["ppo", "sac"]
+    env_id: str
+    seed: int
+    config: dict[str, Any]
 
 
 def episodes(env_id: str, agent: str | None, first: int) -> Subject:
@@ -70,10 +78,23 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
     folder = Path(agent)
     if not (folder / "config.yaml").is_file():
         raise ValueError(f"agent {agent!r} is no run folder, which has a config.yaml, nor zero or random")
-    text = read_yaml(folder / "config.yaml").value
-    config = text["config"]
-    kwargs = {**config.get("env_kwargs", {}), **config.get("eval_env_kwargs", {})}
-    return Agent(folder.name, text["env_id"], kwargs, lambda env: _trained(folder, text["algo"], config, env))
+    tree = read_yaml(folder / "config.yaml")
+    run: Run = build(Run, tree)
+    if ":" in run.env_id and run.env_id != env_id:
+        raise ValueError(
+            f"{folder} asks for a module to be imported; if that is to be, name {run.env_id}, too"
+        )
+    others = tuple(key for key in run.config if key not in Network.__dataclass_fields__)
+    network: Network = build(Network, tree, ("config",), skip=others, algo=run.algo)
+    path = folder / "agent.npz"
+
+    def policy(env: gym.Env) -> Policy:
+        if not path.exists():
+            raise ValueError(f"{folder} has no agent.npz yet: its training has not reached a checkpoint")
+        return load_agent(path, network, env.observation_space, env.action_space)
+
+    kwargs = {**run.config.get("env_kwargs", {}), **run.config.get("eval_env_kwargs", {})}
+    return Agent(folder.name, run.env_id, kwargs, policy)
 
 
 def _zero(env: gym.Env) -> Policy:
@@ -83,38 +104,6 @@ def _zero(env: gym.Env) -> Policy:
 def _random(env: gym.Env) -> Policy:
     env.action_space.seed(0)
     return lambda observations: np.stack([env.action_space.sample() for _ in observations])
-
-
-def _trained(folder: Path, algo: str, config: dict[str, Any], env: gym.Env) -> Policy:
-    """The deterministic policy of a run's newest checkpoint; nothing is unpickled."""
-    import torch
-    from stable_baselines3.common.policies import ActorCriticPolicy
-    from stable_baselines3.sac.policies import SACPolicy
-
-    path = folder / "agent.npz"
-    if not path.exists():
-        raise ValueError(f"{folder} has no agent.npz yet: its training has not reached a checkpoint")
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = dict(archive)
-        activation = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}[config["activation"]]
-        make: Any = {"ppo": ActorCriticPolicy, "sac": SACPolicy}[algo]
-        networks = {"net_arch": config["net_arch"], "activation_fn": activation}
-        policy = make(env.observation_space, env.action_space, lambda _: 0.0, **networks)
-        seen = [arrays.pop(f"observations.{name}", None) for name in ("mean", "variance", "limits")]
-        policy.load_state_dict({name: torch.from_numpy(array) for name, array in arrays.items()})
-    except (OSError, EOFError, KeyError, RuntimeError, TypeError, ValueError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path}: not the agent of its config.yaml: {error}") from error
-    mean, variance, limits = seen
-
-    def act(observations: np.ndarray) -> np.ndarray:
-        if limits is not None:
-            observations = (observations - mean) / np.sqrt(variance + limits[0])
-            observations = np.clip(observations, -limits[1], limits[1]).astype(np.float32)
-        actions: np.ndarray = policy.predict(observations, deterministic=True)[0]
-        return actions
-
-    return act
 
 
 def played(agent: Agent, seed: int) -> Motion:

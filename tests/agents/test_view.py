@@ -35,7 +35,30 @@ def test_an_agent_of_a_run_folder(tmp_path, normalize):
     assert played(agent, 0).title == "SpringTop-v0: run"
 
 
+CONFIG = """algo: ppo
+env_id: SpringTop-v0
+seed: 0
+config: {net_arch: [8], activation: tanh, gamma: 0.9}
+"""
+
+
 def test_a_run_without_a_checkpoint(tmp_path):
-    (tmp_path / "config.yaml").write_text("algo: ppo\nenv_id: SpringTop-v0\nconfig: {}\n")
+    (tmp_path / "config.yaml").write_text(CONFIG)
     with pytest.raises(ValueError, match=r"no agent\.npz yet"):
         played(find_agent(str(tmp_path), ""), 0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("tanh", "gelu", r"config\.yaml:4: config\.activation: "),
+        ("[8]", "wide", r"config\.yaml:4: config\.net_arch: "),
+        ("ppo", "dqn", r"config\.yaml:1: algo: "),
+        ("SpringTop-v0", "os:Top-v0", "asks for a module to be imported; if that is to be, name os:Top-v0"),
+    ],
+)
+def test_a_configuration_of_another_kind(tmp_path, old, new, message):
+    """It may be anyone's: what it says is checked, and a module that it names is not imported."""
+    (tmp_path / "config.yaml").write_text(CONFIG.replace(old, new))
+    with pytest.raises(ValueError, match=message):
+        find_agent(str(tmp_path), "SpringTop-v0")

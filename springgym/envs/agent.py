@@ -1,0 +1,144 @@
+"""A trained agent as a file of plain numbers, ``agent.npz``: NumPy alone reads it, and nothing is unpickled.
+
+It acts by fully connected layers, as PPO and SAC of Stable-Baselines3 train them. The file holds their arrays
+by their names in PyTorch and, if observations are normalised, their statistics. What the layers look like
+stands in the run's configuration, what they see and do in the environment's spaces.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from gymnasium import spaces
+
+Policy = Callable[[np.ndarray], np.ndarray]
+"""Maps observations (n, …) to actions (n, …)."""
+
+LARGEST = 1_000_000_000
+"""Size of all arrays of an agent [bytes], at the most."""
+
+STATISTICS = ("observations.mean", "observations.variance", "observations.limits")
+"""Arrays by which observations are normalised. The limits are ε, added to the variance, and the largest
+value that comes out."""
+
+LAYERS = {"ppo": ("mlp_extractor.policy_net", "action_net"), "sac": ("actor.latent_pi", "actor.mu")}
+"""Names in PyTorch of what acts: the hidden layers, and the last one."""
+
+ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "tanh": np.tanh,
+    "relu": lambda x: np.maximum(x, 0),
+}
+
+
+@dataclass(frozen=True)
+class Network:
+    """What a run's configuration says of the layers that act."""
+
+    algo: Literal["ppo", "sac"]
+    net_arch: list[int]
+    """widths of the hidden layers"""
+    activation: Literal["tanh", "relu"]
+    normalize: bool = False
+    """whether they see normalised observations"""
+
+
+def acts(algo: str, name: str) -> bool:
+    """Whether an array of a policy of Stable-Baselines3 is needed to act; the others are to learn with."""
+    return name.rpartition(".")[0].startswith(LAYERS[algo])
+
+
+def load_agent(
+    path: Path, network: Network, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
+) -> Policy:
+    """The deterministic policy in a file.
+
+    Parameters
+    ----------
+    path
+        The file. It may be anyone's.
+    network
+        What was trained.
+    observation_space, action_space
+        Of the environment it is to act in.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged, or does not fit the network and the environment.
+    """
+    if not isinstance(observation_space, spaces.Box) or not isinstance(action_space, spaces.Box):
+        raise ValueError(f"{path}: agents see and do numbers, not {observation_space} and {action_space}")
+    arrays = _read(path)
+    layers = _layers(network, observation_space, action_space)
+    expected: dict[str, tuple[int, ...]] = {}
+    for weight, bias, shape in layers:
+        expected |= {weight: shape, bias: shape[:1]}
+    if network.normalize:
+        seen = observation_space.shape
+        expected |= dict(zip(STATISTICS, (seen, seen, (2,)), strict=True))
+    if found := expected.keys() ^ arrays.keys():
+        name = min(found)
+        raise ValueError(f"{path}: {name!r} is {'missing' if name in expected else 'not of such an agent'}")
+    for name, shape in expected.items():
+        array = arrays[name]
+        if array.shape != shape or array.dtype.kind != "f" or not np.isfinite(array).all():
+            raise ValueError(
+                f"{path}: {name!r} is {array.dtype}{list(array.shape)}; the environment and config.yaml ask "
+                f"for finite numbers {list(shape)}"
+            )
+    single = {name: arrays[name].astype(np.float32) for name in expected}
+    weights = [(single[weight].T, single[bias]) for weight, bias, _ in layers]
+    activation = ACTIVATIONS[network.activation]
+    low, high = action_space.low, action_space.high
+
+    def act(observations: np.ndarray) -> np.ndarray:
+        if network.normalize:
+            mean, variance, (epsilon, largest) = (arrays[name] for name in STATISTICS)
+            observations = np.clip((observations - mean) / np.sqrt(variance + epsilon), -largest, largest)
+        x = observations.reshape(len(observations), -1).astype(np.float32)
+        for weight, bias in weights[:-1]:
+            x = activation(x @ weight + bias)
+        weight, bias = weights[-1]
+        actions = (x @ weight + bias).reshape(-1, *action_space.shape)
+        if network.algo == "sac":  # its actions are squashed to (−1, 1), whatever the space
+            return np.asarray(low + 0.5 * (np.tanh(actions) + 1.0) * (high - low), np.float32)
+        return np.clip(actions, low, high)
+
+    return act
+
+
+def _layers(
+    network: Network, observation_space: spaces.Box, action_space: spaces.Box
+) -> list[tuple[str, str, tuple[int, ...]]]:
+    """Names of weight and bias of each layer, and the shape of the weight."""
+    hidden, last = LAYERS[network.algo]
+    names = [f"{hidden}.{2 * n}" for n in range(len(network.net_arch))]  # activations stand between
+    sizes = [int(np.prod(observation_space.shape)), *network.net_arch, int(np.prod(action_space.shape))]
+    return [
+        (f"{name}.weight", f"{name}.bias", (after, before))
+        for name, before, after in zip([*names, last], sizes[:-1], sizes[1:], strict=True)
+    ]
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of a file; it may be anything."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+        if size > LARGEST:
+            raise ValueError(f"its arrays are {size:g} bytes; an agent has at most {LARGEST:g}")
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = dict(archive)
+        if not all(isinstance(array, np.ndarray) for array in arrays.values()):
+            raise ValueError("it holds other files")
+        return arrays
+    except (OSError, ValueError, EOFError, KeyError, MemoryError, RuntimeError) as error:
+        raise ValueError(f"{path}: not the arrays of an agent: {error}") from error
+    except (zipfile.BadZipFile, zlib.error, SyntaxError, NotImplementedError) as error:
+        raise ValueError(f"{path}: not the arrays of an agent: {error}") from error
