@@ -164,9 +164,10 @@ def scenery(recording: Recording) -> Scenery:
         return Scenery(planes=planes, dish=dishes[0] if dishes else None, vertical=plumb)
     pin, low = x[0, scene.pins[0]], float(x[..., 2].min())
     stands = recording.measures.centre[:, 2].min() > pin[2]
+    plumb = (tuple(pin), 1.2 * float(x[..., 2].max() - pin[2]))
     return Scenery(
         floor=min(low, float(pin[2])) if stands else low - 0.15 * float(np.ptp(x[..., 2])),
-        vertical=(tuple(pin), 1.2 * float(x[..., 2].max() - pin[2])) if stands else None,
+        vertical=plumb if stands and len(scene.bodies) == 1 else None,
     )
 
 

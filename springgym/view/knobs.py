@@ -25,6 +25,11 @@ class Knob(NamedTuple):
     """whether the slider shows log₁₀ of the number"""
 
     @property
+    def body(self) -> str:
+        """Name of the body that it belongs to, in scenes of several; "" if it has none."""
+        return self.path[1] if self.path[0] == "bodies" else ""
+
+    @property
     def start(self) -> float:
         """Where the slider stands for the file's value."""
         return math.log10(self.value) if self.exponent else self.value
@@ -98,20 +103,12 @@ def knobs(scene: str) -> list[Knob]:
 
 
 def _found(text: Mapping[str, Any]) -> Iterator[Knob]:
-    body = text.get("body") or {}
-    make = KINDS.get(body.get("kind", ""))
-    defaults: dict[str, dict[str, Any]] = {
-        "start": {},
-        "body": _numbers(make) if make else {},
-        "contact": {"friction": 0.0, "restitution": 1.0} if text.get("surfaces") else {},
-    }
-    for section, kinds in KNOBS.items():
-        given = text.get(section) or {}
-        values = defaults[section] | (dict(given) if isinstance(given, Mapping) else {})
-        for key, knob in kinds.items():
-            value = values.get(key)
-            if isinstance(value, (int, float)) and not isinstance(value, bool):
-                yield knob((section, key), float(value))
+    bodies = text.get("bodies")
+    for name, body in bodies.items() if isinstance(bodies, Mapping) else ():
+        yield from _of_body(body, ("bodies", name)) if isinstance(body, Mapping) else ()
+    yield from _of_body(text, ())
+    if text.get("surfaces"):
+        yield from _section(text, (), "contact", {"friction": 0.0, "restitution": 1.0})
     gravity = text.get("gravity", 9.81)
     if isinstance(gravity, (int, float)):
         yield _linear("[m/s²]", 0.0, 25.0, 0.1)(("gravity",), float(gravity))
@@ -119,6 +116,25 @@ def _found(text: Mapping[str, Any]) -> Iterator[Knob]:
         if isinstance(surface, Mapping) and isinstance(surface.get("angle"), (int, float)):
             angle = float(surface["angle"])
             yield Knob(("surfaces", str(n), "angle"), "slope [rad]", angle, 0.0, max(0.8, 2 * angle), 0.01)
+
+
+def _of_body(text: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[Knob]:
+    """How a body starts, and what it is made of: its part of a file, which stands at ``path``."""
+    body = text.get("body")
+    kind = body.get("kind") if isinstance(body, Mapping) else None
+    yield from _section(text, path, "start", {})
+    yield from _section(text, path, "body", _numbers(KINDS[kind]) if kind in KINDS else {})
+
+
+def _section(
+    text: Mapping[str, Any], path: tuple[str, ...], section: str, defaults: Mapping[str, float]
+) -> Iterator[Knob]:
+    given = text.get(section)
+    values = {**defaults, **(given if isinstance(given, Mapping) else {})}
+    for key, knob in KNOBS[section].items():
+        value = values.get(key)
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            yield knob((*path, section, key), float(value))
 
 
 def _numbers(make: Callable[..., Any]) -> dict[str, float]:

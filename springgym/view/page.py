@@ -5,7 +5,9 @@ from __future__ import annotations
 import threading
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from fractions import Fraction
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,6 +71,7 @@ class Page:
         self._asked = threading.Event()
         self._stopped = threading.Event()
         self._sliders: dict[Knob, Any] = {}
+        self._folders: list[Any] = []
         self._frame = 0
         self.name = subject.names[0]
         """what is chosen"""
@@ -154,13 +157,18 @@ class Page:
     def _turn_to(self, name: str, motion: Motion) -> None:
         """Show another subject, from its start."""
         self.name, self.time = name, 0.0
-        for slider in self._sliders.values():
-            slider.remove()
+        for part in (*self._sliders.values(), *self._folders):
+            part.remove()
+        self._sliders, self._folders = {}, []
         with self._tab:
-            self._sliders = {
-                knob: self._gui.add_slider(knob.label, knob.low, knob.high, knob.step, knob.start)
-                for knob in self._subject.knobs(name)
-            }
+            for body, knobs in groupby(self._subject.knobs(name), lambda knob: knob.body):
+                folder = self._gui.add_folder(body) if body else None
+                self._folders += [] if folder is None else [folder]
+                with folder or nullcontext():
+                    for knob in knobs:
+                        self._sliders[knob] = self._gui.add_slider(
+                            knob.label, knob.low, knob.high, knob.step, knob.start
+                        )
         for slider in self._sliders.values():
             slider.on_update(self._slid)
         self._reset.visible, self._nothing.visible = bool(self._sliders), not self._sliders

@@ -194,6 +194,13 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     page._ask("rope-swing", {})
     until(lambda: "a rope with 70 kg" in text(browser))
     assert "end mass [kg]" not in text(browser)  # on the other tab
+
+    # a scene of several bodies has sliders for each, under its name
+    page._ask("side-by-side", {})
+    until(lambda: "tops of one shape" in text(browser))
+    click(browser, "[role=tab]", "change")
+    until(lambda: all(name in text(browser).split("\n") for name in ("steel", "beech", "nylon", "rubber")))
+    assert text(browser).count("tilt [rad]") == 4
     assert requested(browser) == {"127.0.0.1"}
     assert not complaints(browser)
 
