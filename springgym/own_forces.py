@@ -15,8 +15,9 @@
         def energy(x, tether):              # their energy [J]
             ...
 
-Scenes take any number of them. They act where the springs act, at the same times, so that a method keeps its
-order and its conservation laws; their energy is counted with that of the springs.
+Scenes take any number of them. Fields called ``particle`` or ``particles`` are checked to be of the body.
+Forces act where the springs act, at the same times, so that a method keeps its order and its conservation
+laws; their energy is counted with that of the springs.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from springgym.checks import HUGE, number, shown, whole
+from springgym.checks import HUGE, number, shown, whole, whole_array
 from springgym.compiling import OPTIONS, Inner
 from springgym.lanes import load
 
@@ -45,22 +46,26 @@ class OfBody(NamedTuple):
     force: Any
 
 
-def checked_forces(name: str, given: Any) -> tuple[Any, ...]:
-    """Forces of a body as compiled functions take them: their arrays contiguous, of float64 or int64.
+def checked_forces(name: str, given: Any, count: int) -> tuple[Any, ...]:
+    """Forces of a body of ``count`` particles as compiled functions take them: arrays of float64 or int64.
+
+    Fields called ``particle`` or ``particles`` must be particles of the body. Of all else it is only checked
+    that it is finite numbers.
 
     Raises
     ------
     TypeError, ValueError
-        Naming a force that is no named tuple, lacks a function, or holds what is no number.
+        Naming a force that is no named tuple, lacks a function, holds what is no number, or a particle that
+        does not exist.
     """
     if not isinstance(given, (tuple, list)) or hasattr(given, "_fields"):
         raise TypeError(f"{name} is {shown(given)}; it must be a tuple of forces")
     if len(given) > MOST_FORCES:
         raise ValueError(f"{name} are {len(given)}; there must be at most {MOST_FORCES}")
-    return tuple(_checked(f"{name}[{n}]", force) for n, force in enumerate(given))
+    return tuple(_checked(f"{name}[{n}]", force, count) for n, force in enumerate(given))
 
 
-def _checked(name: str, force: Any) -> Any:
+def _checked(name: str, force: Any, count: int) -> Any:
     if not isinstance(force, tuple) or not hasattr(force, "_fields"):
         raise TypeError(f"{name} is {shown(force)}; it must be a named tuple, see springgym.own_forces")
     kind: Any = type(force)
@@ -71,8 +76,18 @@ def _checked(name: str, force: Any) -> Any:
                 "decorated with springgym.compiling.compiled"
             )
     return kind._make(
-        _value(f"{name}.{field}", value) for field, value in zip(kind._fields, force, strict=True)
+        _particles(f"{name}.{field}", value, count)
+        if field in ("particle", "particles")
+        else _value(f"{name}.{field}", value)
+        for field, value in zip(kind._fields, force, strict=True)
     )
+
+
+def _particles(name: str, value: Any, count: int) -> Any:
+    """A particle as an int, or several as an array of int64."""
+    if isinstance(value, (np.ndarray, list, tuple)):
+        return whole_array(name, value, (None,), high=count - 1).astype(np.int64)
+    return whole(name, value, high=count - 1)
 
 
 def _value(name: str, value: Any) -> Any:

@@ -161,7 +161,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
             Decay(*(parameter({"damping", "masses"}, value) for value in decaying))
             for decaying in decays(part, order, options.step, body.damping, body.masses)
         )
-        dampers = Dampers(parameter({"damping"}, body.damping[order]), half, whole, body.floppy)
+        dampers = Dampers(parameter({"damping"}, body.damping[order]), half, whole, paired=body.floppy)
     planes, bowl = shared.planes, shared.bowl
     if part.surfaces:
         c, reach = scales(part.contact, body)

@@ -126,7 +126,7 @@ class Placed(ReadOnly):
                     f"thrust cannot turn with body {body.name!r}: the particles {body.frame} of its frame "
                     "lie on one line and tell no orientation; it must be fixed in the world"
                 )
-        object.__setattr__(self, "forces", checked_forces("forces", self.forces))
+        object.__setattr__(self, "forces", checked_forces("forces", self.forces, count))
         if self.drive and self.forces:
             raise ValueError("forces and a drive cannot be together: the drive's work would not know of them")
         if self.drive and self.drive.particle not in self.pinned:

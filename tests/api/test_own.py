@@ -132,6 +132,9 @@ class Uncompiled(NamedTuple):
         (lambda: Scene(CUBE, forces=(Tether(0, np.full(3, np.inf), 1.0),)), ValueError, "anchor"),
         (lambda: Scene(CUBE, forces=(Tether(0, np.array(["x"]), 1.0),)), TypeError, "anchor"),
         (lambda: Scene(CUBE, forces=(PULLED[0],) * 99), ValueError, "forces are 99"),
+        (lambda: Scene(CUBE, forces=(Tether(8, ANCHOR, 1.0),)), ValueError, r"forces\[0\].particle is 8"),
+        (lambda: Scene(CUBE, forces=(Tether(-1, ANCHOR, 1.0),)), ValueError, r"particle is -1"),
+        (lambda: Scene(CUBE, forces=(Tether(0.0, ANCHOR, 1.0),)), TypeError, r"particle is 0.0"),
         (
             lambda: Scene(rope(), pinned=(0,), drive=DriveActuator(0, 1.0), forces=PULLED),
             ValueError,
