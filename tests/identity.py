@@ -83,7 +83,7 @@ def all_scenes() -> dict[str, Scene]:
 
 def fall(scene: Scene) -> float:
     """How far the scene can be moved down until its lowest particle nearly meets a surface [m]."""
-    if not scene.surfaces or scene.pinned:
+    if not scene.surfaces or scene.pins:
         return 0.0
 
     def clear(way: float) -> bool:
@@ -101,7 +101,7 @@ def starts(scene: Scene, copies: int) -> tuple[np.ndarray, np.ndarray]:
     """The last copy, and every second before it, about to meet the surfaces; the others as the scene says."""
     rng = np.random.default_rng(0)
     shape = (copies, *scene.positions.shape)
-    free = np.array([n not in scene.pinned for n in range(shape[1])])[:, None]
+    free = np.array([n not in scene.pins for n in range(shape[1])])[:, None]
     down = np.zeros((copies, 1, 3))
     down[copies - 1 :: -2, 0, 2] = fall(scene)
     velocities = scene.velocities + free * rng.uniform(-1e-2, 1e-2, shape)
