@@ -28,7 +28,7 @@ STATISTICS = ("observations.mean", "observations.variance", "observations.limits
 value that comes out."""
 
 LAYERS = {"ppo": ("mlp_extractor.policy_net", "action_net"), "sac": ("actor.latent_pi", "actor.mu")}
-"""Names in PyTorch of what acts: the hidden layers, and the last one."""
+"""Names in PyTorch of the layers that act, by algorithm. First the hidden ones, then the last."""
 
 ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "tanh": np.tanh,
