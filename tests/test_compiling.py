@@ -19,11 +19,11 @@ import pytest
 from numba import typeof
 from numba.core.compiler_lock import global_compiler_lock
 
-from springgym import compiling
+from springgym import compiling, integrators
 from springgym.blocks import at, block_array
 from springgym.bodies import cube
 from springgym.compiling import SameTypes, _checksum, cache_directory, compiled, kernel
-from springgym.integrators import advance_kernel
+from springgym.integrators import verlet
 from springgym.lanes import any_lane, load, store
 from springgym.measures import read
 from springgym.scene import Scene, WrenchActuator
@@ -285,7 +285,7 @@ def test_kernels_neither_count_references_nor_allocate(
     """Of all that a step runs, nothing counts references to arrays, which would cost as much as physics."""
     monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path))  # what comes from the cache has no assembly
     simulator = Simulator(Scene(cube(), pinned=(0,), wrench=WrenchActuator()))
-    simulator._advance = advance_kernel.__wrapped__("verlet", read)
+    simulator._advance = integrators._kernel.__wrapped__(verlet.integrate, read)
     before = simulator.positions
     simulator.advance(3)
     assert not np.array_equal(simulator.positions, before)
