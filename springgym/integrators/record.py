@@ -78,7 +78,7 @@ class Control(NamedTuple):
 def workspace(method: Integrator, scene: Scene, dtype: Any) -> Any:
     """What a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's matrix."""
     bodies = [placed.body for placed in scene.bodies]
-    rows = max(max(len(body.masses), len(body.springs)) for body in bodies)
+    rows = max(max(len(body.masses), len(body.springs), len(scene.surfaces)) for body in bodies)
     arrays = aligned_zeros((method.workspace, rows, 3), dtype)
     if not method.implicit:
         return arrays

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces import accelerate, act, actuate, kick, move, paired, relax
+from springgym.forces import accelerate, act, actuate, drift, kick, paired, relax
+from springgym.forces.node import ARRIVE, LEAVE, WHOLE, act_at_node
 from springgym.integrators.record import Integrator
 
 RECORD = Integrator(
@@ -16,7 +17,7 @@ RECORD = Integrator(
     real_limit=float("inf"),
     symplectic=True,
     negative_substeps=False,
-    workspace=3,
+    workspace=6,
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
     meets_surfaces=True,
 )
@@ -24,6 +25,24 @@ RECORD = Integrator(
 
 @compiled
 def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+    """Drift h between nodes, where all else acts: half of it where a call of ``steps`` begins and ends."""
+    choose(x, v, ledger, workspace, h, steps, terms, terms.planes, terms.bowl)
+
+
+@compiled
+def choose(
+    x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any, planes: Any, bowl: Any
+) -> None:
+    if planes is None and bowl is None:
+        in_the_open(x, v, ledger, workspace, h, steps, terms)
+    if planes is not None:
+        on_surfaces(x, v, ledger, workspace, h, steps, terms)
+    if bowl is not None:
+        on_surfaces(x, v, ledger, workspace, h, steps, terms)
+
+
+@compiled
+def in_the_open(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
     """Damp h/2, kick h/2, drift h, kick h/2, damp h/2; the actuators act amid the damping.
 
     What loses or adds energy does so where velocities and positions are of the same time: half a kick
@@ -47,4 +66,22 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, t
             if not whole or n % 2 == 0:
                 relax(v, direction, False, whole, ledger, terms)
             kick(v, a, 0.5 * h)
-            move(x, v, a, h, ledger, terms)
+            drift(x, v, h)
+
+
+@compiled
+def on_surfaces(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+    """The same with contact and friction at the nodes (`springgym.forces.node`)."""
+    a, b = workspace[0], workspace[1]
+    space = (workspace[2], workspace[3], workspace[4], workspace[5])
+    for n in range(steps + 1):
+        accelerate(x, a, space[0], terms)
+        actuate(x, b, terms)
+        part = WHOLE
+        if n == 0:
+            part = LEAVE
+        elif n == steps:
+            part = ARRIVE
+        act_at_node(x, v, a, b, h, part, n % 2 == 1, space, ledger, terms)
+        if n < steps:
+            drift(x, v, h)
