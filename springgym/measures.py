@@ -9,7 +9,7 @@ import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces import potential_energy
-from springgym.forces.ledger import ENTRIES, WORK
+from springgym.forces.ledger import ENTRIES, HELD, WORK
 from springgym.lanes import bodies_of, load, maximum, of_body, sqrt, store
 from springgym.vectors import (
     ROUND_OFF,
@@ -158,6 +158,7 @@ def measure_block(x: Any, v: Any, ledger: Any, out: Any, pivot: Any, frame: Any,
         if particles.free[i]:
             kinetic = kinetic + 0.5 * load(mass, i) * dot(row(v, i), row(v, i))
     gravity, elastic, contact, strain = potential_energy(x, terms)
+    contact = contact + (0.0 * kinetic if ledger is None else load(ledger, HELD))
     store(out, KINETIC, kinetic)
     store(out, GRAVITY, gravity)
     store(out, ELASTIC, elastic)

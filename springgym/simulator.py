@@ -22,7 +22,7 @@ from springgym.blocks import (
 )
 from springgym.checks import HUGE, MANY, TINY
 from springgym.compiling import SameTypes
-from springgym.forces.ledger import ENTRIES
+from springgym.forces.ledger import ROOM
 from springgym.integrators.record import COUNTS, Control, Integrator, refusal, workspace
 from springgym.lanes import Ragged
 from springgym.measures import Measures, Readout
@@ -156,7 +156,7 @@ class Simulator:
         self._x = self._blocks(particles, 3)
         self._v = self._blocks(particles, 3)
         several = len(scene.bodies)
-        self._ledger = self._blocks(several * ENTRIES) if ledger else None
+        self._ledger = self._blocks(several * ROOM) if ledger else None
         shares = range(min(self.threads, self._x.shape[0]))
         self._workspace = [workspace(self.integrator, scene, self._x.dtype) for _ in shares]
         self._control = self._controlled(tolerance)
@@ -236,7 +236,7 @@ class Simulator:
         if len(bodies) == 1:
             return self._x, self._v, self._ledger
         particles = np.cumsum([0, *(len(placed.body.masses) for placed in bodies)])
-        entries = np.arange(len(bodies) + 1) * ENTRIES
+        entries = np.arange(len(bodies) + 1) * ROOM
         ledger = None if self._ledger is None else Ragged(self._ledger, entries)
         return Ragged(self._x, particles), Ragged(self._v, particles), ledger
 

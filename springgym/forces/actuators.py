@@ -193,22 +193,6 @@ def limited(velocity: Any, acceleration: Any, speed: Any) -> Any:
 
 
 @compiled
-def driven_acceleration(velocity: Any, tau: Any, drive: Any) -> Any:
-    """What is asked of a drive, as far as ``tau`` seconds of it do not exceed its largest speed."""
-    a = vector(drive.acceleration)
-    return (
-        up_to(velocity[0], a[0], tau, drive.speed),
-        up_to(velocity[1], a[1], tau, drive.speed),
-        up_to(velocity[2], a[2], tau, drive.speed),
-    )
-
-
-@compiled
-def up_to(velocity: Any, acceleration: Any, tau: Any, speed: Any) -> Any:
-    return (maximum(minimum(velocity + tau * acceleration, speed), -speed) - velocity) / tau
-
-
-@compiled
 def move_drive(v: Any, force: Any, tau: Any, drive: Any, ledger: Any) -> None:
     """Accelerate the driven particle for ``tau`` seconds, up to its largest speed.
 

@@ -11,8 +11,10 @@ from typing import Any
 from springgym.compiling import compiled
 from springgym.lanes import load, store
 
-WORK, DAMPING, CONTACT, FRICTION = range(4)
-ENTRIES = 4
+WORK, DAMPING, CONTACT, FRICTION, HELD = range(5)
+ENTRIES, ROOM = 4, 5
+"""`HELD` is no entry: what contact holds at a node beside the energy of its barriers, while it is read."""
+
 
 
 @compiled

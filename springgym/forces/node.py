@@ -27,10 +27,8 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces.actuators import driven_acceleration
-from springgym.forces.contact import height
-from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
-from springgym.forces.springs import damp
+from springgym.forces.contact import barrier_energy, height
+from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, HELD, WORK, record
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
 from springgym.vectors import TINY, choose, dot, minus, plus, plus_scaled, row, set_row, times, vector
 
@@ -191,6 +189,7 @@ def slowed(slip: Any, limit: Any) -> Any:
 @compiled
 def surfaces_change(
     i: Any,
+    place: Any,
     first: Any,
     last: Any,
     slip: Any,
@@ -205,7 +204,7 @@ def surfaces_change(
 ) -> Any:
     """The change of velocity [m/s] of particle ``i`` by the surfaces and their friction, at a whole node.
 
-    ``first`` and ``last`` are its positions half a step before and after the node, without the surfaces, and
+    ``place`` is where it is; ``first`` and ``last`` are its positions half a step before and after the node, without the surfaces, and
     ``slip`` its velocity without them; ``leave`` as in `LEAVE`. ``space`` (surfaces, 3) is workspace. Returns
     also what of that is friction, and the energy lost in the contact [J].
     """
@@ -218,7 +217,7 @@ def surfaces_change(
             )
         if bowl is not None:
             change, rub, lost = bowl_change(
-                i, first, last, slip, tau, leave, particles, bowl, friction, damping
+                i, place, first, last, slip, tau, leave, particles, bowl, friction, damping
             )
     return change, rub, lost
 
@@ -297,6 +296,7 @@ def planes_change(
 @compiled
 def bowl_change(
     i: Any,
+    place: Any,
     first: Any,
     last: Any,
     slip: Any,
@@ -309,7 +309,7 @@ def bowl_change(
 ) -> Any:
     """`surfaces_change` of a bowl.
 
-    The impulse acts along the normal n at the middle of first and last. With d from the centre and r = |d|, the
+    The impulse acts along the normal n at the node. With d from the centre and r = |d|, the
     heights at the ends of the step differ by exactly n̄ · (d₁ − d₀), n̄ = −(d₀ + d₁)/(r₀ + r₁), s = n̄ · n: the
     motion along n̄ is that above a plane. What the impulse does to the ends is found by iteration.
     """
@@ -318,7 +318,7 @@ def bowl_change(
     near, far = sqrt(dot(begin, begin) + TINY), sqrt(dot(free, free) + TINY)
     touching = maximum(near, far) > bowl.radius - bowl.reach
     push, lost = 0.0 * near, 0.0 * near
-    n = plus(begin, free)
+    n = minus(place, vector(bowl.centre))
     n = times(-1.0 / sqrt(dot(n, n) + TINY), n)
     c = load(bowl.strength, 0) * load(particles.inverse_mass, i)
     if any_lane(touching):
@@ -349,57 +349,55 @@ def bowl_change(
 
 
 @compiled
-def act_at_node(
-    x: Any, v: Any, a: Any, b: Any, h: Any, part: Any, backward: Any, space: Any, ledger: Any, terms: Any
-) -> None:
-    """Change the velocities by all that acts at a node, or in a ``part`` of it.
+def set_out(x: Any, v: Any, a: Any, b: Any, h: Any, space: Any, terms: Any) -> None:
+    """Begin a node: kick h/2, and half of what the surfaces are going to give, as far as is known.
 
-    ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators. The dampers are
-    taken in reverse order if ``backward``. ``space`` are workspace arrays: directions of the springs, v₋,
-    velocities that dampers start from, one for the surfaces.
+    Dampers must see the mean velocity of before and after the node, else rest looks like stretching to them.
+    ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators. ``space`` are
+    workspace arrays: velocities before, and as left here, what of them the surfaces gave, one for the surfaces.
     """
-    direction, before, middle, pushes = space
-    particles, dampers = terms.particles, terms.dampers
-    share = 1.0 if part == WHOLE else 0.5
-    leave = part == LEAVE
-    tau = share * h
-    surfaces = (particles, terms.planes, terms.bowl, terms.friction, terms.impact_damping)
+    before, middle, given, pushes = space
+    surfaces = (terms.particles, terms.planes, terms.bowl, terms.friction, terms.impact_damping)
     for i in range(v.shape[0]):
         start = row(v, i)
         set_row(before, i, start)
-        kick = with_actuators(row(a, i), b, i, terms.wrench, terms.thrust)
-        kick = unless_driven(kick, start, i, tau, terms.drive)
-        set_row(a, i, kick)
-        show_dampers(i, x, v, start, kick, h, leave, middle, pushes, dampers, *surfaces)
-    sweep(v, direction, terms.springs, dampers, terms.drive, part, backward)
-    work = 0.0 * load(v, (0, 0))
-    damped, rubbed, lost = work, work, work
-    for i in range(v.shape[0]):
-        start, place = row(before, i), row(x, i)
-        taken = taken_by_dampers(v, middle, i, dampers)
-        smooth = plus_scaled(taken, tau, row(a, i))
-        if leave:
-            slip = plus(start, smooth)
-            last = plus_scaled(place, 0.5 * h, slip)
-            first = plus_scaled(last, -h, start)
-        else:
-            slip = plus_scaled(start, 1.0 / share, smooth)
-            last = plus_scaled(place, 0.5 * h, slip)
-            first = plus_scaled(place, -0.5 * h, start)
-        change, rub, loss = surfaces_change(i, first, last, slip, h, leave, pushes, *surfaces)
-        end = plus_scaled(plus(start, smooth), share, change)
-        set_row(v, i, end)
-        if ledger is not None:
-            twice = times(load(particles.mass, i), plus(start, end))
-            work = work + power_of_actuators(b, i, twice, terms.wrench, terms.thrust)
-            damped = damped - dot(taken, twice)
-            rubbed = rubbed - dot(rub, twice)
-            lost = lost + loss
-    if ledger is not None:
-        record(ledger, WORK, (0.5 * tau) * (work + work_of_drive(before, v, b, terms.drive)))
-        record(ledger, DAMPING, 0.5 * damped)
-        record(ledger, CONTACT, share * lost)
-        record(ledger, FRICTION, (0.5 * share) * rubbed)
+        change = foreseen(
+            i, row(x, i), start, row(a, i), b, h, pushes, terms.dampers, terms.wrench, terms.thrust, *surfaces
+        )
+        half = times(0.5, change)
+        kicked = plus(plus_scaled(start, 0.5 * h, row(a, i)), half)
+        set_row(given, i, half)
+        set_row(middle, i, kicked)
+        set_row(v, i, kicked)
+
+
+@compiled
+def foreseen(
+    i: Any,
+    place: Any,
+    start: Any,
+    acceleration: Any,
+    b: Any,
+    h: Any,
+    pushes: Any,
+    dampers: Any,
+    wrench: Any,
+    thrust: Any,
+    particles: Any,
+    planes: Any,
+    bowl: Any,
+    friction: Any,
+    damping: Any,
+) -> Any:
+    """The change of velocity [m/s] by the surfaces as it is without dampers, if there are any."""
+    if dampers is None:
+        return times(0.0, start)
+    free = plus_scaled(start, h, with_actuators(acceleration, b, i, wrench, thrust))
+    first, last = plus_scaled(place, -0.5 * h, start), plus_scaled(place, 0.5 * h, free)
+    change, _, _ = surfaces_change(
+        i, place, first, last, free, h, False, pushes, particles, planes, bowl, friction, damping
+    )
+    return change
 
 
 @compiled
@@ -411,81 +409,94 @@ def with_actuators(acceleration: Any, b: Any, i: Any, wrench: Any, thrust: Any) 
 
 
 @compiled
-def power_of_actuators(b: Any, i: Any, twice: Any, wrench: Any, thrust: Any) -> Any:
-    if wrench is None and thrust is None:
-        return 0.0 * twice[0]
-    return dot(row(b, i), twice)
+def keep(v: Any, space: Any) -> None:
+    """Begin the second half of a node: nothing is given yet."""
+    for i in range(v.shape[0]):
+        start = row(v, i)
+        set_row(space[0], i, start)
+        set_row(space[1], i, start)
+        set_row(space[2], i, times(0.0, start))
 
 
 @compiled
-def unless_driven(acceleration: Any, velocity: Any, i: Any, tau: Any, drive: Any) -> Any:
-    """An acceleration, or that of the drive for its particle: as asked for, up to its largest speed."""
-    if drive is not None:
-        if i == drive.particle:
-            acceleration = driven_acceleration(velocity, tau, drive)
-    return acceleration
+def meet_surfaces(x: Any, v: Any, a: Any, h: Any, part: Any, space: Any, ledger: Any, terms: Any) -> None:
+    """Give what the surfaces give at a node, or at a ``part`` of it.
 
-
-@compiled
-def show_dampers(
-    i: Any,
-    x: Any,
-    v: Any,
-    start: Any,
-    kick: Any,
-    h: Any,
-    leave: Any,
-    middle: Any,
-    pushes: Any,
-    dampers: Any,
-    particles: Any,
-    planes: Any,
-    bowl: Any,
-    friction: Any,
-    damping: Any,
-) -> None:
-    """Set the velocity that dampers see: the mean of before and after the node, without them."""
-    if dampers is not None:
-        seen = start
-        if not leave:
-            free = plus_scaled(start, h, kick)
-            first, last = plus_scaled(row(x, i), -0.5 * h, start), plus_scaled(row(x, i), 0.5 * h, free)
-            change, _, _ = surfaces_change(
-                i, first, last, free, h, leave, pushes, particles, planes, bowl, friction, damping
-            )
-            seen = plus(plus_scaled(start, 0.5 * h, kick), times(0.5, change))
-        set_row(middle, i, seen)
-        set_row(v, i, seen)
-
-
-@compiled
-def taken_by_dampers(v: Any, middle: Any, i: Any, dampers: Any) -> Any:
-    """What dampers have done to a velocity."""
-    if dampers is None:
-        return times(0.0, row(v, i))
-    return minus(row(v, i), row(middle, i))
-
-
-@compiled
-def work_of_drive(before: Any, v: Any, holding: Any, drive: Any) -> Any:
-    work = 0.0 * load(v, (0, 0))
-    if drive is not None:
-        if drive.particle >= 0:
-            i = drive.particle
-            work = dot(row(holding, i), plus(row(before, i), row(v, i)))
-    return work
-
-
-@compiled
-def sweep(v: Any, direction: Any, springs: Any, dampers: Any, drive: Any, part: Any, backward: Any) -> None:
-    """Let the dampers act for a whole step, or for the half of it that belongs to a ``part``."""
-    if dampers is not None:
-        if part == LEAVE:
-            damp(v, direction, springs, dampers, drive, None, False, False)
-        elif part == ARRIVE:
-            damp(v, direction, springs, dampers, drive, None, True, False)
-        elif dampers.paired:
-            damp(v, direction, springs, dampers, drive, None, True, False)
-            damp(v, direction, springs, dampers, drive, None, False, False)
+    All else has been given but the last kick by ``a``, of h/2; ``space`` as in `set_out`.
+    """
+    before, middle, given, pushes = space
+    particles = terms.particles
+    surfaces = (particles, terms.planes, terms.bowl, terms.friction, terms.impact_damping)
+    leave = part == LEAVE
+    share = 1.0 if part == WHOLE else 0.5
+    stray = 0.0 * load(v, (0, 0))
+    rubbed, lost, held = stray, stray, stray
+    for i in range(v.shape[0]):
+        start, place, now = row(before, i), row(x, i), row(v, i)
+        soon = minus(now, row(given, i))
+        if part == ARRIVE:
+            slip = plus(soon, minus(soon, start))
         else:
-            damp(v, direction, springs, dampers, drive, None, backward, True)
+            slip = plus_scaled(soon, 0.5 * h, row(a, i))
+        last = plus_scaled(place, 0.5 * h, slip)
+        if leave:
+            first = plus_scaled(last, -h, start)
+        else:
+            first = plus_scaled(place, -0.5 * h, start)
+        change, rub, loss = surfaces_change(i, place, first, last, slip, h, leave, pushes, *surfaces)
+        more = minus(times(share, change), row(given, i))
+        end = plus(now, more)
+        set_row(v, i, end)
+        if ledger is not None:
+            mass = load(particles.mass, i)
+            other = minus(now, row(middle, i))
+            if part == WHOLE:
+                stray = stray + mass * dot(other, minus(times(0.5, change), row(given, i)))
+                mean = times(0.5, plus_scaled(plus(start, end), 0.5 * h, row(a, i)))
+            elif part == ARRIVE:
+                stray = stray + mass * dot(other, more)
+                mean = end
+                swing = times(0.5, change)
+                held = held + mass * dot(swing, plus(times(0.25, change), other))
+                after = plus(end, minus(end, start))
+                last = plus_scaled(place, 0.5 * h, after)
+                held = held + 0.5 * (
+                    energy_at(i, first, particles, terms.planes, terms.bowl)
+                    + energy_at(i, last, particles, terms.planes, terms.bowl)
+                )
+                held = held - energy_at(i, place, particles, terms.planes, terms.bowl)
+            else:
+                mean = start
+            rubbed = rubbed - mass * dot(rub, mean)
+            lost = lost + loss
+    if ledger is not None:
+        record_stray(ledger, stray, terms.dampers)
+        record(ledger, CONTACT, share * lost)
+        record(ledger, FRICTION, share * rubbed)
+        store(ledger, HELD, held)
+
+
+@compiled
+def record_stray(ledger: Any, stray: Any, dampers: Any) -> None:
+    """The work of what acted before the surfaces' share was known, by the change that they made to it."""
+    if dampers is None:
+        record(ledger, WORK, stray)
+    else:
+        record(ledger, DAMPING, -1.0 * stray)
+
+
+@compiled
+def energy_at(i: Any, place: Any, particles: Any, planes: Any, bowl: Any) -> Any:
+    """Energy of particle ``i`` in the surfaces' barriers [J], at a ``place``."""
+    energy = 0.0 * place[0]
+    if particles.free[i]:
+        if planes is not None:
+            for k in range(planes.offset.size):
+                energy = energy + barrier_energy(
+                    height(place, planes, k), load(planes.strength, 0), planes.reach
+                )
+        if bowl is not None:
+            from_centre = minus(place, vector(bowl.centre))
+            h = bowl.radius - sqrt(dot(from_centre, from_centre))
+            energy = energy + barrier_energy(h, load(bowl.strength, 0), bowl.reach)
+    return energy

@@ -6,7 +6,7 @@ from typing import Any
 
 from springgym.compiling import compiled
 from springgym.forces import accelerate, act, actuate, drift, kick, paired, relax
-from springgym.forces.node import ARRIVE, LEAVE, WHOLE, act_at_node
+from springgym.forces.node import ARRIVE, LEAVE, WHOLE, keep, meet_surfaces, set_out
 from springgym.integrators.record import Integrator
 
 RECORD = Integrator(
@@ -17,7 +17,7 @@ RECORD = Integrator(
     real_limit=float("inf"),
     symplectic=True,
     negative_substeps=False,
-    workspace=6,
+    workspace=7,
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
     meets_surfaces=True,
 )
@@ -72,16 +72,26 @@ def in_the_open(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any,
 @compiled
 def on_surfaces(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
     """The same with contact and friction at the nodes (`springgym.forces.node`)."""
-    a, b = workspace[0], workspace[1]
-    space = (workspace[2], workspace[3], workspace[4], workspace[5])
+    a, b, direction = workspace[0], workspace[1], workspace[2]
+    space = (workspace[3], workspace[4], workspace[5], workspace[6])
+    pair = paired(terms.dampers)
     for n in range(steps + 1):
-        accelerate(x, a, space[0], terms)
+        accelerate(x, a, direction, terms)
         actuate(x, b, terms)
-        part = WHOLE
-        if n == 0:
-            part = LEAVE
-        elif n == steps:
-            part = ARRIVE
-        act_at_node(x, v, a, b, h, part, n % 2 == 1, space, ledger, terms)
+        inner = 0 < n < steps
+        whole = inner and not pair
+        part = WHOLE if inner else (LEAVE if n == 0 else ARRIVE)
+        if n > 0:
+            set_out(x, v, a, b, h, space, terms)
+            if not whole or n % 2 == 1:
+                relax(v, direction, True, whole, ledger, terms)
+        else:
+            keep(v, space)
+        act(v, b, h if inner else 0.5 * h, ledger, terms)
         if n < steps:
+            if not whole or n % 2 == 0:
+                relax(v, direction, False, whole, ledger, terms)
+        meet_surfaces(x, v, a, h, part, space, ledger, terms)
+        if n < steps:
+            kick(v, a, 0.5 * h)
             drift(x, v, h)
