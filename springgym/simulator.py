@@ -22,7 +22,7 @@ from springgym.blocks import (
 )
 from springgym.checks import HUGE, MANY, TINY
 from springgym.compiling import SameTypes
-from springgym.forces.ledger import ROOM
+from springgym.forces.ledger import room
 from springgym.integrators.record import COUNTS, Control, Integrator, refusal, workspace
 from springgym.lanes import Ragged
 from springgym.measures import Measures, Readout
@@ -155,17 +155,18 @@ class Simulator:
         """[s], (copies,)"""
         self._x = self._blocks(particles, 3)
         self._v = self._blocks(particles, 3)
-        several = len(scene.bodies)
-        self._ledger = self._blocks(several * ROOM) if ledger else None
+        entries = sum(room(len(placed.body.masses)) for placed in scene.bodies)
+        self._ledger = self._blocks(entries) if ledger else None
         shares = range(min(self.threads, self._x.shape[0]))
         self._workspace = [workspace(self.integrator, scene, self._x.dtype) for _ in shares]
         self._control = self._controlled(tolerance)
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
+        several = len(scene.bodies)
         each = rows[:, None] if several == 1 else np.zeros((self.copies, several, measures.SIZE))
         self.readout = Readout(rows, np.zeros(shape), np.zeros(shape), each)
         """what was read off the copies last, see `read`: one row a copy, of no use to write to"""
-        room = (measures.SIZE,) if several == 1 else (2, measures.SIZE)
-        self._space = aligned_zeros((len(shares), *room), self._x.dtype)
+        size = (measures.SIZE,) if several == 1 else (2, measures.SIZE)
+        self._space = aligned_zeros((len(shares), *size), self._x.dtype)
         self._pivot = stacked([placed.pivot for placed in scene.bodies])
         self._frame = stacked([np.array(placed.body.frame, np.uint32) for placed in scene.bodies])
         self._springs = sum(len(placed.body.springs) for placed in scene.bodies)
@@ -236,7 +237,7 @@ class Simulator:
         if len(bodies) == 1:
             return self._x, self._v, self._ledger
         particles = np.cumsum([0, *(len(placed.body.masses) for placed in bodies)])
-        entries = np.arange(len(bodies) + 1) * ROOM
+        entries = np.cumsum([0, *(room(len(placed.body.masses)) for placed in bodies)])
         ledger = None if self._ledger is None else Ragged(self._ledger, entries)
         return Ragged(self._x, particles), Ragged(self._v, particles), ledger
 

@@ -11,9 +11,16 @@ from typing import Any
 from springgym.compiling import compiled
 from springgym.lanes import load, store
 
-WORK, DAMPING, CONTACT, FRICTION, HELD = range(5)
-ENTRIES, ROOM = 4, 5
-"""`HELD` is no entry: what contact holds at a node beside the energy of its barriers, while it is read."""
+WORK, DAMPING, CONTACT, FRICTION, HELD, MET, LIFTS = range(7)
+ENTRIES = 4
+"""What follows is no entry, but what is kept of a node while it is read (`springgym.forces.node`): what contact
+holds beside the energy of its barriers; 1 if the state was read off at a node, 0 if it was placed; and how far
+each particle is lifted, 3 numbers each."""
+
+
+def room(particles: int) -> int:
+    """Numbers in the ledger of a body."""
+    return LIFTS + 3 * particles
 
 
 

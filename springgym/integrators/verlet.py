@@ -6,7 +6,7 @@ from typing import Any
 
 from springgym.compiling import compiled
 from springgym.forces import accelerate, act, actuate, drift, kick, paired, relax
-from springgym.forces.node import ARRIVE, LEAVE, WHOLE, keep, meet_surfaces, set_out
+from springgym.forces.node import ARRIVE, LEAVE, WHOLE, keep, lower, meet_surfaces, raise_to_read, set_out
 from springgym.integrators.record import Integrator
 
 RECORD = Integrator(
@@ -75,6 +75,7 @@ def on_surfaces(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any,
     a, b, direction = workspace[0], workspace[1], workspace[2]
     space = (workspace[3], workspace[4], workspace[5], workspace[6])
     pair = paired(terms.dampers)
+    lower(x, ledger)
     for n in range(steps + 1):
         accelerate(x, a, direction, terms)
         actuate(x, b, terms)
@@ -95,3 +96,4 @@ def on_surfaces(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any,
         if n < steps:
             kick(v, a, 0.5 * h)
             drift(x, v, h)
+    raise_to_read(x, ledger, terms.springs)
