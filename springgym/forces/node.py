@@ -40,7 +40,7 @@ ROUNDS = 30
 """Most rounds of Newton's method for a height; it squares the error each time."""
 
 CONVERGED = 1e-7
-"""Change of a height, as a share of Δ, at which Newton's method has it: the error left is the square."""
+"""Change of a height, as a share of it, at which Newton's method has it: the error left is the square."""
 
 TURNS = 20
 """How often planes at a wide angle are taken in turn, at the most."""
@@ -106,7 +106,7 @@ def meet(start: Any, free: Any, tau: Any, c: Any, reach: Any) -> Any:
             new = select(outside, 0.5 * (low + high), new)
             change = maximum(new - here, here - new)
             guess = select(active > 0.5, new, guess)
-            active = select(change > CONVERGED * reach, active, 0.0)
+            active = select(change > CONVERGED * here, active, 0.0)
             if not any_lane(active > 0.5):
                 break
         guess = maximum(guess, LEAST * reach)
@@ -142,7 +142,7 @@ def between(start: Any, end: Any, tau: Any, c: Any, reach: Any) -> Any:
         new = select(outside, 0.5 * (low + high), new)
         change = maximum(new - y, y - new)
         y = select(active > 0.5, new, y)
-        active = select(change > CONVERGED * reach, active, 0.0)
+        active = select(change > CONVERGED * y, active, 0.0)
         if not any_lane(active > 0.5):
             break
     y = maximum(y, LEAST * reach)
@@ -205,7 +205,7 @@ def meet_with_loss(start: Any, u: Any, s: Any, tau: Any, c: Any, reach: Any, d: 
         new = select(outside, 0.5 * (low + high), new)
         change = maximum(new - here, here - new)
         guess = select(active > 0.5, new, guess)
-        active = select(change > FOUND * reach, active, 0.0)
+        active = select(change > FOUND * here, active, 0.0)
         if not any_lane(active > 0.5):
             break
     here = select(slack, maximum(free, LEAST * reach), maximum(guess, LEAST * reach))
@@ -243,13 +243,14 @@ def between_with_loss(start: Any, u: Any, s: Any, tau: Any, c: Any, reach: Any, 
         new = select(outside, middle, new)
         change = maximum(new - impulse, impulse - new)
         impulse = select(active > 0.5, new, impulse)
-        active = select(tau * change > FOUND * reach, active, 0.0)
+        active = select(change > FOUND * impulse, active, 0.0)
         if not any_lane(active > 0.5):
             break
     phi, psi = decay_means(d * impulse)
     e = (s + impulse * follow) / (1.0 - 0.5 * d * impulse * phi)
     changed, bend = select(slack, s, e * phi), select(slack, 0.0, e * (psi - 0.5 * phi))
-    impulse = select(slack, 0.0, impulse)
+    mean, _ = gradient(maximum(start, LEAST * reach), maximum(start + tau * u, LEAST * reach), reach)
+    impulse = select(slack, tau * c * mean, impulse)
     return changed - s, bend, (s + impulse) * (u + bend) - changed * u
 
 
@@ -262,7 +263,7 @@ def excess(impulse: Any, start: Any, u: Any, s: Any, tau: Any, c: Any, reach: An
     last = first + tau * (u + e * (psi - 0.5 * phi))
     least = LEAST * reach
     mean, _ = gradient(maximum(first, least), maximum(last, least), reach)
-    return select(minimum(first, last) > least, impulse - tau * c * mean, -1e-3 * impulse - least / tau)
+    return select(minimum(first, last) > least, impulse - tau * c * mean, -1.0 * impulse - reach / tau)
 
 
 @compiled
@@ -275,10 +276,20 @@ def law(leave: Any, start: Any, u: Any, s: Any, tau: Any, c: Any, reach: Any, da
             push = meet(start, start + tau * (u + 0.5 * s), tau, c, reach)
         return push, 0.0 * push, 0.0 * push
     d = load(damping, 0)
-    if leave:
-        push, bend, loss = between_with_loss(start, u, s, tau, c, reach, d)
-    else:
-        push, bend, loss = meet_with_loss(start, u, s, tau, c, reach, d)
+    elastic = d <= 0.0
+    push, bend, loss = 0.0 * start, 0.0 * start, 0.0 * start
+    if any_lane(d > 0.0):
+        if leave:
+            push, bend, loss = between_with_loss(start, u, s, tau, c, reach, d)
+        else:
+            push, bend, loss = meet_with_loss(start, u, s, tau, c, reach, d)
+    if any_lane(elastic):
+        if leave:
+            full = between(start, start + tau * u, tau, c, reach)
+        else:
+            full = meet(start, start + tau * (u + 0.5 * s), tau, c, reach)
+        push = select(elastic, full, push)
+        bend, loss = select(elastic, 0.0, bend), select(elastic, 0.0, loss)
     return push, bend, loss
 
 
