@@ -176,7 +176,7 @@ def meet_with_loss(start: Any, u: Any, s: Any, tau: Any, c: Any, reach: Any, d: 
 
     Returns
     -------
-    the change of speed [m/s]; V̄ less the mean of first and last speed [m/s]; energy lost per mass [m²/s²]
+    the change of speed [m/s]; V̄ less the mean of first and last speed [m/s]; J [m/s]
     """
     start = maximum(start, LEAST * reach)
     slack = maximum(1.0 - d * u, 1.0 - d * (u + s)) <= 0.0  # leaves faster than the surface's force follows
@@ -214,8 +214,7 @@ def meet_with_loss(start: Any, u: Any, s: Any, tau: Any, c: Any, reach: Any, d: 
     phi, psi = decay_means(d * impulse)
     e = s + impulse * follow
     changed, more = select(slack, s, e * phi), select(slack, 0.5 * s, e * psi)
-    loss = (s + impulse) * (u + more) - changed * (u + 0.5 * changed)
-    return changed - s, more - 0.5 * changed, loss
+    return changed - s, more - 0.5 * changed, impulse
 
 
 @compiled
@@ -251,7 +250,7 @@ def between_with_loss(start: Any, u: Any, s: Any, tau: Any, c: Any, reach: Any, 
     changed, bend = select(slack, s, e * phi), select(slack, 0.0, e * (psi - 0.5 * phi))
     mean, _ = gradient(maximum(start, LEAST * reach), maximum(start + tau * u, LEAST * reach), reach)
     impulse = select(slack, tau * c * mean, impulse)
-    return changed - s, bend, (s + impulse) * (u + bend) - changed * u
+    return changed - s, bend, impulse
 
 
 @compiled
@@ -268,29 +267,29 @@ def excess(impulse: Any, start: Any, u: Any, s: Any, tau: Any, c: Any, reach: An
 
 @compiled
 def law(leave: Any, start: Any, u: Any, s: Any, tau: Any, c: Any, reach: Any, damping: Any) -> Any:
-    """`meet` or, after the state was read, `between`: change of speed, bend of the way, energy lost per mass."""
+    """`meet` or, after the state was read, `between`: change of speed, bend of the way, J [m/s]."""
     if damping is None:
         if leave:
             push = between(start, start + tau * u, tau, c, reach)
         else:
             push = meet(start, start + tau * (u + 0.5 * s), tau, c, reach)
-        return push, 0.0 * push, 0.0 * push
+        return push, 0.0 * push, push
     d = load(damping, 0)
     elastic = d <= 0.0
-    push, bend, loss = 0.0 * start, 0.0 * start, 0.0 * start
+    push, bend, impulse = 0.0 * start, 0.0 * start, 0.0 * start
     if any_lane(d > 0.0):
         if leave:
-            push, bend, loss = between_with_loss(start, u, s, tau, c, reach, d)
+            push, bend, impulse = between_with_loss(start, u, s, tau, c, reach, d)
         else:
-            push, bend, loss = meet_with_loss(start, u, s, tau, c, reach, d)
+            push, bend, impulse = meet_with_loss(start, u, s, tau, c, reach, d)
     if any_lane(elastic):
         if leave:
             full = between(start, start + tau * u, tau, c, reach)
         else:
             full = meet(start, start + tau * (u + 0.5 * s), tau, c, reach)
         push = select(elastic, full, push)
-        bend, loss = select(elastic, 0.0, bend), select(elastic, 0.0, loss)
-    return push, bend, loss
+        bend, impulse = select(elastic, 0.0, bend), select(elastic, full, impulse)
+    return push, bend, impulse
 
 
 # --- Surfaces -----------------------------------------------------------------------------------------
@@ -360,35 +359,43 @@ def planes_change(
     free, so that it moves nothing towards a plane.
     """
     nothing = times(0.0, speed)
-    given, bend, lost = nothing, nothing, nothing[0]
+    given, bend, force = nothing, nothing, nothing
     c = load(planes.strength, 0) * load(particles.inverse_mass, i)
     share = 0.5 if leave else 1.0
     for turn in range(TURNS if planes.oblique else 1):
-        lost, changed, bend = nothing[0], nothing[0], nothing
+        changed, force = nothing[0], nothing
         for k in range(planes.offset.size):
             n = row(planes.normal, k)
             start, u, s = height(first, planes, k), dot(n, speed), dot(n, smooth)
-            own = nothing[0]
+            own, curve = nothing[0], nothing[0]
             if planes.oblique:
                 if turn > 0:
-                    own = load(pushes, (k, 0))
+                    own, curve = load(pushes, (k, 0)), load(pushes, (k, 1))
                 others = dot(n, given) - own
-                s = s + others
+                s, u = s + others, u + (dot(n, bend) - curve)
                 if leave:
                     start = start + (0.25 * tau) * others
             free = start + tau * (u if leave else u + 0.5 * s)
             touching = minimum(start, free) < planes.reach
-            push = nothing[0]
+            push, bent = nothing[0], nothing[0]
             if any_lane(touching):
-                push, bent, loss = law(leave, start, u, s, tau, c, planes.reach, damping)
-                push = select(touching, push, 0.0)
-                bend = plus_scaled(bend, select(touching, tau * bent, 0.0), n)
-                lost = lost + select(touching, loss, 0.0)
+                push, bent, impulse = law(leave, start, u, s, tau, c, planes.reach, damping)
+                push, bent = select(touching, push, 0.0), select(touching, bent, 0.0)
+                force = plus_scaled(force, select(touching, impulse, 0.0), n)
             store(pushes, (k, 0), push)
+            store(pushes, (k, 1), bent)
             given = plus_scaled(given, push - own, n)
+            bend = plus_scaled(bend, bent - curve, n)
             changed = maximum(changed, maximum(push - own, own - push))
         if not any_lane(tau * changed > CONVERGED * planes.reach):
             break
+    lost = nothing[0]
+    if damping is not None:
+        middle = plus(speed, bend)
+        if not leave:
+            middle = plus_scaled(middle, 0.5, plus(smooth, given))
+        lost = dot(minus(force, given), middle) + dot(plus(smooth, given), bend)
+    bend = times(tau, bend)
     rub = nothing
     if friction is not None:
         left, normal, pressed, touched = plus_scaled(speed, share, smooth), nothing, nothing[0], nothing[0]
@@ -450,7 +457,9 @@ def bowl_change(
             start = bowl.radius - near - (early * push) * sigma
             u, s = dot(mean, speed), dot(mean, smooth)
             meeting = minimum(start, start + tau * (u if leave else u + 0.5 * s)) < bowl.reach
-            push, bent, lost = law(leave, start, u, s, tau, c * sigma * sigma, bowl.reach, damping)
+            push, bent, impulse = law(leave, start, u, s, tau, c * sigma * sigma, bowl.reach, damping)
+            middle = u + bent if leave else u + bent + 0.5 * (s + push)
+            lost = (impulse - push) * middle + (s + push) * bent
             push = select(meeting, push / sigma, 0.0)
             bent = select(meeting, bent / sigma, 0.0)
             lost = select(meeting, lost / (sigma * sigma), 0.0)
