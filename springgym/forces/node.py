@@ -274,7 +274,7 @@ def law(leave: Any, start: Any, u: Any, s: Any, tau: Any, c: Any, reach: Any, da
         else:
             push = meet(start, start + tau * (u + 0.5 * s), tau, c, reach)
         return push, 0.0 * push, push
-    d = load(damping, 0)
+    d = load(damping, 0) + 0.0 * start
     elastic = d <= 0.0
     push, bend, impulse = 0.0 * start, 0.0 * start, 0.0 * start
     if any_lane(d > 0.0):
