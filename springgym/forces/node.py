@@ -484,7 +484,7 @@ def set_out(x: Any, v: Any, a: Any, b: Any, h: Any, space: Any, terms: Any) -> N
     ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators. ``space`` are
     workspace arrays: velocities before, and as left here, what of them the surfaces gave, one for the surfaces.
     """
-    before, middle, given, pushes = space
+    before, middle, given, pushes, _ = space
     surfaces = (terms.particles, terms.planes, terms.bowl, terms.friction, terms.impact_damping)
     for i in range(v.shape[0]):
         start = row(v, i)
@@ -553,13 +553,13 @@ def meet_surfaces(x: Any, v: Any, a: Any, h: Any, part: Any, space: Any, ledger:
     All else has been given but the last kick by ``a``, of h/2; ``space`` as in `set_out`. A state that was
     placed, not read off at a node, begins with half a step of its own: ``fresh``.
     """
-    before, middle, given, pushes = space
+    before, middle, given, pushes, bends = space
     particles = terms.particles
     surfaces = (particles, terms.planes, terms.bowl, terms.friction, terms.impact_damping)
     leave = part == LEAVE
     share = 1.0 if part == WHOLE else 0.5
     stray = 0.0 * load(v, (0, 0))
-    rubbed, lost, held = stray, stray, stray
+    rubbed, lost, held, curved = stray, stray, stray, stray
     fresh = is_fresh(stray, leave, ledger)
     for i in range(v.shape[0]):
         start, place, now = row(before, i), row(x, i), row(v, i)
@@ -575,7 +575,9 @@ def meet_surfaces(x: Any, v: Any, a: Any, h: Any, part: Any, space: Any, ledger:
         change, rub, bend, loss = surfaces_change(
             i, place, first, start, smooth, h, leave, pushes, *surfaces
         )
+        curve = bend
         if any_lane(fresh):
+            curve = choose(fresh, times(0.0, bend), bend)
             own = half_step(i, place, start, times(0.5, smooth), 0.5 * h, pushes, *surfaces)
             change, rub = choose(fresh, own[0], change), choose(fresh, own[1], rub)
             bend, loss = choose(fresh, own[2], bend), select(fresh, own[3], loss)
@@ -586,6 +588,11 @@ def meet_surfaces(x: Any, v: Any, a: Any, h: Any, part: Any, space: Any, ledger:
             set_row(x, i, plus(place, bend))
         if ledger is not None:
             mass = load(particles.mass, i)
+            if part != LEAVE:  # the springs' work on a bend is that of the forces at both of its ends
+                curved = curved + 0.5 * mass * dot(row(bends, i), row(a, i))
+            if part != ARRIVE:
+                curved = curved - 0.5 * mass * dot(curve, row(a, i))
+                set_row(bends, i, curve)
             other = minus(now, row(middle, i))
             mean = start
             if part == WHOLE:
@@ -612,7 +619,7 @@ def meet_surfaces(x: Any, v: Any, a: Any, h: Any, part: Any, space: Any, ledger:
             lost = lost + loss
     if ledger is not None:
         record_stray(ledger, stray, terms.dampers)
-        record(ledger, CONTACT, share * lost)
+        record(ledger, CONTACT, share * lost + curved)
         record(ledger, FRICTION, share * rubbed)
         store(ledger, HELD, held)
         if part == ARRIVE:

@@ -17,7 +17,7 @@ RECORD = Integrator(
     real_limit=float("inf"),
     symplectic=True,
     negative_substeps=False,
-    workspace=7,
+    workspace=8,
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
     meets_surfaces=True,
 )
@@ -73,7 +73,7 @@ def in_the_open(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any,
 def on_surfaces(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
     """The same with contact and friction at the nodes (`springgym.forces.node`)."""
     a, b, direction = workspace[0], workspace[1], workspace[2]
-    space = (workspace[3], workspace[4], workspace[5], workspace[6])
+    space = (workspace[3], workspace[4], workspace[5], workspace[6], workspace[7])
     pair = paired(terms.dampers)
     lower(x, ledger)
     for n in range(steps + 1):
