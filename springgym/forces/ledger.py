@@ -23,7 +23,6 @@ def room(particles: int) -> int:
     return LIFTS + 3 * particles
 
 
-
 @compiled
 def record(ledger: Any, entry: Any, energy: Any) -> None:
     """Add an energy [J] to an entry: `WORK` done by actuators, or lost to the other three."""

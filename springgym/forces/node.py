@@ -254,7 +254,9 @@ def between_with_loss(start: Any, u: Any, s: Any, tau: Any, c: Any, reach: Any, 
 
 
 @compiled
-def excess(impulse: Any, start: Any, u: Any, s: Any, tau: Any, c: Any, reach: Any, d: Any, follow: Any) -> Any:
+def excess(
+    impulse: Any, start: Any, u: Any, s: Any, tau: Any, c: Any, reach: Any, d: Any, follow: Any
+) -> Any:
     """An impulse J less that of the heights that follow from it; negative where they are behind the surface."""
     phi, psi = decay_means(d * impulse)
     e = (s + impulse * follow) / (1.0 - 0.5 * d * impulse * phi)
@@ -463,7 +465,11 @@ def bowl_change(
             push = select(meeting, push / sigma, 0.0)
             bent = select(meeting, bent / sigma, 0.0)
             lost = select(meeting, lost / (sigma * sigma), 0.0)
-        push, bent, lost = select(touching, push, 0.0), select(touching, bent, 0.0), select(touching, lost, 0.0)
+        push, bent, lost = (
+            select(touching, push, 0.0),
+            select(touching, bent, 0.0),
+            select(touching, lost, 0.0),
+        )
     rub = times(0.0, speed)
     if friction is not None:
         share = 0.5 if leave else 1.0
@@ -572,9 +578,7 @@ def meet_surfaces(x: Any, v: Any, a: Any, h: Any, part: Any, space: Any, ledger:
         if leave:
             first = plus_scaled(first, 0.5 * h, smooth)
             smooth = times(2.0, smooth)
-        change, rub, bend, loss = surfaces_change(
-            i, place, first, start, smooth, h, leave, pushes, *surfaces
-        )
+        change, rub, bend, loss = surfaces_change(i, place, first, start, smooth, h, leave, pushes, *surfaces)
         curve = bend
         if any_lane(fresh):
             curve = choose(fresh, times(0.0, bend), bend)
@@ -663,7 +667,15 @@ def half_step(
 
 @compiled
 def lifted(
-    i: Any, place: Any, first: Any, last: Any, particles: Any, planes: Any, bowl: Any, friction: Any, damping: Any
+    i: Any,
+    place: Any,
+    first: Any,
+    last: Any,
+    particles: Any,
+    planes: Any,
+    bowl: Any,
+    friction: Any,
+    damping: Any,
 ) -> Any:
     """How far a node is lifted [m] while it is read: to half of the lower of the heights around it, or higher.
 
