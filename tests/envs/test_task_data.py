@@ -11,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from springgym.envs import free_top
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS, Row
 from springgym.simulator import Simulator
@@ -65,6 +66,11 @@ def test_limits_of_actions(row: Row) -> None:
         if not lines:  # one mode, told in words
             told[:] = number(documentation(row).split("at ±1 ±")[1])
         np.testing.assert_allclose(told, limits, rtol=0.03)  # as it is rounded there
+
+
+def test_what_the_torque_of_the_free_top_does_is_told_too() -> None:
+    (row,) = (row for row in ENVIRONMENTS if row.id == "SpringFreeTop-v0")
+    assert number(documentation(row).split("turns the ring by")[1]) == free_top.SPIN_UP
 
 
 @each_row
