@@ -367,9 +367,6 @@ def at(typingctx: Any, term: Any, block: Any) -> Any:
     return _one_block(term)(term, block), codegen
 
 
-# --- Compiled of these ------------------------------------------------------------------------------
-
-
 # --- Several bodies -----------------------------------------------------------------------------------
 
 
@@ -462,6 +459,9 @@ def bodies_of(typingctx: Any, term: Any) -> Any:
         return builder.sub(extent, extent.type(1))
 
     return types.intp(term), codegen
+
+
+# --- Compiled of these ------------------------------------------------------------------------------
 
 
 @compiled

@@ -373,12 +373,20 @@ class Scene(ReadOnly):
         each = zip(self.bodies, self.slices, strict=True)
         return tuple(own.start + pin for placed, own in each for pin in placed.pinned)
 
-    @cached_property
+    def of_bodies(self, name: str) -> np.ndarray:
+        """What each particle or spring has, of all bodies, one body after another: an array of `Body`."""
+        return np.concatenate([getattr(placed.body, name) for placed in self.bodies])
+
+    @property
     def masses(self) -> np.ndarray:
         """Masses of the particles of all bodies [kg], (N,)."""
-        masses = np.concatenate([placed.body.masses for placed in self.bodies])
-        masses.setflags(write=False)
-        return masses
+        return self.of_bodies("masses")
+
+    @property
+    def springs(self) -> np.ndarray:
+        """The springs of all bodies as pairs of particles, by their number among all particles, (S, 2)."""
+        each = zip(self.bodies, self.slices, strict=True)
+        return np.concatenate([placed.body.springs + own.start for placed, own in each])
 
     @property
     def pivot(self) -> int:

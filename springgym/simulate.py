@@ -139,14 +139,13 @@ def save_trace(recording: Recording, path: Path) -> None:
     energies = {name: getattr(recording.measures, name) for name in ENERGIES}
     if path.suffix.lower() == ".npz":
         scene = recording.plan.scene
-        bodies = zip(scene.bodies, scene.slices, strict=True)
         np.savez_compressed(
             path,
             times=recording.times,
             positions=recording.positions,
             velocities=recording.velocities,
             masses=scene.masses,
-            springs=np.concatenate([placed.body.springs + own.start for placed, own in bodies]),
+            springs=scene.springs,
             **energies,
         )
         return

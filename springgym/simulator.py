@@ -155,25 +155,25 @@ class Simulator:
         """[s], (copies,)"""
         self._x = self._blocks(particles, 3)
         self._v = self._blocks(particles, 3)
-        several = len(scene.bodies)
-        self._ledger = self._blocks(several * ENTRIES) if ledger else None
+        bodies = len(scene.bodies)
+        self._ledger = self._blocks(bodies * ENTRIES) if ledger else None
         shares = range(min(self.threads, self._x.shape[0]))
         self._workspace = [workspace(self.integrator, scene, self._x.dtype) for _ in shares]
         self._control = self._controlled(tolerance)
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
-        each = rows[:, None] if several == 1 else np.zeros((self.copies, several, measures.SIZE))
+        each = rows[:, None] if bodies == 1 else np.zeros((self.copies, bodies, measures.SIZE))
         self.readout = Readout(rows, np.zeros(shape), np.zeros(shape), each)
         """what was read off the copies last, see `read`: one row a copy, of no use to write to"""
-        room = (measures.SIZE,) if several == 1 else (2, measures.SIZE)
+        room = (measures.SIZE,) if bodies == 1 else (2, measures.SIZE)
         self._space = aligned_zeros((len(shares), *room), self._x.dtype)
         self._pivot = stacked([placed.pivot for placed in scene.bodies])
         self._frame = stacked([np.array(placed.body.frame, np.uint32) for placed in scene.bodies])
-        self._springs = sum(len(placed.body.springs) for placed in scene.bodies)
+        self._springs = len(scene.springs)
         options = Options(self.integrator, self.step, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, dynamics == "rigid", options)
         self._actuators = self._actuated()
         self._advance = self._kernel()
-        self._check_start(scene.positions[None], scene.velocities[None], np.zeros(1, int))
+        self._check_settled(scene.positions[None], scene.velocities[None], np.zeros(1, int))
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
             numbers(array)[:] = start[..., None]  # the padding of the last block, too
         self._settle(np.arange(self.copies))
@@ -232,11 +232,11 @@ class Simulator:
     @cached_property
     def _moving(self) -> tuple[Any, Any, Any]:
         """Positions, velocities and ledger as kernels take them: of several bodies, each a `Ragged`."""
-        bodies = self.scene.bodies
-        if len(bodies) == 1:
+        slices = self.scene.slices
+        if len(slices) == 1:
             return self._x, self._v, self._ledger
-        particles = np.cumsum([0, *(len(placed.body.masses) for placed in bodies)])
-        entries = np.arange(len(bodies) + 1) * ENTRIES
+        particles = np.array([0, *(own.stop for own in slices)])
+        entries = np.arange(len(slices) + 1) * ENTRIES
         ledger = None if self._ledger is None else Ragged(self._ledger, entries)
         return Ragged(self._x, particles), Ragged(self._v, particles), ledger
 
@@ -289,7 +289,8 @@ class Simulator:
             self._rows("positions", positions, index, shape),
             self._rows("velocities", velocities, index, shape),
         )
-        self._check_start(x, v, index)
+        self.scene.check_start(x, v, index)
+        self._check_settled(x, v, index)
         set_copies(self._x, index, x)
         set_copies(self._v, index, v)
         self._settle(index)
@@ -297,9 +298,9 @@ class Simulator:
             set_copies(self._ledger, index, 0.0)
         self.time[index] = 0.0
 
-    def _check_start(self, x: np.ndarray, v: np.ndarray, index: np.ndarray) -> None:
-        self.scene.check_start(x, v, index)
-        if self._twin:  # which `_settle` moves
+    def _check_settled(self, x: np.ndarray, v: np.ndarray, index: np.ndarray) -> None:
+        """In rigid dynamics, refuse starts that `_settle` would move to where nothing can start."""
+        if self._twin:
             settled = [
                 rigid.settled(packed.scene, x[:, own], packing.values(packed, "masses", index), index)
                 for packed, own in zip(self._packed, self.scene.slices, strict=True)
@@ -376,8 +377,9 @@ class Simulator:
             rows = self._rows(
                 name, value, index, shapes[0] if shared else (int(ends[-1]),), low, parameter.most
             )
-            for own, shape, first in zip(given, shapes, ends, strict=False):
-                own[name] = rows if shared else rows[:, first : first + shape[0]] if shape else rows[:, first]
+            parts = [rows] * len(given) if shared else np.split(rows, ends[1:-1], axis=1)
+            for own, shape, part in zip(given, shapes, parts, strict=True):
+                own[name] = part if shape or shared else part[:, 0]
         for packed, own in zip(self._packed, given, strict=True):
             self._check_stability(packed, index, own)
         shapes_of = [

@@ -23,21 +23,25 @@ decays exactly, but one after the other: up to there slow motion of a rope, the 
 
 def highest_frequency(scene: Scene) -> float:
     """ω_max = √λ_max(M⁻¹K) [rad/s] of the springs about the unstretched shape, pins held; of all bodies."""
-    if len(scene.bodies) > 1:
-        return max(map(highest_frequency, scene.parts))
-    _, jacobian = spring_force_and_jacobian(scene.body, scene.body.positions)
-    return math.sqrt(max(0.0, _largest_eigenvalue(scene, -jacobian)))
+    return max(map(_frequency, scene.parts))
+
+
+def _frequency(part: Scene) -> float:
+    _, jacobian = spring_force_and_jacobian(part.body, part.body.positions)
+    return math.sqrt(max(0.0, _largest_eigenvalue(part, -jacobian)))
 
 
 def highest_decay_rate(scene: Scene) -> float:
     """λ_max(M⁻¹C) [1/s] of the dampers about the unstretched shape, pins held; of all bodies."""
-    if len(scene.bodies) > 1:
-        return max(map(highest_decay_rate, scene.parts))
-    if not scene.body.damping.any():
+    return max(map(_decay_rate, scene.parts))
+
+
+def _decay_rate(part: Scene) -> float:
+    if not part.body.damping.any():
         return 0.0
-    dampers = scene.body.with_(stiffness=np.maximum(scene.body.damping, TINY))
-    _, jacobian = spring_force_and_jacobian(dampers, scene.body.positions)
-    return _largest_eigenvalue(scene, -jacobian)
+    dampers = part.body.with_(stiffness=np.maximum(part.body.damping, TINY))
+    _, jacobian = spring_force_and_jacobian(dampers, part.body.positions)
+    return _largest_eigenvalue(part, -jacobian)
 
 
 def _largest_eigenvalue(scene: Scene, matrix: np.ndarray) -> float:

@@ -207,15 +207,19 @@ def _spin_down(figure: Any, result: dict[str, Any]) -> None:
         name_ends(axes, ends)
 
 
-def _rigid_gap(figure: Any, result: dict[str, Any]) -> None:
-    axes = plain(
+def _against_stiffness(figure: Any, ylabel: str) -> Any:
+    return plain(
         figure,
         *(0.1, 0.12, 0.63, 0.78),
         xscale="log",
         yscale="log",
         xlabel="stiffness [N/m]",
-        ylabel="gap to rigid theory / size",
+        ylabel=ylabel,
     )
+
+
+def _rigid_gap(figure: Any, result: dict[str, Any]) -> None:
+    axes = _against_stiffness(figure, "gap to rigid theory / size")
     ends = []
     for (name, gaps), color in zip(result["gaps"].items(), COLORS.values(), strict=False):
         axes.plot(result["stiffness"], gaps, "o-", color=color)
@@ -225,14 +229,7 @@ def _rigid_gap(figure: Any, result: dict[str, Any]) -> None:
 
 
 def _crossover(figure: Any, result: dict[str, Any]) -> None:
-    axes = plain(
-        figure,
-        *(0.1, 0.12, 0.63, 0.78),
-        xscale="log",
-        yscale="log",
-        xlabel="stiffness [N/m]",
-        ylabel=f"µs per simulated second to an error of {result['tolerance']:g}",
-    )
+    axes = _against_stiffness(figure, f"µs per simulated second to an error of {result['tolerance']:g}")
     ends = []
     for (name, found), dash in zip(result["bodies"].items(), ("-", "--", ":", "-."), strict=False):
         for kind, color in (("explicit", COLORS["verlet"]), ("implicit", COLORS["implicit_euler"])):

@@ -203,12 +203,10 @@ class Episodes:
         scene = self.simulator.scene
         if self.simulator.dynamics == "rigid":
             return
-        each = zip(scene.bodies, scene.slices, strict=True)
-        first, second = np.concatenate([placed.body.springs + own.start for placed, own in each]).T
-        lengths = np.concatenate([placed.body.lengths for placed in scene.bodies])
+        first, second = scene.springs.T
         scale = np.array([[factors["scale"]] for factors in drawn])
         apart = np.linalg.norm(positions[:, second] - positions[:, first], axis=-1)
-        strain = np.abs(apart / (scale * lengths) - 1).max(axis=1, initial=0.0)
+        strain = np.abs(apart / (scale * scene.of_bodies("lengths")) - 1).max(axis=1, initial=0.0)
         if not (strain <= STRAIN_LIMIT).all():
             n = int(np.argmax(~(strain <= STRAIN_LIMIT)))
             factors = ", ".join(f"{name} × {drawn[n][name]:g}" for name in self.ranges)

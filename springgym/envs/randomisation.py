@@ -94,10 +94,7 @@ def drawn(ranges: Ranges, rng: Generator, options: dict[str, Any]) -> dict[str, 
 def parameters(scene: Scene, ranges: Ranges, factors: Mapping[str, float]) -> dict[str, np.ndarray]:
     """What `Simulator.vary` gives one copy for these factors."""
     of_bodies = {"masses": "masses", "stiffness": "stiffness", "damping": "damping", "lengths": "scale"}
-    values = {
-        name: np.concatenate([getattr(placed.body, name) for placed in scene.bodies]) * factors[factor]
-        for name, factor in of_bodies.items()
-    }
+    values = {name: scene.of_bodies(name) * factors[factor] for name, factor in of_bodies.items()}
     if scene.gravity is not None:
         values["gravity"] = np.array(scene.gravity) * factors["gravity"]
     if isinstance(scene.contact, Contact):

@@ -59,9 +59,8 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, t
     if ledger is None:
         advance(x, v, None, None, workspace, h, steps, terms)
     else:
-        accounts = workspace[
-            17:
-        ]  # behind the stages: room for the powers of all stages, as one row of numbers
+        # behind the stages: room for the powers of all of them, as one row of numbers
+        accounts = workspace[17:]
         power = accounts.reshape(accounts.shape[0] * accounts.shape[1] * 3)
         advance(x, v, ledger, power, workspace, h, steps, terms)
 

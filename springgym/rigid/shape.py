@@ -126,10 +126,11 @@ def check_rigid(scene: Scene, method: Integrator) -> None:
         With the reason: a floppy body, particles on one line, several pins, a drive, surfaces with a
         method that steps back in time or with the paper's contact, or what rigid dynamics knows nothing of.
     """
-    if len(scene.bodies) > 1:
-        for part in scene.parts:
-            check_rigid(part, method)
-        return
+    for part in scene.parts:
+        _check_part(part, method)
+
+
+def _check_part(scene: Scene, method: Integrator) -> None:
     body = scene.body
     if body.floppy:
         raise ValueError(f"body {body.name!r} is meant to change shape: it has no rigid twin")
@@ -181,28 +182,32 @@ def highest_rate(scene: Scene) -> float:
     The larger of the angular speed that it starts with and √(M g d / I), I the smallest moment about the
     pin, d the distance of the centre of mass from it.
     """
-    if len(scene.bodies) > 1:
-        return max(map(highest_rate, scene.parts))
-    body = scene.body.with_(positions=scene.positions)
-    about = body.positions[scene.pivot] if scene.pinned else body.centre
-    momentum = body.masses @ np.cross(body.positions - about, scene.velocities)
+    return max(max(map(_spin, scene.parts)), swing_rate(scene))
+
+
+def _spin(part: Scene) -> float:
+    """Angular speed [rad/s] of the rigid body with the angular momentum of the start."""
+    body = part.body.with_(positions=part.positions)
+    about = body.positions[part.pivot] if part.pinned else body.centre
+    momentum = body.masses @ np.cross(body.positions - about, part.velocities)
     try:
-        spin = np.linalg.norm(np.linalg.solve(body.inertia(about), momentum))
+        return float(np.linalg.norm(np.linalg.solve(body.inertia(about), momentum)))
     except np.linalg.LinAlgError:
         raise ValueError(
             f"the particles of body {body.name!r} start on one line: it has no rigid twin"
         ) from None
-    return max(float(spin), swing_rate(scene))
 
 
 def swing_rate(scene: Scene) -> float:
     """√(M g d / I) [rad/s] as in `highest_rate`; 0 without pin or gravity."""
-    if len(scene.bodies) > 1:
-        return max(map(swing_rate, scene.parts))
-    body = scene.body
-    if not scene.pinned or scene.gravity is None:
+    return max(map(_swing_rate, scene.parts))
+
+
+def _swing_rate(part: Scene) -> float:
+    body = part.body
+    if not part.pinned or part.gravity is None:
         return 0.0
-    pin = body.positions[scene.pivot]
+    pin = body.positions[part.pivot]
     moments, _ = body.principal(pin)
-    weight = body.mass * np.linalg.norm(scene.gravity)
+    weight = body.mass * np.linalg.norm(part.gravity)
     return float(np.sqrt(weight * np.linalg.norm(body.centre - pin) / moments[0]))

@@ -221,21 +221,18 @@ def _bodies(
             raise _error(tree, (name,), "beside bodies, it belongs to one of them")
     if not isinstance(bodies, dict) or not bodies:
         raise _error(tree, ("bodies",), f"expected bodies by their names, got {shown(bodies)}")
-    found = []
-    for name in bodies:
 
-        def one(
-            body: Any,
-            pinned: Sequence[str | int] = (),
-            start: Any = None,
-            checks: Sequence[str] = (),
-            name: Any = name,
-        ) -> _Standing:
-            standing = _standing(tree, ("bodies", name), world, pinned, start, checks)
-            return standing._replace(placed=replace(standing.placed, name=name))
+    def one(
+        name: str,
+        body: Any,
+        pinned: Sequence[str | int] = (),
+        start: Any = None,
+        checks: Sequence[str] = (),
+    ) -> _Standing:
+        standing = _standing(tree, ("bodies", name), world, pinned, start, checks)
+        return standing._replace(placed=replace(standing.placed, name=name))
 
-        found.append(build(one, tree, ("bodies", name), name=name))
-    return found
+    return [build(one, tree, ("bodies", name), name=name) for name in bodies]
 
 
 def _standing(
