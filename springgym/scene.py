@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from springgym.bodies import Body
-from springgym.checks import TINY, array, flag, indices, instance, number, shown, whole, whole_array
+from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
 from springgym.surfaces import (
@@ -374,7 +374,19 @@ class Scene(ReadOnly):
         return tuple(own.start + pin for placed, own in each for pin in placed.pinned)
 
     def of_bodies(self, name: str) -> np.ndarray:
-        """What each particle or spring has, of all bodies, one body after another: an array of `Body`."""
+        """What each particle or spring has, of all bodies, one body after another.
+
+        Parameters
+        ----------
+        name
+            "masses" [kg] of the particles; "stiffness" [N/m], "damping" [kg/s], "lengths" [m] of the springs.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is none of them.
+        """
+        chosen("name", name, ("masses", "stiffness", "damping", "lengths"))
         return np.concatenate([getattr(placed.body, name) for placed in self.bodies])
 
     @property

@@ -170,6 +170,23 @@ def test_states_and_copies_of_a_simulator_go_on_to_the_bit() -> None:
         np.testing.assert_array_equal(other.readout.bodies, simulator.readout.bodies)
 
 
+def test_what_bodies_have_lies_one_body_after_another() -> None:
+    scene = zoo()
+    x = scene.positions
+    for placed, own in zip(scene.bodies, scene.slices, strict=True):
+        np.testing.assert_array_equal(x[own], placed.positions)
+        np.testing.assert_array_equal(scene.masses[own], placed.body.masses)
+    first = 0
+    for name in ("stiffness", "damping", "lengths"):
+        joined = scene.of_bodies(name)
+        assert len(joined) == len(scene.springs)
+    for placed, own in zip(scene.bodies, scene.slices, strict=True):
+        mine = slice(first, first + len(placed.body.springs))
+        np.testing.assert_array_equal(scene.springs[mine] - own.start, placed.body.springs)
+        np.testing.assert_array_equal(scene.of_bodies("lengths")[mine], placed.body.lengths)
+        first = mine.stop
+
+
 def test_one_body_is_the_short_form() -> None:
     placed = Placed(TOP, pinned=(TIP,), wrench=WrenchActuator())
     short, long = Scene(TOP, pinned=(TIP,), wrench=WrenchActuator()), Scene(bodies=(placed,))
@@ -199,6 +216,9 @@ def test_one_body_is_the_short_form() -> None:
         (lambda: tops(TOP).number(None), ValueError, "body is None"),
         (lambda: tops(TOP).number(2), ValueError, "body is 2"),
         (lambda: tops(TOP).number(True), TypeError, "body is True"),
+        (lambda: tops(TOP).of_bodies("weights"), ValueError, "name is 'weights'"),
+        (lambda: tops(TOP).of_bodies("name"), ValueError, "name is 'name'"),
+        (lambda: tops(TOP).of_bodies(3), TypeError, "name is 3"),
         (lambda: Simulator(tops(TOP)).actuate(force=(1, 2, 3)), ValueError, "no actuator for 'force'"),
         (lambda: Simulator(tops(TOP)).measure("middle"), ValueError, "body is 'middle'"),
         (lambda: Simulator(tops(TOP)).place(TOP.positions, TOP.positions), ValueError, "positions"),
