@@ -136,7 +136,7 @@ def detumble_thrusters(task: Task, observations: np.ndarray) -> np.ndarray:
 def _thruster_arms() -> np.ndarray:
     """r × d of each thruster at r along d, in the body's axes: (thrusters, 3) [m]."""
     body = detumble.SpringDetumble().body
-    triad = axes(body.positions, body.frame)
+    triad = axes(body.positions, body.markers)
     corners = [corner for corner, _ in detumble.THRUSTERS]
     along = np.array([direction for _, direction in detumble.THRUSTERS], float)
     return np.cross(body.positions[corners] - body.centre, along) @ triad
@@ -204,7 +204,7 @@ def free_top_push(task: Task, observations: np.ndarray) -> np.ndarray:
     moving = [seen["axis"][:, :2], seen["across"][:, :2], seen["centre"], seen["centre_velocity"]]
     push = -np.hstack(moving) @ _free_top_gain(task.period).T
     speeding = 4.0 * (free_top.WANTED - seen["spin"])
-    return np.hstack([_saturated(push, task.limits[:2]), _saturated(speeding, free_top.SPIN_UP)])
+    return np.hstack([_saturated(push, task.limits[:2]), _saturated(speeding, free_top.RING_ACCELERATION)])
 
 
 def tumble_push(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -264,7 +264,7 @@ def tumble_impulses(task: tumble.SpringTumble, observations: np.ndarray) -> np.n
 def _corner_arms() -> np.ndarray:
     """Corners of the tumbling body from its centre of mass, in its axes: (corners, 3) [m]."""
     body = tumble.SpringTumble().body
-    return (body.positions[:4] - body.centre) @ axes(body.positions, body.frame)
+    return (body.positions[:4] - body.centre) @ axes(body.positions, body.markers)
 
 
 def _dot(u: np.ndarray, w: np.ndarray) -> np.ndarray:

@@ -113,7 +113,7 @@ def pictures(motion: Motion, fps: float, pace: float, size: int) -> Iterator[np.
         n, share = motion.at(float(time))
         n += round(share)
         marks = motion.marks[n]
-        yield renderer.frame(motion.positions[n], replace(marks, text=(*marks.text, *note)))  # type: ignore[misc]
+        yield renderer.draw(motion.positions[n], replace(marks, text=(*marks.text, *note)))  # type: ignore[misc]
 
 
 def shrunk(image: Image.Image) -> Image.Image:

@@ -18,7 +18,7 @@ from pathlib import Path
 from gymnasium.error import DependencyNotInstalled
 
 COMMANDS = {
-    "simulate": ("springgym.simulate", "scenes", "run a scene; plot it, film it, hold it against theory"),
+    "simulate": ("springgym.simulating", "scenes", "run a scene; plot it, film it, hold it against theory"),
     "view": ("springgym.view", "view", "turn, play and change a scene or an episode in the browser"),
     "model": ("springgym.modelling", "scenes", "find the cheapest model of a top that is true enough"),
     "bench": ("springgym.bench", "bench", "measure the speed on this machine"),

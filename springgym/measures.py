@@ -100,7 +100,7 @@ class Measures(NamedTuple):
     angular_velocity: np.ndarray
     """ω of the rigid rotation with that angular momentum: I ω = L [rad/s]"""
     side: np.ndarray
-    """first axis of the body's triad, a unit vector; zero while the particles of its frame lie on a line"""
+    """first axis of the body's triad, a unit vector; zero while its markers lie on a line"""
     axis: np.ndarray
     """third axis of the body's triad, a unit vector; zero if the body is a single particle"""
     work: np.ndarray
@@ -147,7 +147,7 @@ def write(out: Any, n: Any, u: Any) -> None:
 
 
 @compiled
-def measure_block(x: Any, v: Any, ledger: Any, out: Any, pivot: Any, frame: Any, terms: Any) -> None:
+def measure_block(x: Any, v: Any, ledger: Any, out: Any, pivot: Any, markers: Any, terms: Any) -> None:
     particles = terms.particles
     mass = particles.mass
     kinetic = 0.0 * load(x, (0, 0))
@@ -167,8 +167,8 @@ def measure_block(x: Any, v: Any, ledger: Any, out: Any, pivot: Any, frame: Any,
     centre = mass_centre(x, mass)
     about = row(x, pivot) if pivot >= 0 else centre
     spin = angular_momentum(x, v, mass, about)
-    e1, _, e3 = triad(x, frame)
-    sideways = minus(row(x, frame[2]), row(x, frame[0]))
+    e1, _, e3 = triad(x, markers)
+    sideways = minus(row(x, markers[2]), row(x, markers[0]))
     across, share = cross(e3, sideways), ROUND_OFF * epsilon(kinetic)
     straight = dot(across, across) <= share * share * dot(sideways, sideways)
     e1 = choose(straight, times(0.0, e1), e1)
@@ -191,19 +191,19 @@ def measure_block(x: Any, v: Any, ledger: Any, out: Any, pivot: Any, frame: Any,
 
 @compiled
 def read(
-    block: Any, x: Any, v: Any, ledger: Any, readout: Any, space: Any, pivot: Any, frame: Any, terms: Any
+    block: Any, x: Any, v: Any, ledger: Any, readout: Any, space: Any, pivot: Any, markers: Any, terms: Any
 ) -> None:
     """Write measures, positions and velocities of the copies of a block to their rows, for one body.
 
     ``space`` (`SIZE`,) is workspace for one block.
     """
-    measure_block(x, v, ledger, space, pivot, frame, terms)
+    measure_block(x, v, ledger, space, pivot, markers, terms)
     write_copies(block, 0, 0, x, v, readout, space)
 
 
 @compiled
 def read_bodies(
-    block: Any, x: Any, v: Any, ledger: Any, readout: Any, space: Any, pivot: Any, frame: Any, terms: Any
+    block: Any, x: Any, v: Any, ledger: Any, readout: Any, space: Any, pivot: Any, markers: Any, terms: Any
 ) -> None:
     """As `read`, for several bodies; ``space`` (2, `SIZE`) is workspace for one block."""
     whole, own = space[0], space[1]
@@ -215,7 +215,7 @@ def read_bodies(
             of_body(ledger, body),
             own,
             of_body(pivot, body),
-            of_body(frame, body),
+            of_body(markers, body),
             of_body(terms, body),
         )
         write_copies(block, body, x.start[body], xb, vb, readout, own)

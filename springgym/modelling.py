@@ -144,7 +144,7 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
 def _turning(scene: Scene) -> tuple[float, float]:
     """Tilt of the axis [rad] and ω along it [rad/s] that a scene starts with."""
     x, body = scene.positions, scene.body
-    axis = axes(x, body.frame)[:, 2]
+    axis = axes(x, body.markers)[:, 2]
     r = x - x[scene.pivot]
     momentum = body.masses @ np.cross(r, scene.velocities)
     placed = body.with_(positions=x, lengths=body.lengths)

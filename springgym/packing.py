@@ -12,14 +12,14 @@ from springgym.blocks import get_copies, numbers, set_copies
 from springgym.checks import HUGE, TINY
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
-from springgym.forces.contact import Bowl, Planes
+from springgym.forces.contact import HollowSphere, Planes
 from springgym.forces.paper_contact import PaperLaw
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.integrators.record import Integrator
 from springgym.own_forces import OfBody
 from springgym.ragged import share, stacked
 from springgym.scene import DriveActuator, Scene
-from springgym.surfaces import Contact, Dish, PaperContact, Plane, impact_damping, oblique, scales
+from springgym.surfaces import Bowl, Contact, PaperContact, Plane, impact_damping, oblique, scales
 
 
 class Parameter(NamedTuple):
@@ -114,8 +114,8 @@ def _shared(scene: Scene, options: Options) -> Terms:
         return Terms(None, gravity=gravity, own=tuple(own) or None)  # type: ignore[arg-type]
     planes = bowl = friction = damping = law = None
     nothing = np.zeros(1)
-    if isinstance(surfaces[0], Dish):
-        bowl = Bowl(np.array(surfaces[0].centre), surfaces[0].radius, nothing, 0.0)
+    if isinstance(surfaces[0], Bowl):
+        bowl = HollowSphere(np.array(surfaces[0].centre), surfaces[0].radius, nothing, 0.0)
     else:
         flat = [surface for surface in surfaces if isinstance(surface, Plane)]
         normals = np.array([plane.normal for plane in flat])
@@ -191,13 +191,13 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
 def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
     """The actuators of a body: idle ones of the kinds that it has not, but others of the scene have."""
     terms: dict[str, Any] = {}
-    frame = np.array(part.body.frame, np.uint32)
+    markers = np.array(part.body.markers, np.uint32)
     if any(placed.wrench for placed in scene.bodies):
         axial = 1.0 if part.wrench is None else float(part.wrench.axial)
-        terms["wrench"] = Wrench(blocks(3), blocks(3), blocks(3), frame, part.pivot, axial)
+        terms["wrench"] = Wrench(blocks(3), blocks(3), blocks(3), markers, part.pivot, axial)
     if any(placed.thrust for placed in scene.bodies):
         named, turns = (part.thrust.particles, part.thrust.turns) if part.thrust else ((), False)
-        terms["thrust"] = Thrust(np.array(named, np.uint32), blocks(len(named), 3), frame, turns)
+        terms["thrust"] = Thrust(np.array(named, np.uint32), blocks(len(named), 3), markers, turns)
     if any(placed.drive for placed in scene.bodies):
         drive = part.drive or DriveActuator(0, HUGE)
         terms["drive"] = Drive(drive.particle if part.drive else -1, blocks(3), drive.speed)

@@ -15,8 +15,8 @@ from springgym.checks import TINY, array, chosen, flag, indices, instance, numbe
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
 from springgym.surfaces import (
+    Bowl,
     Contact,
-    Dish,
     PaperContact,
     Plane,
     Surface,
@@ -123,7 +123,7 @@ class Placed(ReadOnly):
             indices("thrust.particles", self.thrust.particles, count)
             if self.thrust.turns and not body.oriented:
                 raise ValueError(
-                    f"thrust cannot turn with body {body.name!r}: the particles {body.frame} of its frame "
+                    f"thrust cannot turn with body {body.name!r}: its markers {body.markers} "
                     "lie on one line and tell no orientation; it must be fixed in the world"
                 )
         object.__setattr__(self, "forces", checked_forces("forces", self.forces, count))
@@ -210,7 +210,7 @@ class Scene(ReadOnly):
     gravity : (3,) or None
         [m/s²]
     surfaces
-        What bounds where the free particles may be: planes, or a dish.
+        What bounds where the free particles may be: planes, or a bowl.
     contact
         How bodies meet them.
     bodies
@@ -287,7 +287,7 @@ class Scene(ReadOnly):
             raise TypeError(f"surfaces is {shown(self.surfaces)}; it must be a tuple of surfaces")
         if len(self.surfaces) > MOST_SURFACES:
             raise ValueError(f"surfaces are {len(self.surfaces)}; there must be at most {MOST_SURFACES}")
-        made = [instance(f"surfaces[{n}]", surface, Plane, Dish) for n, surface in enumerate(self.surfaces)]
+        made = [instance(f"surfaces[{n}]", surface, Plane, Bowl) for n, surface in enumerate(self.surfaces)]
         object.__setattr__(self, "surfaces", tuple(made))
         instance("contact", self.contact, Contact, PaperContact)
         if self.surfaces:

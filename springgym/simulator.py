@@ -167,7 +167,7 @@ class Simulator:
         room = (measures.SIZE,) if bodies == 1 else (2, measures.SIZE)
         self._space = aligned_zeros((len(shares), *room), self._x.dtype)
         self._pivot = stacked([placed.pivot for placed in scene.bodies])
-        self._frame = stacked([np.array(placed.body.frame, np.uint32) for placed in scene.bodies])
+        self._markers = stacked([np.array(placed.body.markers, np.uint32) for placed in scene.bodies])
         self._springs = len(scene.springs)
         options = Options(self.integrator, self.step, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, dynamics == "rigid", options)
@@ -553,7 +553,7 @@ class Simulator:
             self.readout,
             self._space[thread],
             self._pivot,
-            self._frame,
+            self._markers,
         )
 
     def counts(self) -> np.ndarray:

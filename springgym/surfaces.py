@@ -44,15 +44,15 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Dish:
-    """The inside of a sphere: a spherical dish for what stays in its lower part."""
+class Bowl:
+    """The inside of a sphere: a spherical bowl for what stays in its lower part."""
 
     centre: tuple[float, float, float]
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", tuple(array("centre of a dish", self.centre, (3,)).tolist()))
-        object.__setattr__(self, "radius", number("radius of a dish", self.radius, low=TINY))
+        object.__setattr__(self, "centre", tuple(array("centre of a bowl", self.centre, (3,)).tolist()))
+        object.__setattr__(self, "radius", number("radius of a bowl", self.radius, low=TINY))
 
     def height(self, positions: np.ndarray) -> np.ndarray:
         """Heights [m] (…) of positions (…, 3): negative outside the sphere."""
@@ -63,7 +63,7 @@ def _points(positions: Any) -> np.ndarray:
     return array("positions", positions, (3,), (None, 3), (None, None, 3))
 
 
-Surface = Plane | Dish
+Surface = Plane | Bowl
 
 
 def floor(z: float = 0.0) -> Plane:
@@ -187,11 +187,11 @@ def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
     Raises
     ------
     ValueError
-        If a dish is not alone, planes meet in a notch sharper than a right angle, or opposite ones are
+        If a bowl is not alone, planes meet in a notch sharper than a right angle, or opposite ones are
         nearer than 4 Δ.
     """
-    if len(surfaces) > 1 and any(isinstance(surface, Dish) for surface in surfaces):
-        raise ValueError("a dish must be the only surface of a scene")
+    if len(surfaces) > 1 and any(isinstance(surface, Bowl) for surface in surfaces):
+        raise ValueError("a bowl must be the only surface of a scene")
     for i, j, dot in _pairs(surfaces):
         first, second = surfaces[i], surfaces[j]
         assert isinstance(first, Plane)

@@ -90,15 +90,15 @@ def unit(u: Any) -> Any:
 
 
 @compiled
-def triad(x: Any, frame: Any) -> Any:
+def triad(x: Any, markers: Any) -> Any:
     """Right-handed unit vectors (e1, e2, e3) that turn with the body.
 
-    ``frame`` names three particles: e3 points from the first to the second, e1 from the first towards
+    ``markers`` names three particles: e3 points from the first to the second, e1 from the first towards
     the third as far as that is perpendicular to e3.
     """
-    origin = row(x, frame[0])
-    e3 = unit(minus(row(x, frame[1]), origin))
-    sideways = minus(row(x, frame[2]), origin)
+    origin = row(x, markers[0])
+    e3 = unit(minus(row(x, markers[1]), origin))
+    sideways = minus(row(x, markers[2]), origin)
     e1 = unit(minus(sideways, times(dot(sideways, e3), e3)))
     return e1, cross(e3, e1), e3
 

@@ -54,7 +54,7 @@ VARIANTS: dict[str, tuple[dict[str, Any], ...]] = {
     "SpringDetumble-v0": ({"start": "flat"}, {"body": {"mass": 1.0}}),
     "SpringRope-v0": ({"hard": True}, {"body": {"beads": 5}}),
     "SpringTumble-v0": ({"hard": True}, {"friction": 0.3}),
-    "SpringFreeTop-v0": ({"hard": True}, {"surface": "dish"}, {"friction": 0.1}),
+    "SpringFreeTop-v0": ({"hard": True}, {"surface": "bowl"}, {"friction": 0.1}),
 }
 """Arguments beside the usual ones."""
 

@@ -15,7 +15,7 @@ from springgym.integrators import integrator
 from springgym.integrators.record import refusal
 from springgym.scene import Scene
 from springgym.simulator import PAPER_STEP, Simulator
-from springgym.surfaces import Dish
+from springgym.surfaces import Bowl
 
 FEATURES = all_features()
 PLAIN, STANDING = FEATURES["damping"].off, FEATURES["friction"].off
@@ -30,7 +30,7 @@ ABSENT_AND_IDLE: dict[str, tuple[Scene, Scene, dict[str, Any], dict[str, Any]]] 
     "drive": (*FEATURES["drive"][:2], {}, {}),
     "ledger": (*FEATURES["ledger"], {}),
     "plane": (*FEATURES["plane out of reach"][:2], {}, {}),
-    "dish": (FLOATING, FLOATING.with_(surfaces=(Dish((0.0, 0.0, 0.0), 10.0),)), {}, {}),
+    "bowl": (FLOATING, FLOATING.with_(surfaces=(Bowl((0.0, 0.0, 0.0), 10.0),)), {}, {}),
     "friction": (STANDING, STANDING, {"varying": ("friction",)}, {"friction": 0.0}),
     "restitution": (STANDING, STANDING, {"varying": ("restitution",)}, {"restitution": 1.0}),
     "varying": (PLAIN, PLAIN, {"varying": ("masses", "stiffness", "lengths", "gravity")}, {}),

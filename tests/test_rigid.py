@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from springgym import rigid
-from springgym.bodies import Body, box, cube, rope, rotation, spinning, start, top
+from springgym.bodies import Body, box, cube, rigid_velocities, rope, rotation, start, top
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import Simulator
 from springgym.theory import free_body, pendulum
@@ -42,7 +42,7 @@ def test_moments_of_the_paper_s_top_about_its_tip_and_its_axis_is_the_third() ->
     theory = heavy_top.cone_top_inertia(12.0, 0.5, 1.0)
     np.testing.assert_allclose(shape.moments, [theory.i1, theory.i1, theory.i3], rtol=1e-14)
     assert shape.moments[0] == shape.moments[1]  # to the bit: nothing is split off
-    np.testing.assert_allclose(np.abs(shape.triad(TOP.frame)[2]), [0, 0, 1], atol=1e-15)
+    np.testing.assert_allclose(np.abs(shape.triad(TOP.markers)[2]), [0, 0, 1], atol=1e-15)
 
 
 @pytest.mark.parametrize("sides", [(1.0, 0.98, 0.2), (1.0, 0.3, 0.28)])
@@ -66,7 +66,7 @@ def top_in_theory(t: float) -> tuple[np.ndarray, np.ndarray]:
     """A fast top released at rest: cusps."""
     theory = heavy_top.cone_top_inertia(12.0, 0.5, 1.0)
     motion = heavy_top.motion(theory, heavy_top.TopState(theta=0.4, omega3=40.0), np.array([t]))
-    return carry(motion.frame[0], motion.omega_world[0], TOP.positions)
+    return carry(motion.attitude[0], motion.omega_world[0], TOP.positions)
 
 
 def cube_in_theory(t: float) -> tuple[np.ndarray, np.ndarray]:
@@ -75,14 +75,14 @@ def cube_in_theory(t: float) -> tuple[np.ndarray, np.ndarray]:
     theta, rate = pendulum.motion(at.i1, at.mgl, 2.5, 0.0, np.array([t]))
     down = start(body, tilt=np.pi, pinned=(0,), stretched=False).positions
     x = down @ rotation((0, 1, 0), -theta[0]).T
-    return x, spinning(x, (0, -rate[0], 0), NONE)
+    return x, rigid_velocities(x, (0, -rate[0], 0), NONE)
 
 
 def brick_in_theory(t: float) -> tuple[np.ndarray, np.ndarray]:
     """A box thrown with spin close to its middle axis: it flips."""
     moments, axes = BRICK.principal()
     motion = free_body.motion(moments, [0.1, 5.0, 0.2], np.array([t]), axes)
-    x, v = carry(motion.frame[0] @ axes.T, motion.omega_world[0], BRICK.positions - BRICK.centre)
+    x, v = carry(motion.attitude[0] @ axes.T, motion.omega_world[0], BRICK.positions - BRICK.centre)
     thrown = np.array([1.0, 2.0, 3.0])
     return x + t * thrown, v + thrown
 
@@ -114,7 +114,7 @@ def test_a_free_symmetric_body_is_exact_for_every_step() -> None:
     omega = np.array([12.0, -5.0, 40.0])
     times, r = np.array([0.0, 7.0]), TOP.positions - TOP.centre
     motion = free_body.motion(moments, omega, times, axes)
-    (first, v), (last, _) = (carry(motion.frame[n] @ axes.T, motion.omega_world[n], r) for n in range(2))
+    (first, v), (last, _) = (carry(motion.attitude[n] @ axes.T, motion.omega_world[n], r) for n in range(2))
     simulator = final(Scene(TOP, first, v, gravity=NONE), "verlet", 0.7, 7.0)
     assert np.abs(last - first).max() > 0.1
     np.testing.assert_allclose(simulator.positions[0], last, atol=1e-11)
@@ -156,7 +156,7 @@ def driven_reference(scene: Scene, seconds: float) -> np.ndarray:
     m, g = body.masses, np.asarray(scene.gravity)
     centre = m @ shape / body.mass
     tensor = np.sum(m * (shape * shape).sum(axis=1)) * np.eye(3) - (m * shape.T) @ shape
-    i, j, k = body.frame
+    i, j, k = body.markers
     e3 = (shape[j] - shape[i]) / np.linalg.norm(shape[j] - shape[i])
     e1 = shape[k] - shape[i] - (shape[k] - shape[i]) @ e3 * e3
     e1 /= np.linalg.norm(e1)

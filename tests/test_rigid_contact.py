@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from springgym.bodies import Body, cube, start
-from springgym.bodies.motion import Start
+from springgym.bodies.motion import InitialState
 from springgym.scene import Scene
 from springgym.simulator import Simulator
-from springgym.surfaces import Contact, Dish, PaperContact, Plane, floor
+from springgym.surfaces import Bowl, Contact, PaperContact, Plane, floor
 
 CUBE = cube(damping=0.0)
 STRENGTH, REACH = 0.05, 0.02
@@ -31,7 +31,7 @@ def stone(stiffness: float = 1e5) -> Body:
     return Body("stone", positions, masses, list(itertools.combinations(range(5), 2)), stiffness, 0.0)
 
 
-def thrown(copies: int, spin: float, speed: float, height: float = 0.8) -> Start:
+def thrown(copies: int, spin: float, speed: float, height: float = 0.8) -> InitialState:
     """Stones in any attitude, with random spins and velocities."""
     random, stones = np.random.default_rng(1), []
     for _ in range(copies):
@@ -46,10 +46,12 @@ def thrown(copies: int, spin: float, speed: float, height: float = 0.8) -> Start
                 stretched=False,
             )
         )
-    return Start(np.stack([s.positions for s in stones]), np.stack([s.velocities for s in stones]))
+    return InitialState(np.stack([s.positions for s in stones]), np.stack([s.velocities for s in stones]))
 
 
-def throw(began: Start, how: Contact, step: float, surfaces: tuple = (floor(),), **options) -> Simulator:
+def throw(
+    began: InitialState, how: Contact, step: float, surfaces: tuple = (floor(),), **options
+) -> Simulator:
     scene = Scene(stone(), began.positions[0], began.velocities[0], surfaces=surfaces, contact=how)
     copies = len(began.positions)
     simulator = Simulator(scene, dynamics="rigid", step=step, copies=copies, **options)
@@ -103,11 +105,11 @@ def test_nothing_gets_through_at_20_m_per_s_and_100_rad_per_s_in_a_corner_of_thr
     assert (simulator.measure().energy < 1.1 * first).all()
 
 
-def test_energy_error_in_a_dish_shrinks_with_the_step() -> None:
-    dish = (Dish((0, 0, 1.5), 1.5),)
+def test_energy_error_in_a_bowl_shrinks_with_the_step() -> None:
+    bowl = (Bowl((0, 0, 1.5), 1.5),)
     began = thrown(8, 3.0, 1.0)
-    coarse, low = worst_balance(throw(began, contact(), 1e-3, dish), 2.0)
-    fine, _ = worst_balance(throw(began, contact(), 2.5e-4, dish), 2.0)
+    coarse, low = worst_balance(throw(began, contact(), 1e-3, bowl), 2.0)
+    fine, _ = worst_balance(throw(began, contact(), 2.5e-4, bowl), 2.0)
     assert (low > 0).all()
     assert (low < REACH / 2).all()
     assert coarse.max() < 1e-2
@@ -209,7 +211,7 @@ def test_every_copy_has_the_bits_of_a_single_one_through_bounces_and_rest() -> N
     assert (batch.measure().contact_loss > 0.1).all()
     for copy in range(11):
         single = throw(
-            Start(began.positions[copy : copy + 1], began.velocities[copy : copy + 1]),
+            InitialState(began.positions[copy : copy + 1], began.velocities[copy : copy + 1]),
             contact(0.6, 0.5),
             1e-3,
         )

@@ -73,7 +73,7 @@ def _top_scene(state: TopState, damping: float) -> Callable[[float], Scene]:
 def _top_theory(state: TopState) -> Callable[[float], np.ndarray]:
     def positions(t: float) -> np.ndarray:
         motion = theory.top.motion(TOP, state, np.array([t]))
-        return carry(motion.frame[0], motion.omega_world[0], top().positions)[0]
+        return carry(motion.attitude[0], motion.omega_world[0], top().positions)[0]
 
     return positions
 
@@ -102,7 +102,7 @@ def _free(stiffness: float) -> Scene:
 
 def _free_theory(t: float) -> np.ndarray:
     motion = theory.free_body.motion(theory.free_body.corner_box_inertia(1.0, SIDES), TUMBLING, np.array([t]))
-    return box(SIDES).positions @ motion.frame[0].T
+    return box(SIDES).positions @ motion.attitude[0].T
 
 
 def _rope(damping: float) -> Callable[[float], Scene]:

@@ -140,8 +140,8 @@ def rigid_twin(quick: bool = False) -> dict[str, Any]:
 
     def exact(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         motion = theory.top.motion(TOP, CUSPS, np.array([t]))
-        x, v = carry(motion.frame[0], motion.omega_world[0], body.positions)
-        return x, v, motion.frame[0], motion.omega_world[0]
+        x, v = carry(motion.attitude[0], motion.omega_world[0], body.positions)
+        return x, v, motion.attitude[0], motion.omega_world[0]
 
     x, v, frame, omega = exact(0.0)
     v[tip] = 0.0

@@ -22,7 +22,7 @@ from springgym.blocks import block_array
 from springgym.bodies import start
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PAPER_STEP
-from springgym.surfaces import Contact, Dish, floor
+from springgym.surfaces import Bowl, Contact, floor
 
 PRECISIONS = ("float64", "float32")
 
@@ -66,7 +66,7 @@ def all_features() -> dict[str, Feature]:
     x, v = start(body, tilt=0.3, spin=50.0)
     aloft = Scene(body, x + np.array([0.0, 0.0, 0.01 - x[:, 2].min()]), v)
     floating = aloft.with_(gravity=None)
-    dish = Dish((0.0, 0.0, 10.0), 10.0)
+    bowl = Bowl((0.0, 0.0, 10.0), 10.0)
     standing = aloft.with_(surfaces=(floor(),))
     four = ("masses", "stiffness", "lengths", "gravity")
     return {
@@ -78,7 +78,7 @@ def all_features() -> dict[str, Feature]:
         "ledger": Feature(damped, damped, {"ledger": True}),
         "plane out of reach": Feature(floating, floating.with_(surfaces=(floor(-10.0),))),
         "plane": Feature(aloft, standing),
-        "dish": Feature(aloft, aloft.with_(surfaces=(dish,))),
+        "bowl": Feature(aloft, aloft.with_(surfaces=(bowl,))),
         "friction": Feature(standing, standing.with_(contact=Contact(friction=0.3))),
         "restitution": Feature(standing, standing.with_(contact=Contact(restitution=0.5))),
         "varying stiffness": Feature(plain, plain, {"varying": four[1:2]}),

@@ -5,7 +5,7 @@ from springgym.bodies.cube import box, cube
 from springgym.bodies.equilibrium import relative_equilibrium, stretched_shapes
 from springgym.bodies.gyroscope import gyroscope
 from springgym.bodies.irregular import from_mesh, from_points, union
-from springgym.bodies.motion import Start, spinning, start
+from springgym.bodies.motion import InitialState, rigid_velocities, start
 from springgym.bodies.network import vibrations
 from springgym.bodies.rope import rope
 from springgym.bodies.rotations import rotation
@@ -14,13 +14,14 @@ from springgym.bodies.top import top
 
 __all__ = [
     "Body",
-    "Start",
+    "InitialState",
     "box",
     "cube",
     "from_mesh",
     "from_points",
     "gyroscope",
     "relative_equilibrium",
+    "rigid_velocities",
     "rope",
     "rotation",
     "softened",
@@ -29,7 +30,6 @@ __all__ = [
     "solid_mesh",
     "solid_rope",
     "solid_top",
-    "spinning",
     "start",
     "stretched_shapes",
     "top",

@@ -42,7 +42,7 @@ class Body(ReadOnly):
         k [N/m], positive; c [kg/s], not negative.
     lengths : (S,) or a number, optional
         Unstretched lengths [m]; those of ``positions`` if not given.
-    frame : (3,)
+    markers : (3,)
         Particles i, j, k: the body's third axis points from i to j, its first towards k as far as that
         is perpendicular to it. The first three particles if not given. Unless the body is a single
         particle, i and j lie at different places; with all on one line, the body is not `oriented`.
@@ -61,7 +61,7 @@ class Body(ReadOnly):
         Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
         Naming the offender: a mass or stiffness that is not positive and finite, a spring of no length,
-        given twice or to a particle that does not exist, a part, frame or triangle of one, a body that is
+        given twice or to a particle that does not exist, a part, marker or triangle of one, a body that is
         in pieces or not held in shape, or too large.
     """
 
@@ -72,7 +72,7 @@ class Body(ReadOnly):
     stiffness: np.ndarray
     damping: np.ndarray
     lengths: np.ndarray = None  # type: ignore[assignment]
-    frame: tuple[int, int, int] = None  # type: ignore[assignment]
+    markers: tuple[int, int, int] = None  # type: ignore[assignment]
     parts: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), int))
     floppy: bool = False
@@ -99,15 +99,13 @@ class Body(ReadOnly):
             object.__setattr__(self, "lengths", self._distances())
         for name, low in (("stiffness", TINY), ("damping", 0.0), ("lengths", TINY)):
             numbers(name, len(self.springs), low)
-        if self.frame is None:
-            object.__setattr__(self, "frame", (0, min(1, count - 1), min(2, count - 1)))
-        frame = whole_array(what + "frame", self.frame, (3,), high=count - 1)
-        object.__setattr__(self, "frame", tuple(frame.tolist()))
-        i, j, _ = self.frame
+        if self.markers is None:
+            object.__setattr__(self, "markers", (0, min(1, count - 1), min(2, count - 1)))
+        markers = whole_array(what + "markers", self.markers, (3,), high=count - 1)
+        object.__setattr__(self, "markers", tuple(markers.tolist()))
+        i, j, _ = self.markers
         if count > 1 and (self.positions[i] == self.positions[j]).all():
-            raise ValueError(
-                f"{what}frame is {self.frame}; its first two particles must lie at different places"
-            )
+            raise ValueError(f"{what}markers is {self.markers}; the first two must lie at different places")
         parts = {}
         for name, particles in instance(what + "parts", self.parts, Mapping).items():
             instance(f"{what}a name of parts", name, str)
@@ -203,8 +201,8 @@ class Body(ReadOnly):
 
     @cached_property
     def oriented(self) -> bool:
-        """Whether the particles of its frame span a plane, and so tell all of its orientation."""
-        i, j, k = self.positions[list(self.frame)]
+        """Whether its markers span a plane, and so tell all of its orientation."""
+        i, j, k = self.positions[list(self.markers)]
         third, sideways = j - i, k - i
         across = np.linalg.norm(np.cross(third, sideways))
         return bool(across > 1e-9 * np.linalg.norm(third) * np.linalg.norm(sideways))

@@ -61,7 +61,7 @@ def box(
         springs=np.array(SPRINGS),
         stiffness=stiffness,  # type: ignore[arg-type]
         damping=damping,  # type: ignore[arg-type]
-        frame=(4, 0, 5),
+        markers=(4, 0, 5),
         parts={f"corner {n}": (n,) for n in range(8)} | {"top": (0, 1, 2, 3), "bottom": (4, 5, 6, 7)},
         triangles=np.array([t for a, b, c, d in FACES for t in ((a, b, c), (a, c, d))]),
     )
@@ -88,4 +88,4 @@ def cube(side: float = 1.0, mass: float = 1.0, stiffness: float = 1e5, damping: 
         If the side is not positive, or `Body` finds fault.
     """
     side, mass = number("side", side, low=TINY), number("mass", mass, low=TINY)
-    return box((side, side, side), mass, stiffness, damping).with_(name="cube", frame=(0, 6, 1))
+    return box((side, side, side), mass, stiffness, damping).with_(name="cube", markers=(0, 6, 1))

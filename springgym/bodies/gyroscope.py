@@ -61,7 +61,7 @@ def gyroscope(
         springs=np.array(springs),
         stiffness=stiffness,  # type: ignore[arg-type]
         damping=damping,  # type: ignore[arg-type]
-        frame=(foot, head, 0),
+        markers=(foot, head, 0),
         parts={"ring": tuple(range(ring)), "centre": (centre,), "head": (head,), "foot": (foot,)},
         triangles=np.array([(centre, n, following[n]) for n in range(ring)]),
     )

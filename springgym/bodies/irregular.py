@@ -331,7 +331,7 @@ def _around_centre(
         springs=np.vstack([springs, braces(positions, springs)]),
         stiffness=stiffness,  # type: ignore[arg-type]
         damping=damping,  # type: ignore[arg-type]
-        frame=(last, 0, 1),
+        markers=(last, 0, 1),
         parts={"surface": tuple(range(last)), "centre": (last,)},
         triangles=triangles,
     )

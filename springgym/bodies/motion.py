@@ -14,7 +14,7 @@ from springgym.bodies.rotations import axes as axes
 from springgym.checks import array, flag, indices, instance, number
 
 
-class Start(NamedTuple):
+class InitialState(NamedTuple):
     """Where a body starts, and how it moves."""
 
     positions: np.ndarray
@@ -23,7 +23,7 @@ class Start(NamedTuple):
     """(N, 3) [m/s]"""
 
 
-def spinning(positions: np.ndarray, omega: Any, about: Any) -> np.ndarray:
+def rigid_velocities(positions: np.ndarray, omega: Any, about: Any) -> np.ndarray:
     """Velocities ω × (x − about) [m/s] of a rigid rotation, shape of ``positions``."""
     arms = array("positions", positions, (3,), (None, 3), (None, None, 3)) - array("about", about, (3,))
     return np.cross(array("omega", omega, (3,)), arms)
@@ -45,10 +45,10 @@ def start(
     pinned: tuple[int, ...] = (),
     gravity: Sequence[float] | np.ndarray | None = None,
     stretched: bool = True,
-) -> Start:
+) -> InitialState:
     """Place a body and set it in rigid motion.
 
-    Its triad (`Body.frame`) is put to Rz(azimuth) Ry(tilt) Rz(roll), if a tilt is given, the body then
+    Its triad (`Body.markers`) is put to Rz(azimuth) Ry(tilt) Rz(roll), if a tilt is given, the body then
     turned by ``turn``, and its angular velocity is
 
     ω = omega + spin e₃ + precession (ẑ − (ẑ·e₃) e₃),
@@ -101,7 +101,7 @@ def start(
         raise ValueError(f"azimuth is {azimuth} and roll is {roll}; they must come with a tilt")
     if tilt is not None and hanging:
         raise ValueError(f"tilt is {tilt}; a body that hangs has none")
-    own = axes(body.positions, body.frame)
+    own = axes(body.positions, body.markers)
     if hanging:
         if not pinned:
             raise ValueError(f"body {body.name!r} is not pinned: it cannot hang")
@@ -126,9 +126,9 @@ def start(
         shape = relative_equilibrium(body, place.T @ rate, pinned, pull)
     reference = shape[pinned[0]] if pinned else body.masses @ shape / body.mass
     arm = (shape - reference) @ place.T
-    velocities = spinning(arm, rate, (0.0, 0.0, 0.0)) + velocity
+    velocities = rigid_velocities(arm, rate, (0.0, 0.0, 0.0)) + velocity
     held = list(pinned)
     if np.abs(velocities[held]).max(initial=0.0) > 1e-9 * np.abs(velocities).max(initial=1.0):
         raise ValueError(f"body {body.name!r} is pinned at {held} and cannot move so: the pins would move")
     velocities[held] = 0.0
-    return Start(position + arm, velocities)
+    return InitialState(position + arm, velocities)

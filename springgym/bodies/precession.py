@@ -38,7 +38,7 @@ def heavy_top(body: Body, pinned: Sequence[int], gravity: Sequence[float]) -> He
         raise ValueError(f"body {body.name!r} is no heavy top: it needs one pin, and vertical gravity")
     pin = body.positions[pins[0]]
     i1, i3 = axial_moments(body, pin, "heavy top")
-    own = axes(body.positions, body.frame)
+    own = axes(body.positions, body.markers)
     arm = own.T @ (body.centre - pin)
     if np.abs(arm[:2]).max() > 1e-9 * abs(arm[2]):
         raise ValueError(f"body {body.name!r} is no heavy top: it is not symmetric about its axis")
@@ -60,7 +60,7 @@ def axial_moments(body: Body, about: np.ndarray, kind: str = "symmetric top") ->
     """
     if body.floppy:
         raise ValueError(f"body {body.name!r} is no {kind}: it is floppy")
-    own = axes(body.positions, body.frame)
+    own = axes(body.positions, body.markers)
     tensor = own.T @ body.inertia(about) @ own
     i1, i3 = float(tensor[0, 0]), float(tensor[2, 2])
     if not np.abs(tensor - np.diag([i1, i1, i3])).max() <= 1e-9 * i1:
@@ -101,7 +101,7 @@ def precession_gap(
     except ValueError as error:
         raise ValueError(f"spin is {spin:g}: {error}") from error
     pin = int(indices("pinned", pinned, len(body.masses))[0])
-    own = axes(body.positions, body.frame)
+    own = axes(body.positions, body.markers)
     up = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])  # in axes whose third is that of the top
     mass = body.masses[:, None]
     pull = -float(np.asarray(gravity)[2])
@@ -150,7 +150,7 @@ def wobble_growth(body: Body, spin: float) -> float:
     Parameters
     ----------
     body
-        Its third axis, see `Body.frame`, is one of symmetry.
+        Its third axis, see `Body.markers`, is one of symmetry.
     spin
         ω about it [rad/s].
 
@@ -163,7 +163,7 @@ def wobble_growth(body: Body, spin: float) -> float:
     """
     spin = number("spin", spin)
     axial_moments(instance("body", body, Body), body.centre)
-    axis = axes(body.positions, body.frame)[:, 2]
+    axis = axes(body.positions, body.markers)[:, 2]
     shape = relative_equilibrium(body, spin * axis)
     _, jacobian = spring_force_and_jacobian(body, shape)
     rows = rigidity_matrix(shape, body.springs).reshape(len(body.springs), -1)

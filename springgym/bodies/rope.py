@@ -49,7 +49,7 @@ def rope(
         springs=np.array([(n, n + 1) for n in range(last)]),
         stiffness=stiffness,  # type: ignore[arg-type]
         damping=damping,  # type: ignore[arg-type]
-        frame=(last, 0, 0),
+        markers=(last, 0, 0),
         parts={"top": (0,), "beads": tuple(range(last)), "weight": (last,)},
         floppy=True,
     )

@@ -26,12 +26,12 @@ def skew(u: np.ndarray) -> np.ndarray:
     return np.array([[0, -u[2], u[1]], [u[2], 0, -u[0]], [-u[1], u[0], 0]])
 
 
-def axes(positions: np.ndarray, frame: Sequence[int]) -> np.ndarray:
-    """The triad of three particles (`Body.frame`) as the columns of a rotation (3, 3).
+def axes(positions: np.ndarray, markers: Sequence[int]) -> np.ndarray:
+    """The triad of three particles (`Body.markers`) as the columns of a rotation (3, 3).
 
     Where they lie on a line, the first axis is any one across it; in a point, they are the world's.
     """
-    i, j, k = frame
+    i, j, k = markers
     third = positions[j] - positions[i]
     if not third.any():
         return np.eye(3)

@@ -138,7 +138,7 @@ def solid_top(
         "cone",
         precession_ratio=float(of_springs / of_solid),
         name="top",
-        frame=(tip, heart, 0),
+        markers=(tip, heart, 0),
         parts={"ring": tuple(range(ring)), "heart": (heart,), "tip": (tip,)},
         triangles=np.array([(heart, i, j) for i, j in edge] + [(tip, j, i) for i, j in edge]),
     )
@@ -227,7 +227,7 @@ def solid_box(
         "box",
         missed=HIGHER if cells == 1 else f"a Poisson's ratio of {made.poisson}",
         name="box",
-        frame=(corner[4], corner[0], corner[5]),
+        markers=(corner[4], corner[0], corner[5]),
         parts={f"corner {n}": (i,) for n, i in enumerate(corner)}
         | {"top": tuple(corner[:4]), "bottom": tuple(corner[4:])},
         triangles=np.array([[corner[n] for n in t] for a, b, c, d in FACES for t in ((a, b, c), (a, c, d))]),
@@ -342,7 +342,7 @@ def _polyhedron(
         shape,
         at=middle,
         name=name,
-        frame=(last, 0, 1),
+        markers=(last, 0, 1),
         parts={"surface": tuple(range(last)), "centre": (last,)},
         triangles=outside,
     )

@@ -68,7 +68,7 @@ def top(
         springs=np.array(springs),
         stiffness=stiffness,  # type: ignore[arg-type]
         damping=damping,  # type: ignore[arg-type]
-        frame=(tip, crown, 0),
+        markers=(tip, crown, 0),
         parts={"ring": tuple(range(ring)), "crown": (crown,), "tip": (tip,)},
         triangles=np.array(triangles),
     )

@@ -112,7 +112,7 @@ class _Common:
             renderer.camera = renderer.camera.keeping(positions[copy], renderer.size)
         m = Measures(*(values[copy] for values in episodes.measures))
         marks = episodes.task.marks(m, positions[copy], episodes.action[copy], episodes.goal[copy])
-        return renderer.frame(positions[copy], marks)
+        return renderer.draw(positions[copy], marks)
 
     def _restart(self, renderer: Renderer, copy: int) -> None:
         """Show the new episode of a copy."""

@@ -10,13 +10,12 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, box
-from springgym.bodies import spinning as rigid_velocities
+from springgym.bodies import Body, box, rigid_velocities
 from springgym.bodies.rotations import axes
 from springgym.checks import chosen
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, Particles
+from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
@@ -66,7 +65,7 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
     for c in range(observation.shape[0]):
         for axis in range(3):
             observation[c, axis] = in_body(m, c, m.angular_velocity[c], axis) / TURNING_UNIT
@@ -81,7 +80,7 @@ class SpringDetumble(Task):
     metrics = ("speed",)
     entries = (Entry("angular_velocity", 3, TURNING_UNIT), Entry("angular_momentum", 3))
     evaluate = staticmethod(evaluate)
-    frame = staticmethod(frame)
+    compact = staticmethod(compact)
 
     def __init__(
         self,
@@ -96,7 +95,7 @@ class SpringDetumble(Task):
         self._shape = self.body.positions - self.body.centre
         self._principal = principal_axes(self.body)
         along = np.array([direction for _, direction in THRUSTERS], float)
-        self._thrust = along @ axes(self.body.positions, self.body.frame)
+        self._thrust = along @ axes(self.body.positions, self.body.markers)
         """directions of the thrusters in the body's triad, (thrusters, 3)"""
 
     @cached_property
@@ -112,9 +111,9 @@ class SpringDetumble(Task):
         )
 
     @cached_property
-    def particles(self) -> Particles:
+    def particles(self) -> ObservedParticles:
         reach = np.linalg.norm(self._shape, axis=1)
-        return Particles(
+        return ObservedParticles(
             tuple(range(8)),
             reach,
             4.0 * reach,

@@ -342,7 +342,7 @@ class Episodes:
         self._take = SameTypes(take)
         self._evaluate = SameTypes(self.task.evaluate)
         self._finish = SameTypes(finish)
-        self._observe = SameTypes(self.task.frame if compact else observation.observe_particles)
+        self._observe = SameTypes(self.task.compact if compact else observation.observe_particles)
         self._bound = SameTypes(observation.bound)
 
     def __getstate__(self) -> dict[str, Any]:

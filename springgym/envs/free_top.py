@@ -11,12 +11,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, rotation, stretched_shapes, top
-from springgym.bodies import spinning as rigid_velocities
+from springgym.bodies import Body, rigid_velocities, rotation, stretched_shapes, top
 from springgym.checks import chosen, flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, Particles
+from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, spinning, thrift
 from springgym.envs.task import Start, Task
@@ -25,19 +24,19 @@ from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
 from springgym.rendering.look import GREEN, RED
 from springgym.scene import GRAVITY, Scene, ThrustActuator, WrenchActuator
-from springgym.surfaces import Contact, Dish, floor, scales
+from springgym.surfaces import Bowl, Contact, floor, scales
 from springgym.theory.contact import rest_height
 
 WANTED = 8.0  # spin [rad/s]
 BAND = 4.5  # how far the spin may be off [rad/s]
 FORCE = 40.0  # on the crown [N]
-SPIN_UP = 8.0  # angular acceleration of the ring about the axis [rad/s²]
+RING_ACCELERATION = 8.0  # angular acceleration of the ring about the axis [rad/s²]
 FALLEN = 0.7  # tilt [rad]
 SPIN_UNIT = 4.0  # what the compact observation shows as 1, from `WANTED` [rad/s]
 WAY_UNIT = 0.5  # the same of ways and speeds [m], [m/s]
 ARENA = 1.0  # largest distance from the middle [m]
 INSIDE = 0.15  # radius of the circle to stay in [m]
-DISH = 4.0  # radius of the dish [m]
+BOWL = 4.0  # radius of the bowl [m]
 
 
 @kernel
@@ -59,7 +58,7 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
     for c in range(observation.shape[0]):
         spin, _ = spinning(m, c)
         for axis in range(3):
@@ -87,7 +86,7 @@ class SpringFreeTop(Task):
     )
     hold = 100
     evaluate = staticmethod(evaluate)
-    frame = staticmethod(frame)
+    compact = staticmethod(compact)
 
     def __init__(
         self,
@@ -99,13 +98,13 @@ class SpringFreeTop(Task):
         body: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(observation, action)
-        self.surface = chosen("surface", surface, ("floor", "dish"))
+        self.surface = chosen("surface", surface, ("floor", "bowl"))
         self.contact = Contact(friction=friction, restitution=0.5)
         self.steepest, self.farthest, self.spins = (
             (0.16, 0.6, (4.0, 7.0)) if flag("hard", hard) else (0.12, 0.4, (5.0, 9.0))
         )
         self.body: Body = made(top, body, height=0.5, mass=10.0, damping=30.0)
-        self.torque = SPIN_UP * float(self.body.inertia()[2, 2])
+        self.torque = RING_ACCELERATION * float(self.body.inertia()[2, 2])
         self._shape = stretched_shapes(self.body, (0, 0, 1), WANTED + BAND)
         self._strength, self._reach = scales(self.contact, self.body)
 
@@ -120,7 +119,7 @@ class SpringFreeTop(Task):
             rigid_velocities(positions, (0, 0, WANTED), positions[tip]),
             wrench=WrenchActuator(),
             thrust=ThrustActuator(self.body.parts["crown"]),
-            surfaces=(Dish((0.0, 0.0, DISH), DISH) if self.surface == "dish" else floor(),),
+            surfaces=(Bowl((0.0, 0.0, BOWL), BOWL) if self.surface == "bowl" else floor(),),
             contact=self.contact,
         )
 
@@ -130,10 +129,10 @@ class SpringFreeTop(Task):
         return rest_height(weight, self._strength, self._reach)
 
     @cached_property
-    def particles(self) -> Particles:
+    def particles(self) -> ObservedParticles:
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
         count = len(outwards)
-        return Particles(tuple(range(count)), np.full(count, 0.5), WANTED * outwards + 0.5)
+        return ObservedParticles(tuple(range(count)), np.full(count, 0.5), WANTED * outwards + 0.5)
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         low = (0.02, -math.pi, self.spins[0], 0.0, -math.pi)
@@ -148,11 +147,11 @@ class SpringFreeTop(Task):
         shape = factors["scale"] * self._shape(spin * softer)
         arm = (shape - shape[tip]) @ turn.T
         foot = np.array([away * math.cos(bearing), away * math.sin(bearing), self._height(factors)])
-        if self.surface == "dish":
-            steepness = math.asin(away / DISH)
-            inwards = (DISH - foot[2]) * math.sin(steepness)
+        if self.surface == "bowl":
+            steepness = math.asin(away / BOWL)
+            inwards = (BOWL - foot[2]) * math.sin(steepness)
             foot = np.array([inwards * math.cos(bearing), inwards * math.sin(bearing), 0.0])
-            foot[2] = DISH - (DISH - self._height(factors)) * math.cos(steepness)
+            foot[2] = BOWL - (BOWL - self._height(factors)) * math.cos(steepness)
         positions = foot + arm
         positions[:, 2] += self._lift(np.delete(positions, tip, axis=0), self._height(factors))
         return Start(positions, rigid_velocities(arm, spin * turn[:, 2], (0.0, 0.0, 0.0)))
@@ -160,8 +159,8 @@ class SpringFreeTop(Task):
     def _lift(self, positions: np.ndarray, height: float) -> float:
         """How far a top that leans its ring into the surface must be lifted for it to lie on the ring [m]."""
         ground = np.full(len(positions), height)
-        if self.surface == "dish":
-            ground = DISH - np.sqrt((DISH - height) ** 2 - (positions[:, :2] ** 2).sum(axis=1))
+        if self.surface == "bowl":
+            ground = BOWL - np.sqrt((BOWL - height) ** 2 - (positions[:, :2] ** 2).sum(axis=1))
         return max(0.0, float((ground - positions[:, 2]).max()))
 
     @property
@@ -187,8 +186,8 @@ class SpringFreeTop(Task):
         return Camera.framing((0, 0, 0.25), 1.7, elevation=0.45)
 
     def scenery(self) -> Scenery:
-        if self.surface == "dish":
-            return Scenery(dish=((0.0, 0.0, DISH), DISH))
+        if self.surface == "bowl":
+            return Scenery(bowl=((0.0, 0.0, BOWL), BOWL))
         return Scenery(floor=0.0)
 
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
@@ -259,7 +258,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
 
     ## Arguments
     - `observation`: above.
-    - `surface="dish"`: in a spherical dish of 4 m radius instead of on a floor.
+    - `surface="bowl"`: in a spherical bowl of 4 m radius instead of on a floor.
     - `friction=0.1`: instead of 0.02; from about 0.05 on, the tip sticks and the top has to be balanced
       differently.
     - `hard=True`: tilt U(0.02, 0.16) rad, spin U(4, 7) rad/s, within 0.6 m.

@@ -11,12 +11,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import gyroscope, rotation, stretched_shapes
-from springgym.bodies import spinning as rigid_velocities
+from springgym.bodies import gyroscope, rigid_velocities, rotation, stretched_shapes
 from springgym.checks import flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, Particles
+from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import angle_between, long_tail, spinning, thrift
 from springgym.envs.starts import direction
@@ -49,7 +48,7 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
     for c in range(observation.shape[0]):
         spin, _ = spinning(m, c)
         for axis in range(3):
@@ -80,7 +79,7 @@ class SpringGyroscope(Task):
     )
     goal_size = 3
     evaluate = staticmethod(evaluate)
-    frame = staticmethod(frame)
+    compact = staticmethod(compact)
 
     def __init__(
         self,
@@ -107,11 +106,13 @@ class SpringGyroscope(Task):
         )
 
     @cached_property
-    def particles(self) -> Particles:
+    def particles(self) -> ObservedParticles:
         parts = self.body.parts
         reach = np.linalg.norm(self.body.positions, axis=1)
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
-        return Particles(parts["ring"] + parts["head"] + parts["foot"], reach, USUAL * outwards + 2.0 * reach)
+        return ObservedParticles(
+            parts["ring"] + parts["head"] + parts["foot"], reach, USUAL * outwards + 2.0 * reach
+        )
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         axis, sideways = direction(rng), rng.uniform(-math.pi, math.pi)

@@ -1,7 +1,7 @@
 """Observations: positions and velocities of particles, or a few numbers with names and units.
 
 Both are scaled to order one. The first is made here from the particles of a task, see `Particles`. The
-second, the compact one, is made by the task's own function ``frame``; `Entry` says what its numbers mean.
+second, the compact one, is made by the task's own function ``compact``; `Entry` says what its numbers mean.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def values(entries: Sequence[Entry], observations: np.ndarray) -> dict[str, np.n
 
 
 @dataclass(frozen=True)
-class Particles:
+class ObservedParticles:
     """The "particles" observation: positions and velocities, scaled particle by particle.
 
     One scale for all would bury a slow particle under a fast one.
@@ -91,7 +91,7 @@ class Columns(NamedTuple):
     turned: bool
 
 
-def columns(particles: Particles) -> Columns:
+def columns(particles: ObservedParticles) -> Columns:
     """What `observe_particles` takes of an observation."""
     every = [(i, axis) for i in particles.observed for axis in range(3)]
     entries = np.array([pair for pair in every if pair not in particles.skipped], np.int64)

@@ -15,7 +15,7 @@ from springgym.bodies import cube, start
 from springgym.checks import chosen
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, Particles
+from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, spinning, thrift
 from springgym.envs.task import Start, Task
@@ -49,7 +49,7 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
     for c in range(observation.shape[0]):
         spin, _ = spinning(m, c)
         for axis in range(3):
@@ -69,7 +69,7 @@ class SpringPendulum(Task):
     period = 0.04
     hold = 25
     evaluate = staticmethod(evaluate)
-    frame = staticmethod(frame)
+    compact = staticmethod(compact)
 
     def __init__(
         self,
@@ -96,9 +96,9 @@ class SpringPendulum(Task):
         )
 
     @cached_property
-    def particles(self) -> Particles:
+    def particles(self) -> ObservedParticles:
         reach = np.linalg.norm(self._shape, axis=1)
-        return Particles(tuple(range(1, 8)), reach, 4.0 * reach)
+        return ObservedParticles(tuple(range(1, 8)), reach, 4.0 * reach)
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         anywhere, near, azimuth, roll = rng.uniform(

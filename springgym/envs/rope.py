@@ -11,12 +11,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import rope, rotation, solid_rope
-from springgym.bodies import spinning as rigid_velocities
+from springgym.bodies import rigid_velocities, rope, rotation, solid_rope
 from springgym.checks import flag, shown
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, Particles
+from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.task import Start, Task
@@ -46,7 +45,7 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
     load = x.shape[1] - 1
     for c in range(observation.shape[0]):
         for axis in range(2):
@@ -72,7 +71,7 @@ class SpringRope(Task):
     period = 0.05
     hold = 20
     evaluate = staticmethod(evaluate)
-    frame = staticmethod(frame)
+    compact = staticmethod(compact)
 
     def __init__(
         self,
@@ -100,10 +99,10 @@ class SpringRope(Task):
         return Scene(self.body, pinned=(0,), drive=DriveActuator(0, SPEED))
 
     @cached_property
-    def particles(self) -> Particles:
+    def particles(self) -> ObservedParticles:
         count = len(self.body.masses)
         two = np.full(count, 2.0)
-        return Particles(tuple(range(count)), two, two, about="goal", skipped=((0, 2),))
+        return ObservedParticles(tuple(range(count)), two, two, about="goal", skipped=((0, 2),))
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         azimuth, turning, bearing, rate, drawn_sway, drawn_distance = rng.uniform(

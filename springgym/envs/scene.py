@@ -19,7 +19,7 @@ from numpy.random import Generator
 from springgym import checks
 from springgym.checks import TINY, chosen, instance
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import BOUND, Entry, Particles
+from springgym.envs.observation import BOUND, Entry, ObservedParticles
 from springgym.envs.options import mapping
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
@@ -27,7 +27,7 @@ from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.simulator import STRAIN_LIMIT
-from springgym.surfaces import Dish, Plane
+from springgym.surfaces import Bowl, Plane
 
 WRENCH = ("force", "torque", "body_torque")
 LOUD = nullcontext()
@@ -174,12 +174,12 @@ class SceneTask(Task):
         return self._scene
 
     @cached_property
-    def particles(self) -> Particles:
+    def particles(self) -> ObservedParticles:
         scene, count = self._scene, len(self._scene.masses)
         each = zip(scene.bodies, scene.slices, strict=True)
         held = set(scene.pins) - {own.start + placed.drive.particle for placed, own in each if placed.drive}
         moving = tuple(i for i in range(count) if i not in held)
-        return Particles(moving, np.full(count, self._scales[0]), np.full(count, self._scales[1]))
+        return ObservedParticles(moving, np.full(count, self._scales[0]), np.full(count, self._scales[1]))
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         x, v = self._scene.positions, self._scene.velocities
@@ -248,8 +248,8 @@ class SceneTask(Task):
 
     def scenery(self) -> Scenery:
         planes = tuple((s.point, s.normal) for s in self._scene.surfaces if isinstance(s, Plane))
-        dishes = [(s.centre, s.radius) for s in self._scene.surfaces if isinstance(s, Dish)]
-        return Scenery(planes=planes, dish=dishes[0] if dishes else None)
+        bowls = [(s.centre, s.radius) for s in self._scene.surfaces if isinstance(s, Bowl)]
+        return Scenery(planes=planes, bowl=bowls[0] if bowls else None)
 
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
         return Marks()

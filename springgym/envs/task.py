@@ -19,7 +19,7 @@ from numpy.random import Generator
 
 from springgym import measures
 from springgym.checks import chosen
-from springgym.envs.observation import BOUND, Entry, Particles, values
+from springgym.envs.observation import BOUND, Entry, ObservedParticles, values
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene
@@ -48,7 +48,7 @@ class Task:
       positions x and velocities v (n, N, 3), the clipped action (n, A), the goal (n, G) and the
       task's own `parameters`, set ``out[name][c]`` for each name in `outcome`: the reward's terms, the
       metrics, whether the aim is met now, and whether the episode has failed;
-    - ``frame(m, x, v, goal, parameters, observation)``: the compact observation.
+    - ``compact(m, x, v, goal, parameters, observation)``: the compact observation.
     """
 
     observations: ClassVar[tuple[str, ...]] = ("particles", "frame")
@@ -68,7 +68,7 @@ class Task:
     hold: ClassVar[int] = 50
     """steps in a row that the aim must be met to count as success"""
     evaluate: ClassVar[Callable[..., None]]
-    frame: ClassVar[Callable[..., None]]
+    compact: ClassVar[Callable[..., None]]
 
     def __init__(self, observation: str = "particles", action: str = "torque") -> None:
         self.observation = chosen("observation", observation, self.observations)
@@ -95,7 +95,7 @@ class Task:
 
     @property
     def parameters(self) -> np.ndarray:
-        """Numbers that ``evaluate`` and ``frame`` need."""
+        """Numbers that ``evaluate`` and ``compact`` need."""
         return np.zeros(0)
 
     @property
@@ -104,7 +104,7 @@ class Task:
         raise NotImplementedError
 
     @property
-    def particles(self) -> Particles:
+    def particles(self) -> ObservedParticles:
         """The "particles" observation."""
         raise NotImplementedError
 

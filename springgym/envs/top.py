@@ -11,12 +11,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, rotation, solid_top, stretched_shapes, top
-from springgym.bodies import spinning as rigid_velocities
+from springgym.bodies import Body, rigid_velocities, rotation, solid_top, stretched_shapes, top
 from springgym.checks import flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, Particles
+from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import long_tail, spinning, thrift
 from springgym.envs.task import Start, Task
@@ -59,7 +58,7 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
     for c in range(observation.shape[0]):
         spin, _ = spinning(m, c)
         for axis in range(3):
@@ -77,7 +76,7 @@ class SpringTop(Task):
     metrics = ("tilt", "spin", "precession")
     entries = (Entry("axis", 3), Entry("across", 3, ACROSS_UNIT), Entry("spin", 1, SPIN_UNIT, about=WANTED))
     evaluate = staticmethod(evaluate)
-    frame = staticmethod(frame)
+    compact = staticmethod(compact)
 
     def __init__(
         self,
@@ -122,11 +121,11 @@ class SpringTop(Task):
         return np.array([self.action != "impulse"], float)
 
     @cached_property
-    def particles(self) -> Particles:
+    def particles(self) -> ObservedParticles:
         ring = self.body.parts["ring"]
         reach = np.linalg.norm(self.body.positions, axis=1)
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
-        return Particles((*ring, self.upper), reach, WANTED * outwards + 2.0 * reach)
+        return ObservedParticles((*ring, self.upper), reach, WANTED * outwards + 2.0 * reach)
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         drawn = rng.uniform((0.1, -math.pi, self.spins[0]), (0.6, math.pi, self.spins[1])).tolist()

@@ -11,12 +11,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, from_points
-from springgym.bodies import spinning as rigid_velocities
+from springgym.bodies import Body, from_points, rigid_velocities
 from springgym.checks import flag, whole
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, Particles
+from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import number
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import any_rotation
@@ -78,7 +77,7 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def frame(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
     for c in range(observation.shape[0]):
         normal = facing(x, c, int(goal[c, 3]))
         for axis in range(3):
@@ -108,7 +107,7 @@ class SpringTumble(Task):
     finest = 5e-4
     hold = 25
     evaluate = staticmethod(evaluate)
-    frame = staticmethod(frame)
+    compact = staticmethod(compact)
 
     def __init__(
         self,
@@ -136,9 +135,9 @@ class SpringTumble(Task):
         )
 
     @cached_property
-    def particles(self) -> Particles:
+    def particles(self) -> ObservedParticles:
         count = len(self.body.masses)
-        return Particles(
+        return ObservedParticles(
             tuple(range(count)), np.full(count, 0.5), np.full(count, 2.0), about="goal", pointed=3
         )
 

@@ -19,12 +19,19 @@ from springgym.forces.actuators import (
     Wrench,
     add_actuation,
     drive_on,
-    hold,
     move_drive,
     push,
+    record_holding,
     set_actuation,
 )
-from springgym.forces.contact import Bowl, Planes, bowl_energy, move_above_planes, move_in_bowl, planes_energy
+from springgym.forces.contact import (
+    HollowSphere,
+    Planes,
+    bowl_energy,
+    move_above_planes,
+    move_in_bowl,
+    planes_energy,
+)
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
 from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
 from springgym.lanes import load
@@ -55,7 +62,7 @@ class Terms(NamedTuple):
     thrust: Thrust | None = None
     drive: Drive | None = None
     planes: Planes | None = None
-    bowl: Bowl | None = None
+    bowl: HollowSphere | None = None
     friction: np.ndarray | None = None
     """μ of the surfaces [1], (1,)"""
     impact_damping: np.ndarray | None = None
@@ -99,7 +106,7 @@ def derivative(x: Any, v: Any, a: Any, b: Any, weight: Any, ledger: Any, terms: 
     set_weights(a, particles, terms.gravity)
     add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
     add_own_forces(x, a, terms.own, terms.body)
-    hold(v, a, terms.drive, ledger, weight)
+    record_holding(v, a, terms.drive, ledger, weight)
     add_paper_forces(
         x, v, a, particles, terms.planes, terms.bowl, terms.friction, terms.paper_law, ledger, weight
     )

@@ -47,7 +47,7 @@ class Wrench(NamedTuple):
     """(3,) [N·m], world; if ``axial`` is 0, without its part along the body's third axis"""
     body_torque: np.ndarray
     """(3,) [N·m] about the body's axes"""
-    frame: np.ndarray
+    markers: np.ndarray
     """(3,) the particles of the body's `triad`"""
     pivot: int
     """the pinned particle, or −1 for the centre of mass"""
@@ -62,7 +62,7 @@ class Thrust(NamedTuple):
     """(thrusters,)"""
     force: np.ndarray
     """(thrusters, 3) [N], in the world or, if ``turns``, in the body's `triad`"""
-    frame: np.ndarray
+    markers: np.ndarray
     turns: bool
 
 
@@ -115,7 +115,7 @@ def add_actuation(
 def set_wrench(x: Any, acceleration: Any, particles: Any, wrench: Any) -> None:
     mass = particles.mass
     about = row(x, wrench.pivot) if wrench.pivot >= 0 else mass_centre(x, mass)
-    e1, e2, e3 = triad(x, wrench.frame)
+    e1, e2, e3 = triad(x, wrench.markers)
     world = vector(wrench.torque)
     torque = minus(world, times((1.0 - wrench.axial) * dot(world, e3), e3))
     body = vector(wrench.body_torque)
@@ -137,7 +137,7 @@ def set_wrench(x: Any, acceleration: Any, particles: Any, wrench: Any) -> None:
 
 @compiled
 def add_thrust(x: Any, acceleration: Any, particles: Any, thrust: Any) -> None:
-    e1, e2, e3 = triad(x, thrust.frame)
+    e1, e2, e3 = triad(x, thrust.markers)
     for n in range(thrust.particle.size):
         force = row(thrust.force, n)
         if thrust.turns:
@@ -162,7 +162,7 @@ def push(v: Any, acceleration: Any, tau: Any, particles: Any, wrench: Any, thrus
 
 
 @compiled
-def hold(v: Any, force: Any, drive: Any, ledger: Any, weight: Any) -> None:
+def record_holding(v: Any, force: Any, drive: Any, ledger: Any, weight: Any) -> None:
     """Record the power of the drive, ``weight`` [s] times: it holds its particle against ``force`` (N, 3)."""
     if drive is not None and drive.particle >= 0:
         record(ledger, WORK, -weight * dot(row(force, drive.particle), row(v, drive.particle)))

@@ -56,7 +56,7 @@ class Planes(NamedTuple):
     """whether two of them meet at another than a right angle"""
 
 
-class Bowl(NamedTuple):
+class HollowSphere(NamedTuple):
     """The inside of a sphere."""
 
     centre: np.ndarray

@@ -112,7 +112,7 @@ def _kernel(integrate: Callable[..., None], read: Callable[..., None]) -> Callab
         readout: Any,
         space: Any,
         pivot: Any,
-        frame: Any,
+        markers: Any,
     ) -> None:
         for block in range(first, last):
             xb, vb, entries, own = at(x, block), at(v, block), at(ledger, block), at(terms, block)
@@ -128,6 +128,6 @@ def _kernel(integrate: Callable[..., None], read: Callable[..., None]) -> Callab
                         of_body(own, body),
                     )
             if reads:
-                read(block, xb, vb, entries, readout, space, pivot, frame, own)
+                read(block, xb, vb, entries, readout, space, pivot, markers, own)
 
     return advance

@@ -181,7 +181,7 @@ class Camera:
         right /= np.linalg.norm(right)
         return np.array([right, np.cross(right, forward), forward])
 
-    def scale(self, height: float) -> float:
+    def pixels_per_radian(self, height: float) -> float:
         """Pixels per radian in the middle of a picture ``height`` pixels high."""
         return 0.5 * height / float(np.tan(0.5 * self.fov))
 
@@ -190,7 +190,7 @@ class Camera:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Image of points in a picture of ``size`` = (width, height) pixels.
 
-        With a = p - eye, s = scale(height): x = W/2 + s (a.right)/(a.forward),
+        With a = p - eye, s = pixels_per_radian(height): x = W/2 + s (a.right)/(a.forward),
         y = H/2 - s (a.up)/(a.forward).
 
         Parameters
@@ -208,14 +208,14 @@ class Camera:
         width, height = size
         local = (np.asarray(points, dtype=float) - self.eye) @ self.axes().T
         depth = np.where(local[..., 2] > _NEAR, local[..., 2], np.nan)
-        flat = self.scale(height) * local[..., :2] / depth[..., None]
+        flat = self.pixels_per_radian(height) * local[..., :2] / depth[..., None]
         return np.array([0.5 * width, 0.5 * height]) + flat * [1.0, -1.0], depth
 
     def rays(self, size: tuple[int, int]) -> NDArray[np.float64]:
         """Unit vectors from the eye through the middles of the pixels, (height, width, 3)."""
         width, height = size
-        x = (np.arange(width) + 0.5 - 0.5 * width) / self.scale(height)
-        y = (np.arange(height) + 0.5 - 0.5 * height) / self.scale(height)
+        x = (np.arange(width) + 0.5 - 0.5 * width) / self.pixels_per_radian(height)
+        y = (np.arange(height) + 0.5 - 0.5 * height) / self.pixels_per_radian(height)
         right, up, forward = self.axes()
         rays = x[None, :, None] * right - y[:, None, None] * up + forward
         return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))

@@ -73,7 +73,7 @@ class Canvas:
         self.picture_size = size
         self.size = (OVERSAMPLE * size[0], OVERSAMPLE * size[1])
         distance = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
-        self.extent = size[1] / camera.scale(size[1]) * distance  # picture's height at target, m
+        self.extent = size[1] / camera.pixels_per_radian(size[1]) * distance  # picture's height at target, m
         self._surface = self.pygame.Surface(self.size, 0, 32)
         self._layer = self.pygame.Surface(self.size, self.pygame.SRCALPHA, 32)
         self._picture = self.pygame.Surface(size, 0, 32)
@@ -88,7 +88,7 @@ class Canvas:
 
     def pixels_per_meter(self, depth: ArrayLike) -> Array:
         """Canvas pixels a metre across the view at a depth."""
-        return self.camera.scale(self.size[1]) / np.asarray(depth)
+        return self.camera.pixels_per_radian(self.size[1]) / np.asarray(depth)
 
     def fill(self, colors: Array) -> None:
         """Colour the whole canvas by the pixels of the picture, (height, width, 3) in 0..255."""

@@ -1,4 +1,4 @@
-"""What lies behind the body: sky, grids, dish, target rings and the body's soft shadow."""
+"""What lies behind the body: sky, grids, bowl, target rings and the body's soft shadow."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _planes(canvas: Canvas, scenery: Scenery) -> list[_Plane]:
     ]
 
 
-class _Dish(NamedTuple):
+class _Bowl(NamedTuple):
     """A bowl, the part of a sphere that is near its lowest point."""
 
     center: Array
@@ -85,11 +85,11 @@ class _Dish(NamedTuple):
         return start + direction * (root - b)[..., None]
 
 
-def _dish(canvas: Canvas, scenery: Scenery) -> _Dish | None:
-    if scenery.dish is None:
+def _bowl(canvas: Canvas, scenery: Scenery) -> _Bowl | None:
+    if scenery.bowl is None:
         return None
-    center, radius = scenery.dish
-    return _Dish(np.asarray(center, dtype=float), radius, min(1.25, 0.75 * canvas.extent / radius))
+    center, radius = scenery.bowl
+    return _Bowl(np.asarray(center, dtype=float), radius, min(1.25, 0.75 * canvas.extent / radius))
 
 
 def paint_background(canvas: Canvas, scenery: Scenery) -> None:
@@ -98,21 +98,21 @@ def paint_background(canvas: Canvas, scenery: Scenery) -> None:
     rows = np.linspace(0.0, 1.0, height)[:, None, None] ** 1.3
     colors = np.broadcast_to(_SKY[0] + rows * (_SKY[1] - _SKY[0]), (height, width, 3))
     eye, rays = np.asarray(canvas.camera.eye), canvas.camera.rays(canvas.picture_size)
-    planes, dish = _planes(canvas, scenery), _dish(canvas, scenery)
+    planes, bowl = _planes(canvas, scenery), _bowl(canvas, scenery)
     for plane in planes:
         speed = rays @ plane.normal
         time = np.where(speed < 0.0, ((plane.point - eye) @ plane.normal) / speed, np.nan)
         cover = plane.fade(eye + time[..., None] * rays)
         colors = _cover(colors, np.nan_to_num(cover), float(plane.normal @ canvas.light))
-    if dish is not None:
-        hit = dish.behind(eye, rays)
-        slope = ((dish.center - hit) / dish.radius) @ canvas.light
-        colors = _cover(colors, np.nan_to_num(dish.fade(hit)), np.nan_to_num(slope))
+    if bowl is not None:
+        hit = bowl.behind(eye, rays)
+        slope = ((bowl.center - hit) / bowl.radius) @ canvas.light
+        colors = _cover(colors, np.nan_to_num(bowl.fade(hit)), np.nan_to_num(slope))
     canvas.fill(colors)
     for plane in planes:
         _paint_grid(canvas, plane)
-    if dish is not None:
-        _paint_net(canvas, dish)
+    if bowl is not None:
+        _paint_net(canvas, bowl)
 
 
 def _cover(colors: Array, cover: Array, slope: ArrayLike) -> Array:
@@ -147,19 +147,19 @@ def _paint_grid(canvas: Canvas, plane: _Plane) -> None:
     _fading_paths(canvas, paths, lambda middles: 0.5 * plane.fade(middles))
 
 
-def _paint_net(canvas: Canvas, dish: _Dish) -> None:
+def _paint_net(canvas: Canvas, bowl: _Bowl) -> None:
     """Meridians and parallels; the wall between the eye and the body is fainter."""
     eye = np.asarray(canvas.camera.eye)
 
     def fade(middles: Array) -> Array:
-        near = ((eye - middles) * (dish.center - middles)).sum(-1) < 0.0
-        return dish.fade(middles) * np.where(near, 0.15, 0.6)
+        near = ((eye - middles) * (bowl.center - middles)).sum(-1) < 0.0
+        return bowl.fade(middles) * np.where(near, 0.15, 0.6)
 
     around = np.linspace(0.0, 2.0 * np.pi, 145)
-    paths = [dish.at(polar, around) for polar in np.linspace(0.0, dish.rim, 9)[1:]]
+    paths = [bowl.at(polar, around) for polar in np.linspace(0.0, bowl.rim, 9)[1:]]
     for k, azimuth in enumerate(around[:-1:6]):
-        start = dish.rim / 8.0 if k % 2 else 0.0
-        paths.append(dish.at(np.linspace(start, dish.rim, 33), azimuth))
+        start = bowl.rim / 8.0 if k % 2 else 0.0
+        paths.append(bowl.at(np.linspace(start, bowl.rim, 33), azimuth))
     _fading_paths(canvas, paths, fade)
 
 
@@ -184,9 +184,9 @@ def paint_shadows(canvas: Canvas, look: Look, x: Array, scenery: Scenery) -> Non
                 return p - light * (((p - plane.point) @ plane.normal) / slope)[..., None]
 
             _paint_shadow(canvas, look, x, on_plane)
-    dish = _dish(canvas, scenery)
-    if dish is not None:
-        _paint_shadow(canvas, look, x, lambda p: dish.behind(p, -light))
+    bowl = _bowl(canvas, scenery)
+    if bowl is not None:
+        _paint_shadow(canvas, look, x, lambda p: bowl.behind(p, -light))
 
 
 def _paint_shadow(canvas: Canvas, look: Look, x: Array, cast: Callable[[Array], Array]) -> None:

@@ -227,7 +227,7 @@ class Scenery:
         Height of a horizontal floor, m.
     planes : sequence of (point, normal)
         Further flat surfaces, walls or slopes: a point (m) and the normal into the free side.
-    dish : (centre, radius), optional
+    bowl : (centre, radius), optional
         Sphere (m) whose lower part is a bowl around the body.
     vertical : (foot, height), optional
         Dashed reference line upwards from the point ``foot``, m.
@@ -235,7 +235,7 @@ class Scenery:
 
     floor: float | None = None
     planes: Sequence[tuple[Point, Point]] = ()
-    dish: tuple[Point, float] | None = None
+    bowl: tuple[Point, float] | None = None
     vertical: tuple[Point, float] | None = None
 
 

@@ -65,7 +65,7 @@ class Renderer:
         self._window: Any = None
         self._clock: Any = None
 
-    def frame(
+    def draw(
         self,
         positions: ArrayLike,
         marks: Marks | None = None,

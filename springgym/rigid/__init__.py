@@ -182,7 +182,7 @@ def terms(
         shape=parameter(values["shape"]),
         moments=parameter(values["moments"]),
         triad=parameter(values["triad"]),
-        frame=np.array(scene.body.frame, np.uint32),
+        markers=np.array(scene.body.markers, np.uint32),
         pivot=scene.pivot,
         stages=np.array(METHODS[method.name].stages),
     )
@@ -213,6 +213,6 @@ def shape_values(scene: Scene, masses: np.ndarray | None) -> dict[str, np.ndarra
     return {
         "shape": shape.positions,
         "moments": shape.moments,
-        "triad": shape.triad(scene.body.frame),
+        "triad": shape.triad(scene.body.markers),
         "asymmetry": 1 / shape.moments[1:2] - 1 / shape.moments[0:1],
     }

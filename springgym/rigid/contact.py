@@ -114,7 +114,7 @@ def pushed(motion: Any, place: Any, push: Any, lightness: Any) -> Any:
 
 
 @compiled
-def hold(
+def stick(
     place: Any, n: Any, old: Any, limit: Any, motion: Any, active: Any, lightness: Any, rigid: Any
 ) -> Any:
     """Friction that stops a particle along a surface or, at its limit, works against its motion.
@@ -254,7 +254,7 @@ def push_apart(
                     changed = maximum(changed, a * maximum(early - share, share - early))
                     fastest = maximum(fastest, a * total)
                     if friction is not None:
-                        held, motion, change = hold(
+                        held, motion, change = stick(
                             place,
                             n,
                             row(workspace[ARRAYS * k + RUB], i),
@@ -452,7 +452,7 @@ def rub(
             for i in range(particles.mass.size):
                 impulse, share, a = row(workspace[ARRAYS * k + PUSH], i)
                 if any_lane(impulse > 0.0):
-                    held, motion, change = hold(
+                    held, motion, change = stick(
                         row(rigid.shape, i),
                         row(workspace[ARRAYS * k + NORMAL], i),
                         row(workspace[ARRAYS * k + RUB], i),

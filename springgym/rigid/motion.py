@@ -49,7 +49,7 @@ class Rigid(NamedTuple):
     """(3,) [kg·m²]"""
     triad: np.ndarray
     """(3, 3) rows: the body's `triad` in principal axes"""
-    frame: np.ndarray
+    markers: np.ndarray
     """(3,) the particles of that triad"""
     pivot: int
     """the pinned particle, or −1"""
@@ -65,7 +65,7 @@ def rows(matrix: Any) -> Any:
 @compiled
 def orientation(x: Any, rigid: Any) -> Any:
     """The principal axes in world coordinates: how the triad of the particles stands to that of the shape."""
-    here = triad(x, rigid.frame)
+    here = triad(x, rigid.markers)
     e1, e2, e3 = rows(rigid.triad)
     return (
         combine(here, (e1[0], e2[0], e3[0])),
@@ -257,7 +257,7 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
         readout: Any,
         space: Any,
         pivot: Any,
-        frame: Any,
+        markers: Any,
     ) -> None:
         for block in range(first, last):
             xb, vb, entries, all_terms = at(x, block), at(v, block), at(ledger, block), at(terms, block)
@@ -283,6 +283,6 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
                         own.impact_damping,
                     )
             if reads:
-                read(block, xb, vb, entries, readout, space, pivot, frame, all_terms[2])
+                read(block, xb, vb, entries, readout, space, pivot, markers, all_terms[2])
 
     return advance

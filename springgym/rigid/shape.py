@@ -25,9 +25,9 @@ class Shape(NamedTuple):
     moments: np.ndarray
     """(3,) about that point [kg·m²]. The first two are those that are closest to each other, as 1/I."""
 
-    def triad(self, frame: tuple[int, int, int]) -> np.ndarray:
+    def triad(self, markers: tuple[int, int, int]) -> np.ndarray:
         """(3, 3) the body's triad in principal axes, its rows."""
-        return np.ascontiguousarray(axes(self.positions, frame).T)
+        return np.ascontiguousarray(axes(self.positions, markers).T)
 
 
 def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
@@ -63,7 +63,7 @@ def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
 
 
 def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.ndarray) -> np.ndarray:
-    """Where particles come to lie that are put onto the rigid shape, by the particles of the body's frame.
+    """Where particles come to lie that are put onto the rigid shape, by the markers of the body.
 
     Parameters
     ----------
@@ -79,16 +79,16 @@ def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.
     Raises
     ------
     ValueError
-        If the particles of the frame tell no orientation.
+        If the markers tell no orientation.
     """
-    i, j, k = scene.body.frame
+    i, j, k = scene.body.markers
     third, sideways = positions[:, j] - positions[:, i], positions[:, k] - positions[:, i]
     across = np.linalg.norm(np.cross(third, sideways), axis=1)
     length = np.linalg.norm(third, axis=1)
     straight = ~(across > 1e-9 * length * np.linalg.norm(sideways, axis=1))
     if straight.any():
         raise ValueError(
-            f"particles {scene.body.frame}, the frame of body {scene.body.name!r}, start on one line in copy "
+            f"the markers {scene.body.markers} of body {scene.body.name!r} start on one line in copy "
             f"{copies[np.argmax(straight)]} and tell no orientation; they must span a plane"
         )
     third = third / length[:, None]
@@ -102,7 +102,7 @@ def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.
     else:
         here = np.einsum("kn,knx->kx", masses, positions) / total
         about = masses @ body / total
-    turn = axes(body, scene.body.frame) @ triad
+    turn = axes(body, scene.body.markers) @ triad
     return here[:, None] + (body - about[:, None]) @ turn
 
 
@@ -139,9 +139,9 @@ def _check_part(scene: Scene, method: Integrator) -> None:
             f"the particles of body {body.name!r} lie on one line: as a rigid body it has no moment of "
             "inertia about it"
         )
-    if _rank(body.positions[list(body.frame)]) < 2:
+    if _rank(body.positions[list(body.markers)]) < 2:
         raise ValueError(
-            f"the particles {body.frame} of the frame of body {body.name!r} lie on one line and tell no "
+            f"the markers {body.markers} of body {body.name!r} lie on one line and tell no "
             "orientation; name three that span a plane"
         )
     if len(scene.pinned) > 1:

@@ -15,7 +15,7 @@ from springgym.rendering.look import AMBER, BLUE, INK, IVORY, STEEL, TEAL, toget
 from springgym.scene import Scene
 from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import Recording
-from springgym.surfaces import Dish, Plane
+from springgym.surfaces import Bowl, Plane
 
 SIZE = (640, 640)
 FPS = 50.0
@@ -62,7 +62,7 @@ def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -
         n = min(int(np.searchsorted(recording.times, t - 1e-9)), len(x) - 1)
         if along is not None:
             renderer.camera = still.moved(along[n])
-        yield renderer.frame(x[n], Marks(text=(f"{t:5.2f} s", *note)))  # type: ignore[misc]
+        yield renderer.draw(x[n], Marks(text=(f"{t:5.2f} s", *note)))  # type: ignore[misc]
     renderer.close()
 
 
@@ -116,10 +116,10 @@ def strobe(
     """One picture of the body at several moments, earlier ones paler, (height, width, 3)."""
     plan = recording.plan
     renderer = Renderer(look(plan.scene, None), seen_by, scenery(recording), size)
-    ground = np.asarray(renderer.frame(np.full_like(recording.positions[0], np.nan)), np.int16)
+    ground = np.asarray(renderer.draw(np.full_like(recording.positions[0], np.nan)), np.int16)
     picture = ground.astype(np.float32)
     for rank, moment in enumerate(moments):
-        drawn = np.asarray(renderer.frame(recording.positions[moment]), np.int16)
+        drawn = np.asarray(renderer.draw(recording.positions[moment]), np.int16)
         changed = np.abs(drawn - ground).max(axis=2)
         rows, columns = (np.flatnonzero(changed.any(axis=n)) for n in (1, 0))
         if not len(rows):
@@ -155,13 +155,13 @@ def scenery(recording: Recording) -> Scenery:
     """The surfaces, or a ground below what is pinned."""
     scene, x = recording.plan.scene, recording.positions
     planes = tuple((s.point, s.normal) for s in scene.surfaces if isinstance(s, Plane))
-    dishes = [(s.centre, s.radius) for s in scene.surfaces if isinstance(s, Dish)]
+    bowls = [(s.centre, s.radius) for s in scene.surfaces if isinstance(s, Bowl)]
     if scene.surfaces or not scene.pins:
         plumb = None
         if any(abs(s.normal[2]) < 0.999 for s in scene.surfaces if isinstance(s, Plane)):
             size = float(np.ptp(x[0], axis=0).max())  # a slope is seen beside what is upright
             plumb = (tuple(x[0].mean(axis=0)), 1.2 * size)
-        return Scenery(planes=planes, dish=dishes[0] if dishes else None, vertical=plumb)
+        return Scenery(planes=planes, bowl=bowls[0] if bowls else None, vertical=plumb)
     pin, low = x[0, scene.pins[0]], float(x[..., 2].min())
     stands = recording.measures.centre[:, 2].min() > pin[2]
     plumb = (tuple(pin), 1.2 * float(x[..., 2].max() - pin[2]))

@@ -163,7 +163,7 @@ def _clock(
 def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int], recording: Recording) -> None:
     """A length, as it is seen in the middle of the picture."""
     distance = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
-    a_metre = camera.scale(pixels[1]) / distance
+    a_metre = camera.pixels_per_radian(pixels[1]) / distance
     most = 0.25 * pixels[0] / a_metre
     power = 10.0 ** np.floor(np.log10(most))
     length = max(k * power for k in (1.0, 2.0, 5.0) if k * power <= most)
@@ -284,7 +284,7 @@ def top(recording: Recording, figure: Figure) -> None:
     if pinned:
         above.plot(0, 0, "+", color=CENTRE)
     else:
-        foot = recording.positions[:, recording.plan.scene.body.frame[0]]
+        foot = recording.positions[:, recording.plan.scene.body.markers[0]]
         above.plot(*foot[:, :2].T, color=OTHER, linewidth=0.8, label="tip")
         above.plot(*recording.measures.centre[:, :2].T, color=CENTRE, label="centre of mass")
     above.set_aspect("equal", adjustable="datalim" if not pinned else "box")

@@ -28,7 +28,7 @@ from springgym.bodies import (
     top,
     union,
 )
-from springgym.bodies.motion import Start
+from springgym.bodies.motion import InitialState
 from springgym.bodies.precession import heavy_top
 from springgym.checks import shown
 from springgym.integrators import METHODS
@@ -37,7 +37,7 @@ from springgym.scene import GRAVITY, Placed, Scene
 from springgym.scenes.checks import CHECKS
 from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
-from springgym.surfaces import Contact, Dish, PaperContact, Plane, Surface, floor, incline, scales
+from springgym.surfaces import Bowl, Contact, PaperContact, Plane, Surface, floor, incline, scales
 from springgym.theory.contact import rest_height
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
@@ -278,7 +278,7 @@ def _net(
     damping: float | Sequence[float] = 0.0,
     lengths: Sequence[float] | None = None,
     parts: Mapping[str, Sequence[int]] | None = None,
-    frame: tuple[int, int, int] | None = None,
+    markers: tuple[int, int, int] | None = None,
     floppy: bool = False,
 ) -> Body:
     """A body given particle by particle and spring by spring, see `Body`."""
@@ -290,7 +290,7 @@ def _net(
         np.array(stiffness),
         np.array(damping),
         lengths=None if lengths is None else np.array(lengths),  # type: ignore[arg-type]
-        frame=frame,  # type: ignore[arg-type]
+        markers=markers,  # type: ignore[arg-type]
         parts={} if parts is None else {name: tuple(particles) for name, particles in parts.items()},
         floppy=floppy,
     )
@@ -385,7 +385,7 @@ SURFACES: dict[str, Callable[..., Surface]] = {
     "floor": floor,
     "incline": incline,
     "plane": Plane,
-    "dish": Dish,
+    "bowl": Bowl,
 }
 """Surfaces by the name a scene file gives them."""
 
@@ -426,7 +426,7 @@ def _met(
 
 
 class _Begun(NamedTuple):
-    start: Start
+    start: InitialState
     stretched: bool
 
 
@@ -488,7 +488,7 @@ def _started(
         if max(particles) >= len(body.masses):
             raise ValueError(f"kick names particle {name}; there are 0 to {len(body.masses) - 1}")
         velocities[list(particles)] += change
-    return _Begun(Start(positions, velocities), stretched)
+    return _Begun(InitialState(positions, velocities), stretched)
 
 
 def _lifted(
@@ -501,7 +501,7 @@ def _lifted(
 ) -> np.ndarray:
     """Positions moved along the normal of a plane to a height of the lowest particle."""
     if not isinstance(surface, Plane):
-        raise ValueError("height is above a plane; give a position in a dish")
+        raise ValueError("height is above a plane; give a position in a bowl")
     heights = surface.height(positions)
     if height == "rest":
         strength, reach = scales(contact, body)

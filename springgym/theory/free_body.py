@@ -24,13 +24,13 @@ from springgym.theory.frames import Floats, euler_zxz
 class FreeMotion(NamedTuple):
     """Motion at times of shape S.
 
-    `omega_body`, shape S + (3,), in the principal frame, and `omega_world`, rad/s; `frame`, shape
+    `omega_body`, shape S + (3,), in the principal frame, and `omega_world`, rad/s; `attitude`, shape
     S + (3, 3), from principal to world coordinates.
     """
 
     omega_body: Floats
     omega_world: Floats
-    frame: Floats
+    attitude: Floats
 
 
 def corner_box_inertia(mass: float, edges: ArrayLike) -> Floats:

@@ -104,7 +104,7 @@ class Constants(NamedTuple):
 class TopMotion(NamedTuple):
     """Motion at the times asked for, of their shape S.
 
-    `theta`, `phi`, `psi`, rad, and `theta_dot`, `phi_dot`, rad/s; `frame`, shape S + (3, 3), from
+    `theta`, `phi`, `psi`, rad, and `theta_dot`, `phi_dot`, rad/s; `attitude`, shape S + (3, 3), from
     body to world; `omega_world`, shape S + (3,), rad/s. Where the axis goes exactly through the
     vertical, theta runs on past 0 or pi instead of phi jumping by pi; the frame is smooth always.
     """
@@ -114,7 +114,7 @@ class TopMotion(NamedTuple):
     psi: Floats
     theta_dot: Floats
     phi_dot: Floats
-    frame: Floats
+    attitude: Floats
     omega_world: Floats
 
 

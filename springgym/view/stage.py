@@ -132,8 +132,8 @@ class Stage:
                 position=foot,
                 wxyz=_turned(unit),
             )
-        if scenery.dish is not None:
-            self._add_dish(np.asarray(scenery.dish[0], float), scenery.dish[1], extent)
+        if scenery.bowl is not None:
+            self._add_bowl(np.asarray(scenery.bowl[0], float), scenery.bowl[1], extent)
         if scenery.vertical is not None:
             foot, height = scenery.vertical
             steps = np.linspace(0.0, height, 41)[:-1].reshape(-1, 2)
@@ -142,7 +142,7 @@ class Stage:
                 "/ground/vertical", points, GRAPHITE, thickness=1.6, thickness_units="screen"
             )
 
-    def _add_dish(self, centre: np.ndarray, radius: float, extent: float) -> None:
+    def _add_bowl(self, centre: np.ndarray, radius: float, extent: float) -> None:
         rim = min(1.25, 1.1 * extent / radius)
         polar, around = np.linspace(0.0, rim, 13), np.linspace(0.0, 2 * np.pi, 49)
         flat = np.sin(polar)[:, None]
@@ -152,7 +152,7 @@ class Stage:
         a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
         faces = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
         self._scene.add_mesh_simple(
-            "/ground/dish",
+            "/ground/bowl",
             net.reshape(-1, 3).astype(np.float32),
             faces,
             color=(225, 232, 242),

@@ -9,13 +9,14 @@ import pytest
 
 from springgym.bodies import (
     Body,
-    Start,
+    InitialState,
     box,
     cube,
     from_mesh,
     from_points,
     gyroscope,
     relative_equilibrium,
+    rigid_velocities,
     rope,
     rotation,
     softened,
@@ -23,7 +24,6 @@ from springgym.bodies import (
     solid_hull,
     solid_rope,
     solid_top,
-    spinning,
     start,
     stretched_shapes,
     top,
@@ -48,7 +48,7 @@ DOORS: list[Door] = [
         stiffness=np.ones(6),
         damping=np.ones(6),
         lengths=np.ones(6),
-        frame=(0, 1, 2),
+        markers=(0, 1, 2),
         parts={"tip": (3,)},
         triangles=[(0, 1, 2)],
     ),
@@ -61,7 +61,7 @@ DOORS: list[Door] = [
     door(union, bodies=(CUBE, box().with_(positions=box().positions + np.eye(3)[0]))),
     door(start, body=TOP, tilt=0.0, pinned=TOP.parts["tip"], gravity=(0.0, 0.0, -1.0)),
     door(rotation, axis=(0.0, 0.0, 1.0), angle=1.0),
-    door(spinning, positions=np.ones((4, 3)), omega=(0.0, 0.0, 1.0), about=(0.0, 0.0, 0.0)),
+    door(rigid_velocities, positions=np.ones((4, 3)), omega=(0.0, 0.0, 1.0), about=(0.0, 0.0, 0.0)),
     door(relative_equilibrium, body=TOP, omega=(0, 0, 1.0), pinned=(6,), gravity=(0.0, 0.0, -1.0)),
     door(stretched_shapes, body=TOP, axis=(0.0, 0.0, 1.0), fastest=10.0, pinned=(6,)),
     door(stretched_shapes(TOP, (0, 0, 1), 10.0, (6,)), spin=1.0),
@@ -114,12 +114,12 @@ def test_an_argument_is_refused_by_name_or_right(number: int, argument: str) -> 
 def finite_numbers(result: Any) -> list[Any]:
     if isinstance(result, Body):
         assert min(result.masses.min(), result.stiffness.min(initial=1), result.lengths.min(initial=1)) > 0
-        assert all(0 <= i < len(result.masses) and type(i) is int for i in result.frame)
+        assert all(0 <= i < len(result.masses) and type(i) is int for i in result.markers)
         held = ("positions", "masses", "stiffness", "damping", "lengths", "mass")
         return [getattr(result, name) for name in held]
     if isinstance(result, (Material, Grain, HeavyTop)):
         return [value for value in vars(result).values() if isinstance(value, float)]
-    if isinstance(result, (Start, tuple)):
+    if isinstance(result, (InitialState, tuple)):
         return list(result)
     return [] if result is None else [getattr(result, "coefficients", result)]
 

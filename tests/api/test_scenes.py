@@ -9,7 +9,7 @@ import pytest
 
 from springgym.bodies import cube
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
-from springgym.surfaces import Contact, Dish, PaperContact, Plane, floor, incline
+from springgym.surfaces import Bowl, Contact, PaperContact, Plane, floor, incline
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
 
 CUBE = cube()
@@ -17,11 +17,11 @@ PLACE = CUBE.positions + np.eye(3)[2]
 
 DOORS = [
     door(Plane),
-    door(Dish, centre=(0.0, 0.0, 1.0), radius=1.0),
+    door(Bowl, centre=(0.0, 0.0, 1.0), radius=1.0),
     door(floor),
     door(incline, angle=0.3),
     door(Plane().height, positions=np.ones((4, 3))),
-    door(Dish((0.0, 0.0, 1.0), 1.0).height, positions=np.ones((4, 3))),
+    door(Bowl((0.0, 0.0, 1.0), 1.0).height, positions=np.ones((4, 3))),
     door(Contact),
     door(PaperContact),
     door(WrenchActuator),
@@ -59,8 +59,8 @@ SURFACES = [
         (floor(), None),
         (floor(), 1),
         [Plane()],
-        (Dish((0, 0, 1), 5.0),),
-        (Dish((0, 0, 1), 5.0), Plane()),
+        (Bowl((0, 0, 1), 5.0),),
+        (Bowl((0, 0, 1), 5.0), Plane()),
     ),
     *((Plane(), Plane((0, 0, 1e-9), (0, 0, -1))), (Plane(), Plane(normal=(1, 0, -1))), (floor(0.9),)),
     *((floor(),) * 101, (floor(1e30),), (floor(-1e30),), (Plane(normal=(1e-20, 0, 1e20)),)),
@@ -108,7 +108,7 @@ def test_an_argument_is_refused_by_name_or_right(number: int, argument: str) -> 
         values = values + arrays(np.shape(right[argument]))
     refused = 0
     for value in values:
-        names = [argument, *right, "particle", "spring", "a dish"]
+        names = [argument, *right, "particle", "spring", "a bowl"]
         result = attempt(names, value, lambda value=value: call(**right | {argument: value}))
         refused += result is None
         if result is not None:

@@ -14,7 +14,7 @@ from springgym import integrators, rigid
 from springgym.bodies import Body, box, cube, gyroscope, rope, start, top
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import Simulator
-from springgym.surfaces import Contact, Dish, PaperContact, floor
+from springgym.surfaces import Bowl, Contact, PaperContact, floor
 
 TOP = top()
 TIP = TOP.particle("tip")
@@ -117,12 +117,12 @@ def test_five_kinds_of_bodies_on_a_floor_are_five_scenes_of_one() -> None:
 
 
 @pytest.mark.slow
-def test_bodies_in_a_dish_and_of_the_paper_s_contact_are_scenes_of_one() -> None:
+def test_bodies_in_a_bowl_and_of_the_paper_s_contact_are_scenes_of_one() -> None:
     balls = tuple(
         Placed(Body(f"ball {n}", [[0.3 * n, 0, 0.2]], 0.1 + n, [], 1e5, 0.0), name=f"{n}") for n in range(3)
     )
     contact = Contact(strength=0.05, reach=0.02, friction=0.1)
-    assert_each_as_alone(Scene(bodies=balls, surfaces=(Dish((0, 0, 1), 1.0),), contact=contact), (2000,))
+    assert_each_as_alone(Scene(bodies=balls, surfaces=(Bowl((0, 0, 1), 1.0),), contact=contact), (2000,))
     cubes = Scene(bodies=zoo().bodies[1:3], surfaces=(floor(),), contact=PaperContact(0.3, 1.0))
     assert_each_as_alone(cubes, (3000,), integrator="rk4")
 

@@ -56,10 +56,13 @@ def test_lengths_are_those_of_the_shape():
         ({"springs": [(0, 1), (1, 2), (1, 0)]}, "spring 2 of body 'triangle' joins particles 1 and 0, which"),
         ({"springs": [(0, 1)]}, "nothing joins particle 2 to particle 0"),
         ({"springs": [(0, 1), (1, 2)]}, "can change shape in 1 ways"),
-        ({"frame": (0, 1)}, "body 'triangle': frame is (0, 1), of shape (2,)"),
-        ({"frame": ()}, "body 'triangle': frame is (), of shape (0,)"),
-        ({"frame": (0, 0, 1)}, "frame is (0, 0, 1); its first two particles must lie at different places"),
-        ({"frame": (0, 1, 3)}, "body 'triangle': frame[2] is 3"),
+        ({"markers": (0, 1)}, "body 'triangle': markers is (0, 1), of shape (2,)"),
+        ({"markers": ()}, "body 'triangle': markers is (), of shape (0,)"),
+        (
+            {"markers": (0, 0, 1)},
+            "markers is (0, 0, 1); the first two must lie at different places",
+        ),
+        ({"markers": (0, 1, 3)}, "body 'triangle': markers[2] is 3"),
         ({"parts": {"end": (5,)}}, "body 'triangle': parts['end'][0] is 5"),
         ({"parts": {"end": ()}}, "body 'triangle': parts['end'] has no particles"),
         ({"triangles": [(0, 1, 7)]}, "body 'triangle': triangles[0, 2] is 7"),
@@ -75,8 +78,8 @@ def test_error_names_the_offender(changes, message):
     [
         ({"name": 5}, "name of a body is 5"),
         (
-            {"frame": (0.5, 1, 2)},
-            "body 'triangle': frame is (0.5, 1, 2); it must be an array of whole numbers",
+            {"markers": (0.5, 1, 2)},
+            "body 'triangle': markers is (0.5, 1, 2); it must be an array of whole numbers",
         ),
         ({"springs": [(0, 1.5), (1, 2), (2, 0)]}, "body 'triangle': springs is [(0, 1.5), (1, 2), (2, 0)]"),
         ({"parts": {"end": "tip"}}, "body 'triangle': parts['end'] is 'tip'"),
@@ -208,7 +211,7 @@ def test_a_single_particle_is_a_body():
     ball = Body("ball", [[1, 2, 3]], [2.0], np.zeros((0, 2)), 1.0, 0.0)
     assert ball.centre.tolist() == [1, 2, 3]
     assert not ball.inertia().any()
-    assert ball.frame == (0, 0, 0)
+    assert ball.markers == (0, 0, 0)
     assert "1 particles of 2 kg" in repr(ball)
     assert "no springs" in repr(ball)
 

@@ -7,9 +7,9 @@ from springgym.bodies import (
     cube,
     gyroscope,
     relative_equilibrium,
+    rigid_velocities,
     rope,
     rotation,
-    spinning,
     start,
     stretched_shapes,
     top,
@@ -47,18 +47,18 @@ def test_rotation_follows_the_right_hand():
 def test_axes_of_a_body():
     turn = rotation((1, 2, 3), 0.7)
     body = top()
-    assert axes(body.positions @ turn.T, body.frame) == pytest.approx(turn, abs=1e-14)
-    of_line = axes(rope().positions, rope().frame)
+    assert axes(body.positions @ turn.T, body.markers) == pytest.approx(turn, abs=1e-14)
+    of_line = axes(rope().positions, rope().markers)
     assert of_line[:, 2].tolist() == [0, 0, 1]
     assert of_line.T @ of_line == pytest.approx(np.eye(3), abs=1e-15)
-    diagonal = axes(cube().positions, cube().frame)[:, 2]
+    diagonal = axes(cube().positions, cube().markers)[:, 2]
     assert diagonal == pytest.approx(np.array([1, 1, -1]) / np.sqrt(3))
 
 
 def test_spinning_is_rigid():
     x, omega = top().positions, np.array([1.0, -2.0, 3.0])
     about = np.array([0.1, 0.2, 0.3])
-    v = spinning(x, omega, about)
+    v = rigid_velocities(x, omega, about)
     small = 1e-5
     turned = about + (x - about) @ rotation(omega, small * np.linalg.norm(omega)).T
     assert (turned - x) / small == pytest.approx(v, abs=10 * small * (omega @ omega))
@@ -226,7 +226,7 @@ def test_relative_equilibrium_does_not_breathe(body, omega, pinned):
     """
     step, ranges = 1e-4, []
     for x in (relative_equilibrium(body, omega, pinned), body.positions):
-        v = spinning(x, omega, x[pinned[0]] if pinned else body.masses @ x / body.mass)
+        v = rigid_velocities(x, omega, x[pinned[0]] if pinned else body.masses @ x / body.mass)
         ranges.append(breathing(body, x, v, pinned, None, step, 0.05).max())
     strain = np.abs(strains(body, relative_equilibrium(body, omega, pinned))).max()
     assert ranges[1] > strain  # the unstretched start swings to twice the strain and back

@@ -31,10 +31,10 @@ def test_top_starts_with_its_weight_on_the_tip() -> None:
     assert np.abs(positions[:12, :2] - start[:12, :2]).max() > 0.1  # it spins
 
 
-def test_top_in_the_dish_starts_on_the_tip() -> None:
-    """The tip is as high above the dish as above the floor."""
+def test_top_in_the_bowl_starts_on_the_tip() -> None:
+    """The tip is as high above the bowl as above the floor."""
     heights = []
-    for surface in ("floor", "dish"):
+    for surface in ("floor", "bowl"):
         env = make("SpringFreeTop-v0", surface=surface)
         env.reset(seed=0, options={"error": 0.9})
         positions, _ = particles_of(env)

@@ -141,7 +141,7 @@ VARIED = [(env_id, variant) for env_id, variants in fuzz.VARIANTS.items() for va
 
 @pytest.mark.parametrize(("env_id", "arguments"), VARIED, ids=lambda value: str(value)[:40])
 def test_every_corner_of_the_reset_options_can_be_started_from(env_id: str, arguments: dict) -> None:
-    """All options at a bound at once: one alone may fit where two together lean a ring into a dish."""
+    """All options at a bound at once: one alone may fit where two together lean a ring into a bowl."""
     env = gym.make(env_id, **arguments)
     bounds = fuzz.allowed(env)
     corners = [dict(zip(bounds, values, strict=True)) for values in product(*bounds.values())]

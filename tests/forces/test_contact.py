@@ -1,4 +1,4 @@
-"""Contact against theory: bounces, restitution, friction, corners, a dish, and the books of energy."""
+"""Contact against theory: bounces, restitution, friction, corners, a bowl, and the books of energy."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from springgym.bodies import Body, cube, rotation, spinning
+from springgym.bodies import Body, cube, rigid_velocities, rotation
 from springgym.scene import Scene
 from springgym.simulator import Simulator
-from springgym.surfaces import Contact, Dish, Plane, floor, incline, scales
+from springgym.surfaces import Bowl, Contact, Plane, floor, incline, scales
 from springgym.theory import contact as theory
 
 C, REACH, G = 1.0, 0.02, 9.81
@@ -55,7 +55,7 @@ def thrown_cube(how: Contact, step: float, **options: Any) -> Simulator:
     """A cube that flies over a floor, turning, and hits it on a corner."""
     body = cube()
     positions = (body.positions - body.centre) @ rotation([1, 2, 0.5], 0.7).T + [0, 0, 1.5]
-    velocities = spinning(positions, [1, 3, 2], [0, 0, 1.5]) + np.array([1.0, 0, 0])
+    velocities = rigid_velocities(positions, [1, 3, 2], [0, 0, 1.5]) + np.array([1.0, 0, 0])
     scene = Scene(body, positions, velocities, surfaces=(floor(),), contact=how)
     return Simulator(scene, step=step, **{"varying": VARYING, **options})
 
@@ -383,56 +383,56 @@ def test_friction_in_a_corner_acts_along_it() -> None:
     assert x[0, 0] == pytest.approx(0, abs=ROUNDING)
 
 
-# --- Dish ---------------------------------------------------------------------------------------------
+# --- Bowl ---------------------------------------------------------------------------------------------
 
-DISH = Dish((0.1, -0.2, 0.5), 1.0)
+BOWL = Bowl((0.1, -0.2, 0.5), 1.0)
 
 
 @pytest.mark.parametrize("strength", [0.05, 1.0, 5.0])
-def test_dish_keeps_the_energy(strength: float) -> None:
-    """20 s of bouncing and sliding in a dish: within 0.22 %; a normal frozen for a step gains 4 %."""
+def test_bowl_keeps_the_energy(strength: float) -> None:
+    """20 s of bouncing and sliding in a bowl: within 0.22 %; a normal frozen for a step gains 4 %."""
     places = np.array([[0.3, 0, -0.9], [0.5, 0.2, 0], [0.9, 0, 0], [0.96, 0, 0], [0, 0.6, -0.6]])
     velocities = [[0, 1.0, 0], [0, 0, 0], [0, 3.0, 0], [0, 4.0, 2.0], [6, 0, 0]]
-    simulator = beads(places + DISH.centre, velocities, contact(strength=strength), (DISH,))
-    bottom = G * (DISH.centre[2] - DISH.radius)
+    simulator = beads(places + BOWL.centre, velocities, contact(strength=strength), (BOWL,))
+    bottom = G * (BOWL.centre[2] - BOWL.radius)
     start = simulator.measure().energy - bottom
     for _ in range(100):
         simulator.advance(200)
         energy = simulator.measure().energy - bottom
         assert energy / start == pytest.approx(np.ones(5), abs=0.0022)
-        assert DISH.height(state(simulator)[0]).min() > 0
-    assert np.linalg.norm(state(simulator)[0] - places - DISH.centre, axis=1).min() > 0.1
+        assert BOWL.height(state(simulator)[0]).min() > 0
+    assert np.linalg.norm(state(simulator)[0] - places - BOWL.centre, axis=1).min() > 0.1
 
 
-def test_dish_swings_as_a_pendulum() -> None:
+def test_bowl_swings_as_a_pendulum() -> None:
     """On ice the bead is a pendulum of length R − h: period 2π √((R − h)/g) for small swings."""
     h = at_rest_height(G)
-    length = DISH.radius - h
+    length = BOWL.radius - h
     swing = 0.01
-    start = np.array(DISH.centre) + length * np.array([math.sin(swing), 0, -math.cos(swing)])
-    simulator = beads([start], [[0, 0, 0]], surfaces=(DISH,))
+    start = np.array(BOWL.centre) + length * np.array([math.sin(swing), 0, -math.cos(swing)])
+    simulator = beads([start], [[0, 0, 0]], surfaces=(BOWL,))
     period = 2 * math.pi * math.sqrt(length / G) * (1 + swing**2 / 16)
     steps = round(10.25 * period / 1e-3)
     simulator.advance(steps)
     phase = 2 * math.pi * steps * 1e-3 / period
     x, _ = state(simulator)
     # The barrier gives way by less than 1e-4 of R under the swing, and Verlet's phase by (ω τ)²/24.
-    assert x[0, 0] - DISH.centre[0] == pytest.approx(length * swing * math.cos(phase), abs=1e-5)
+    assert x[0, 0] - BOWL.centre[0] == pytest.approx(length * swing * math.cos(phase), abs=1e-5)
 
 
-def test_dish_with_friction_holds_below_the_angle_of_friction() -> None:
+def test_bowl_with_friction_holds_below_the_angle_of_friction() -> None:
     simulator = beads(
-        [np.add(DISH.centre, [0.6, 0, -0.6])],
+        [np.add(BOWL.centre, [0.6, 0, -0.6])],
         [[0, 0, 0]],
         contact(friction=0.2, restitution=0.5),
-        (DISH,),
+        (BOWL,),
     )
     start = simulator.measure().balance[0]
     simulator.advance(5000)
     x1, _ = state(simulator)
     simulator.advance(5000)
     x2, _ = state(simulator)
-    x, y, z = x2[0] - DISH.centre
+    x, y, z = x2[0] - BOWL.centre
     assert 0.01 < math.hypot(x, y) / -z < 0.2
     assert np.abs(x2 - x1).max() < 1e-7
     assert simulator.measure().balance[0] == pytest.approx(start, abs=1e-3)
@@ -531,14 +531,14 @@ def test_off_equals_on_at_zero_strength() -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("surfaces", ["floor", "room", "ramp", "dish"])
+@pytest.mark.parametrize("surfaces", ["floor", "room", "ramp", "bowl"])
 def test_batch_equals_single_to_the_bit(surfaces: str, dtype: Any) -> None:
     """Copies that touch at different times, or never, do not feel each other."""
     planes: Any = {
         "floor": (floor(),),
         "room": (floor(), Plane((-0.6, 0, 0), (1, 0, 0)), Plane((0, 0.6, 0), (0, -1, 0))),
         "ramp": (floor(), incline(0.3, (0.2, 0, 0))),
-        "dish": (Dish((0, 0, 1.3), 1.4),),
+        "bowl": (Bowl((0, 0, 1.3), 1.4),),
     }[surfaces]
     tetrahedron = np.array([[0.2, 0, 0], [-0.1, 0.2, 0], [-0.1, -0.2, 0], [0, 0, 0.3]])
     pairs = [(i, j) for i in range(4) for j in range(i)]
@@ -633,13 +633,13 @@ def test_defaults_follow_from_the_body() -> None:
         (lambda: Contact(restitution=1.1), "restitution is 1.1"),
         (lambda: Plane(normal=(0, 0, 0)), "a vector that is not zero"),
         (lambda: Plane(point=(0, 0, math.inf)), "point of a plane"),
-        (lambda: Dish((0, 0, 0), -1.0), "radius of a dish is -1.0"),
+        (lambda: Bowl((0, 0, 0), -1.0), "radius of a bowl is -1.0"),
         (lambda: Scene(BEAD, [[0, 0, 1]], surfaces=(floor(),)), "'bead' has no size"),
         (lambda: bead_scene(z=-0.3), "particle 0 starts 0.3 m behind surface 0"),
         (lambda: bead_scene(z=0.0), "particle 0 starts only 0 m above surface 0"),
         (lambda: bead_scene(floor(), Plane((0, 0, 9), (1, 0, -1))), "surfaces 0 and 1 meet at 45°"),
         (lambda: bead_scene(floor(), Plane((0, 0, 0.05), (0, 0, -1))), "0.05 m apart"),
-        (lambda: bead_scene(DISH, floor()), "a dish must be the only surface"),
+        (lambda: bead_scene(BOWL, floor()), "a bowl must be the only surface"),
         (lambda: Simulator(bead_scene(floor()), integrator="pefrl"), "use verlet"),
         (lambda: Simulator(bead_scene(floor()), integrator="rk4"), "use verlet, or rk4 with PaperContact"),
         (lambda: Simulator(Scene(cube()), varying=("friction",)), "'friction' cannot vary"),

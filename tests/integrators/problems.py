@@ -37,7 +37,7 @@ def oscillator(
     """Two particles of 1 kg on a spring of 1 m: ω² = 2 k/m, and a rate of decay 2 c/m."""
     damping = 0.0 if integrator(name).negative_substeps else damping
     at_rest = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    # two idle particles on springs of no account make the triad that the actuator's frame needs
+    # two idle particles on springs of no account make the triad that the actuator needs
     body = Body(
         "oscillator",
         at_rest,

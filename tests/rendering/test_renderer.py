@@ -24,7 +24,7 @@ def turned(points, angle):
 
 
 def draw(look, positions, marks=None, strain=None, camera=FRONT, scenery=None, size=SIZE):
-    return Renderer(look, camera, scenery, size=size).frame(positions, marks, strain).astype(int)
+    return Renderer(look, camera, scenery, size=size).draw(positions, marks, strain).astype(int)
 
 
 def pixel(picture, point, camera=FRONT):
@@ -53,7 +53,7 @@ import numpy as np
 from springgym.rendering import Camera, Look, Renderer
 renderer = Renderer(Look(radii=[0.3]), Camera((0, -4, 0), (0, 0, 0)))
 assert "pygame" not in sys.modules
-picture = renderer.frame(np.zeros((1, 3)))
+picture = renderer.draw(np.zeros((1, 3)))
 import pygame
 assert not pygame.display.get_init()
 assert picture.std() > 5
@@ -66,12 +66,12 @@ def test_missing_pygame(monkeypatch, tetrahedron):
     renderer = Renderer(tetrahedron, FRONT)
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(DependencyNotInstalled, match=r'pip install "springgym\[render\]"'):
-        renderer.frame(CORNERS)
+        renderer.draw(CORNERS)
 
 
 @pytest.mark.parametrize("size", [(640, 640), (120, 70), (31, 50)])
 def test_shape_and_type(tetrahedron, size):
-    picture = Renderer(tetrahedron, FRONT, size=size).frame(CORNERS)
+    picture = Renderer(tetrahedron, FRONT, size=size).draw(CORNERS)
     assert picture.shape == (size[1], size[0], 3)
     assert picture.dtype == np.uint8
     assert picture.flags.writeable
@@ -94,9 +94,9 @@ def test_same_input_gives_same_pixels(tetrahedron):
     fresh = Renderer(tetrahedron, camera, scenery, size=SIZE)
     used = Renderer(tetrahedron, camera, scenery, size=SIZE)
     for angle in np.linspace(0, 2, 9):
-        used.frame(turned(CORNERS * (1 + angle), angle), Marks(balls=[((1, 0, 0), 0.3)]))
+        used.draw(turned(CORNERS * (1 + angle), angle), Marks(balls=[((1, 0, 0), 0.3)]))
     used.reset()
-    np.testing.assert_array_equal(used.frame(CORNERS, marks), fresh.frame(CORNERS, marks))
+    np.testing.assert_array_equal(used.draw(CORNERS, marks), fresh.draw(CORNERS, marks))
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
@@ -137,7 +137,7 @@ def test_a_nearer_ball_hides_the_body_and_its_outline():
     both = draw(look, positions)
     ball = draw(Look(radii=look.radii, ball_colors=RED), positions)
     (x, y), depth = FRONT.project(positions[4], SIZE)
-    radius = 0.25 * FRONT.scale(SIZE[1]) / depth
+    radius = 0.25 * FRONT.pixels_per_radian(SIZE[1]) / depth
     columns, rows = np.meshgrid(np.arange(96) + 0.5, np.arange(96) + 0.5)
     inside = np.hypot(columns - x, rows - y) < radius - 1.5
     assert inside.sum() > 300
@@ -212,19 +212,19 @@ def test_trace_passes_through_moments_that_are_not_drawn():
     look, points = Look(trace=0, trace_length=20), arc(np.linspace(0.0, np.pi, 11))
     top, across = (0.0, 0.0, 0.8), (0.0, 0.0, 0.0)
     plain, followed = Renderer(look, FRONT, size=SIZE), Renderer(look, FRONT, size=SIZE)
-    plain.frame(points[:1])
-    picture = plain.frame(points[-1:]).astype(int)
+    plain.draw(points[:1])
+    picture = plain.draw(points[-1:]).astype(int)
     assert orange(picture, across) > 60 > 20 > orange(picture, top)
     followed.follow(points[:1])
-    followed.frame(points[:1])
+    followed.draw(points[:1])
     for point in points[1:]:
         followed.follow(point[None])
-    first = followed.frame(points[-1:]).astype(int)
+    first = followed.draw(points[-1:]).astype(int)
     assert orange(first, top) > 60 > 20 > orange(first, across)
-    np.testing.assert_array_equal(followed.frame(points[-1:]), first)  # drawing adds no moment
+    np.testing.assert_array_equal(followed.draw(points[-1:]), first)  # drawing adds no moment
     followed.reset()
-    followed.frame(points[:1])
-    assert orange(followed.frame(points[-1:]).astype(int), across) > 60
+    followed.draw(points[:1])
+    assert orange(followed.draw(points[-1:]).astype(int), across) > 60
 
 
 def test_trace_is_a_smooth_curve():
@@ -243,14 +243,14 @@ def test_trace_appears_fades_and_is_forgotten():
     renderer = Renderer(look, FRONT, size=SIZE)
     path = np.column_stack([np.linspace(-0.7, 0.7, 20), np.zeros(20), np.zeros(20)])
     for point in path:
-        picture = renderer.frame([point]).astype(int)
+        picture = renderer.draw([point]).astype(int)
     background = empty()
     change = np.abs(picture - background).max(axis=2)[47:49].max(axis=0)
     young, old = change[int(48 + 0.6 * 48)], change[int(48 - 0.3 * 48)]
     assert young > 100
     assert 10 < old < 0.7 * young
     renderer.reset()
-    np.testing.assert_array_equal(renderer.frame([path[0]]), background)
+    np.testing.assert_array_equal(renderer.draw([path[0]]), background)
 
 
 def test_springs_show_their_strain():
@@ -297,20 +297,20 @@ def test_a_vanishing_arrow_is_left_out():
     [
         Scenery(floor=-0.5),
         Scenery(planes=[((0, 1, 0), (0, -2, 0))]),
-        Scenery(dish=((0, 0, 0.5), 1.0)),
+        Scenery(bowl=((0, 0, 0.5), 1.0)),
         Scenery(vertical=((0, 0, -0.5), 1.0)),
     ],
 )
 def test_scenery_is_drawn_and_can_be_exchanged(scenery):
     camera = Camera.framing((0, 0, 0), 2.0)
     renderer = Renderer(Look(), camera, size=SIZE)
-    without = renderer.frame(np.zeros((0, 3))).astype(int)
+    without = renderer.draw(np.zeros((0, 3))).astype(int)
     renderer.scenery = scenery
-    shown = renderer.frame(np.zeros((0, 3))).astype(int)
+    shown = renderer.draw(np.zeros((0, 3))).astype(int)
     assert np.abs(shown - without).max() > 15
     np.testing.assert_array_equal(shown, empty(camera=camera, scenery=scenery))
     renderer.camera = Camera.framing((0, 0.1, 0), 2.2, azimuth=0.3, elevation=0.5)
-    assert np.abs(renderer.frame(np.zeros((0, 3))).astype(int) - shown).max() > 15
+    assert np.abs(renderer.draw(np.zeros((0, 3))).astype(int) - shown).max() > 15
 
 
 def test_nothing_of_the_floor_is_above_the_horizon():
@@ -347,7 +347,7 @@ def test_the_body_hides_the_vertical_behind_it():
 @pytest.mark.parametrize("lost", [np.nan, np.inf])
 def test_what_touches_a_lost_particle_is_left_out(tetrahedron, lost):
     camera = Camera.framing((0, 0, 0), 2.5)
-    scenery = Scenery(floor=-0.6, dish=((0, 0, 0.5), 1.0))
+    scenery = Scenery(floor=-0.6, bowl=((0, 0, 0.5), 1.0))
     chain = Look(radii=[0.2, 0.2], bars=[(0, 1)], springs=[(0, 1)])
     one = Look(radii=[0.0, 0.2], springs=[(0, 1)])
     positions = np.array([(lost, lost, 0.0), (0.3, 0.0, 0.0)])
@@ -372,12 +372,12 @@ def test_window_shows_what_the_array_shows(monkeypatch, tetrahedron):
     window = Renderer(tetrahedron, FRONT, size=SIZE, mode="human", fps=1000)
     assert not pygame.display.get_init()
     marks = Marks(text=["spin 3"])
-    assert window.frame(CORNERS, marks) is None
-    assert window.frame(turned(CORNERS, 0.3), marks) is None
+    assert window.draw(CORNERS, marks) is None
+    assert window.draw(turned(CORNERS, 0.3), marks) is None
     shown = pygame.surfarray.array3d(pygame.display.get_surface()).swapaxes(0, 1)
     array = Renderer(tetrahedron, FRONT, size=SIZE)
-    array.frame(CORNERS)
-    np.testing.assert_array_equal(shown, array.frame(turned(CORNERS, 0.3), marks))
+    array.draw(CORNERS)
+    np.testing.assert_array_equal(shown, array.draw(turned(CORNERS, 0.3), marks))
     array.close()
     assert pygame.display.get_init()
     window.close()
@@ -387,21 +387,21 @@ def test_window_shows_what_the_array_shows(monkeypatch, tetrahedron):
 
 def test_a_closed_renderer_travels_and_draws_again(tetrahedron):
     renderer = Renderer(tetrahedron, FRONT, Scenery(floor=-1.0), size=SIZE)
-    first = renderer.frame(CORNERS)
+    first = renderer.draw(CORNERS)
     renderer.close()
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(renderer)).frame(CORNERS), first)
-    np.testing.assert_array_equal(renderer.frame(CORNERS), first)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(renderer)).draw(CORNERS), first)
+    np.testing.assert_array_equal(renderer.draw(CORNERS), first)
 
 
 @pytest.mark.parametrize("positions", [np.zeros((3, 3)), np.zeros((4, 2)), np.zeros(12)])
 def test_wrong_positions(tetrahedron, positions):
     with pytest.raises(ValueError, match=r"positions must have shape \(N, 3\) with N >= 4"):
-        Renderer(tetrahedron, FRONT).frame(positions)
+        Renderer(tetrahedron, FRONT).draw(positions)
 
 
 def test_wrong_strain(tetrahedron):
     with pytest.raises(ValueError, match=r"strain must have shape \(0,\)"):
-        Renderer(tetrahedron, FRONT).frame(CORNERS, strain=[0.0])
+        Renderer(tetrahedron, FRONT).draw(CORNERS, strain=[0.0])
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from springgym.scenes import load, names
 from springgym.scenes.checks import CHECKS, check, fitting
 from springgym.scenes.checks.basis import crossings, peaks, period, spread
 from springgym.scenes.recording import record
-from springgym.simulate import table
+from springgym.simulating import table
 from tests.scenes.conftest import marked, recorded
 
 
@@ -135,7 +135,7 @@ BROKEN = [
     ("cube-pendulum", "pendulum", heavier_gravity),
     ("cube-pendulum-high", "pendulum", heavier_gravity),
     ("cube-drop", "rest_height", heavier_gravity),
-    ("dish-ball", "dish_period", heavier_gravity),
+    ("bowl-ball", "bowl_period", heavier_gravity),
     ("elongated-top", "nutation", heavier_gravity),
     ("fast-top", "steady_precession", heavier_gravity),
     ("flipping-box", "flips", other_shape),
@@ -219,9 +219,9 @@ MISFITS = [
     ("flipping-box", "flips", "it does not rotate", still),
     ("cube-pendulum", "flips", "it does not move freely", None),
     ("spun-pair", "flips", "two of its moments of inertia are equal", None),
-    ("cube-pendulum", "dish_period", "it is of a single particle, and this body has 8", None),
-    ("bouncing-ball", "dish_period", "it has no dish", None),
-    ("top-in-dish", "slope", "its first surface is no plane", None),
+    ("cube-pendulum", "bowl_period", "it is of a single particle, and this body has 8", None),
+    ("bouncing-ball", "bowl_period", "it has no bowl", None),
+    ("top-in-bowl", "slope", "its first surface is no plane", None),
     ("cube-drop", "slope", "its first surface is level", None),
     ("block-slides", "rest_height", "its first surface is not level", None),
     ("cube-drop", "stopping", "there is no friction", lambda plan: frictionless(plan)),

@@ -5,7 +5,7 @@ from springgym.bodies.precession import heavy_top
 from springgym.materials import Grain, Material
 from springgym.scenes import load, names
 from springgym.strict_yaml import YamlError
-from springgym.surfaces import Contact, Dish, PaperContact, Plane, scales
+from springgym.surfaces import Bowl, Contact, PaperContact, Plane, scales
 from springgym.theory.contact import force
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
@@ -29,7 +29,7 @@ def read(tmp_path):
 def test_the_paper_s_scenes_are_there():
     wanted = (
         "rope-swing rope-hanging bungee cube-pendulum irregular-pendulum top elongated-top unbalanced-top "
-        "sleeping-top gyroscope top-on-ice top-with-friction top-in-dish cube-drop irregular-fall "
+        "sleeping-top gyroscope top-on-ice top-with-friction top-in-bowl cube-drop irregular-fall "
         "sliding-block block-holds block-slides flipping-box"
     )
     assert set(wanted.split()) <= set(names())
@@ -234,7 +234,7 @@ def test_steady_precession_by_name(name, root):
         heavy_top(scene.body, scene.pinned, scene.gravity),
         *{"gyroscope": (1.5707963, 40)}.get(name, (0.35, 49.8)),
     )
-    pin, head = scene.pinned[0], scene.body.frame[1]
+    pin, head = scene.pinned[0], scene.body.markers[1]
     # ring particles in pairs: the axle's end itself has a kick
     ring = list(scene.body.parts["ring"])
     middle = scene.positions[ring].mean(axis=0) - scene.positions[pin]
@@ -262,7 +262,7 @@ def test_height_above_a_slope_and_at_rest(read):
     # four particles carry the weight's part across the slope, bent by a strain of 1e-5 of their heights
     assert carried == pytest.approx(9.81 * np.cos(0.3), rel=1e-2)
     with pytest.raises(YamlError, match="height is above a plane"):
-        read(BOX + "surfaces: [{kind: dish, centre: [0, 0, 9], radius: 9}]\nstart: {height: 1}")
+        read(BOX + "surfaces: [{kind: bowl, centre: [0, 0, 9], radius: 9}]\nstart: {height: 1}")
 
 
 def test_rope_held_at_its_end():
@@ -286,4 +286,4 @@ contact: {friction: 0.3, restitution: 0.5, impact_speed: 2, reach: 0.03, paper_d
     assert plan.scene.surfaces == (Plane((0, 0, -1)), Plane((-9, 0, 0), (1, 0, 0)))
     assert plan.scene.contact == Contact(0.3, 0.5, 2.0, None, 0.03)
     assert plan.paper == PaperContact(0.3, 7.0, None, 0.03)
-    assert load("dish-ball").scene.surfaces == (Dish((0, 0, 2), 2.0),)
+    assert load("bowl-ball").scene.surfaces == (Bowl((0, 0, 2), 2.0),)

@@ -337,7 +337,7 @@ def test_plot_of_a_plucked_rope_shows_the_pluck():
     assert max(np.ptp(line.get_xdata()) for line in side.get_lines()) > 0.2 * shown
 
 
-@pytest.mark.parametrize("name", ["sliding-block", "cube-drop", "rope-swing", "dish-ball"])
+@pytest.mark.parametrize("name", ["sliding-block", "cube-drop", "rope-swing", "bowl-ball"])
 def test_poses_are_apart_wherever_the_body_is_slow_or_comes_again(name):
     recording = recorded(name)
     moments = poses(recording, 0.3, 8)
@@ -415,7 +415,7 @@ def test_the_shortest_run_can_be_drawn(name):
 FILMED = ("top", "gyroscope", "rope-swing", "cube-drop", "unbalanced-top")
 
 
-@pytest.mark.parametrize("name", marked([*FILMED, "bouncing-ball", "top-in-dish", "spun-pair"]))
+@pytest.mark.parametrize("name", marked([*FILMED, "bouncing-ball", "top-in-bowl", "spun-pair"]))
 def test_film_shows_the_body_in_the_picture(name):
     recording = recorded(name)
     pictures = list(frames(recording, fps=1.0, speed=1.0))

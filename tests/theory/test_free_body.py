@@ -31,7 +31,7 @@ def compare(inertia, omega, times, rigid_reference):
     reference = rigid_reference(inertia, lambda _: np.zeros(3), np.array(omega), TURN, times)
     motion = free_body.motion(inertia, omega, times, TURN)
     assert motion.omega_body == pytest.approx(reference.omega_body, abs=reference.error)
-    assert motion.frame == pytest.approx(reference.frame, abs=reference.error)
+    assert motion.attitude == pytest.approx(reference.frame, abs=reference.error)
     return reference, motion
 
 
@@ -43,10 +43,10 @@ def test_motion_against_integration(name, rigid_reference):
     # the middle axis is unstable: a disturbance grows as e^(rate t)
     growth = math.exp(3 * free_body.growth_rate(inertia, np.linalg.norm(omega)))
     assert reference.error < 1e-10 * growth
-    assert np.abs(motion.frame[-1] - motion.frame[0]).max() > 0.1
-    momentum = np.einsum("tij,tj->ti", motion.frame, inertia * motion.omega_body)
+    assert np.abs(motion.attitude[-1] - motion.attitude[0]).max() > 0.1
+    momentum = np.einsum("tij,tj->ti", motion.attitude, inertia * motion.omega_body)
     assert momentum == pytest.approx(np.tile(TURN @ np.multiply(inertia, omega), (31, 1)), rel=1e-12)
-    carried = np.einsum("tij,tj->ti", motion.frame, motion.omega_body)
+    carried = np.einsum("tij,tj->ti", motion.attitude, motion.omega_body)
     assert motion.omega_world == pytest.approx(carried, abs=1e-13)
 
 

@@ -98,7 +98,7 @@ def test_top_without_spin_is_this_pendulum():
     body = top.HeavyTop(CUBE.i1, CUBE.i3, CUBE.mgl)
     times = np.linspace(0, 6, 40)
     swing, _ = pendulum.motion(CUBE.i1, CUBE.mgl, 1.2, 0.0, times)
-    axis = top.motion(body, top.TopState(math.pi - 1.2, 0.0), times).frame[:, 2, 2]
+    axis = top.motion(body, top.TopState(math.pi - 1.2, 0.0), times).attitude[:, 2, 2]
     assert axis == pytest.approx(-np.cos(swing), abs=1e-13)
     assert top.nutation_period(body, top.TopState(math.pi - 1.2, 0.0)) == pytest.approx(
         pendulum.period(CUBE.i1, CUBE.mgl, 1.2) / 2, rel=1e-14

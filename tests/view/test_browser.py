@@ -220,7 +220,7 @@ def test_saved_page_plays_by_itself(browser, tmp_path):
 def test_saved_viewer_plays_recordings_beside_it(browser, tmp_path):
     """What a site of static files embeds."""
     view.save_viewer(tmp_path / "view.html")
-    view.save_page(view.simulated("dish-ball", {}), tmp_path / "ball.viser")
+    view.save_page(view.simulated("bowl-ball", {}), tmp_path / "ball.viser")
     assert (tmp_path / "ball.viser").stat().st_size < 5e5
     serve = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
     with ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from springgym.scenes.checks.basis import Check
 from springgym.scenes.checks.contact import (
     bounces,
-    dish_period,
+    bowl_period,
     rest_height,
     restitution,
     slope,
@@ -34,7 +34,7 @@ CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
         bounces,
         bungee,
         cable,
-        dish_period,
+        bowl_period,
         energy,
         flips,
         momentum,

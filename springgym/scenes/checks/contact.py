@@ -1,4 +1,4 @@
-"""Floors, slopes and dishes against theory."""
+"""Floors, slopes and bowls against theory."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from springgym.scenes.checks.basis import Check, peaks, period, slack
 from springgym.scenes.recording import Recording
-from springgym.surfaces import Contact, Dish, PaperContact, Plane, scales
+from springgym.surfaces import Bowl, Contact, PaperContact, Plane, scales
 from springgym.theory import contact as theory
 from springgym.theory import pendulum
 
@@ -132,17 +132,17 @@ def straight_fall(recording: Recording) -> list[Check]:
     return [Check("sideways move of the centre", 0.0, moved, 1e-16 * steps * size, "m")]
 
 
-def dish_period(recording: Recording) -> list[Check]:
-    """Period of a particle sliding to and fro in a dish: a pendulum whose rod reaches from its centre."""
+def bowl_period(recording: Recording) -> list[Check]:
+    """Period of a particle sliding to and fro in a bowl: a pendulum whose rod reaches from its centre."""
     _, c, reach, g = _met(recording)
-    dish = recording.plan.scene.surfaces[0]
-    assert isinstance(dish, Dish)
+    bowl = recording.plan.scene.surfaces[0]
+    assert isinstance(bowl, Bowl)
     weight = recording.plan.scene.body.mass * g
-    arm = recording.positions[:, 0] - np.array(dish.centre)
+    arm = recording.positions[:, 0] - np.array(bowl.centre)
     angle = np.arctan2(arm[:, 0], -arm[:, 2])
     amplitude = float(np.abs(angle).max())
-    length = dish.radius - theory.rest_height(weight, c, reach)
+    length = bowl.radius - theory.rest_height(weight, c, reach)
     expected = pendulum.period(length, g, amplitude)
     # swinging changes the load by less than 3 (1 − cos θ₀), and the height by less than its reach for that
     by = 3 * (1 - math.cos(amplitude)) * reach / length + (math.sqrt(g / length) * recording.step) ** 2
-    return [Check("period in the dish", expected, period(recording.times, -angle), by * expected, "s")]
+    return [Check("period in the bowl", expected, period(recording.times, -angle), by * expected, "s")]

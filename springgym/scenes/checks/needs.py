@@ -13,7 +13,7 @@ from springgym.bodies.network import vibrations
 from springgym.bodies.precession import axial_moments, heavy_top
 from springgym.rigid.shape import check_rigid
 from springgym.scenes.plan import Plan
-from springgym.surfaces import Contact, Dish, Plane, scales
+from springgym.surfaces import Bowl, Contact, Plane, scales
 
 Need = Callable[[Plan], None]
 """Raises `ValueError` if it is not met, saying by what."""
@@ -70,10 +70,10 @@ def _slope(plan: Plan) -> None:
         raise ValueError("its first surface is level, no slope")
 
 
-def _dish(plan: Plan) -> None:
+def _bowl(plan: Plan) -> None:
     _surface(plan)
-    if not isinstance(plan.scene.surfaces[0], Dish):
-        raise ValueError("it has no dish")
+    if not isinstance(plan.scene.surfaces[0], Bowl):
+        raise ValueError("it has no bowl")
 
 
 def _restitution(plan: Plan) -> None:
@@ -195,7 +195,7 @@ NEEDS: dict[str, tuple[Need, ...]] = {
     "bounces": (_particle, _ground, _dropped, _gravity),
     "bungee": (_rope, _gravity),
     "cable": (_cable, _rope, _gravity),
-    "dish_period": (_particle, _dish, _gravity),
+    "bowl_period": (_particle, _bowl, _gravity),
     "flips": (_free, _flips),
     "nutation": (_top,),
     "pendulum": (_pinned, _gravity),
