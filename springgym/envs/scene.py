@@ -218,7 +218,7 @@ class SceneTask(Task):
             for field, name, judge in self._judges:
                 out[field] = 0.0 if judge is None else _of_shape(name, judge(m, x, v), shape, "b", "bools")
 
-    def frame(
+    def compact(
         self,
         m: Measures,
         x: np.ndarray,

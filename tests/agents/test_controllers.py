@@ -15,7 +15,7 @@ from tests.envs.cases import IDS, task_type
 TOP = SpringTop(observation="frame")
 
 
-def frame(tilt, azimuth=0.7, across=(0.0, 0.0, 0.0), spin=50.0):
+def compact(tilt, azimuth=0.7, across=(0.0, 0.0, 0.0), spin=50.0):
     """The compact observation of SpringTop."""
     axis = [np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)]
     return np.array([[*axis, *(np.array(across) / 2), (spin - 50) / 20]], np.float32)
@@ -23,7 +23,7 @@ def frame(tilt, azimuth=0.7, across=(0.0, 0.0, 0.0), spin=50.0):
 
 def test_top_moment_by_hand():
     """Axis along x: z − n (n·z) = z, n×z = −y. ω⊥ = (0, 1, 2) rad/s, 40 rad/s of spin."""
-    moment, about_axis = controllers.top_moment(TOP, frame(np.pi / 2, 0.0, (0, 1, 2), 40.0))
+    moment, about_axis = controllers.top_moment(TOP, compact(np.pi / 2, 0.0, (0, 1, 2), 40.0))
     np.testing.assert_allclose(moment, [[0, -40 - 20, 60 - 40]], atol=1e-5)
     np.testing.assert_allclose(about_axis, [30], rtol=1e-6)
 
@@ -31,21 +31,21 @@ def test_top_moment_by_hand():
 def test_upright_and_steady_needs_nothing():
     for action, act in controllers.CLASSICAL["SpringTop-v0"].items():
         task = SpringTop(observation="frame", action=action)
-        np.testing.assert_array_equal(act(task, frame(0.0)), np.zeros((1, 3), np.float32))
+        np.testing.assert_array_equal(act(task, compact(0.0)), np.zeros((1, 3), np.float32))
 
 
 def test_actions_are_scaled_and_saturated():
-    small = frame(0.05, across=(0.02, 0.0, 0.0), spin=51.0)
+    small = compact(0.05, across=(0.02, 0.0, 0.0), spin=51.0)
     moment, about_axis = controllers.top_moment(TOP, small)
     expected = [*(moment[0, :2] / 15), about_axis[0] / 15]
     np.testing.assert_allclose(controllers.top_torque(TOP, small)[0], expected, rtol=1e-5)
-    large = controllers.top_torque(TOP, frame(1.0, across=(-9.0, 9.0, 0.0), spin=10.0))
+    large = controllers.top_torque(TOP, compact(1.0, across=(-9.0, 9.0, 0.0), spin=10.0))
     np.testing.assert_array_equal(large, [[1, -1, 1]])
 
 
 def test_impulse_gives_the_moment():
     """Over 20 ms an impulse J at n, 1 m from the tip, is the moment n×J / 0.02 s, across the axis."""
-    small = frame(0.05, across=(0.02, -0.01, 0.0))
+    small = compact(0.05, across=(0.02, -0.01, 0.0))
     axis = small[0, :3].astype(float)
     moment = controllers.top_moment(TOP, small)[0][0]
     impulse = 0.3 * controllers.top_impulse(SpringTop(action="impulse"), small)[0].astype(float)
