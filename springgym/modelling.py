@@ -21,6 +21,7 @@ from springgym.bodies.elastic import Elastic
 from springgym.bodies.precession import heavy_top, precession_gap
 from springgym.bodies.rotations import axes
 from springgym.checks import TINY, chosen, instance, number
+from springgym.dynamics import DYNAMICS
 from springgym.integrators import METHODS
 from springgym.materials import MATERIALS, Material
 from springgym.scene import Scene
@@ -28,7 +29,7 @@ from springgym.scenes.checks.tops import angles, mean_rate
 from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import load
 from springgym.scenes.recording import record
-from springgym.simulator import DYNAMICS, SimulationDivergedError, Simulator
+from springgym.simulator import SimulationDivergedError, Simulator
 from springgym.theory.top import steady_precession
 
 SOFTEST = 0.05

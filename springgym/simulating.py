@@ -18,7 +18,7 @@ from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import load
 from springgym.scenes.reading import names as scene_names
 from springgym.scenes.recording import Recording, record
-from springgym.simulator import PAPER_STEP
+from springgym.simulator import PAPER_METHOD
 
 ENERGIES = (
     *("kinetic", "gravity", "elastic", "contact"),
@@ -106,7 +106,7 @@ def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
     if args.integrator is not None:
         plan = replace(plan, integrator=args.integrator, step=None)
     if args.method == "paper":
-        plan = replace(plan, scene=plan.scene.with_(contact=plan.paper), integrator="rk4", step=PAPER_STEP)
+        plan = replace(plan, scene=plan.scene.with_(contact=plan.paper), **PAPER_METHOD)
     if args.duration is not None:
         plan = replace(plan, duration=args.duration)
     return plan if args.step is None else replace(plan, step=args.step)

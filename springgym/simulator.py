@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 
-from springgym import checks, integrators, measures, packing, rigid, stability
+from springgym import checks, measures, packing, stability
 from springgym.blocks import (
     WIDTH,
     aligned_zeros,
@@ -22,8 +22,9 @@ from springgym.blocks import (
 )
 from springgym.checks import HUGE, MANY, TINY
 from springgym.compiling import SameTypes
+from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
-from springgym.integrators.record import COUNTS, Control, Integrator, refusal, workspace
+from springgym.integrators.record import COUNTS, Control, workspace
 from springgym.lanes import Ragged
 from springgym.measures import Measures, Readout
 from springgym.packing import PARAMETERS, Options, Packed, pack
@@ -42,34 +43,11 @@ WORTH_A_THREAD = 10_000
 PAPER_STEP = 5e-4
 """h of the paper [s]."""
 
+PAPER_METHOD: dict[str, Any] = {"integrator": "rk4", "step": PAPER_STEP}
+"""The paper's method, if there are no surfaces; its contact with them is `PaperContact`."""
+
 MOST_PARTICLES, MOST_THREADS = 10**8, 1024
 """Of all copies together, some 10 GB of memory; and what threads may be asked for."""
-
-
-class Dynamics(NamedTuple):
-    """A kind of dynamics: its methods and their steps."""
-
-    default: Callable[[Scene], str]
-    """the integrator if none is named"""
-    integrator: Callable[[str], Integrator]
-    advance_kernel: Callable[[str, Callable[..., None]], Callable[..., None]]
-    largest_step: Callable[[Scene, Integrator], float]
-    automatic_step: Callable[..., float]
-
-
-DYNAMICS = {
-    "springs": Dynamics(
-        lambda scene: "verlet",
-        integrators.integrator,
-        integrators.advance_kernel,
-        stability.largest_step,
-        stability.automatic_step,
-    ),
-    "rigid": Dynamics(
-        rigid.default, rigid.integrator, rigid.advance_kernel, rigid.largest_step, rigid.automatic_step
-    ),
-}
-"""Kinds of dynamics by name."""
 
 
 class SimulationDivergedError(ArithmeticError):
@@ -136,14 +114,16 @@ class Simulator:
     ) -> None:
         self.scene = checks.instance("scene", scene, Scene)
         self.dynamics = checks.chosen("dynamics", dynamics, DYNAMICS)
-        method = DYNAMICS[dynamics]
+        self._kind = DYNAMICS[dynamics]
         if integrator is not None:
             checks.instance("integrator", integrator, str)
-        self.integrator = method.integrator(method.default(scene) if integrator is None else integrator)
+        self.integrator = self._kind.integrator(
+            self._kind.default(scene) if integrator is None else integrator
+        )
         varying = _checked_names(varying)
-        if dynamics == "springs" and (reason := refusal(self.integrator, scene, varying)):
+        if reason := self._kind.refusal(self.integrator, scene, varying):
             raise ValueError(reason)
-        self.largest_step = method.largest_step(scene, self.integrator)
+        self.largest_step = self._kind.largest_step(scene, self.integrator)
         """stability limit [s]"""
         self.step = self._checked_step(step)
         particles = len(scene.positions)
@@ -170,7 +150,7 @@ class Simulator:
         self._markers = stacked([np.array(placed.body.markers, np.uint32) for placed in scene.bodies])
         self._springs = len(scene.springs)
         options = Options(self.integrator, self.step, varying, self._blocks)
-        self._terms, self._twin, self._packed = pack(scene, dynamics == "rigid", options)
+        self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
         self._actuators = self._actuated()
         self._advance = self._kernel()
         self._check_settled(scene.positions[None], scene.velocities[None], np.zeros(1, int))
@@ -202,12 +182,11 @@ class Simulator:
                     "a PaperContact"
                 )
             contact = PaperContact(contact.friction, 0.0, contact.strength, contact.reach)
-        return cls(scene.with_(contact=contact), integrator="rk4", step=PAPER_STEP, **options)
+        return cls(scene.with_(contact=contact), **PAPER_METHOD, **options)
 
     def _kernel(self) -> SameTypes:
-        method = DYNAMICS[self.dynamics]
         read = measures.read if len(self.scene.bodies) == 1 else measures.read_bodies
-        return SameTypes(method.advance_kernel(self.integrator.name, read))
+        return SameTypes(self._kind.advance_kernel(self.integrator.name, read))
 
     # --- Building ---------------------------------------------------------------------------------
 
@@ -239,6 +218,11 @@ class Simulator:
         entries = np.arange(len(slices) + 1) * ENTRIES
         ledger = None if self._ledger is None else Ragged(self._ledger, entries)
         return Ragged(self._x, particles), Ragged(self._v, particles), ledger
+
+    @cached_property
+    def _acting(self) -> Any:
+        """The scene as kernels take it."""
+        return (*self._twin, self._terms) if self._twin else self._terms
 
     def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
         """What `actuate` sets, by name: the array, the shape of its values, and a view of a single copy's."""
@@ -299,10 +283,10 @@ class Simulator:
         self.time[index] = 0.0
 
     def _check_settled(self, x: np.ndarray, v: np.ndarray, index: np.ndarray) -> None:
-        """In rigid dynamics, refuse starts that `_settle` would move to where nothing can start."""
-        if self._twin:
+        """Refuse starts that `_settle` would move to where nothing can start."""
+        if self._kind.settled:
             settled = [
-                rigid.settled(packed.scene, x[:, own], packing.values(packed, "masses", index), index)
+                self._kind.settled(packed, x[:, own], index)
                 for packed, own in zip(self._packed, self.scene.slices, strict=True)
             ]
             self.scene.check_start(np.concatenate(settled, axis=1), v, index)
@@ -330,7 +314,7 @@ class Simulator:
 
     def _settle(self, index: np.ndarray) -> None:
         """In rigid dynamics, move some copies to the rigid shape; their momenta stay."""
-        if not self._twin:
+        if not self._kind.settled:
             return
         width = numbers(self._x).shape[-1]
         blocks, row = np.unique(index // width, return_inverse=True)
@@ -370,7 +354,7 @@ class Simulator:
             parameter = PARAMETERS[checks.chosen("a parameter to vary", name, PARAMETERS)]
             if not packing.varies(self._packed[0], name):
                 raise ValueError(f"{name!r} does not vary in this simulator; name it in varying")
-            low = rigid.LEAST_RESTITUTION if name == "restitution" and self._twin else parameter.least
+            low = self._kind.least.get(name, parameter.least)
             shapes = [packing.shape(packed, name) for packed in self._packed]
             shared = len(shapes) == 1 or parameter.extent in ("axes", "scene")
             ends = np.cumsum([0, *(shape[0] if shape else 1 for shape in shapes)])
@@ -380,42 +364,13 @@ class Simulator:
             parts = [rows] * len(given) if shared else np.split(rows, ends[1:-1], axis=1)
             for own, shape, part in zip(given, shapes, parts, strict=True):
                 own[name] = part if shape or shared else part[:, 0]
-        for packed, own in zip(self._packed, given, strict=True):
-            self._check_stability(packed, index, own)
-        shapes_of = [
-            [rigid.shape_values(packed.scene, masses) for masses in own.get("masses", ()) if self._twin]
+        pace = Pace(self.integrator, self.step, self.largest_step)
+        follows = [
+            self._kind.follow(packed, index, own, pace)
             for packed, own in zip(self._packed, given, strict=True)
         ]
-        for packed, own, of in zip(self._packed, given, shapes_of, strict=True):
+        for packed, own, of in zip(self._packed, given, follows, strict=True):
             packing.vary(packed, index, self.step, own, of)
-
-    def _check_stability(self, packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray]) -> None:
-        """Refuse parameters of a body that push the stability limit of a copy below the step.
-
-        With stiffness at most a times and masses at least 1/b times those of the scene, K ≤ a K₀ and
-        M ≥ M₀/b, so that ω² ≤ a b ω₀²; likewise for dampers. Only where that does not suffice, the limit
-        is found.
-        """
-        names = ("masses", "stiffness", "damping")
-        if self._twin or not given.keys() & set(names) or self.largest_step == np.inf:
-            return
-        body = packed.scene.body
-        now = {name: given.get(name, packing.values(packed, name, index)) for name in names}
-        lighter = (body.masses / now["masses"]).max(axis=1)
-        faster = np.sqrt(lighter * (now["stiffness"] / body.stiffness).max(axis=1, initial=0.0))
-        if np.isfinite(self.integrator.real_limit):
-            damped = now["damping"] > body.damping
-            with np.errstate(divide="ignore"):
-                more = np.divide(now["damping"], body.damping, out=np.ones(damped.shape), where=damped)
-            faster = np.maximum(faster, lighter * more.max(axis=1, initial=0.0))
-        for n in np.flatnonzero(self.step * faster > self.largest_step):
-            own = body.with_(**{name: values[n] for name, values in now.items()})
-            limit = stability.largest_step(packed.scene.with_(body=own), self.integrator)
-            if self.step > limit:
-                raise ValueError(
-                    f"these {', '.join(given)} make the step of {self.step:g} s unstable in copy {index[n]}: "
-                    f"{self.integrator.name} allows at most {limit:.4g} s there"
-                )
 
     def actuate(self, **values: Any) -> None:
         """Set what the scene's actuators do until further notice.
@@ -548,7 +503,7 @@ class Simulator:
             self._control,
             steps,
             settles,
-            (*self._twin, self._terms) if self._twin else self._terms,
+            self._acting,
             reads,
             self.readout,
             self._space[thread],
@@ -632,7 +587,14 @@ class Simulator:
         super().__setattr__(name, value)
 
     def __getstate__(self) -> dict[str, Any]:
-        left_out = ("_advance", "_actuators", "_moving", "_packed")  # made anew: views do not survive copying
+        left_out = (
+            "_advance",
+            "_actuators",
+            "_moving",
+            "_acting",
+            "_packed",
+            "_kind",
+        )  # made anew: views do not survive copying
         return {name: value for name, value in vars(self).items() if name not in left_out} | {
             "_orders": [packed.order for packed in self._packed]
         }
@@ -640,6 +602,7 @@ class Simulator:
     def __setstate__(self, state: dict[str, Any]) -> None:
         orders = state.pop("_orders")
         vars(self).update(state)
+        self._kind = DYNAMICS[self.dynamics]
         if len(self.scene.bodies) == 1:
             vars(self)["readout"] = self.readout._replace(bodies=self.readout.rows[:, None])
         self._packed = tuple(
@@ -651,7 +614,7 @@ class Simulator:
 
     def _checked_step(self, step: float | None) -> float:
         if step is None:
-            return DYNAMICS[self.dynamics].automatic_step(self.scene, self.integrator)
+            return self._kind.automatic_step(self.scene, self.integrator)
         step = checks.number("step", step, low=TINY)
         if step > self.largest_step:
             raise ValueError(

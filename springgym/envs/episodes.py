@@ -16,13 +16,14 @@ from springgym import checks, measures
 from springgym.bodies import Body
 from springgym.checks import TINY, chosen, instance
 from springgym.compiling import SameTypes, kernel
+from springgym.dynamics import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
 from springgym.envs.options import mapping
 from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.envs.task import FAILED, MET, Task
 from springgym.measures import Measures
 from springgym.scene import Scene
-from springgym.simulator import DYNAMICS, STRAIN_LIMIT, Dynamics, Simulator
+from springgym.simulator import STRAIN_LIMIT, Simulator
 from springgym.stability import steps_in
 
 MOST_STEPS = 100_000
@@ -375,7 +376,7 @@ def _locked(array: np.ndarray) -> np.ndarray:
 
 def _fastest(scene: Scene, kind: Dynamics) -> str:
     """What asks for the shortest steps, in words."""
-    if kind is not DYNAMICS["springs"]:
+    if kind.rigid:
         return "it starts to turn too fast"
     found = []
     for placed in scene.bodies:

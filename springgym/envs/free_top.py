@@ -21,9 +21,10 @@ from springgym.envs.rewards import gaussian, spinning, thrift
 from springgym.envs.task import Start, Task
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, RED
 from springgym.scene import GRAVITY, Scene, ThrustActuator, WrenchActuator
+from springgym.scenes import film
 from springgym.surfaces import Bowl, Contact, floor, scales
 from springgym.theory.contact import rest_height
 
@@ -174,13 +175,7 @@ class SpringFreeTop(Task):
         return {"thrust": push[:, None], "body_torque": twist}
 
     def look(self) -> Look:
-        ring = len(self.body.parts["ring"])
-        return Look(
-            triangles=self.body.triangles,
-            triangle_colors=np.tile(two_tone(ring), (2, 1)),
-            springs=self.body.springs,
-            trace=self.body.particle("tip"),
-        )
+        return film.look(self.scene, self.body.particle("tip"))
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.25), 1.7, elevation=0.45)

@@ -27,7 +27,6 @@ from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.simulator import STRAIN_LIMIT
-from springgym.surfaces import Bowl, Plane
 
 WRENCH = ("force", "torque", "body_torque")
 LOUD = nullcontext()
@@ -247,9 +246,7 @@ class SceneTask(Task):
         return Camera.framing(centre, 2.5 * self._extent)
 
     def scenery(self) -> Scenery:
-        planes = tuple((s.point, s.normal) for s in self._scene.surfaces if isinstance(s, Plane))
-        bowls = [(s.centre, s.radius) for s in self._scene.surfaces if isinstance(s, Bowl)]
-        return Scenery(planes=planes, bowl=bowls[0] if bowls else None)
+        return film.surfaces(self._scene)
 
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
         return Marks()

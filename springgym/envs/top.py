@@ -20,9 +20,10 @@ from springgym.envs.options import made, number
 from springgym.envs.rewards import long_tail, spinning, thrift
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import RED
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
+from springgym.scenes import film
 
 WANTED = 50.0  # spin [rad/s]
 TORQUE, WEAK_TORQUE = 15.0, 10.0  # largest component, and that of hard=True [N·m]
@@ -148,13 +149,7 @@ class SpringTop(Task):
         return {"torque": action * self._across, "body_torque": action * self._along}
 
     def look(self) -> Look:
-        ring = len(self.body.parts["ring"])
-        return Look(
-            triangles=self.body.triangles,
-            triangle_colors=np.tile(two_tone(ring), (2, 1)),
-            springs=self.body.springs,
-            trace=self.upper,
-        )
+        return film.look(self.scene, self.upper)
 
     def camera(self) -> Camera:
         size = float(np.ptp(self.body.positions, axis=0).max())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from os import PathLike
 from typing import Any
@@ -151,17 +152,22 @@ def poses(recording: Recording, spacing: float = 0.9, most: int = 10, last: int 
         apart *= 1.2
 
 
+def surfaces(scene: Scene) -> Scenery:
+    """The surfaces of a scene."""
+    planes = tuple((s.point, s.normal) for s in scene.surfaces if isinstance(s, Plane))
+    bowls = [(s.centre, s.radius) for s in scene.surfaces if isinstance(s, Bowl)]
+    return Scenery(planes=planes, bowl=bowls[0] if bowls else None)
+
+
 def scenery(recording: Recording) -> Scenery:
     """The surfaces, or a ground below what is pinned."""
     scene, x = recording.plan.scene, recording.positions
-    planes = tuple((s.point, s.normal) for s in scene.surfaces if isinstance(s, Plane))
-    bowls = [(s.centre, s.radius) for s in scene.surfaces if isinstance(s, Bowl)]
     if scene.surfaces or not scene.pins:
         plumb = None
         if any(abs(s.normal[2]) < 0.999 for s in scene.surfaces if isinstance(s, Plane)):
             size = float(np.ptp(x[0], axis=0).max())  # a slope is seen beside what is upright
             plumb = (tuple(x[0].mean(axis=0)), 1.2 * size)
-        return Scenery(planes=planes, bowl=bowls[0] if bowls else None, vertical=plumb)
+        return replace(surfaces(scene), vertical=plumb)
     pin, low = x[0, scene.pins[0]], float(x[..., 2].min())
     stands = recording.measures.centre[:, 2].min() > pin[2]
     plumb = (tuple(pin), 1.2 * float(x[..., 2].max() - pin[2]))

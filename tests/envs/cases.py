@@ -10,9 +10,9 @@ from typing import Any
 import gymnasium as gym
 import pytest
 
+from springgym.dynamics import DYNAMICS
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS
-from springgym.simulator import DYNAMICS
 
 IDS = [row.id for row in ENVIRONMENTS]
 

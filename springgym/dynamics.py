@@ -1,0 +1,111 @@
+"""The kinds of dynamics: particles that springs hold together, and the same particles as rigid bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from springgym import integrators, packing, rigid, stability
+from springgym.integrators.record import Integrator, refusal
+from springgym.packing import Packed
+from springgym.scene import Scene
+
+
+class Pace(NamedTuple):
+    """How a simulator goes forward."""
+
+    method: Integrator
+    step: float
+    """[s]"""
+    largest_step: float
+    """stability limit of the scene as it was made [s]"""
+
+
+class Dynamics(NamedTuple):
+    """A kind of dynamics: its methods and their steps, and what it makes of starts and parameters."""
+
+    rigid: bool
+    """whether each body is packed as a rigid one, too"""
+    default: Callable[[Scene], str]
+    """the integrator if none is named"""
+    integrator: Callable[[str], Integrator]
+    refusal: Callable[[Integrator, Scene, Collection[str]], str | None]
+    """why a method makes no sense in a scene with what varies, or None if it does"""
+    advance_kernel: Callable[[str, Callable[..., None]], Callable[..., None]]
+    largest_step: Callable[[Scene, Integrator], float]
+    automatic_step: Callable[..., float]
+    settled: Callable[[Packed, np.ndarray, np.ndarray], np.ndarray] | None
+    """where particles (k, N, 3) come to lie that are placed in copies (k,); None if they stay"""
+    least: Mapping[str, float]
+    """bounds of parameters, where they are narrower than those of `packing.PARAMETERS`"""
+    follow: Callable[[Packed, np.ndarray, Mapping[str, np.ndarray], Pace], Any]
+    """refuse parameters that are given to copies (k,), or find what `packing.vary` sets with them"""
+
+
+def _stable(packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], pace: Pace) -> None:
+    """Refuse parameters of a body that push the stability limit of a copy below the step.
+
+    With stiffness at most a times and masses at least 1/b times those of the scene, K ≤ a K₀ and
+    M ≥ M₀/b, so that ω² ≤ a b ω₀²; likewise for dampers. Only where that does not suffice, the limit
+    is found.
+    """
+    names = ("masses", "stiffness", "damping")
+    if not given.keys() & set(names) or pace.largest_step == np.inf:
+        return
+    body = packed.scene.body
+    now = {name: given.get(name, packing.values(packed, name, index)) for name in names}
+    lighter = (body.masses / now["masses"]).max(axis=1)
+    faster = np.sqrt(lighter * (now["stiffness"] / body.stiffness).max(axis=1, initial=0.0))
+    if np.isfinite(pace.method.real_limit):
+        damped = now["damping"] > body.damping
+        with np.errstate(divide="ignore"):
+            more = np.divide(now["damping"], body.damping, out=np.ones(damped.shape), where=damped)
+        faster = np.maximum(faster, lighter * more.max(axis=1, initial=0.0))
+    for n in np.flatnonzero(pace.step * faster > pace.largest_step):
+        own = body.with_(**{name: values[n] for name, values in now.items()})
+        limit = stability.largest_step(packed.scene.with_(body=own), pace.method)
+        if pace.step > limit:
+            raise ValueError(
+                f"these {', '.join(given)} make the step of {pace.step:g} s unstable in copy {index[n]}: "
+                f"{pace.method.name} allows at most {limit:.4g} s there"
+            )
+
+
+def _shapes(
+    packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], pace: Pace
+) -> list[dict[str, np.ndarray]]:
+    """What a rigid body takes of the masses that are given; refused where they leave it no inertia."""
+    return [rigid.shape_values(packed.scene, masses) for masses in given.get("masses", ())]
+
+
+DYNAMICS = {
+    "springs": Dynamics(
+        rigid=False,
+        default=lambda scene: "verlet",
+        integrator=integrators.integrator,
+        refusal=refusal,
+        advance_kernel=integrators.advance_kernel,
+        largest_step=stability.largest_step,
+        automatic_step=stability.automatic_step,
+        settled=None,
+        least={},
+        follow=_stable,
+    ),
+    "rigid": Dynamics(
+        rigid=True,
+        default=rigid.default,
+        integrator=rigid.integrator,
+        refusal=lambda method, scene, varying: None,
+        advance_kernel=rigid.advance_kernel,
+        largest_step=rigid.largest_step,
+        automatic_step=rigid.automatic_step,
+        settled=lambda packed, x, index: rigid.settled(
+            packed.scene, x, packing.values(packed, "masses", index), index
+        ),
+        least={"restitution": rigid.LEAST_RESTITUTION},
+        follow=_shapes,
+    ),
+}
+"""Kinds of dynamics by name."""
