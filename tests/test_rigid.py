@@ -408,7 +408,7 @@ LINE = Body("dumbbell", np.array([(0, 0, 0), (1, 0, 0)]), 1.0, [(0, 1)], 1e5, 0.
     [
         (Scene(rope(), pinned=(0,)), {}, "no rigid twin"),
         (Scene(LINE), {}, "one line"),
-        (Scene(BRICK.with_(frame=(0, 1, 0))), {}, "frame"),
+        (Scene(BRICK.with_(markers=(0, 1, 0))), {}, "markers"),
         (Scene(BRICK, pinned=(0, 1)), {}, "pin one particle"),
         (Scene(BRICK, pinned=(0,), drive=DriveActuator(0, 1.0)), {}, "no drive"),
         (Scene(BRICK), {"varying": ("lengths",)}, "lengths cannot vary"),
