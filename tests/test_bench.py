@@ -58,7 +58,7 @@ def test_section_to_json_and_figure(
         """Two programs."""
         cases = [
             stepping({"program": name, "precision": "float64", "copies": 1}, scene, facts=error(scene))
-            for name in ("springgym rk4", "C++")
+            for name in ("springgym rk4", "C++ rk4")
         ]
         return measured(cases, rounds, "steps/s", 1e-3)
 
@@ -88,8 +88,24 @@ def report(section: str, *rows: dict[str, Any]) -> dict[str, Any]:
 
 def test_ratios_come_from_what_was_measured() -> None:
     what = {"precision": "float64", "copies": 8}
-    rows = ({"program": name, "median": n} | what for name, n in (("springgym rk4", 3.0), ("C++", 2.0)))
+    what["error"] = 0.01
+    rows = ({"program": name, "median": n} | what for name, n in (("springgym rk4", 3.0), ("C++ rk4", 2.0)))
     assert ratios(report("peers", *rows)) == {"rk4 float64, 8 copies: springgym / C++": 1.5}
+
+
+def test_dampers_are_compared_with_the_fastest_that_errs_no_more() -> None:
+    swept, in_force, own = (
+        "C++ verlet, dampers swept",
+        "C++ verlet, dampers in the force",
+        "springgym damped verlet",
+    )
+    for error_in_force, wanted in ((0.0105, 0.5), (0.02, 2.0)):
+        rows = (
+            {"program": name, "median": speed, "error": its, "precision": "float32", "copies": 8}
+            for name, speed, its in ((own, 4.0, 0.01), (swept, 2.0, 0.01), (in_force, 8.0, error_in_force))
+        )
+        found = ratios(report("peers", *rows))
+        assert found == {"damped verlet float32, 8 copies: springgym / C++": wanted}
 
 
 def test_equal_error_is_against_the_fastest() -> None:
@@ -159,18 +175,27 @@ def test_jax_steps_the_same_springs() -> None:
     assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.body) < 5e-4
 
 
-@pytest.mark.parametrize(("precision", "copies"), [("float64", 1), ("float64", 8), ("float32", 16)])
-def test_reference_steps_as_the_package_does(precision: str, copies: int) -> None:
-    """The yardstick computes the same motion, so the comparison is of like with like."""
-    scene = paper_top()
-    peer = peers.cpp(scene, PAPER_STEP, copies, precision)
+@pytest.mark.parametrize("method", peers.CPP)
+@pytest.mark.parametrize(("precision", "copies"), [("float64", 1), ("float64", 100), ("float32", 100)])
+def test_reference_steps_as_the_package_does(precision: str, copies: int, method: str) -> None:
+    """The yardstick computes the same motion, so the comparison is of like with like.
+
+    Dampers in the force are another method, of the same order: it differs within the error of the step.
+    """
+    scene = paper_top(damping=100.0 if "dampers" in method else 0.0)
+    peer = peers.cpp(scene, PAPER_STEP, copies, precision, method, registers=(2,))
     if peer is None:
         pytest.skip("no C++ compiler")
-    simulator = Simulator(scene, integrator="rk4", step=PAPER_STEP)
+    simulator = Simulator(scene, integrator=method.partition(",")[0], step=PAPER_STEP)
     simulator.advance(2000)
-    tolerance = 1e-9 if precision == "float64" else 1e-4
+    tolerance = 1e-4 if precision == "float32" else 1e-5 if "force" in method else 1e-9
     np.testing.assert_allclose(peer.positions, simulator.positions[0], atol=tolerance)
     assert np.abs(simulator.positions[0] - scene.positions).max() > 0.1
+    mine, its = (
+        rms_distance(at, exact_positions(scene, 1.0), scene.body)
+        for at in (simulator.positions[0], peer.positions)
+    )
+    assert its == pytest.approx(mine, rel=0.1)
 
 
 def test_reference_leaves_arithmetic_alone() -> None:

@@ -7,14 +7,18 @@ import importlib.util
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from springgym.accuracy.peers import derivative, mujoco_model
+from springgym.blocks import aligned_zeros
 from springgym.bodies.body import inertia
+from springgym.forces.springs import interleaved
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 
@@ -26,41 +30,93 @@ class Peer(NamedTuple):
     steps: int
     positions: np.ndarray
     """(N, 3) [m] after 1 s from the scene's start, of one copy"""
+    note: str = ""
 
 
-def cpp(scene: Scene, step: float, copies: int, precision: str) -> Peer | None:
-    """RK4 steps of the hand-written reference, compiled with -O3 -march=native -ffast-math."""
-    compiler = shutil.which("c++") or shutil.which("g++")
-    if compiler is None:
-        return None
-    dtype = np.dtype(precision)
-    width = 1 if copies == 1 else 64 // dtype.itemsize
-    real, number = ("double", ctypes.c_double) if precision == "float64" else ("float", ctypes.c_float)
+CPP = ("rk4", "verlet", "verlet, dampers swept", "verlet, dampers in the force")
+"""Methods of the hand-written reference, in its order."""
+
+FLAGS = ("-std=c++17", "-O3", "-march=native", "-ffast-math", "-mprefer-vector-width=512", "-fPIC")
+
+
+@cache
+def _reference(compiler: str, precision: str, registers: int, particles: int, springs: int) -> Any:
+    """The hand-written reference, compiled for blocks of so many vector registers of 64 bytes."""
+    real = "double" if precision == "float64" else "float"
+    sizes = {"REAL": real, "REGISTERS": registers, "PARTICLES": particles, "SPRINGS": springs}
     with tempfile.TemporaryDirectory() as folder:
         library, compiled = Path(folder) / "reference.so", Path(folder) / "reference.o"
         source = Path(__file__).with_name("reference.cpp")
-        flags = ["-O3", "-march=native", "-ffast-math", f"-DREAL={real}", f"-DWIDTH={width}", "-fPIC"]
-        subprocess.run([compiler, *flags, "-c", str(source), "-o", str(compiled)], check=True)
+        defined = [f"-D{name}={value}" for name, value in sizes.items()]
+        subprocess.run([compiler, *FLAGS, *defined, "-c", str(source), "-o", str(compiled)], check=True)
         # Linked apart: linking with -ffast-math would switch off subnormal numbers in this whole process.
         subprocess.run([compiler, "-shared", str(compiled), "-o", str(library)], check=True)
-        compiled_advance = ctypes.CDLL(str(library)).advance
-    body, blocks = scene.body, -(-copies // width)
-    shape = (blocks, *body.positions.shape, width)
-    state = [
-        np.array(np.broadcast_to(a[..., None], shape), dtype, order="C")
-        for a in (scene.positions, scene.velocities)
-    ]
-    fixed = [np.array(a, np.int32) for a in body.springs.T]
-    fixed += [np.array(a, dtype) for a in (body.lengths, body.stiffness, scene.free / body.masses)]
+        return ctypes.CDLL(str(library)).advance
+
+
+def cpp(
+    scene: Scene,
+    step: float,
+    copies: int,
+    precision: str,
+    method: str = "rk4",
+    registers: Sequence[int] = (1, 2, 3, 4),
+) -> Peer | None:
+    """Steps of the hand-written reference by one of `CPP`.
+
+    Blocks fill the number of vector registers that is fastest; a single copy has x, y and z in one.
+    """
+    compiler = shutil.which("c++") or shutil.which("g++")
+    if compiler is None:
+        return None
+    lanes = 64 // np.dtype(precision).itemsize
+    widest = -(-copies // lanes)
+    tried = (0,) if copies == 1 else tuple(n for n in registers if n <= widest)
+    found = [_cpp(compiler, scene, step, copies, precision, method, number) for number in tried]
+    if len(found) == 1:
+        return found[0]
+    speeds = [0.0] * len(found)
+    for _ in range(30):
+        for n, peer in enumerate(found):
+            began = time.perf_counter()
+            peer.run()
+            speeds[n] = max(speeds[n], peer.steps / (time.perf_counter() - began))
+    return found[int(np.argmax(speeds))]
+
+
+def _cpp(
+    compiler: str, scene: Scene, step: float, copies: int, precision: str, method: str, registers: int
+) -> Peer:
+    """The same in blocks of so many registers; 0 for a single copy."""
+    body, dtype = scene.body, np.dtype(precision)
+    particles, springs = len(body.masses), len(body.springs)
+    compiled = _reference(compiler, precision, registers, particles, springs)
+    width = max(1, registers * 64 // dtype.itemsize)
+    blocks = -(-copies // width)
+    state = []
+    for start in (scene.positions, scene.velocities):
+        array = aligned_zeros((blocks, particles, 3, width) if registers else (1, particles, 4), dtype)
+        if registers:
+            array[:] = start[..., None]
+        else:
+            array[0, :, :3] = start
+        state.append(array)
+    order = interleaved(body.springs, particles)
+    fixed = [np.array(ends, np.int32) for ends in body.springs[order].T]
+    fixed += [np.array(own[order], float) for own in (body.lengths, body.stiffness, body.damping)]
+    fixed.append(np.array(scene.free / body.masses, float))
+    gravity = -(scene.gravity or (0.0, 0.0, 0.0))[2]
 
     def advance(blocks: int, steps: int) -> None:
-        x, v, *rest = (ctypes.c_void_p(a.ctypes.data) for a in (*state, *fixed))
-        compiled_advance(x, v, blocks, steps, number(step), len(body.masses), len(body.springs), *rest)
+        x, v, *rest = (ctypes.c_void_p(array.ctypes.data) for array in (*state, *fixed))
+        compiled(
+            CPP.index(method), x, v, blocks, steps, ctypes.c_double(step), *rest, ctypes.c_double(gravity)
+        )
 
     advance(1, round(1 / step))
-    positions = state[0][0, ..., 0].astype(float)
-    steps = 2000 if copies == 1 else max(20, 4000 // blocks)
-    return Peer(lambda: advance(blocks, steps), steps * copies, positions)
+    positions = (state[0][0, ..., 0] if registers else state[0][0, :, :3]).astype(float)
+    steps = 4000 if copies == 1 else max(20, 4000 // blocks)
+    return Peer(lambda: advance(blocks, steps), steps * copies, positions, f"{width} copies a block")
 
 
 def mujoco_springs(scene: Scene, integrator: str, step: float) -> Peer | None:

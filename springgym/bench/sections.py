@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 from typing import Any, NamedTuple
 
@@ -133,15 +133,21 @@ def startup(rounds: int) -> list[Row]:
 
 
 def against_peers(rounds: int) -> list[Row]:
-    """Steps a second of the paper's top on one core, by springgym and by others; RK4 where nothing is said.
+    """Steps a second of the paper's top on one core, by springgym and by others.
 
-    At 0.5 ms, rigid bodies at 1 ms. Error as for the kernel, of rigid bodies from the exact rigid motion.
+    At 0.5 ms, rigid bodies at 1 ms; undamped, or with dampers of 100 kg/s. Error as for the kernel, of damped
+    tops from their own exact motion, of rigid bodies from the exact rigid motion.
     """
-    scene = paper_top()
+    plain, damped = paper_top(), paper_top(damping=100.0)
     cases = []
 
     def own(
-        program: str, dtype: str = "float64", copies: int = 1, step: float = PAPER_STEP, **how: str
+        program: str,
+        dtype: str = "float64",
+        copies: int = 1,
+        step: float = PAPER_STEP,
+        scene: Scene = plain,
+        **how: str,
     ) -> None:
         options: dict[str, Any] = {"step": step, "dtype": dtype} | how
         what = {"program": f"springgym {program}", "precision": dtype, "copies": copies}
@@ -153,26 +159,39 @@ def against_peers(rounds: int) -> list[Row]:
         copies: int = 1,
         precision: str = "float64",
         dynamics: str = "springs",
+        scene: Scene = plain,
         **facts: Any,
     ) -> None:
         if peer is not None:
             facts["error"] = rms_distance(peer.positions, exact_positions(scene, 1.0, dynamics), scene.body)
             what = {"program": program, "precision": precision, "copies": copies}
-            cases.append(Case(what, peer.run, peer.steps, facts=facts))
+            cases.append(
+                Case(what, peer.run, peer.steps, facts=facts | ({"note": peer.note} if peer.note else {}))
+            )
+
+    def both(
+        method: str, dtype: str, copies: int, scene: Scene = plain, variants: Sequence[str] = ("",)
+    ) -> None:
+        program = "damped verlet" if scene is damped else method
+        own(program, dtype, copies, scene=scene, integrator=method)
+        for variant in variants:
+            peer = peers.cpp(scene, PAPER_STEP, copies, dtype, f"{method}{variant}")
+            other(f"C++ {method}{variant}", peer, copies, dtype, scene=scene)
 
     for dtype in PRECISIONS:
         for copies in (1, 8, 16, 1024):
-            own("rk4", dtype, copies, integrator="rk4")
-            other("C++", peers.cpp(scene, PAPER_STEP, copies, dtype), copies, dtype)
-    other("JAX", peers.jax_batch(scene, PAPER_STEP, 1024), 1024, note="may use all cores")
-    other("SciPy RK45", peers.scipy_rk45(scene, PAPER_STEP))
+            both("rk4", dtype, copies)
+        for copies in (1, 1024):
+            both("verlet", dtype, copies)
+            both("verlet", dtype, copies, damped, (", dampers swept", ", dampers in the force"))
+    other("JAX", peers.jax_batch(plain, PAPER_STEP, 1024), 1024, note="may use all cores")
+    other("SciPy RK45", peers.scipy_rk45(plain, PAPER_STEP))
     for method in ("RK4", "Euler", "implicitfast"):
-        other(f"MuJoCo {method}", peers.mujoco_springs(scene, method, PAPER_STEP))
+        other(f"MuJoCo {method}", peers.mujoco_springs(plain, method, PAPER_STEP))
     for copies in (1, 1024):
-        own("verlet", copies=copies)
         own("rigid", copies=copies, dynamics="rigid", step=1e-3)
     for method in ("RK4", "Euler"):
-        other(f"MuJoCo rigid {method}", peers.mujoco_rigid(scene, method, 1e-3), dynamics="rigid")
+        other(f"MuJoCo rigid {method}", peers.mujoco_rigid(plain, method, 1e-3), dynamics="rigid")
     return measured(cases, rounds, "steps/s")
 
 
