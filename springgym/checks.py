@@ -100,8 +100,10 @@ def array(
             number(f"{name}{list(where) or ''}", given[where], low, high)
     elif given.dtype.kind not in "iuf":
         raise TypeError(_wrong(name, value, "an array of numbers"))
-    with np.errstate(over="ignore"):
-        floats = np.asarray(given, np.float64)
+    floats = given
+    if given.dtype != np.float64:
+        with np.errstate(over="ignore"):
+            floats = np.asarray(given, np.float64)
     within = (floats >= low) & (floats <= high)
     if not within.all():
         where = np.argwhere(~within)[0].tolist()
@@ -189,21 +191,28 @@ def _range(what: str, low: float, high: float) -> str:
 
 def _shaped(name: str, value: Any, shapes: tuple[tuple[int | None, ...], ...]) -> np.ndarray:
     """A value as an array of one of some shapes, of whatever it holds."""
-    must = f"an array of shape {' or '.join(map(_shape, shapes))}"
     try:
         given = np.asarray(value)
     except ValueError:
-        raise ValueError(_wrong(name, value, f"{must}, and its rows of one length")) from None
+        must = f"{_shapes(shapes)}, and its rows of one length"
+        raise ValueError(_wrong(name, value, must)) from None
     except Exception:  # whatever a foreign class raises
-        raise TypeError(_wrong(name, value, must)) from None
+        raise TypeError(_wrong(name, value, _shapes(shapes))) from None
     if given.dtype != bool and _mixed(value):
         raise TypeError(f"{name} is {shown(value)}; it must not hold numbers and bools side by side")
     if given.ndim == 0 and given.dtype.kind not in "iufb" and () not in shapes:
-        raise TypeError(_wrong(name, value, must))
+        raise TypeError(_wrong(name, value, _shapes(shapes)))
     for shape in shapes:
-        if len(shape) == given.ndim and all(n in (None, m) for n, m in zip(shape, given.shape, strict=True)):
+        if shape == given.shape or (
+            len(shape) == given.ndim and all(n in (None, m) for n, m in zip(shape, given.shape, strict=True))
+        ):
             return given
-    raise ValueError(f"{name} is {shown(value)}, of shape {given.shape}; it must be {must}")
+    raise ValueError(f"{name} is {shown(value)}, of shape {given.shape}; it must be {_shapes(shapes)}")
+
+
+def _shapes(shapes: tuple[tuple[int | None, ...], ...]) -> str:
+    """What an array must be."""
+    return f"an array of shape {' or '.join(map(_shape, shapes))}"
 
 
 def _shape(shape: tuple[int | None, ...]) -> str:

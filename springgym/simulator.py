@@ -40,6 +40,9 @@ FLOAT = np.dtype(np.float64)
 WORTH_A_THREAD = 10_000
 """Springs × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms) pays."""
 
+FEW = 4096
+"""Numbers that BLAS takes on one thread."""
+
 PAPER_STEP = 5e-4
 """h of the paper [s]."""
 
@@ -249,6 +252,11 @@ class Simulator:
         """Velocities of the particles [m/s], (copies, N, 3), a copy."""
         return to_copies(self._v, self.copies)
 
+    @property
+    def width(self) -> int:
+        """Copies in a block."""
+        return int(numbers(self._x).shape[-1])
+
     def place(self, positions: Any, velocities: Any, copies: Any = None) -> None:
         """Start some copies (all) anew, with an empty ledger, at time 0.
 
@@ -396,12 +404,12 @@ class Simulator:
                 known = ", ".join(actuators) or "none"
                 raise ValueError(f"the scene has no actuator for {name!r}; it has {known}")
             shape = actuators[name][1]
-            # What environments give at every step passes at once: the sum of the squares bounds each number.
+            # What environments give at every step passes at once.
             if not (
                 value.__class__ is np.ndarray
                 and value.dtype is FLOAT
                 and value.shape == shape
-                and np.vdot(value, value) <= HUGE
+                and _sum_of_squares(value) <= HUGE  # it bounds each number
             ):
                 values[name] = np.broadcast_to(checks.array(name, value, shape, shape[1:]), shape)
         for name, value in values.items():
@@ -451,7 +459,14 @@ class Simulator:
 
     # --- Time -------------------------------------------------------------------------------------
 
-    def advance(self, steps: int = 1, *, check: bool = True, read: bool = False) -> None:
+    def advance(
+        self,
+        steps: int = 1,
+        *,
+        check: bool = True,
+        read: bool = False,
+        then: Callable[[int, int], None] | None = None,
+    ) -> None:
         """Take all copies ``steps`` steps further.
 
         Parameters
@@ -462,6 +477,9 @@ class Simulator:
             Whether it is checked that no copy has diverged.
         read
             Whether the copies are read off then, see `read`: all is done in one compiled call.
+        then
+            Called with a range of copies, the first and the one behind the last, when these are where they
+            should be: by each thread with its own share of them.
 
         Raises
         ------
@@ -475,7 +493,7 @@ class Simulator:
             steps = checks.whole("steps", steps)
         if check.__class__ is not bool or read.__class__ is not bool:
             check, read = checks.flag("check", check), checks.flag("read", read)
-        self._share(steps, settles=True, reads=check or read)
+        self._share(steps, settles=True, reads=check or read, then=then)
         time = self.time
         time += steps * self.step
         if check:
@@ -557,20 +575,29 @@ class Simulator:
         parts = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1) if len(blocks) else []
         return [(int(part[0]), int(part[-1]) + 1) for part in parts]
 
-    def _share(self, steps: int, settles: bool, reads: bool) -> None:
-        """`_run` all blocks, on several threads where that pays."""
+    def _share(
+        self, steps: int, settles: bool, reads: bool, then: Callable[[int, int], None] | None = None
+    ) -> None:
+        """`_run` all blocks, on several threads where that pays; then what else is to be done with them."""
         blocks = self._x.shape[0]
         threads = min(self.threads, blocks)
         if threads == 1 or blocks * max(steps, 1) * self._springs < WORTH_A_THREAD:
             self._run(0, 0, blocks, steps, settles, reads)
+            if then is not None:
+                then(0, self.copies)
             return
         edges = [blocks * n // threads for n in range(threads + 1)]
+        width = self.width
+
+        def work(n: int) -> None:
+            first, last = edges[n], edges[n + 1]
+            self._run(n, first, last, steps, settles, reads)
+            if then is not None:
+                then(first * width, min(last * width, self.copies))
+
         pool = _pool(os.getpid(), self.threads)
-        rest = [
-            pool.submit(self._run, n, edges[n], edges[n + 1], steps, settles, reads)
-            for n in range(1, threads)
-        ]
-        self._run(0, edges[0], edges[1], steps, settles, reads)
+        rest = [pool.submit(work, n) for n in range(1, threads)]
+        work(0)
         for future in rest:
             future.result()
 
@@ -628,6 +655,12 @@ class Simulator:
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     """Helper threads of this process; a forked child, being another process, makes its own."""
     return ThreadPoolExecutor(threads, thread_name_prefix="springgym")
+
+
+def _sum_of_squares(values: np.ndarray) -> float:
+    """Σ values²; not finite if one is not. Of many numbers, BLAS would wake its own threads, which then wait
+    for more on the cores that step the copies."""
+    return float(np.vdot(values, values) if values.size < FEW else np.square(values).sum())
 
 
 def _checked_names(varying: Any) -> frozenset[str]:

@@ -72,8 +72,8 @@ def _wanted() -> dict[str, tuple[str, dict[str, Any], dict[str, Any]]]:
         same = {"environment": row.id, "copies": 64}
         own, other = {"how": "native", "threads": 1} | same, {"how": "SyncVectorEnv"} | same
         wanted[f"{row.id}, 64 copies: native / SyncVectorEnv"] = ("environments", own, other)
-    own, other = ({"how": f"PPO collects, {how}"} for how in ("adapter", "DummyVecEnv"))
-    wanted["PPO collects, 64 copies: adapter / DummyVecEnv"] = ("environments", own, other)
+    adapter, looped = ({"how": f"PPO collects, {how}"} for how in ("adapter", "DummyVecEnv"))
+    wanted["PPO collects, 64 copies: adapter / DummyVecEnv"] = ("environments", adapter, looped)
     return wanted
 
 

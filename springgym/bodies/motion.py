@@ -26,7 +26,12 @@ class InitialState(NamedTuple):
 def rigid_velocities(positions: np.ndarray, omega: Any, about: Any) -> np.ndarray:
     """Velocities ω × (x − about) [m/s] of a rigid rotation, shape of ``positions``."""
     arms = array("positions", positions, (3,), (None, 3), (None, None, 3)) - array("about", about, (3,))
-    return np.cross(array("omega", omega, (3,)), arms)
+    x, y, z = array("omega", omega, (3,)).tolist()
+    velocities = np.empty(arms.shape)
+    velocities[..., 0] = y * arms[..., 2] - z * arms[..., 1]
+    velocities[..., 1] = z * arms[..., 0] - x * arms[..., 2]
+    velocities[..., 2] = x * arms[..., 1] - y * arms[..., 0]
+    return velocities
 
 
 def start(

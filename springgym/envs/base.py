@@ -191,16 +191,16 @@ class SpringEnv(_Common, gym.Env):
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
-        result = self.episodes.step(checked[None])
+        result, seen = self.episodes.step(checked[None])
         if self._canvas:
             self._canvas.follow(self.episodes.particles[0][0])
         if self.render_mode == "human":
             self.render()
         return (
-            self.episodes.observe()[0],
-            float(result.reward[0]),
-            bool(result.terminated[0]),
-            bool(result.truncated[0]),
+            self.episodes.observe(seen)[0],
+            result.reward.item(),
+            result.terminated.item(),
+            result.truncated.item(),
             self._info(),
         )
 
@@ -352,39 +352,42 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
                 f"the episode of copy {int(np.argmax(self._ended))} has ended: "
                 "reset it with options={'reset_mask': …}"
             )
-        reward, terminated, truncated = result = episodes.step(checked)
+        result, seen = episodes.step(checked)
+        reward, terminated, truncated = result
+        begun = None
         for canvas, positions in zip(self._canvases, episodes.particles[0], strict=False):
             canvas.follow(positions)
         if mode is AutoresetMode.NEXT_STEP and self._ended.any():
-            fresh = self._ended.copy()
-            self._begin(fresh)
+            begun = self._begin(self._ended)
             for values in result:
-                values[fresh] = 0
+                values[begun] = 0
         self._ended = terminated | truncated
         if mode is AutoresetMode.SAME_STEP and self._ended.any():
             fresh = self._ended
-            final = episodes.observe()
+            final = episodes.observe(seen)
             infos["final_obs"] = np.full(self.num_envs, None, dtype=object)
             for n in np.flatnonzero(fresh):
-                infos["final_obs"][n] = final[n]
+                infos["final_obs"][n] = final[n].copy()
             infos["_final_obs"] = fresh.copy()
             infos["final_info"] = {}
             _add(infos["final_info"], self._info(), fresh)
             infos["_final_info"] = fresh.copy()
-            self._begin(fresh)
+            begun = self._begin(fresh)
             self._ended = np.zeros(self.num_envs, bool)
         _add(infos, self._info(), np.ones(self.num_envs, bool))
-        return episodes.observe(), reward, terminated, truncated, infos
+        return episodes.observe(seen, begun), reward, terminated, truncated, infos
 
     def _info(self) -> dict[str, Any]:
         return self._always(slice(None)) | dict(
             zip(self.episodes.task.reported, self.episodes.out.T[:MET], strict=True)
         )
 
-    def _begin(self, fresh: np.ndarray) -> None:
+    def _begin(self, fresh: np.ndarray) -> np.ndarray:
+        """Start new episodes in some copies (num_envs,) of bool; their indices."""
         copies = np.flatnonzero(fresh)
         self.episodes.begin(copies, [self._generators[n] for n in copies], None)
         self._show_new(copies)
+        return copies
 
     def _show_new(self, copies: np.ndarray) -> None:
         for n in copies if self._canvases else ():
@@ -578,12 +581,13 @@ def _seed(name: str, seed: Any) -> int | None:
 
 def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> None:
     """Add arrays to ``infos`` as Gymnasium does: zero where the mask is not, with the mask beside them."""
+    every = mask.all()
     for name, value in values.items():
         if isinstance(value, dict):
             infos[name] = {}
             _add(infos[name], value, mask)
         else:
-            infos[name] = np.where(mask, value, np.zeros((), value.dtype))
+            infos[name] = value.copy() if every else np.where(mask, value, np.zeros((), value.dtype))
         infos[f"_{name}"] = mask.copy()
 
 

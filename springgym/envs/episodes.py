@@ -38,6 +38,21 @@ class Step(NamedTuple):
     truncated: np.ndarray
 
 
+class Part(NamedTuple):
+    """Some copies: what functions see of them, and where their outcome is written."""
+
+    measures: Measures
+    positions: np.ndarray
+    velocities: np.ndarray
+    action: np.ndarray
+    goal: np.ndarray
+    rows: np.ndarray
+    out: np.ndarray
+    held: np.ndarray
+    elapsed: np.ndarray
+    diverged: np.ndarray
+
+
 STATE = ("goal", "strength", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
 """Arrays of `Episodes` that change."""
 
@@ -88,14 +103,13 @@ class Episodes:
         self._given, self._driven = np.zeros_like(self.action), np.zeros_like(self.action)
         self.out = np.zeros((copies, len(task.outcome)))
         """what `Task.evaluate` set last, a column for each name in `Task.outcome`"""
-        self._fresh = np.zeros_like(self.out)
         self.diverged = np.zeros(copies, bool)
         self._columns = observation.columns(task.particles)
         self._of = self._identity()
         self._use_kernels()
         if task.observation == "own":
             self.simulator.read()
-            task.prepare(*self._shown)
+            task.prepare(*self._whole[:3])
 
     def _step(self, scene: Scene, kind: Dynamics, integrator: str | None, step: float | None) -> float:
         """The step: given, or automatic, for the stiffest and lightest body of the randomisation.
@@ -193,11 +207,11 @@ class Episodes:
         self.simulator.read(copies)
         self.balance[copies] = self.measures.balance[copies]
         if self.task.metrics:
-            self._evaluate(
-                *self._shown, self._shown_action, self.goal, self.parameters, self._named(self._fresh)
-            )
+            some, row = self._seen_alone(copies)
+            out = np.zeros_like(some.out)
+            self._evaluate(*some[:5], self.parameters, self._named(out))
             metrics = slice(len(self.task.terms), len(self.task.reported))  # nothing has been earned yet
-            self.out[copies, metrics] = self._fresh[copies, metrics]
+            self.out[copies, metrics] = out[row, metrics]
 
     def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
         """Refuse starts (k, N, 3) in a shape that has diverged already."""
@@ -216,43 +230,98 @@ class Episodes:
                 f"{f' ({factors})' if factors else ''}; it must be at most {STRAIN_LIMIT}"
             )
 
-    def step(self, action: np.ndarray) -> Step:
-        """One control period of all copies. ``action`` (n, A) is clipped to [−1, 1].
+    def step(self, action: np.ndarray) -> tuple[Step, np.ndarray | None]:
+        """One control period of all copies, and what they observe then, for `observe`.
+
+        ``action`` (n, A) is clipped to [−1, 1].
 
         Raises
         ------
         ValueError
             If it holds a value that is not finite.
         """
-        task, simulator = self.task, self.simulator
+        simulator, copies = self.simulator, self.copies
         self._given[:] = action
         if not self._take(self._given, self.strength, self.action, self._driven):
             raise ValueError(f"action holds a value that is not finite: {action}")
-        simulator.actuate(**task.actuate(self._driven))
-        simulator.advance(self.steps, check=False, read=True)
-        self._evaluate(*self._shown, self._shown_action, self.goal, self.parameters, self._outcome)
-        result = Step(np.empty(self.copies), np.empty(self.copies, bool), np.empty(self.copies, bool))
-        self._finish(
-            simulator.readout.rows,
-            self.out,
-            len(task.terms),
-            self.held,
-            self.elapsed,
-            self.max_episode_steps,
-            self.diverged,
-            result,
-        )
-        return result
+        simulator.actuate(**self.task.actuate(self._driven))
+        result = Step(np.empty(copies), np.empty(copies, bool), np.empty(copies, bool))
+        seen = self._room(copies) if self._sees_parts else None
 
-    def observe(self) -> np.ndarray:
-        """The observations of all copies, (n, D), float32, freshly made."""
-        seen = np.empty((self.copies, self.task.observation_size), np.float32)
-        if self.task.observation != "particles":
-            self._observe(*self._shown, self.goal, self.parameters, seen)
+        def judge(first: int, last: int) -> None:
+            self._judge(first, last, result, seen)
+
+        if self._judges_parts:
+            simulator.advance(self.steps, check=False, read=True, then=judge)
         else:
-            self._observe(*self.simulator.readout[:3], self.goal, self._columns, seen)
-        self._bound(seen, self.diverged)
+            simulator.advance(self.steps, check=False, read=True)
+            judge(0, copies)
+        return result, seen
+
+    def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
+        """Outcome, end and observation of the copies from ``first`` to the one before ``last``."""
+        own = self._whole
+        if (first, last) != (0, self.copies):
+            share = slice(first, last)
+            own, result = self._part(share), Step(*(values[share] for values in result))
+            seen = None if seen is None else seen[share]
+        self._evaluate(*own[:5], self.parameters, self._named(own.out))
+        terms, limit = len(self.task.terms), self.max_episode_steps
+        self._finish(own.rows, own.out, terms, own.held, own.elapsed, limit, own.diverged, result)
+        if seen is not None:
+            self._look(own, seen)
+
+    def observe(self, seen: np.ndarray | None = None, begun: np.ndarray | None = None) -> np.ndarray:
+        """The observations of all copies, (n, D), float32.
+
+        Parameters
+        ----------
+        seen
+            What `step` gave: only the copies ``begun`` since are observed anew, and written to it.
+        begun
+            Their indices.
+        """
+        if seen is None:
+            seen = self._room(self.copies)
+            self._look(self._whole, seen)
+        elif begun is not None:
+            some, row = self._seen_alone(begun)
+            room = self._room(len(some.rows))
+            self._look(some, room)
+            seen[begun] = room[row]
         return seen
+
+    def _room(self, copies: int) -> np.ndarray:
+        return np.empty((copies, self.task.observation_size), np.float32)
+
+    def _look(self, own: Part, seen: np.ndarray) -> None:
+        """Write what some copies observe to ``seen``."""
+        if self.task.observation != "particles":
+            self._observe(*own[:3], own.goal, self.parameters, seen)
+        else:
+            self._observe(own.rows, *own[1:3], own.goal, self._columns, seen)
+        self._bound(seen, own.diverged)
+
+    def _seen_alone(self, copies: np.ndarray) -> tuple[Part, np.ndarray]:
+        """Some copies (k,) without the others, and the row of each.
+
+        A user's own functions are given all copies. A row by itself would be of another type than many, see
+        `SameTypes`: it is there twice.
+        """
+        if not self._sees_parts:
+            return self._whole, copies
+        alone = np.resize(copies, max(len(copies), min(self.copies, 2)))
+        return self._part(alone), np.arange(len(copies))
+
+    def _part(self, copies: Any) -> Part:
+        """Some copies: views if they are a slice, else copies of their numbers."""
+        rows, x, v, _ = (values[copies] for values in self.simulator.readout)
+        own = (getattr(self, name)[copies] for name in ("out", "held", "elapsed", "diverged"))
+        part = Part(measures.view(rows), x, v, self.action[copies], self.goal[copies], rows, *own)
+        if not is_jitted(self.task.evaluate):  # a user's own functions see, and change nothing
+            m, action = Measures(*map(_locked, part.measures)), _locked(part.action)
+            part = part._replace(measures=m, positions=_locked(x), velocities=_locked(v), action=action)
+        return part
 
     # --- Randomisation ----------------------------------------------------------------------------
 
@@ -331,27 +400,24 @@ class Episodes:
         return out.view([(name, out.dtype) for name in self.task.outcome])[:, 0]
 
     def _use_kernels(self) -> None:
-        self._outcome = self._named(self.out)
         self.measures = measures.view(self.simulator.readout.rows)
-        self._shown: tuple[Measures, np.ndarray, np.ndarray] = (self.measures, *self.particles)
-        self._shown_action = self.action
-        if not is_jitted(self.task.evaluate):  # a user's own functions see, and change nothing
-            x, v = self.particles
-            self._shown = Measures(*map(_locked, self.measures)), _locked(x), _locked(v)
-            self._shown_action = _locked(self.action)
+        self._whole = self._part(slice(None))
         compact = self.task.observation != "particles"
+        observe = self.task.compact if compact else observation.observe_particles
+        self._sees_parts = is_jitted(self.task.evaluate) and is_jitted(observe)
+        width = self.simulator.width
+        self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
         self._take = SameTypes(take)
         self._evaluate = SameTypes(self.task.evaluate)
         self._finish = SameTypes(finish)
-        self._observe = SameTypes(self.task.compact if compact else observation.observe_particles)
+        self._observe = SameTypes(observe)
         self._bound = SameTypes(observation.bound)
 
     def __getstate__(self) -> dict[str, Any]:
         return {
             name: value
             for name, value in vars(self).items()
-            if name not in ("measures", "_shown", "_shown_action", "_outcome")
-            and not isinstance(value, SameTypes)
+            if name not in ("measures", "_whole") and not isinstance(value, SameTypes)
         }  # views do not survive being copied
 
     def __setstate__(self, state: dict[str, Any]) -> None:
