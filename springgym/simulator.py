@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, lru_cache
 from typing import Any, Self
@@ -39,6 +39,9 @@ FLOAT = np.dtype(np.float64)
 
 WORTH_A_THREAD = 10_000
 """Springs × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms) pays."""
+
+OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole")
+"""Arrays of `Simulator._changing` that hold what happens in a step."""
 
 FEW = 4096
 """Numbers that BLAS takes on one thread."""
@@ -448,6 +451,26 @@ class Simulator:
                 )
         for name, array in own.items():
             array[:] = state[name]
+
+    def take_over(self, other: Simulator) -> None:
+        """Be where another simulator of the same scene is, to go on from there by steps of one's own.
+
+        All that changes is as there, to the bit, but what dampers do in a step: that is the own step's, and
+        follows from `vary`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is not of as many copies of the same scene, of the same type; nothing is changed.
+        """
+        theirs = dict(checks.instance("other", other, Simulator)._changing())
+        own = {name: array for name, array in self._changing() if not name.startswith(OF_A_STEP)}
+        for name, array in own.items():
+            given = theirs.get(name)
+            if given is None or given.shape != array.shape or given.dtype != array.dtype:
+                raise ValueError(f"other is {other!r}; it must be made like this simulator but for its step")
+        for name, array in own.items():
+            array[:] = theirs[name]
 
     def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
         """Names and arrays of all that changes: what moves, what actuators do, and what was varied."""

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from springgym import bench
-from springgym.accuracy.distances import rms_distance
 from springgym.bench import peers
 from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
 from springgym.bench.ratios import ratios
 from springgym.bench.sections import SECTIONS
 from springgym.bench.timing import Case, Row, measured
+from springgym.bodies.distances import rms_distance
 from springgym.cli import main
 from springgym.simulator import PAPER_STEP, Simulator
 

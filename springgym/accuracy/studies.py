@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from springgym import theory
-from springgym.accuracy.distances import largest_distance
 from springgym.accuracy.problems import CUSPS, PROBLEMS, TOP
 from springgym.accuracy.rungs import Rung
 from springgym.accuracy.work_precision import edge, own_rung, reference, rows_of
 from springgym.bodies import cube, start, top
+from springgym.bodies.distances import largest_distance
 from springgym.rigid import METHODS
 from springgym.scene import Scene
 from springgym.simulator import Simulator

@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from springgym.accuracy.distances import largest_distance
 from springgym.accuracy.peers import mujoco_rungs, scipy_rungs
 from springgym.accuracy.problems import PROBLEMS, Problem
 from springgym.accuracy.rungs import SAMPLES, Rung
+from springgym.bodies.distances import largest_distance
 from springgym.integrators import integrator
 from springgym.integrators.record import ITERATIONS, REJECTIONS, STEPS
 from springgym.scene import Scene

@@ -10,8 +10,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from springgym.accuracy.distances import largest_distance
 from springgym.bench.timing import Case, Row, measured
+from springgym.bodies.distances import largest_distance
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS
 from springgym.simulator import Simulator

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from springgym.accuracy.distances import rms_distance
 from springgym.bench.timing import Case
 from springgym.bodies import rotation, start, top
+from springgym.bodies.distances import rms_distance
 from springgym.scene import Scene
 from springgym.simulator import PAPER_STEP, Simulator
 

@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.accuracy.distances import rms_distance
 from springgym.bench import peers
 from springgym.bench.environments import environments
 from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
 from springgym.bench.timing import Case, Row, measured
 from springgym.blocks import block_array
 from springgym.bodies import start
+from springgym.bodies.distances import rms_distance
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PAPER_STEP
 from springgym.surfaces import Bowl, Contact, floor

@@ -41,6 +41,7 @@ class _Common:
         threads: int = 1,
         randomize: Mapping[str, Sequence[float]] | None = None,
         max_episode_steps: int | None = None,
+        error: bool = False,
         **options: Any,
     ) -> None:
         self.episodes = Episodes(
@@ -53,6 +54,7 @@ class _Common:
             threads=threads,
             randomize=randomize,
             max_episode_steps=max_episode_steps,
+            error=error,
         )
         self._ready = False
         """whether episodes have begun"""
@@ -98,6 +100,8 @@ class _Common:
             "energy_drift": m.balance[copies] - episodes.balance[copies],
             "strain": m.strain[copies],
         }
+        if episodes.error is not None:
+            always["step_error"] = episodes.error.last[copies]
         if episodes.ranges:
             drawn = episodes.factors[copies]
             always["randomization"] = {name: drawn[..., n] for n, name in enumerate(episodes.ranges)}
@@ -139,6 +143,9 @@ class SpringEnv(_Common, gym.Env):
     randomize
         Ranges (low, high) of factors drawn each episode, by name, out of
         `springgym.envs.randomisation.RANDOMIZABLE`.
+    error
+        Whether ``info["step_error"]`` says how far each control period is from the same in finer steps, see
+        `springgym.envs.error`; it makes a step cost three times as much.
     max_episode_steps
         Time limit; none if not given: `gymnasium.make` sees to the registered one by a wrapper.
     options

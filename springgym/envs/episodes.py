@@ -18,6 +18,7 @@ from springgym.checks import TINY, chosen, instance
 from springgym.compiling import SameTypes, kernel
 from springgym.dynamics import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
+from springgym.envs.error import StepError
 from springgym.envs.options import mapping
 from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.envs.task import FAILED, MET, Task
@@ -72,6 +73,7 @@ class Episodes:
         threads: int,
         randomize: Mapping[str, Sequence[float]] | None,
         max_episode_steps: int | None,
+        error: bool = False,
     ) -> None:
         self.task = task
         self.copies = copies
@@ -80,16 +82,16 @@ class Episodes:
         kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
         self.ranges = randomisation.checked_ranges(randomize, dynamics)
         scene = task.scene
-        self.simulator = Simulator(
-            scene,
-            dynamics=dynamics,
-            integrator=integrator,
-            step=self._step(scene, kind, integrator, step),
-            copies=copies,
-            dtype=dtype,
-            threads=threads,
-            varying=randomisation.varying(self.ranges, scene),
-        )
+        made: dict[str, Any] = {
+            "dynamics": dynamics,
+            "integrator": integrator,
+            "copies": copies,
+            "dtype": dtype,
+            "threads": threads,
+            "varying": randomisation.varying(self.ranges, scene),
+        }
+        self.simulator = Simulator(scene, step=self._step(scene, kind, integrator, step), **made)
+        self.error = StepError(self.simulator, **made) if checks.flag("error", error) else None
         self.steps = steps_in(task.period, self.simulator.step)
         self.goal = np.zeros((copies, task.goal_size))
         self.strength = np.ones((copies, 1))
@@ -204,6 +206,8 @@ class Episodes:
         self.action[copies] = 0.0
         self.out[copies] = 0.0
         self.diverged[copies] = False
+        if self.error is not None:
+            self.error.last[copies] = 0.0
         self.simulator.read(copies)
         self.balance[copies] = self.measures.balance[copies]
         if self.task.metrics:
@@ -245,6 +249,8 @@ class Episodes:
         if not self._take(self._given, self.strength, self.action, self._driven):
             raise ValueError(f"action holds a value that is not finite: {action}")
         simulator.actuate(**self.task.actuate(self._driven))
+        if self.error is not None:
+            self.error.finer.take_over(simulator)
         result = Step(np.empty(copies), np.empty(copies, bool), np.empty(copies, bool))
         seen = self._room(copies) if self._sees_parts else None
 
@@ -256,6 +262,8 @@ class Episodes:
         else:
             simulator.advance(self.steps, check=False, read=True)
             judge(0, copies)
+        if self.error is not None:
+            self.error.estimate(simulator, self.steps)
         return result, seen
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
@@ -337,8 +345,11 @@ class Episodes:
             self.factors[copy] = [factors[name] for name in self.ranges]
             self.strength[copy] = factors["actuator"]
             values = randomisation.parameters(self.simulator.scene, self.ranges, factors)
-            if values:
-                self.simulator.vary(np.array([copy]), **{name: value[None] for name, value in values.items()})
+            own = {name: value[None] for name, value in values.items()}
+            if own:
+                self.simulator.vary(np.array([copy]), **own)
+                if self.error is not None:
+                    self.error.finer.vary(np.array([copy]), **own)
 
     # --- State ------------------------------------------------------------------------------------
 

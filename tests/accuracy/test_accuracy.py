@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from springgym.accuracy import REPORT, studies
-from springgym.accuracy.distances import largest_distance, rms_distance
 from springgym.accuracy.peers import derivative, jacobian, mujoco_rungs, scipy_rungs
 from springgym.accuracy.problems import PROBLEMS
 from springgym.accuracy.work_precision import (
@@ -24,6 +23,7 @@ from springgym.accuracy.work_precision import (
     rows_of,
 )
 from springgym.bodies import cube
+from springgym.bodies.distances import largest_distance, rms_distance
 from springgym.cli import main
 
 

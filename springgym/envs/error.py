@@ -1,0 +1,56 @@
+"""The error of a control period, estimated while it runs.
+
+A method of order p errs by C hᵖ: steps of h/2 err by 2⁻ᵖ of that, so that the two are apart by 1 − 2⁻ᵖ of the
+error of the longer steps (Richardson). A second simulator repeats each control period from the same state, in
+steps of h/2. It is only looked at: the episode goes on from where the first one came.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from springgym.bodies.distances import rms_distances
+from springgym.simulator import Simulator
+
+FINER = 2
+"""Steps of the second simulator in one of the first."""
+
+
+class StepError:
+    """How far copies are, after a control period, from where exact steps would have taken them.
+
+    Parameters
+    ----------
+    simulator
+        Theirs.
+    made
+        What it was made with but for its scene and step.
+
+    Raises
+    ------
+    ValueError
+        If its method chooses its steps itself.
+    """
+
+    def __init__(self, simulator: Simulator, **made: Any) -> None:
+        method = simulator.integrator
+        if method.adaptive:
+            raise ValueError(
+                f"error is True: that compares with steps of half the length, but {method.name} chooses its "
+                "steps itself. Take another integrator, or read the error off its tolerance"
+            )
+        scene = simulator.scene
+        self.finer = Simulator(scene, step=simulator.step / FINER, **made)
+        self._share = 1 / (1 - FINER**-method.order)
+        counts = [len(placed.body.masses) for placed in scene.bodies]
+        self._sizes = np.repeat([placed.body.size for placed in scene.bodies], counts)
+        self.last = np.zeros(simulator.copies)
+        """root mean square distance of the particles after the last period, as a share of the body's size"""
+
+    def estimate(self, simulator: Simulator, steps: int) -> None:
+        """Find the error of the ``steps`` that the simulator took since the finer one took over from it."""
+        self.finer.advance(FINER * steps, check=False, read=True)
+        apart = rms_distances(simulator.readout.positions, self.finer.readout.positions, self._sizes)
+        self.last[:] = self._share * apart
