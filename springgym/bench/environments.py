@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.bench.timing import Case, Row, measured
-from springgym.bodies.distances import largest_distance
+from springgym.bodies.distances import largest_distance, rms_distance
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS
 from springgym.simulator import Simulator
@@ -183,3 +183,35 @@ def error_per_step(
             if terminated or truncated:
                 break
     return step, float(np.median(errors)), max(errors), max(apart)
+
+
+def estimates(
+    env_id: str,
+    episodes: int,
+    steps: int,
+    references: Callable[[Task, float], tuple[Simulator, ...]] = finer,
+    **options: Any,
+) -> tuple[np.ndarray, np.ndarray]:
+    """What ``info["step_error"]`` says of control periods with random actions, and what it should: two arrays.
+
+    The latter is the distance from the first of the references, as for `error_per_step`.
+    """
+    env: Any = gym.make(env_id, error=True, **options)
+    at = env.unwrapped.episodes
+    task, simulator = at.task, references(at.task, at.simulator.step)[0]
+    steps_of_reference = round(task.period / simulator.step)
+    rng = np.random.default_rng(0)
+    said, true = [], []
+    for seed in range(episodes):
+        env.reset(seed=seed)
+        for _ in range(steps):
+            simulator.place(at.simulator.positions, at.simulator.velocities)
+            action = rng.uniform(-1, 1, env.action_space.shape)
+            *_, terminated, truncated, info = env.step(action)
+            simulator.actuate(**task.actuate(action[None]))
+            simulator.advance(steps_of_reference)
+            said.append(info["step_error"])
+            true.append(rms_distance(at.simulator.positions[0], simulator.positions[0], task.scene.body))
+            if terminated or truncated:
+                break
+    return np.array(said), np.array(true)
