@@ -160,10 +160,10 @@ ESTIMATED = "## The error, while it runs\n"
 AFTER = "\nMeasured "
 
 EXAMPLE = """`error=True` has every control period repeated from the same state in steps of half the length.
-`info["step_error"]` then says how far the particles are from where exact steps would have taken them: root mean
-square distance over the body's size, estimated from how far the two are apart (Richardson). Batches have an
-array, one number for each copy. The trajectory is the same to the bit; a step costs three times as much, and
-without `error=True` nothing.
+`info["step_error"]` then says how far the particles are from where exact steps would have taken them: root
+mean square distance over the body's size, estimated from how far the two are apart (Richardson). Batches have
+an array, one number for each copy. The trajectory is the same to the bit; a step costs three times as much,
+and without `error=True` nothing.
 
 ```python
 import gymnasium
@@ -178,8 +178,8 @@ assert 0 < info["step_error"] < 1e-3
 It is the error of this one period; over many, errors grow as the motion lets them. Randomised parameters are
 those of the copy. In an episode's first `info` it is 0, and of a copy that is nowhere it is infinite. Of
 rigid bodies it is the error of the rigid motion, not its distance from springs. In float32 both runs have
-rounded, and it cannot fall below that, some 1e-7. In impacts it is less sure: they err to first order, and may
-fall into one of the two runs alone. `dopri5` and `rodas3`, which choose their steps, are refused.
+rounded, and it cannot fall below that, some 1e-7. In impacts it is less sure: they err to first order, and
+may fall into one of the two runs alone. `dopri5` and `rodas3`, which choose their steps, are refused.
 """
 
 

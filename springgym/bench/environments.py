@@ -192,7 +192,7 @@ def estimates(
     references: Callable[[Task, float], tuple[Simulator, ...]] = finer,
     **options: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What ``info["step_error"]`` says of control periods with random actions, and what it should: two arrays.
+    """What ``info["step_error"]`` says of control periods with random actions, and what it should.
 
     The latter is the distance from the first of the references, as for `error_per_step`.
     """

@@ -49,6 +49,8 @@ class Part(NamedTuple):
     goal: np.ndarray
     rows: np.ndarray
     out: np.ndarray
+    outcome: np.ndarray
+    """``out`` as records, see `Episodes._named`"""
     held: np.ndarray
     elapsed: np.ndarray
     diverged: np.ndarray
@@ -212,10 +214,10 @@ class Episodes:
         self.balance[copies] = self.measures.balance[copies]
         if self.task.metrics:
             some, row = self._seen_alone(copies)
-            out = np.zeros_like(some.out)
-            self._evaluate(*some[:5], self.parameters, self._named(out))
+            fresh = np.zeros_like(some.out)
+            self._evaluate(*some[:5], self.parameters, self._named(fresh))
             metrics = slice(len(self.task.terms), len(self.task.reported))  # nothing has been earned yet
-            self.out[copies, metrics] = out[row, metrics]
+            self.out[copies, metrics] = fresh[row, metrics]
 
     def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
         """Refuse starts (k, N, 3) in a shape that has diverged already."""
@@ -273,7 +275,7 @@ class Episodes:
             share = slice(first, last)
             own, result = self._part(share), Step(*(values[share] for values in result))
             seen = None if seen is None else seen[share]
-        self._evaluate(*own[:5], self.parameters, self._named(own.out))
+        self._evaluate(*own[:5], self.parameters, own.outcome)
         terms, limit = len(self.task.terms), self.max_episode_steps
         self._finish(own.rows, own.out, terms, own.held, own.elapsed, limit, own.diverged, result)
         if seen is not None:
@@ -324,8 +326,20 @@ class Episodes:
     def _part(self, copies: Any) -> Part:
         """Some copies: views if they are a slice, else copies of their numbers."""
         rows, x, v, _ = (values[copies] for values in self.simulator.readout)
-        own = (getattr(self, name)[copies] for name in ("out", "held", "elapsed", "diverged"))
-        part = Part(measures.view(rows), x, v, self.action[copies], self.goal[copies], rows, *own)
+        out = self.out[copies]
+        part = Part(
+            measures.view(rows),
+            x,
+            v,
+            self.action[copies],
+            self.goal[copies],
+            rows,
+            out,
+            self._named(out),
+            self.held[copies],
+            self.elapsed[copies],
+            self.diverged[copies],
+        )
         if not is_jitted(self.task.evaluate):  # a user's own functions see, and change nothing
             m, action = Measures(*map(_locked, part.measures)), _locked(part.action)
             part = part._replace(measures=m, positions=_locked(x), velocities=_locked(v), action=action)
