@@ -1,0 +1,72 @@
+"""What follows a control period is found part by part, by several threads or of new episodes alone."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from springgym import simulator
+
+
+def batch(copies: int, **options: Any) -> Any:
+    return gym.make_vec("SpringTop-v0", num_envs=copies, vectorization_mode="vector_entry_point", **options)
+
+
+def same(one: tuple[Any, ...], other: tuple[Any, ...]) -> None:
+    for mine, its in zip(one[:-1], other[:-1], strict=True):
+        np.testing.assert_array_equal(mine, its)
+    np.testing.assert_equal(one[-1], other[-1])
+
+
+@pytest.mark.parametrize("observation", ["particles", "frame"])
+@pytest.mark.parametrize("copies", [33, 40])
+def test_threads_find_the_same(copies: int, observation: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the last block holds a single copy, whose arrays would be of another type by themselves."""
+    monkeypatch.setattr(simulator, "WORTH_A_THREAD", 0)
+    options: dict[str, Any] = {"observation": observation, "max_episode_steps": 3}
+    one, two = (batch(copies, threads=threads, **options) for threads in (1, 2))
+    same(one.reset(seed=0), two.reset(seed=0))
+    parts = []
+    judge = two.episodes._judge
+    monkeypatch.setattr(two.episodes, "_judge", lambda *given: (parts.append(given[:2]), judge(*given)))
+    for action in np.random.default_rng(0).uniform(-1, 1, (5, copies, 3)).astype(np.float32):
+        same(one.step(action), two.step(action))
+    assert len(set(parts)) == (1 if copies % 16 == 1 else 2)
+
+
+def test_a_copy_that_begins_alone() -> None:
+    """First of all that compiled functions are given, it is read as it is among many."""
+    first = batch(5)
+    first.reset(seed=0)
+    action = np.full((5, 3), 0.5, np.float32)
+    first.step(action)
+    second = copy.deepcopy(first)  # which finds its functions anew
+    mask = np.arange(5) == 3
+    both = [envs.reset(seed=7, options={"reset_mask": mask}) for envs in (first, second)]
+    same(*both)
+    for envs in (first, second):
+        envs.step(action)
+    third = batch(5)
+    third.reset(seed=7)
+    same(first.step(action), second.step(action))
+    observations, *_, info = first.step(action)
+    for _ in range(3):
+        seen, *_, its = third.step(action)
+    np.testing.assert_array_equal(observations[3], seen[3])
+    assert info["tilt"][3] == its["tilt"][3]
+
+
+def test_what_was_returned_stays() -> None:
+    """No step writes to what an earlier one gave, be it of a copy that has begun since."""
+    envs = batch(5, max_episode_steps=2)
+    envs.reset(seed=0)
+    given = []
+    for action in np.random.default_rng(0).uniform(-1, 1, (6, 5, 3)).astype(np.float32):
+        result = envs.step(action)
+        given.append((result, copy.deepcopy(result)))
+    for result, kept in given:
+        same(result, kept)
