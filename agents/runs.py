@@ -31,33 +31,26 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
-from typing import IO, Any, Literal, NamedTuple
+from typing import IO, Any, NamedTuple
 
-import stable_baselines3
 import yaml
 from agent import load_agent
 from config import Config, ConfigError, build_config
 from gymnasium import spaces
-from stable_baselines3.common.base_class import BaseAlgorithm
 
 from springgym.cli import whole_file
-from springgym.envs.agent import Policy
+from springgym.envs.agent import Algorithm, Policy
 from springgym.strict_yaml import build, read_yaml
 
 #: Evaluation episodes start from this seed upwards, training from seeds below it.
 HELD_OUT_SEED = 1_000_000
-
-ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
-    "ppo": stable_baselines3.PPO,
-    "sac": stable_baselines3.SAC,
-}
 
 
 class Run(NamedTuple):
     """One training run and its folder."""
 
     folder: Path
-    algo: str
+    algo: Algorithm
     env_id: str
     seed: int
     config: Config
@@ -147,9 +140,7 @@ def open_run(folder: Path) -> Run:
     return Run(folder, algo, env_id, seed, build_config(algo, tree, ("config",)))
 
 
-def _header(
-    algo: Literal["ppo", "sac"], env_id: str, seed: int, config: dict[str, Any]
-) -> tuple[str, str, int]:
+def _header(algo: Algorithm, env_id: str, seed: int, config: dict[str, Any]) -> tuple[Algorithm, str, int]:
     """The keys of ``config.yaml``; the last is read by `build_config`."""
     return algo, env_id, seed
 
@@ -179,7 +170,7 @@ def write_atomically(path: Path, text: str) -> None:
 
 def versions() -> dict[str, object]:
     """What a run depends on besides its configuration."""
-    packages = ("springgym", "gymnasium", "numpy", "numba", "torch", "stable-baselines3")
+    packages = ("springgym", "gymnasium", "numpy", "numba", "torch", "stable-baselines3", "sb3-contrib")
     installed: dict[str, str | None] = {}
     for name in packages:
         try:
