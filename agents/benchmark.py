@@ -35,12 +35,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from config import CONFIG_OF, MENDABLE, ConfigError, load_config, whole
-from controllers import CLASSICAL
+from controllers import controllers_of
 from runs import locked, open_run, versions, write_atomically
 from tqdm import tqdm
 
 from springgym.cli import INTERRUPTED, guarded
-from springgym.registration import ENVIRONMENTS
+from springgym.registration import ENVIRONMENTS, VARIANTS
 
 ROOT = Path(__file__).resolve().parent.parent
 UNTRAINED = ("zero", "random", "classical")
@@ -299,7 +299,7 @@ def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int) -> list
         for algorithm in algorithms
         for task in tasks
         if seed == 0 or algorithm not in UNTRAINED
-        if algorithm != "classical" or task in CLASSICAL
+        if algorithm != "classical" or controllers_of(task)
     ]
 
 
@@ -337,7 +337,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    tasks = [row.id for row in ENVIRONMENTS]
+    tasks = [task.id for task in (*ENVIRONMENTS, *VARIANTS)]
     parser.add_argument("--tasks", nargs="+", default=tasks, metavar="ID", help="environment ids (all)")
     parser.add_argument("--algorithms", nargs="+", default=ALGORITHMS, choices=ALGORITHMS, help="(all)")
     parser.add_argument("--seeds", type=whole(1, 1000), default=5, help="how many, from 0 on (5)")

@@ -7,6 +7,7 @@ duplicate, missing or mistyped key is a `ConfigError` naming the file, the line 
 from __future__ import annotations
 
 import argparse
+import copy
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ from typing import Any, Literal
 import gymnasium as gym
 
 from springgym.envs.agent import Algorithm
+from springgym.registration import find
 from springgym.strict_yaml import Tree, YamlError, build, parse_yaml, read_yaml
 
 ConfigError = YamlError
@@ -184,7 +186,7 @@ def load_config(
     algo
         A key of `CONFIG_OF`.
     env_id
-        A key of the file.
+        A key of the file, or a variant of one.
     overrides
         ``"key=value"`` texts; ``env_kwargs.key=value`` reaches inside.
     path
@@ -201,11 +203,21 @@ def load_config(
         raise ConfigError(f"{path}: the file must be a mapping of environment ids to hyperparameters")
     for key in tree.value:
         build_config(algo, tree, (key,))
+    if env_id not in tree.value and (found := find(env_id)):
+        tree = tree_of_variant(tree, env_id, found[0].id)
     if env_id not in tree.value:
         raise ConfigError(f"{path}: no entry for {env_id!r}; it has {', '.join(tree.value)}")
     for override in overrides:
         _assign(tree, (env_id,), override)
     return build_config(algo, tree, (env_id,))
+
+
+def tree_of_variant(tree: Tree, env_id: str, of: str) -> Tree:
+    """The document with an entry for a variant: that of its environment, if there is one."""
+    if of not in tree.value:
+        return tree
+    where = {(env_id, *path[1:]): place for path, place in tree.where.items() if path[:1] == (of,)}
+    return Tree({**tree.value, env_id: copy.deepcopy(tree.value[of])}, {**tree.where, **where})
 
 
 def build_config(algo: Algorithm, tree: Tree, path: tuple[str, ...]) -> Config:

@@ -37,6 +37,7 @@ import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded
 from springgym.envs.agent import Policy
 from springgym.envs.sb3 import make_sb3
+from springgym.registration import find
 from springgym.strict_yaml import read_yaml
 
 #: Keyword arguments of an environment that belong to the agent and not to the task.
@@ -90,7 +91,7 @@ def find_task(
     env_id = env_id or runs[0].env_id
     if runs:
         kwargs = task_kwargs(runs[0].config)
-    elif env_id in read_yaml(CONFIG_FOLDER / "ppo.yaml").value:
+    elif env_id in read_yaml(CONFIG_FOLDER / "ppo.yaml").value or find(env_id):
         kwargs = task_kwargs(load_config("ppo", env_id))
     else:
         kwargs = {}

@@ -48,7 +48,7 @@ from config import (
     making,
     whole,
 )
-from controllers import CLASSICAL
+from controllers import controllers_of
 from evaluate import MOST_EPISODES, Evaluation, evaluate, table, task_kwargs, write_json
 from linear import Search
 from runs import (
@@ -650,7 +650,7 @@ def finish_search(search: Search, episodes: int) -> int:
 
 def report(run: Run, timesteps: int, episodes: int) -> int:
     """Compare the agent with the baselines, draw how it learnt, and film it."""
-    baselines = ["zero", "random", *(["classical"] if run.env_id in CLASSICAL else [])]
+    baselines = ["zero", "random", *(["classical"] if controllers_of(run.env_id) else [])]
     task = task_kwargs(run.config)
     evaluations = [evaluate(agent, run.env_id, task, episodes) for agent in (str(run.folder), *baselines)]
     write_json(run.folder / "evaluation.json", evaluations)

@@ -1,8 +1,8 @@
 """A trained agent as a file of plain numbers, ``agent.npz``: NumPy alone reads it, and nothing is unpickled.
 
-It acts by fully connected layers, as the algorithms of Stable-Baselines3 train them, or by one, which is linear
-control. The file holds their arrays by their names in PyTorch and, if observations are normalised, their
-statistics. What the layers look like stands in the run's configuration, what they see and do in the
+It acts by fully connected layers, as the algorithms of Stable-Baselines3 train them, or by one, which is
+linear control. The file holds their arrays by their names in PyTorch and, if observations are normalised,
+their statistics. What the layers look like stands in the run's configuration, what they see and do in the
 environment's spaces.
 """
 

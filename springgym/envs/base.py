@@ -40,6 +40,7 @@ class _Common:
         dtype: Any = "float64",
         threads: int = 1,
         randomize: Mapping[str, Sequence[float]] | None = None,
+        sparse: bool = False,
         max_episode_steps: int | None = None,
         **options: Any,
     ) -> None:
@@ -52,6 +53,7 @@ class _Common:
             dtype=dtype,
             threads=threads,
             randomize=randomize,
+            sparse=sparse,
             max_episode_steps=max_episode_steps,
         )
         self._ready = False
@@ -139,6 +141,9 @@ class SpringEnv(_Common, gym.Env):
     randomize
         Ranges (low, high) of factors drawn each episode, by name, out of
         `springgym.envs.randomisation.RANDOMIZABLE`.
+    sparse
+        Whether a step is rewarded with 1 where the aim is met, else with 0, in place of the reward that the
+        task is shaped by. The terms of the latter stay in ``info``.
     max_episode_steps
         Time limit; none if not given: `gymnasium.make` sees to the registered one by a wrapper.
     options

@@ -26,6 +26,9 @@ from springgym.scene import Scene
 from springgym.simulator import STRAIN_LIMIT, Simulator
 from springgym.stability import steps_in
 
+SPARSE = -1
+"""In place of the number of a reward's terms: it is 1 where the aim is met."""
+
 MOST_STEPS = 100_000
 """Steps in a control period at the most: as many take a control period up to about 0.1 s."""
 
@@ -56,12 +59,14 @@ class Episodes:
         dtype: Any,
         threads: int,
         randomize: Mapping[str, Sequence[float]] | None,
+        sparse: bool = False,
         max_episode_steps: int | None,
     ) -> None:
         self.task = task
         self.copies = copies
         self.parameters = task.parameters
         self.max_episode_steps = _checked_limit(max_episode_steps)
+        self.rewarded = SPARSE if checks.flag("sparse", sparse) else len(task.terms)
         kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
         self.ranges = randomisation.checked_ranges(randomize, dynamics)
         scene = task.scene
@@ -235,7 +240,7 @@ class Episodes:
         self._finish(
             simulator.readout.rows,
             self.out,
-            len(task.terms),
+            self.rewarded,
             self.held,
             self.elapsed,
             self.max_episode_steps,
@@ -430,7 +435,10 @@ def finish(
     diverged: Any,
     result: Any,
 ) -> None:
-    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0."""
+    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0.
+
+    The terms of the reward are the first ``terms`` columns; if `SPARSE`, it is whether the aim is met.
+    """
     met, failed = out.shape[1] + MET, out.shape[1] + FAILED
     for c in range(out.shape[0]):
         total = 0.0
@@ -443,6 +451,8 @@ def finish(
         result.reward[c] = 0.0
         for n in range(terms):
             result.reward[c] += out[c, n]
+        if terms == SPARSE and out[c, met] > 0:
+            result.reward[c] = 1.0
         held[c] = held[c] + 1 if out[c, met] > 0 else 0
         elapsed[c] += 1
         result.terminated[c] = out[c, failed] > 0

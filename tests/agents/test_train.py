@@ -450,7 +450,11 @@ def test_wrong_configuration(arguments, says, capsys, monkeypatch, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("algo: ppo", "algo: a2c", r"config.yaml:1: algo: expected one of ppo, sac, tqc, crossq, linear, got 'a2c'"),
+        (
+            "algo: ppo",
+            "algo: a2c",
+            r"config.yaml:1: algo: expected one of ppo, sac, tqc, crossq, linear, got 'a2c'",
+        ),
         ("seed: 0", "sed: 0", r"config.yaml:3: unknown key 'sed'; did you mean 'seed'"),
         ("seed: 0", "seed: zero", r"config.yaml:3: seed: expected a whole number, got 'zero'"),
         ("gamma: 0.95", "gamma: 95", r"config.yaml:9: gamma: must lie between"),
