@@ -25,12 +25,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent import futures
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib.util import find_spec
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -216,23 +215,38 @@ Outcome = tuple[Cell, dict[str, Any] | str]
 
 
 def in_processes(cells: Sequence[Cell], plan: Plan, jobs: int) -> Iterator[Outcome | None]:
-    """Run cells on this machine, each in a new process; None whenever a second has passed."""
+    """Run cells on this machine, each in a process of its own; None whenever a second has passed."""
     spawn = multiprocessing.get_context("spawn")
-    with (
-        one_thread(),
-        futures.ProcessPoolExecutor(
-            jobs, mp_context=spawn, initializer=end_with_parent, max_tasks_per_child=1
-        ) as pool,
-    ):
-        running = {pool.submit(measured, cell, plan): cell for cell in cells}
-        try:
-            while running:
-                done, _ = futures.wait(running, 1.0, futures.FIRST_COMPLETED)
-                for future in done:
-                    yield running.pop(future), outcome(future.result)
-                yield None
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+    waiting, running = list(reversed(cells)), {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                cell = waiting.pop()
+                ours, theirs = spawn.Pipe(duplex=False)
+                process = spawn.Process(target=tell, args=(theirs, cell, plan), daemon=True)
+                with one_thread():
+                    process.start()
+                theirs.close()
+                running[ours] = cell, process
+            for pipe in wait(list(running), 1.0):
+                assert isinstance(pipe, Connection)
+                cell, process = running.pop(pipe)
+                try:
+                    result = pipe.recv()
+                except EOFError:
+                    process.join()
+                    result = f"its process ended with status {process.exitcode}"
+                yield cell, result
+            yield None
+    finally:
+        for _, process in running.values():
+            process.terminate()
+
+
+def tell(pipe: Connection, cell: Cell, plan: Plan) -> None:
+    """Run a cell and send what came of it."""
+    end_with_parent()
+    pipe.send(outcome(lambda: measured(cell, plan)))
 
 
 def end_with_parent() -> None:
