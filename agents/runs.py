@@ -29,6 +29,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from hashlib import sha256
 from importlib import metadata
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -44,6 +45,10 @@ from springgym.strict_yaml import build, read_yaml
 
 #: Evaluation episodes start from this seed upwards, training from seeds below it.
 HELD_OUT_SEED = 1_000_000
+
+
+#: Agents of the repository, see publish.py.
+TRAINED = Path(__file__).resolve().parent / "trained"
 
 
 class Run(NamedTuple):
@@ -160,6 +165,34 @@ def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: sp
             "goes on with it and writes one"
         )
     return load_agent(run.agent, run.config, observation_space, action_space)
+
+
+def pretrained(env_id: str, within: Path = TRAINED) -> Path:
+    """The folder of the repository's agent of an environment, checked to be as it was published.
+
+    Raises
+    ------
+    ConfigError
+        If there is none, or a file of it was changed.
+    """
+    cards = {path.parent.name: path for path in sorted(within.glob("*/card.json"))}
+    if env_id not in cards:
+        raise ConfigError(
+            f"--pretrained {env_id}: there is no such agent; there are {', '.join(cards) or 'none'}"
+        )
+    try:
+        sums = json.loads(cards[env_id].read_text(encoding="utf-8"))["sha256"]
+        for name, told in sums.items():
+            if checksum(cards[env_id].with_name(name)) != told:
+                raise ConfigError(f"{cards[env_id].with_name(name)}: it is not the file that was published")
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ConfigError(f"{cards[env_id]}: not the card of an agent: {error!r}") from error
+    return cards[env_id].parent
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file."""
+    return sha256(path.read_bytes()).hexdigest()
 
 
 def write_atomically(path: Path, text: str) -> None:

@@ -27,6 +27,7 @@ from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa:
 ROWS, PAGE, FIGURE = HERE / "baselines.json", HERE / "baselines.md", HERE / "figures" / "baselines.svg"
 ALGORITHMS = ("zero", "random", "classical", "linear", "ppo", "sac", "tqc", "crossq")
 TRAINED = ALGORITHMS[3:]
+CARDS = HERE.parent / "agents" / "trained"
 TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 TIERS = {
     "first steps": "Linear control does it, found in seconds. Begin here.",
@@ -39,6 +40,19 @@ What algorithms make of the tasks. Each cell tells how many of 100 held-out epis
 over the seeds that the agent was trained from, then the lowest of the seeds in brackets and the number of
 seeds. Below is the return per step, whose largest value is 1. Success is judged, and the return summed,
 without exploration.
+"""
+AGENTS = """## Trained agents
+
+The best agent of each task is in the repository, as numbers and nothing else, with its configuration and a
+card: the command that trained it, versions, checksums, its evaluation and its audit.
+
+```sh
+python agents/evaluate.py --pretrained SpringTop-v0
+python agents/watch.py --pretrained SpringTop-v0 --out top.gif
+```
+
+The audit plays the same episodes with a quarter of the step, by another method and by the rigid twin, and
+tells what of the return per step is lost: whether the agent lives on errors of the simulation.
 """
 METHOD = """## How it was made
 
@@ -115,6 +129,28 @@ def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
     return lines
 
 
+def table_of_agents() -> list[str]:
+    """The agents of the repository, see ``agents/publish.py``."""
+    lines = [
+        "| task | trained by | return per step, 95 % interval | success | lost in the audit |",
+        "|---|---|---|---|---|",
+    ]
+    for path in sorted(CARDS.glob("*/card.json")):
+        card = json.loads(path.read_text(encoding="utf-8"))
+        low, high = card["interval"]
+        lost = [
+            f"{found['simulation']}: none"
+            if found["refused"]
+            else f"{found['simulation']}: {found['lost']:+.4f}"
+            for found in card["audit"][1:]
+        ]
+        lines.append(
+            f"| `{card['task']}` | {card['algorithm']}, seed {card['seed']} | {card['mean_return']:.3f} "
+            f"({low:.3f}–{high:.3f}) | {100 * card['success_rate']:.0f} % | {'<br>'.join(lost)} |"
+        )
+    return lines
+
+
 def by_task(runs: Sequence[dict[str, Any]]) -> list[np.ndarray]:
     """Success rates (seeds,) of every task."""
     found = defaultdict(list)
@@ -140,6 +176,9 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
         *table_of_costs(rows),
         "",
         "![Share of the runs above each success rate](figures/baselines.svg)\n",
+        AGENTS,
+        *table_of_agents(),
+        "",
         METHOD,
     ]
     cpus, versions = (sorted({row[key] for row in rows}) for key in ("cpu", "springgym"))
