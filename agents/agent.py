@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
-from config import Config, ConfigError, PPOConfig
+from config import CONFIG_OF, Config, ConfigError, NetworkConfig, PPOConfig
 from gymnasium import spaces
-from stable_baselines3 import SAC
+from sb3_contrib import TQC, CrossQ
+from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from springgym.cli import whole_file
 from springgym.envs import agent
-from springgym.envs.agent import STATISTICS, Network, Policy
+from springgym.envs.agent import SQUASHED, STATISTICS, Algorithm, Network, Policy
+
+#: Those of Stable-Baselines3.
+ALGORITHMS: dict[Algorithm, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "tqc": TQC, "crossq": CrossQ}
+
+RENORM_EPSILON = 1e-3
+"""What CrossQ adds to the variance."""
 
 
-def policy_kwargs(config: Config) -> dict[str, Any]:
+def policy_kwargs(config: NetworkConfig) -> dict[str, Any]:
     """What a configuration says of the networks, as Stable-Baselines3's policies take it."""
     activation = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}[config.activation]
     kwargs: dict[str, Any] = {"net_arch": config.net_arch, "activation_fn": activation}
@@ -27,15 +34,38 @@ def policy_kwargs(config: Config) -> dict[str, Any]:
 
 def save_agent(path: Path, model: BaseAlgorithm) -> None:
     """Write what a model does, without what it needs to learn on."""
-    algo = "sac" if isinstance(model, SAC) else "ppo"
+    (algo,) = (name for name, kind in ALGORITHMS.items() if type(model) is kind)
     tensors = model.policy.state_dict()
     arrays = {name: tensor.cpu().numpy() for name, tensor in tensors.items() if agent.acts(algo, name)}
+    if algo == "crossq":
+        arrays = _without_normalisation(arrays)
     if normalize := model.get_vec_normalize_env():
         moments, limits = normalize.obs_rms, np.array([normalize.epsilon, normalize.clip_obs])
         assert isinstance(moments, RunningMeanStd)
         arrays |= dict(zip(STATISTICS, (moments.mean, moments.var, limits), strict=True))
     with whole_file(path) as temporary:
         np.savez(temporary, **arrays)
+
+
+def _without_normalisation(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The layers of CrossQ's actor as plain ones.
+
+    A normalisation y = s (x − m)/√(v + ε) + t stands before each layer W y + b, and is made part of it:
+    W' = W diag(s/√(v + ε)), b' = b + W (t − s m/√(v + ε)).
+    """
+    hidden, last = SQUASHED
+    count = sum(name.endswith(".ra_mean") for name in arrays)
+    plain = {}
+    for n in range(count):  # normalisation, layer, activation, normalisation, …
+        before = f"{hidden}.{3 * n}"
+        layer, name = (f"{hidden}.{3 * n + 1}", f"{hidden}.{2 * n}") if n < count - 1 else (last, last)
+        mean, variance, scale, shift = (
+            arrays[f"{before}.{key}"].astype(float) for key in ("ra_mean", "ra_var", "scale", "bias")
+        )
+        gain, weight = scale / np.sqrt(variance + RENORM_EPSILON), arrays[f"{layer}.weight"].astype(float)
+        plain[f"{name}.weight"] = (weight * gain).astype(np.float32)
+        plain[f"{name}.bias"] = (arrays[f"{layer}.bias"] + weight @ (shift - gain * mean)).astype(np.float32)
+    return plain
 
 
 def load_agent(
@@ -48,8 +78,10 @@ def load_agent(
     ConfigError
         If the file is damaged, or does not fit configuration and environment.
     """
-    algo: Literal["ppo", "sac"] = "ppo" if isinstance(config, PPOConfig) else "sac"
-    network = Network(algo, config.net_arch, config.activation, config.normalize)
+    (algo,) = (name for name, kind in CONFIG_OF.items() if type(config) is kind)
+    network = Network(algo)
+    if isinstance(config, NetworkConfig):
+        network = Network(algo, config.net_arch, config.activation, config.normalize)
     try:
         return agent.load_agent(path, network, observation_space, action_space)
     except ValueError as error:

@@ -7,6 +7,7 @@ duplicate, missing or mistyped key is a `ConfigError` naming the file, the line 
 from __future__ import annotations
 
 import argparse
+import copy
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -16,6 +17,8 @@ from typing import Any, Literal
 
 import gymnasium as gym
 
+from springgym.envs.agent import Algorithm
+from springgym.registration import find
 from springgym.strict_yaml import Tree, YamlError, build, parse_yaml, read_yaml
 
 ConfigError = YamlError
@@ -53,10 +56,18 @@ def whole(low: int, high: int) -> Callable[[str], int]:
 @dataclass(frozen=True, kw_only=True)
 class Config:
     """What every algorithm needs. ``env_kwargs`` go to the environment, in evaluation too, where
-    ``eval_env_kwargs`` are added. Rows of ``metrics.csv`` and checkpoints are written whenever
-    ``log_every`` and ``checkpoint_every`` environment steps have passed."""
+    ``eval_env_kwargs`` are added."""
 
     total_timesteps: int
+    env_kwargs: dict[str, Any] = field(default_factory=dict)
+    eval_env_kwargs: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkConfig(Config):
+    """What those of Stable-Baselines3 need. Rows of ``metrics.csv`` and checkpoints are written whenever
+    ``log_every`` and ``checkpoint_every`` environment steps have passed."""
+
     n_envs: int
     batch_size: int
     learning_rate: float
@@ -66,12 +77,10 @@ class Config:
     normalize: bool = False
     log_every: int = 4096
     checkpoint_every: int = 32768
-    env_kwargs: dict[str, Any] = field(default_factory=dict)
-    eval_env_kwargs: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
-class PPOConfig(Config):
+class PPOConfig(NetworkConfig):
     """Proximal policy optimisation (Schulman et al. 2017, arXiv:1707.06347)."""
 
     n_steps: int
@@ -82,17 +91,59 @@ class PPOConfig(Config):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SACConfig(Config):
-    """Soft actor-critic (Haarnoja et al. 2018, arXiv:1812.05905). ``gradient_steps`` follow each
-    step of all copies."""
+class OffPolicyConfig(NetworkConfig):
+    """Those that learn from a replay buffer. ``gradient_steps`` follow each step of all copies."""
 
-    tau: float
     buffer_size: int
     learning_starts: int
     gradient_steps: int
 
 
-CONFIG_OF: dict[str, type[Config]] = {"ppo": PPOConfig, "sac": SACConfig}
+@dataclass(frozen=True, kw_only=True)
+class SACConfig(OffPolicyConfig):
+    """Soft actor-critic (Haarnoja et al. 2018, arXiv:1812.05905)."""
+
+    tau: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TQCConfig(SACConfig):
+    """Truncated quantile critics (Kuznetsov et al. 2020, arXiv:2005.04269)."""
+
+    dropped_quantiles: int = 2
+    """of each network's 25, the largest"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossQConfig(OffPolicyConfig):
+    """Batch normalisation in place of target networks (Bhatt et al. 2024, OpenReview PczQtTsTIX)."""
+
+    policy_delay: int = 3
+    """updates of the critics to one of the actor"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearConfig(Config):
+    """Linear control found by the cross-entropy method (Szita & Lőrincz 2006,
+    doi:10.1162/neco.2006.18.12.2936). Each of ``population`` policies plays the same ``episodes`` episodes;
+    the best ``elites`` set mean and spread of the next ones, and ``extra_spread`` is added, less and less.
+    """
+
+    population: int
+    elites: int
+    episodes: int
+    spread: float
+    """of the first policies' weights"""
+    extra_spread: float
+
+
+CONFIG_OF: dict[Algorithm, type[Config]] = {
+    "ppo": PPOConfig,
+    "sac": SACConfig,
+    "tqc": TQCConfig,
+    "crossq": CrossQConfig,
+    "linear": LinearConfig,
+}
 
 RANGES = {
     "total_timesteps": (1, inf),
@@ -112,21 +163,30 @@ RANGES = {
     "buffer_size": (1, 1_000_000_000),
     "learning_starts": (0, inf),
     "gradient_steps": (1, inf),
+    "dropped_quantiles": (0, 24),
+    "policy_delay": (1, inf),
+    "population": (2, 100_000),
+    "elites": (2, 100_000),
+    "episodes": (1, 100_000),
+    "spread": (1e-6, 1e3),
+    "extra_spread": (0.0, 1e3),
 }
 
 
 MOST_LAYERS = 100
 
 
-def load_config(algo: str, env_id: str, overrides: Iterable[str] = (), path: Path | None = None) -> Config:
+def load_config(
+    algo: Algorithm, env_id: str, overrides: Iterable[str] = (), path: Path | None = None
+) -> Config:
     """Read one environment's hyperparameters.
 
     Parameters
     ----------
     algo
-        ``"ppo"`` or ``"sac"``.
+        A key of `CONFIG_OF`.
     env_id
-        A key of the file.
+        A key of the file, or a variant of one.
     overrides
         ``"key=value"`` texts; ``env_kwargs.key=value`` reaches inside.
     path
@@ -143,6 +203,8 @@ def load_config(algo: str, env_id: str, overrides: Iterable[str] = (), path: Pat
         raise ConfigError(f"{path}: the file must be a mapping of environment ids to hyperparameters")
     for key in tree.value:
         build_config(algo, tree, (key,))
+    if env_id not in tree.value and (found := find(env_id)):
+        tree = tree_of_variant(tree, env_id, found[0].id)
     if env_id not in tree.value:
         raise ConfigError(f"{path}: no entry for {env_id!r}; it has {', '.join(tree.value)}")
     for override in overrides:
@@ -150,7 +212,15 @@ def load_config(algo: str, env_id: str, overrides: Iterable[str] = (), path: Pat
     return build_config(algo, tree, (env_id,))
 
 
-def build_config(algo: str, tree: Tree, path: tuple[str, ...]) -> Config:
+def tree_of_variant(tree: Tree, env_id: str, of: str) -> Tree:
+    """The document with an entry for a variant: that of its environment, if there is one."""
+    if of not in tree.value:
+        return tree
+    where = {(env_id, *path[1:]): place for path, place in tree.where.items() if path[:1] == (of,)}
+    return Tree({**tree.value, env_id: copy.deepcopy(tree.value[of])}, {**tree.where, **where})
+
+
+def build_config(algo: Algorithm, tree: Tree, path: tuple[str, ...]) -> Config:
     """Make the configuration that stands at ``path`` of a document.
 
     Raises
@@ -165,9 +235,14 @@ def build_config(algo: str, tree: Tree, path: tuple[str, ...]) -> Config:
         if not all(low <= number <= high for number in numbers):
             here = tree.where[*path, key]
             raise ConfigError(f"{here}: {key}: must lie between {low} and {high}, got {value!r}")
-    if len(config.net_arch) > MOST_LAYERS:
+    if isinstance(config, NetworkConfig) and len(config.net_arch) > MOST_LAYERS:
         here = tree.where[*path, "net_arch"]
         raise ConfigError(f"{here}: net_arch: has {len(config.net_arch)} layers; at most {MOST_LAYERS}")
+    if isinstance(config, LinearConfig) and config.elites > config.population:
+        raise ConfigError(
+            f"{tree.where[*path, 'elites']}: elites {config.elites} must be at most the population, "
+            f"{config.population}"
+        )
     if isinstance(config, PPOConfig) and config.n_envs * config.n_steps % config.batch_size:
         raise ConfigError(
             f"{tree.where[*path, 'batch_size']}: batch_size {config.batch_size} must divide "

@@ -22,7 +22,7 @@ from springgym.bodies.rotations import axes
 from springgym.envs import detumble, free_top, top, tumble
 from springgym.envs.agent import Policy
 from springgym.envs.task import Task
-from springgym.registration import ENVIRONMENTS
+from springgym.registration import find
 from springgym.scene import GRAVITY
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -289,17 +289,24 @@ CLASSICAL: dict[str, dict[str, Controller]] = {
 }
 
 
+def controllers_of(env_id: str) -> dict[str, Controller]:
+    """Classical controllers of an environment or a variant, by action; none if there are none."""
+    found = find(env_id)
+    return CLASSICAL.get(env_id if found is None else found[0].id, {})
+
+
 def task_of(env_id: str, env_kwargs: Mapping[str, Any]) -> Task | None:
     """The task of an environment, made with those of the arguments that are its own.
 
     None if the environment is not one of springgym's.
     """
-    row = next((row for row in ENVIRONMENTS if row.id == env_id), None)
-    if row is None:
+    found = find(env_id)
+    if found is None:
         return None
+    row, arguments = found
     task_type = getattr(import_module(f"springgym.envs.{row.module}"), row.name)
     own = inspect.signature(task_type).parameters
-    return task_type(**{name: value for name, value in env_kwargs.items() if name in own})
+    return task_type(**{name: value for name, value in (arguments | dict(env_kwargs)).items() if name in own})
 
 
 def make_controller(
@@ -333,8 +340,9 @@ def make_controller(
         )
     if name != "classical":
         raise ConfigError(f"unknown controller {name!r}: use zero, random or classical")
-    by_action = CLASSICAL.get(env_id, {})
-    action = env_kwargs.get("action", next(iter(by_action), None))
+    by_action = controllers_of(env_id)
+    _, arguments = find(env_id) or (None, {})
+    action = (arguments | dict(env_kwargs)).get("action", next(iter(by_action), None))
     if action not in by_action:
         known = [f"{e} ({a})" for e, actions in CLASSICAL.items() for a in actions]
         raise ConfigError(

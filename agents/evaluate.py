@@ -2,6 +2,7 @@
 
     python agents/evaluate.py runs/SpringTop-v0-ppo-0 zero random classical
     python agents/evaluate.py classical --env SpringTop-v0 --set action=impulse --episodes 200
+    python agents/evaluate.py --pretrained SpringTop-v0
 
 An agent is a run folder or the name of a baseline (zero, random, classical). Every agent meets
 the same episodes. The return is the sum of rewards over the time limit: the mean reward per step
@@ -31,12 +32,13 @@ from config import (
     whole,
 )
 from controllers import controller_env_kwargs, make_controller
-from runs import HELD_OUT_SEED, Run, load_policy, open_run, write_atomically
+from runs import HELD_OUT_SEED, Run, load_policy, open_run, pretrained, write_atomically
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded
 from springgym.envs.agent import Policy
 from springgym.envs.sb3 import make_sb3
+from springgym.registration import find
 from springgym.strict_yaml import read_yaml
 
 #: Keyword arguments of an environment that belong to the agent and not to the task.
@@ -90,7 +92,7 @@ def find_task(
     env_id = env_id or runs[0].env_id
     if runs:
         kwargs = task_kwargs(runs[0].config)
-    elif env_id in read_yaml(CONFIG_FOLDER / "ppo.yaml").value:
+    elif env_id in read_yaml(CONFIG_FOLDER / "ppo.yaml").value or find(env_id):
         kwargs = task_kwargs(load_config("ppo", env_id))
     else:
         kwargs = {}
@@ -212,7 +214,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("agents", nargs="+", help="run folders; zero, random, classical")
+    parser.add_argument("agents", nargs="*", help="run folders; zero, random, classical")
+    parser.add_argument("--pretrained", metavar="ID", help="the repository's agent of an environment")
     parser.add_argument("--env", help="environment id, where no run folder tells it")
     parser.add_argument("--episodes", type=whole(1, MOST_EPISODES), default=100)
     parser.add_argument(
@@ -229,16 +232,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--json", type=Path, help="write the evaluations here")
     options = parser.parse_args(arguments)
+    if not options.agents and not options.pretrained:
+        parser.error("name agents, or --pretrained and an environment id")
     if options.json and not options.json.absolute().parent.is_dir():
         parser.error(f"--json {options.json}: there is no folder {options.json.absolute().parent}")
     return guarded("evaluate.py", lambda: _compare(options), MENDABLE)
 
 
 def _compare(options: argparse.Namespace) -> int:
-    env_id, env_kwargs = find_task(options.agents, options.env, options.overrides)
-    evaluations = [
-        evaluate(agent, env_id, env_kwargs, options.episodes, options.seed) for agent in options.agents
-    ]
+    trained = [str(pretrained(options.pretrained))] if options.pretrained else []
+    agents = [*trained, *options.agents]
+    env_id, env_kwargs = find_task(agents, options.env, options.overrides)
+    evaluations = [evaluate(agent, env_id, env_kwargs, options.episodes, options.seed) for agent in agents]
     print(f"{env_id}: {options.episodes} episodes, seeds from {options.seed}\n{table(evaluations)}")
     if options.json:
         write_json(options.json, evaluations)

@@ -29,35 +29,33 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from hashlib import sha256
 from importlib import metadata
 from pathlib import Path
-from typing import IO, Any, Literal, NamedTuple
+from typing import IO, Any, NamedTuple
 
-import stable_baselines3
 import yaml
 from agent import load_agent
 from config import Config, ConfigError, build_config
 from gymnasium import spaces
-from stable_baselines3.common.base_class import BaseAlgorithm
 
 from springgym.cli import whole_file
-from springgym.envs.agent import Policy
+from springgym.envs.agent import Algorithm, Policy
 from springgym.strict_yaml import build, read_yaml
 
 #: Evaluation episodes start from this seed upwards, training from seeds below it.
 HELD_OUT_SEED = 1_000_000
 
-ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
-    "ppo": stable_baselines3.PPO,
-    "sac": stable_baselines3.SAC,
-}
+
+#: Agents of the repository, see publish.py.
+TRAINED = Path(__file__).resolve().parent / "trained"
 
 
 class Run(NamedTuple):
     """One training run and its folder."""
 
     folder: Path
-    algo: str
+    algo: Algorithm
     env_id: str
     seed: int
     config: Config
@@ -147,9 +145,7 @@ def open_run(folder: Path) -> Run:
     return Run(folder, algo, env_id, seed, build_config(algo, tree, ("config",)))
 
 
-def _header(
-    algo: Literal["ppo", "sac"], env_id: str, seed: int, config: dict[str, Any]
-) -> tuple[str, str, int]:
+def _header(algo: Algorithm, env_id: str, seed: int, config: dict[str, Any]) -> tuple[Algorithm, str, int]:
     """The keys of ``config.yaml``; the last is read by `build_config`."""
     return algo, env_id, seed
 
@@ -171,6 +167,34 @@ def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: sp
     return load_agent(run.agent, run.config, observation_space, action_space)
 
 
+def pretrained(env_id: str, within: Path = TRAINED) -> Path:
+    """The folder of the repository's agent of an environment, checked to be as it was published.
+
+    Raises
+    ------
+    ConfigError
+        If there is none, or a file of it was changed.
+    """
+    cards = {path.parent.name: path for path in sorted(within.glob("*/card.json"))}
+    if env_id not in cards:
+        raise ConfigError(
+            f"--pretrained {env_id}: there is no such agent; there are {', '.join(cards) or 'none'}"
+        )
+    try:
+        sums = json.loads(cards[env_id].read_text(encoding="utf-8"))["sha256"]
+        for name, told in sums.items():
+            if checksum(cards[env_id].with_name(name)) != told:
+                raise ConfigError(f"{cards[env_id].with_name(name)}: it is not the file that was published")
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ConfigError(f"{cards[env_id]}: not the card of an agent: {error!r}") from error
+    return cards[env_id].parent
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file."""
+    return sha256(path.read_bytes()).hexdigest()
+
+
 def write_atomically(path: Path, text: str) -> None:
     """Replace a file by ``text``: a kill at any moment leaves the old file or the new one."""
     with whole_file(path) as temporary:
@@ -179,7 +203,7 @@ def write_atomically(path: Path, text: str) -> None:
 
 def versions() -> dict[str, object]:
     """What a run depends on besides its configuration."""
-    packages = ("springgym", "gymnasium", "numpy", "numba", "torch", "stable-baselines3")
+    packages = ("springgym", "gymnasium", "numpy", "numba", "torch", "stable-baselines3", "sb3-contrib")
     installed: dict[str, str | None] = {}
     for name in packages:
         try:

@@ -32,12 +32,26 @@ from typing import Any
 import matplotlib
 import numpy as np
 import torch
-from agent import policy_kwargs, save_agent
-from config import CONFIG_OF, MENDABLE, ConfigError, PPOConfig, SACConfig, load_config, making, whole
-from controllers import CLASSICAL
+from agent import ALGORITHMS, policy_kwargs, save_agent
+from config import (
+    CONFIG_OF,
+    MENDABLE,
+    ConfigError,
+    CrossQConfig,
+    LinearConfig,
+    NetworkConfig,
+    OffPolicyConfig,
+    PPOConfig,
+    SACConfig,
+    TQCConfig,
+    load_config,
+    making,
+    whole,
+)
+from controllers import controllers_of
 from evaluate import MOST_EPISODES, Evaluation, evaluate, table, task_kwargs, write_json
+from linear import Search
 from runs import (
-    ALGORITHMS,
     HELD_OUT_SEED,
     Run,
     create_run,
@@ -46,10 +60,10 @@ from runs import (
     write_atomically,
     write_config,
 )
-from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, filter_excluded_keys
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.utils import safe_mean
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from tensorboard.compat.proto.event_pb2 import Event, SessionLog
@@ -83,9 +97,24 @@ COLUMNS = (
 def make_training_env(run: Run) -> StaggeredMonitor:
     """The copies the agent learns in. They do not all end together, which would show as saw teeth."""
     with making(run.env_id):
-        env = make_sb3(run.env_id, run.config.n_envs, run.seed, stagger=True, **run.config.env_kwargs)
+        env = make_sb3(
+            run.env_id, network_config(run).n_envs, run.seed, stagger=True, **run.config.env_kwargs
+        )
     assert isinstance(env, StaggeredMonitor)
     return env
+
+
+def network_config(run: Run) -> NetworkConfig:
+    """The configuration of a run that Stable-Baselines3 trains.
+
+    Raises
+    ------
+    ConfigError
+        If it does not.
+    """
+    if not isinstance(run.config, NetworkConfig):
+        raise ConfigError(f"{run.folder} is a run of {run.algo}: Stable-Baselines3 does not train it")
+    return run.config
 
 
 def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
@@ -105,7 +134,7 @@ def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
 
 
 def _new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
-    config = run.config
+    config = network_config(run)
     common: dict[str, Any] = {
         "policy": "MlpPolicy",
         "env": VecNormalize(env, gamma=config.gamma) if config.normalize else env,
@@ -116,22 +145,21 @@ def _new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
         "device": "cpu",
         "policy_kwargs": policy_kwargs(config),
     }
+    names: dict[str, str] = {}
+    """argument of Stable-Baselines3 -> field"""
     if isinstance(config, PPOConfig):
-        return PPO(
-            **common,
-            n_steps=config.n_steps,
-            n_epochs=config.n_epochs,
-            gae_lambda=config.gae_lambda,
-            ent_coef=config.ent_coef,
-        )
-    assert isinstance(config, SACConfig)
-    return SAC(
-        **common,
-        tau=config.tau,
-        buffer_size=config.buffer_size,
-        learning_starts=config.learning_starts,
-        gradient_steps=config.gradient_steps,
-    )
+        names |= {key: key for key in ("n_steps", "n_epochs", "gae_lambda", "ent_coef")}
+    if isinstance(config, OffPolicyConfig):
+        names |= {key: key for key in ("buffer_size", "learning_starts", "gradient_steps")}
+    if isinstance(config, SACConfig):
+        names["tau"] = "tau"
+    if isinstance(config, TQCConfig):
+        names["top_quantiles_to_drop_per_net"] = "dropped_quantiles"
+    if isinstance(config, CrossQConfig):
+        names["policy_delay"] = "policy_delay"
+    own = {argument: getattr(config, field) for argument, field in names.items()}
+    model: BaseAlgorithm = ALGORITHMS[run.algo](**common, **own)
+    return model
 
 
 # ---------------------------------------------------------------- checkpoints
@@ -152,7 +180,7 @@ def save_checkpoint(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recor
         "env": native.get_state() if hasattr(native, "get_state") else None,
         "monitor": (env.episode_returns, env.episode_lengths, env.episode_count, env.shortened),
         "discounted_returns": normalize.returns if normalize else None,
-        "replay_buffer": model.replay_buffer if isinstance(model, SAC) else None,
+        "replay_buffer": model.replay_buffer if isinstance(model, OffPolicyAlgorithm) else None,
         "recorder": recorder.state(),
         "logger": (dict(logger.name_to_value), dict(logger.name_to_count), logger.name_to_excluded),
         "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002
@@ -183,7 +211,9 @@ def load_checkpoint(run: Run, env: StaggeredMonitor, recorder: Recorder) -> Base
             if whose is not None:
                 check_same(run, whose)
             state = pickle.loads(archive.read("training_state.pkl"))
-            normalize = pickle.loads(archive.read("vecnormalize.pkl")) if run.config.normalize else None
+            normalize = (
+                pickle.loads(archive.read("vecnormalize.pkl")) if network_config(run).normalize else None
+            )
         return _restore(run, env, recorder, state, normalize, exact=whose is not None)
     except (ConfigError, MemoryError):
         raise
@@ -213,7 +243,7 @@ def _restore(
         if normalize:
             normalize.returns = state["discounted_returns"]
     model = ALGORITHMS[run.algo].load(run.model, env=normalize or env, device="cpu", force_reset=not exact)
-    if isinstance(model, SAC):
+    if isinstance(model, OffPolicyAlgorithm):
         model.replay_buffer = state["replay_buffer"]
     logger = make_logger(run, model.num_timesteps)
     values, counts, excluded = state["logger"]
@@ -305,10 +335,12 @@ class Recorder(BaseCallback):
     """Writes rows and checkpoints between iterations, and moves the progress bar."""
 
     bar: tqdm
+    clock = staticmethod(time.perf_counter)
+    """what the column "seconds" counts"""
 
     def __init__(self, run: Run, env: StaggeredMonitor) -> None:
         super().__init__()
-        self.run, self.env = run, env
+        self.run, self.env, self.config = run, env, network_config(run)
         self.limit = native_env(env).spec.kwargs["max_episode_steps"]
         self.path = run.folder / "metrics.csv"
         self.seconds = 0.0
@@ -365,7 +397,7 @@ class Recorder(BaseCallback):
 
     def _on_training_start(self) -> None:
         self.checkpoint_at = self.num_timesteps
-        self.started = time.perf_counter() - self.seconds
+        self.started = self.clock() - self.seconds
 
     def _on_step(self) -> bool:
         normalize = self.model.get_vec_normalize_env()
@@ -378,15 +410,15 @@ class Recorder(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         """Between two iterations: the agent is up to date and no step is under way."""
-        self.seconds = time.perf_counter() - self.started
-        if self.num_timesteps - self.row_at >= self.run.config.log_every:
+        self.seconds = self.clock() - self.started
+        if self.num_timesteps - self.row_at >= self.config.log_every:
             self.write_row()
-        if self.num_timesteps - self.checkpoint_at >= self.run.config.checkpoint_every:
+        if self.num_timesteps - self.checkpoint_at >= self.config.checkpoint_every:
             save_checkpoint(self.run, self.env, self.model, self)
             self.checkpoint_at = self.num_timesteps
 
     def _on_training_end(self) -> None:
-        self.seconds = time.perf_counter() - self.started
+        self.seconds = self.clock() - self.started
         if self.steps:
             self.write_row()
         save_checkpoint(self.run, self.env, self.model, self)
@@ -476,7 +508,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--timesteps", type=int, help="same as --set total_timesteps=...")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="go on with this run")
     parser.add_argument(
-        "--episodes", type=whole(1, MOST_EPISODES), default=100, help="to evaluate on, at the end"
+        "--episodes",
+        type=whole(0, MOST_EPISODES),
+        default=100,
+        help="to evaluate on, at the end; 0: only train",
     )
     options = parser.parse_args(arguments)
     if bool(options.env_id) == bool(options.resume):
@@ -498,6 +533,12 @@ def begin(options: argparse.Namespace) -> int:
     config = load_config(algo, options.env_id, overrides, options.config)
     folder = options.run or Path("runs") / f"{options.env_id.rpartition(':')[2]}-{algo}-{seed}"
     run = Run(folder, algo, options.env_id, seed, config)
+    if isinstance(config, LinearConfig):
+        search = Search(run, COLUMNS)
+        folder.mkdir(parents=True, exist_ok=True)
+        with locked(folder):
+            create_run(run)
+            return finish_search(search, options.episodes)
     env = make_training_env(run)  # before the folder: no run is left of a mistyped argument
     model = new_model(run, env)
     folder.mkdir(parents=True, exist_ok=True)
@@ -517,6 +558,16 @@ def resume(options: argparse.Namespace) -> int:
         run = open_run(folder)
         if options.timesteps is not None:
             run = run._replace(config=replace(run.config, total_timesteps=options.timesteps))
+        if isinstance(run.config, LinearConfig):
+            if options.timesteps is not None:
+                raise ConfigError(
+                    f"{folder}: how far a search narrows depends on its length: start a new run"
+                )
+            search = Search(run, COLUMNS)
+            if search.path.exists():
+                search.load()
+                search.write()
+            return finish_search(search, options.episodes)
         env = make_training_env(run)
         recorder = Recorder(run, env)
         if run.model.exists():
@@ -567,6 +618,8 @@ def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Reco
         ) from error
     finally:
         env.close()
+    if not episodes:
+        return 0
     try:
         return report(run, model.num_timesteps, episodes)
     except KeyboardInterrupt:
@@ -574,9 +627,30 @@ def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Reco
         return INTERRUPTED
 
 
+def finish_search(search: Search, episodes: int) -> int:
+    """Search what is left, then evaluate and show the agent."""
+    run, total = search.run, search.config.total_timesteps
+    started = Recorder.clock() - search.seconds
+    try:
+        with tqdm(
+            desc=run.env_id, initial=search.timesteps, total=total, unit="step", unit_scale=True
+        ) as bar:
+            while search.timesteps < total:
+                search.generation()
+                search.seconds = Recorder.clock() - started
+                search.save()
+                bar.update(search.timesteps - bar.n)
+    except KeyboardInterrupt:
+        print(f"\nstopped; go on with: python agents/train.py --resume {run.folder}")
+        return INTERRUPTED
+    finally:
+        search.env.close()
+    return report(run, search.timesteps, episodes) if episodes else 0
+
+
 def report(run: Run, timesteps: int, episodes: int) -> int:
     """Compare the agent with the baselines, draw how it learnt, and film it."""
-    baselines = ["zero", "random", *(["classical"] if run.env_id in CLASSICAL else [])]
+    baselines = ["zero", "random", *(["classical"] if controllers_of(run.env_id) else [])]
     task = task_kwargs(run.config)
     evaluations = [evaluate(agent, run.env_id, task, episodes) for agent in (str(run.folder), *baselines)]
     write_json(run.folder / "evaluation.json", evaluations)

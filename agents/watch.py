@@ -1,6 +1,7 @@
 """Watch an agent: in a window, until it is closed or Ctrl-C is pressed, or as a GIF or MP4.
 
     python agents/watch.py runs/SpringTop-v0-ppo-0
+    python agents/watch.py --pretrained SpringTop-v0
     python agents/watch.py classical --env SpringTop-v0 --out top.gif --set action=impulse
 
 An agent is a run folder or the name of a baseline (zero, random, classical).
@@ -19,7 +20,7 @@ import gymnasium as gym
 from config import MENDABLE, ConfigError, making, whole
 from controllers import controller_env_kwargs, make_controller
 from evaluate import LAST_SEED, find_task, trained_kwargs, trained_on
-from runs import HELD_OUT_SEED, load_policy
+from runs import HELD_OUT_SEED, load_policy, pretrained
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded, whole_file
@@ -95,7 +96,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("agent", help="a run folder, zero, random or classical")
+    parser.add_argument("agent", nargs="?", help="a run folder, zero, random or classical")
+    parser.add_argument("--pretrained", metavar="ID", help="the repository's agent of an environment")
     parser.add_argument("--env", help="environment id, where no run folder tells it")
     parser.add_argument("--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED)
     parser.add_argument("--out", type=Path, help="write this .gif or .mp4 and open no window")
@@ -109,6 +111,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="keyword arguments of the environment",
     )
     options = parser.parse_args(arguments)
+    if bool(options.agent) == bool(options.pretrained):
+        parser.error("name an agent, or --pretrained and an environment id")
     if options.out and options.out.suffix.lower() not in (".gif", ".mp4"):
         parser.error(f"--out {options.out}: the name must end in .gif or .mp4")
     if options.out and not options.out.absolute().parent.is_dir():
@@ -117,12 +121,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _watch(options: argparse.Namespace) -> int:
-    env_id, env_kwargs = find_task([options.agent], options.env, options.overrides)
+    agent = options.agent or str(pretrained(options.pretrained))
+    env_id, env_kwargs = find_task([agent], options.env, options.overrides)
     if options.out:
-        record(options.agent, env_id, env_kwargs, options.out, options.seed)
+        record(agent, env_id, env_kwargs, options.out, options.seed)
         print(f"wrote {options.out}")
         return 0
-    env, policy = make_watched(options.agent, env_id, env_kwargs, "human")
+    env, policy = make_watched(agent, env_id, env_kwargs, "human")
     try:
         show(env, policy, options.seed)
     except KeyboardInterrupt:

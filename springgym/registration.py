@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple
 
 import gymnasium as gym
+
+Tier = Literal["first steps", "standard", "hard"]
+"""What a task asks of an agent. First steps are taken by linear control, too; a standard task is solved by
+PPO with the hyperparameters that ship; a hard one is not, though it can be done."""
 
 
 class Row(NamedTuple):
@@ -16,27 +21,166 @@ class Row(NamedTuple):
     max_episode_steps: int
     reward_threshold: float
     """return of an episode at which the task counts as solved"""
+    tier: Tier
+
+
+class Variant(NamedTuple):
+    """An environment made with other arguments, under an id of its own."""
+
+    id: str
+    of: str
+    """id of the environment"""
+    arguments: Mapping[str, Any]
+    tier: Tier
+    why: str
+    """what makes it what its tier says"""
 
 
 ENVIRONMENTS = (
-    Row("SpringTop-v0", "top", "SpringTop", 500, 400.0),
-    Row("SpringGyroscope-v0", "gyroscope", "SpringGyroscope", 400, 300.0),
-    Row("SpringPendulum-v0", "pendulum", "SpringPendulum", 250, 150.0),
-    Row("SpringDetumble-v0", "detumble", "SpringDetumble", 300, 195.0),
-    Row("SpringRope-v0", "rope", "SpringRope", 200, 140.0),
-    Row("SpringTumble-v0", "tumble", "SpringTumble", 250, 185.0),
-    Row("SpringFreeTop-v0", "free_top", "SpringFreeTop", 500, 450.0),
+    Row("SpringTop-v0", "top", "SpringTop", 500, 400.0, "first steps"),
+    Row("SpringGyroscope-v0", "gyroscope", "SpringGyroscope", 400, 300.0, "standard"),
+    Row("SpringPendulum-v0", "pendulum", "SpringPendulum", 250, 150.0, "standard"),
+    Row("SpringDetumble-v0", "detumble", "SpringDetumble", 300, 195.0, "first steps"),
+    Row("SpringRope-v0", "rope", "SpringRope", 200, 140.0, "first steps"),
+    Row("SpringTumble-v0", "tumble", "SpringTumble", 250, 185.0, "standard"),
+    Row("SpringFreeTop-v0", "free_top", "SpringFreeTop", 500, 450.0, "standard"),
 )
+
+VARIANTS = (
+    Variant(
+        "SpringGyroscopeHard-v0",
+        "SpringGyroscope-v0",
+        {"hard": True},
+        "hard",
+        "the spin has either sign, and the same push moves the axle the other way",
+    ),
+    Variant(
+        "SpringTopSparse-v0",
+        "SpringTop-v0",
+        {"sparse": True},
+        "hard",
+        "nothing is rewarded before the top stands, is calm and has its spin, all at once",
+    ),
+    Variant(
+        "SpringGyroscopeSparse-v0",
+        "SpringGyroscope-v0",
+        {"sparse": True},
+        "hard",
+        "nothing is rewarded before the axle points to its target and rests",
+    ),
+    Variant(
+        "SpringPendulumSparse-v0",
+        "SpringPendulum-v0",
+        {"sparse": True},
+        "hard",
+        "nothing is rewarded before the cube stands upside down and rests",
+    ),
+    Variant(
+        "SpringDetumbleSparse-v0",
+        "SpringDetumble-v0",
+        {"sparse": True},
+        "hard",
+        "nothing is rewarded before the box is at rest",
+    ),
+    Variant(
+        "SpringRopeSparse-v0",
+        "SpringRope-v0",
+        {"sparse": True},
+        "hard",
+        "nothing is rewarded before the load is at its target and at rest",
+    ),
+    Variant(
+        "SpringDetumbleParticles-v0",
+        "SpringDetumble-v0",
+        {"momentum": False},
+        "hard",
+        "the rotation has to be told from positions and velocities, of which it is a product",
+    ),
+    Variant(
+        "SpringPendulumWeak-v0",
+        "SpringPendulum-v0",
+        {"randomize": {"actuator": (0.5, 0.5)}},
+        "hard",
+        "with a quarter of the torque that would lift it, the cube has to be swung up over many periods",
+    ),
+    Variant(
+        "SpringTopWild-v0",
+        "SpringTop-v0",
+        {"randomize": {"masses": (0.4, 1.6), "gravity": (0.5, 1.6), "actuator": (0.4, 1.6)}},
+        "hard",
+        "weight, inertia and torque differ from episode to episode, and are not observed",
+    ),
+    Variant(
+        "SpringTopHard-v0",
+        "SpringTop-v0",
+        {"hard": True},
+        "hard",
+        "the top may start too slow to stand by itself, and torques are weaker",
+    ),
+    Variant(
+        "SpringTopImpulseHard-v0",
+        "SpringTop-v0",
+        {"action": "impulse", "hard": True},
+        "hard",
+        "the top may start too slow to stand by itself, and pushes on its crown cannot speed it up",
+    ),
+    Variant(
+        "SpringDetumbleFlat-v0",
+        "SpringDetumble-v0",
+        {"start": "flat"},
+        "hard",
+        "all of the rotation is about the axis of the largest moment, where it takes longest to stop",
+    ),
+    Variant(
+        "SpringTumbleHard-v0",
+        "SpringTumble-v0",
+        {"hard": True},
+        "hard",
+        "the way is longer, and forces and torques are weaker",
+    ),
+    Variant(
+        "SpringTumbleSparse-v0",
+        "SpringTumble-v0",
+        {"sparse": True},
+        "hard",
+        "nothing is rewarded before the body rests at its target on the face that is asked for",
+    ),
+    Variant(
+        "SpringFreeTopRough-v0",
+        "SpringFreeTop-v0",
+        {"friction": 0.1},
+        "hard",
+        "the tip sticks: it has to be moved by leaning the top, not by pushing it",
+    ),
+    Variant(
+        "SpringFreeTopSparse-v0",
+        "SpringFreeTop-v0",
+        {"sparse": True},
+        "hard",
+        "nothing is rewarded outside of the circle, or at another spin",
+    ),
+)
+
+
+def find(env_id: str) -> tuple[Row, dict[str, Any]] | None:
+    """The environment of an id, and the arguments that a variant makes it with; None if it is not ours."""
+    variant = next((variant for variant in VARIANTS if variant.id == env_id), None)
+    of = env_id if variant is None else variant.of
+    row = next((row for row in ENVIRONMENTS if row.id == of), None)
+    return None if row is None else (row, {} if variant is None else dict(variant.arguments))
 
 
 def register() -> None:
     """Register all environments with Gymnasium; those that are registered already stay."""
-    for row in ENVIRONMENTS:
-        if row.id not in gym.registry:
+    plain = [(row.id, row, {}) for row in ENVIRONMENTS]
+    found = {variant.id: find(variant.id) for variant in VARIANTS}
+    for env_id, row, arguments in [*plain, *((name, *what) for name, what in found.items() if what)]:
+        if env_id not in gym.registry:
             gym.register(
-                row.id,
+                env_id,
                 entry_point=f"springgym.envs.{row.module}:{row.name}Env",
                 vector_entry_point=f"springgym.envs.{row.module}:{row.name}VectorEnv",
                 max_episode_steps=row.max_episode_steps,
-                reward_threshold=row.reward_threshold,
+                reward_threshold=None if arguments else row.reward_threshold,
+                kwargs=arguments,
             )

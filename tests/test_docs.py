@@ -7,14 +7,15 @@ from pathlib import Path
 from types import ModuleType
 
 import gymnasium as gym
+import pytest
 
 from springgym.envs.sb3 import make_sb3
 
 DOCS = Path(__file__).parents[1] / "docs"
 
 
-def page_writer() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("environments_page", DOCS / "environments.py")
+def page_writer(name: str = "environments") -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"{name}_page", DOCS / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -64,6 +65,30 @@ def test_every_variant_of_the_page_can_be_made() -> None:
     for env_id, variant in found:
         assert f"{variant.written} | {variant.change} |" in page
         gym.make(env_id, **variant.arguments).reset(seed=0)
+
+
+def test_baselines_page_is_current() -> None:
+    """Run ``python docs/baselines.py`` after the benchmark has written rows."""
+    writer = page_writer("baselines")
+    rows = writer.read(writer.ROWS)
+    assert writer.PAGE.read_text(encoding="utf-8") == writer.page(rows)
+    assert [writer.key(row) for row in rows] == sorted({writer.key(row) for row in rows})
+    assert {row["task"] for row in rows} <= {task.id for task in writer.TASKS}
+
+
+def test_baselines_are_of_the_tasks_and_configurations_as_they_are() -> None:
+    """Rows of a task whose physics, reward or configuration has changed say nothing of it: benchmark anew."""
+    pytest.importorskip("torch")
+    writer = page_writer("baselines")  # it puts agents/ on the path
+    benchmark = importlib.import_module("benchmark")
+    plan = benchmark.Plan(Path(), benchmark.EPISODES, (), None)
+    rows = writer.read(writer.ROWS)
+    probes = {task: benchmark.probe(task) for task in sorted({row["task"] for row in rows})}
+    for row in rows:
+        cell = benchmark.Cell(*writer.key(row))
+        assert row["episodes"] == benchmark.EPISODES
+        assert row["config"] == benchmark.digest(cell, plan), f"{cell}: its configuration has changed"
+        assert abs(row["probe"] - probes[cell.task]) <= 1e-6, f"{cell}: its task has changed"
 
 
 def test_docstrings_have_gymnasiums_headings() -> None:

@@ -1,8 +1,9 @@
 """A trained agent as a file of plain numbers, ``agent.npz``: NumPy alone reads it, and nothing is unpickled.
 
-It acts by fully connected layers, as PPO and SAC of Stable-Baselines3 train them. The file holds their arrays
-by their names in PyTorch and, if observations are normalised, their statistics. What the layers look like
-stands in the run's configuration, what they see and do in the environment's spaces.
+It acts by fully connected layers, as the algorithms of Stable-Baselines3 train them, or by one, which is
+linear control. The file holds their arrays by their names in PyTorch and, if observations are normalised,
+their statistics. What the layers look like stands in the run's configuration, what they see and do in the
+environment's spaces.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import zipfile
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,6 +21,9 @@ from gymnasium import spaces
 Policy = Callable[[np.ndarray], np.ndarray]
 """Maps observations (n, …) to actions (n, …)."""
 
+Algorithm = Literal["ppo", "sac", "tqc", "crossq", "linear"]
+"""What an agent was trained by."""
+
 LARGEST = 1_000_000_000
 """Size of all arrays of an agent [bytes], at the most."""
 
@@ -27,8 +31,13 @@ STATISTICS = ("observations.mean", "observations.variance", "observations.limits
 """Arrays by which observations are normalised. The limits are ε, added to the variance, and the largest
 value that comes out."""
 
-LAYERS = {"ppo": ("mlp_extractor.policy_net", "action_net"), "sac": ("actor.latent_pi", "actor.mu")}
-"""Names in PyTorch of the layers that act, by algorithm. First the hidden ones, then the last."""
+CLIPPED, SQUASHED = ("mlp_extractor.policy_net", "action_net"), ("actor.latent_pi", "actor.mu")
+LAYERS: dict[str, tuple[str, str]] = {
+    **dict.fromkeys(("ppo", "linear"), CLIPPED),
+    **dict.fromkeys(("sac", "tqc", "crossq"), SQUASHED),
+}
+"""Names in PyTorch of the layers that act, by algorithm. First the hidden ones, then the last. What comes out
+of those of the first kind is clipped to the action space, of those of the second squashed into it."""
 
 ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "tanh": np.tanh,
@@ -40,10 +49,10 @@ ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 class Network:
     """What a run's configuration says of the layers that act."""
 
-    algo: Literal["ppo", "sac"]
-    net_arch: list[int]
+    algo: Algorithm
+    net_arch: list[int] = field(default_factory=list)
     """widths of the hidden layers"""
-    activation: Literal["tanh", "relu"]
+    activation: Literal["tanh", "relu"] = "tanh"
     normalize: bool = False
     """whether they see normalised observations"""
 
@@ -106,7 +115,7 @@ def load_agent(
             x = activation(x @ weight + bias)
         weight, bias = weights[-1]
         actions = (x @ weight + bias).reshape(-1, *action_space.shape)
-        if network.algo == "sac":  # its actions are squashed to (−1, 1), whatever the space
+        if LAYERS[network.algo] is SQUASHED:  # to (−1, 1), whatever the space
             return np.asarray(low + 0.5 * (np.tanh(actions) + 1.0) * (high - low), np.float32)
         return np.clip(actions, low, high)
 

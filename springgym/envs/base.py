@@ -40,6 +40,7 @@ class _Common:
         dtype: Any = "float64",
         threads: int = 1,
         randomize: Mapping[str, Sequence[float]] | None = None,
+        sparse: bool = False,
         max_episode_steps: int | None = None,
         error: bool = False,
         **options: Any,
@@ -53,6 +54,7 @@ class _Common:
             dtype=dtype,
             threads=threads,
             randomize=randomize,
+            sparse=sparse,
             max_episode_steps=max_episode_steps,
             error=error,
         )
@@ -146,6 +148,9 @@ class SpringEnv(_Common, gym.Env):
     error
         Whether ``info["step_error"]`` says how far each control period is from the same in finer steps, see
         `springgym.envs.error`; it makes a step cost three times as much.
+    sparse
+        Whether a step is rewarded with 1 where the aim is met, else with 0, in place of the reward that the
+        task is shaped by. The terms of the latter stay in ``info``.
     max_episode_steps
         Time limit; none if not given: `gymnasium.make` sees to the registered one by a wrapper.
     options

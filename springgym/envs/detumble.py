@@ -12,7 +12,7 @@ from numpy.random import Generator
 
 from springgym.bodies import Body, box, rigid_velocities
 from springgym.bodies.rotations import axes
-from springgym.checks import chosen
+from springgym.checks import chosen, flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
@@ -87,9 +87,11 @@ class SpringDetumble(Task):
         observation: str = "particles",
         action: str = "torque",
         start: str = "tumbling",
+        momentum: bool = True,
         body: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(observation, action)
+        self.momentum = flag("momentum", momentum)
         self.starts = chosen("start", start, ("tumbling", "flat"))
         self.body: Body = made(box, body, sides=SIDES, mass=MASSES, stiffness=1e5, damping=20.0)
         self._shape = self.body.positions - self.body.centre
@@ -118,7 +120,7 @@ class SpringDetumble(Task):
             reach,
             4.0 * reach,
             about="centre",
-            appended={"angular_momentum": 0.3},
+            appended={"angular_momentum": 0.3} if self.momentum else {},
             turned=True,
         )
 
@@ -218,9 +220,10 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
     - `observation`, `action`: above.
     - `start="flat"`: turning about the axis of the largest moment, within about 0.1 rad: the flat spin that
       dissipation leaves.
+    - `momentum=False`: the angular momentum is not observed with the particles.
     - `body`: arguments of `springgym.bodies.box`.
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `render_mode`: see `springgym.envs.base.SpringEnv`.
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
     - v0: first.

@@ -27,6 +27,9 @@ from springgym.scene import Scene
 from springgym.simulator import STRAIN_LIMIT, Simulator
 from springgym.stability import steps_in
 
+SPARSE = -1
+"""In place of the number of a reward's terms: it is 1 where the aim is met."""
+
 MOST_STEPS = 100_000
 """Steps in a control period at the most: as many take a control period up to about 0.1 s."""
 
@@ -74,6 +77,7 @@ class Episodes:
         dtype: Any,
         threads: int,
         randomize: Mapping[str, Sequence[float]] | None,
+        sparse: bool = False,
         max_episode_steps: int | None,
         error: bool = False,
     ) -> None:
@@ -81,6 +85,7 @@ class Episodes:
         self.copies = copies
         self.parameters = task.parameters
         self.max_episode_steps = _checked_limit(max_episode_steps)
+        self.rewarded = SPARSE if checks.flag("sparse", sparse) else len(task.terms)
         kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
         self.ranges = randomisation.checked_ranges(randomize, dynamics)
         scene = task.scene
@@ -276,7 +281,7 @@ class Episodes:
             own, result = self._part(share), Step(*(values[share] for values in result))
             seen = None if seen is None else seen[share]
         self._evaluate(*own[:5], self.parameters, own.outcome)
-        terms, limit = len(self.task.terms), self.max_episode_steps
+        terms, limit = self.rewarded, self.max_episode_steps
         self._finish(own.rows, own.out, terms, own.held, own.elapsed, limit, own.diverged, result)
         if seen is not None:
             self._look(own, seen)
@@ -521,7 +526,10 @@ def finish(
     diverged: Any,
     result: Any,
 ) -> None:
-    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0."""
+    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0.
+
+    The terms of the reward are the first ``terms`` columns; if `SPARSE`, it is whether the aim is met.
+    """
     met, failed = out.shape[1] + MET, out.shape[1] + FAILED
     for c in range(out.shape[0]):
         total = 0.0
@@ -534,6 +542,8 @@ def finish(
         result.reward[c] = 0.0
         for n in range(terms):
             result.reward[c] += out[c, n]
+        if terms == SPARSE and out[c, met] > 0:
+            result.reward[c] = 1.0
         held[c] = held[c] + 1 if out[c, met] > 0 else 0
         elapsed[c] += 1
         result.terminated[c] = out[c, failed] > 0

@@ -259,7 +259,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
     - `hard=True`: tilt U(0.02, 0.16) rad, spin U(4, 7) rad/s, within 0.6 m.
     - `body`: arguments of `springgym.bodies.top`.
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `render_mode`: see `springgym.envs.base.SpringEnv`.
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
     - v0: first.

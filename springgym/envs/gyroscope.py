@@ -216,7 +216,7 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
     - `hard=True`: spin of either sign: the same push moves the axle the other way.
     - `body`: arguments of `springgym.bodies.gyroscope`.
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `render_mode`: see `springgym.envs.base.SpringEnv`.
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
     - v0: first.

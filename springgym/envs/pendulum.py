@@ -201,7 +201,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
       way to learn.
     - `body`: arguments of `springgym.bodies.cube`.
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `render_mode`: see `springgym.envs.base.SpringEnv`.
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
     - v0: first.

@@ -212,7 +212,7 @@ class SpringRopeEnv(SpringEnv, gym.Env):
     - `material`, `diameter`: of a cable in place of the paper's rope, as `"steel"` and 0.005 [m]. Steel
       hardly stretches; nylon bounces.
     - `body`: arguments of `springgym.bodies.rope`, or of `springgym.bodies.solid_rope` with a material.
-    - `integrator` ("verlet"), `step`, `dtype`, `randomize`, `render_mode`: see
+    - `integrator` ("verlet"), `step`, `dtype`, `randomize`, `sparse`, `render_mode`: see
       `springgym.envs.base.SpringEnv`. A rope has no rigid twin.
 
     ## Version History

@@ -232,7 +232,7 @@ class SpringTopEnv(SpringEnv, gym.Env):
       at ±1 grow with the moment of its weight, and its heart, two thirds up the axis, stands for the crown.
     - `body`: any other arguments of `springgym.bodies.top`.
     - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `render_mode`: see `springgym.envs.base.SpringEnv`.
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
     - v0: first.

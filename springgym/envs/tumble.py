@@ -261,7 +261,7 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
     - `hard=True`: forces up to 28 N, torques up to 7.5 N·m and impulses up to 0.14 N·s, the target
       U(0.5, 2) m away.
     - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `render_mode`: see `springgym.envs.base.SpringEnv`.
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
     - v0: first.

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 
 import springgym.registration
 from springgym import measures
-from springgym.envs.agent import Network, Policy, load_agent
+from springgym.envs.agent import Algorithm, Network, Policy, load_agent
 from springgym.measures import Measures
 from springgym.strict_yaml import build, read_yaml
 from springgym.view.motion import Motion, fastest_turn, graphs
@@ -38,7 +38,7 @@ class Agent(NamedTuple):
 class Run:
     """What stands in the ``config.yaml`` of a run folder."""
 
-    algo: Literal["ppo", "sac"]
+    algo: Algorithm
     env_id: str
     seed: int
     config: dict[str, Any]

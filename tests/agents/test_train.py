@@ -13,6 +13,7 @@ import sys
 import zipfile
 from pathlib import Path
 
+import agent
 import evaluate
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def rows(folder):
 def weights(folder):
     """Timesteps, and the weights and the second moments of every optimiser of a checkpoint."""
     run = runs.open_run(folder)
-    model = runs.ALGORITHMS[run.algo].load(run.model, device="cpu")
+    model = agent.ALGORITHMS[run.algo].load(run.model, device="cpu")
     values = {}
     for part, parameters in model.get_parameters().items():
         if part.endswith("optimizer"):
@@ -419,7 +420,7 @@ def test_a_run_is_not_overwritten(finished, capsys):
         (["--resume", "x", "--set", "a=1"], "own configuration: drop --set"),
         (["--resume", "x", "--seed", "0", "--algo", "ppo"], "own configuration: drop --algo, --seed"),
         (["A-v0", "--seed", "1000000"], "--seed: '1000000' must be a whole number from 0 to 999999"),
-        (["A-v0", "--episodes", "0"], "--episodes: '0' must be a whole number from 1"),
+        (["A-v0", "--episodes", "-1"], "--episodes: '-1' must be a whole number from 0"),
     ],
 )
 def test_contradicting_arguments(arguments, says, capsys):
@@ -449,7 +450,11 @@ def test_wrong_configuration(arguments, says, capsys, monkeypatch, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("algo: ppo", "algo: a2c", r"config.yaml:1: algo: expected one of ppo, sac, got 'a2c'"),
+        (
+            "algo: ppo",
+            "algo: a2c",
+            r"config.yaml:1: algo: expected one of ppo, sac, tqc, crossq, linear, got 'a2c'",
+        ),
         ("seed: 0", "sed: 0", r"config.yaml:3: unknown key 'sed'; did you mean 'seed'"),
         ("seed: 0", "seed: zero", r"config.yaml:3: seed: expected a whole number, got 'zero'"),
         ("gamma: 0.95", "gamma: 95", r"config.yaml:9: gamma: must lie between"),

@@ -12,13 +12,13 @@ import pytest
 
 from springgym.dynamics import DYNAMICS
 from springgym.envs.task import Task
-from springgym.registration import ENVIRONMENTS
+from springgym.registration import ENVIRONMENTS, find
 
 IDS = [row.id for row in ENVIRONMENTS]
 
 
 def task_type(env_id: str) -> type[Task]:
-    row = next(row for row in ENVIRONMENTS if row.id == env_id)
+    row, _ = find(env_id)  # type: ignore[misc]
     return getattr(import_module(f"springgym.envs.{row.module}"), row.name)
 
 

@@ -1,0 +1,162 @@
+"""Ask whether an agent lives on errors of the simulation: play its episodes again with smaller ones.
+
+    python agents/audit.py runs/SpringTop-v0-ppo-0
+    python agents/audit.py classical --env SpringTop-v0 --episodes 200
+
+An agent that exploits the integrator earns less where the integrator errs less. The same held-out episodes
+are played with the step h that it was trained with, with h/4, by another method, and by the rigid twin,
+which has no springs to exploit. The agent sees what happens and acts on it. What it earns less is told per
+episode, with a 95 % interval; its return survives where that is certainly below the margin. Exit status: 0
+if it survives all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from config import MENDABLE, ConfigError, making, whole
+from evaluate import LAST_SEED, MOST_EPISODES, Evaluation, evaluate, find_task
+from runs import HELD_OUT_SEED, write_atomically
+
+from springgym.cli import guarded
+from springgym.envs.randomisation import varying
+from springgym.integrators import integrator
+from springgym.integrators.record import refusal
+
+OTHERS = ("rk4", "dopri5", "pefrl")
+"""Methods to play by in place of the usual one: the first that the scene allows."""
+FINER = 4
+MARGIN = 0.02
+"""Return per step that may be lost."""
+ONE_SIDED = 1.645
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What an agent earns in another simulation, held against its own."""
+
+    simulation: str
+    return_per_step: float | None = None
+    success_rate: float | None = None
+    lost: float | None = None
+    """return per step, in the mean of the episodes"""
+    error: float | None = None
+    """standard error of the mean"""
+    refused: str = ""
+    """why there is no such simulation"""
+
+    @property
+    def survives(self) -> bool:
+        """Whether less than the margin is lost, with a certainty of 95 %."""
+        if self.lost is None or self.error is None:
+            return True
+        return self.lost + ONE_SIDED * self.error < MARGIN
+
+
+def simulations(env_id: str, kwargs: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any] | str]]:
+    """Names of simulations, and the arguments that make them, or why there is none."""
+    with making(env_id):
+        env: Any = gym.make(env_id, **kwargs).unwrapped
+    if not hasattr(env, "episodes"):
+        raise ConfigError(f"{env_id} is no environment of springgym's: nothing is known of its simulation")
+    simulator = env.episodes.simulator
+    step, method = simulator.step, simulator.integrator.name
+    yield f"{method}, h = {1e3 * step:.3g} ms", {}
+    yield f"{method}, h/{FINER}", {"step": step / FINER}
+    if simulator.dynamics == "rigid":
+        yield "springs", {"dynamics": "springs"}
+        return
+    scene, changing = simulator.scene, tuple(varying(env.episodes.ranges, simulator.scene))
+    usable = [
+        name for name in OTHERS if name != method and refusal(integrator(name), scene, changing) is None
+    ]
+    if usable:
+        yield f"{usable[0]}, h", {"integrator": usable[0], "step": step}
+    else:
+        yield "another method", f"only {method} has what the scene needs"
+    yield "rigid twin", {"dynamics": "rigid", "integrator": None, "step": None}
+
+
+def audit(agent: str, env_id: str, kwargs: Mapping[str, Any], episodes: int, seed: int) -> list[Finding]:
+    """Play the same episodes in each simulation; the first is the agent's own."""
+    findings: list[Finding] = []
+    own: Evaluation | None = None
+    for name, change in simulations(env_id, kwargs):
+        if isinstance(change, str):
+            findings.append(Finding(name, refused=change))
+            continue
+        try:
+            found = evaluate(agent, env_id, {**kwargs, **change}, episodes, seed)
+        except ConfigError as error:
+            if own is None:
+                raise
+            findings.append(Finding(name, refused=str(error)))
+            continue
+        own = own or found
+        lost = np.subtract(own.returns_per_step, found.returns_per_step)
+        error_of_mean = float(np.std(lost, ddof=1) / np.sqrt(len(lost))) if len(lost) > 1 else 0.0
+        mean = float(np.mean(lost))
+        findings.append(Finding(name, found.return_per_step, found.success_rate, mean, error_of_mean))
+    return findings
+
+
+def table(findings: Sequence[Finding]) -> str:
+    """The findings as lines of text."""
+    rows = [["simulation", "return/step", "success", "lost", ""]]
+    for n, found in enumerate(findings):
+        if found.refused:
+            rows.append([found.simulation, "-", "-", "-", found.refused])
+            continue
+        success = "-" if found.success_rate is None else f"{100 * found.success_rate:.0f} %"
+        assert found.lost is not None
+        assert found.error is not None
+        lost = "" if n == 0 else f"{found.lost:+.4f} ± {1.96 * found.error:.4f}"
+        verdict = "" if n == 0 else "survives" if found.survives else "DOES NOT SURVIVE"
+        rows.append([found.simulation, f"{found.return_per_step:.4f}", success, lost, verdict])
+    widths = [max(len(row[i]) for row in rows) for i in range(4)]
+    return "\n".join(
+        "  ".join([cell.ljust(width) for cell, width in zip(row[:4], widths, strict=True)] + row[4:]).rstrip()
+        for row in rows
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("agent", help="a run folder, or zero, random, classical")
+    parser.add_argument("--env", help="environment id, where no run folder tells it")
+    parser.add_argument("--episodes", type=whole(2, MOST_EPISODES), default=100)
+    parser.add_argument("--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="the first")
+    parser.add_argument(
+        "--set", dest="overrides", metavar="KEY=VALUE", nargs="+", action="extend", default=[],
+        help="keyword arguments of the environment",
+    )  # fmt: skip
+    parser.add_argument("--json", type=Path, help="write the findings here")
+    options = parser.parse_args(arguments)
+    if options.json and not options.json.absolute().parent.is_dir():
+        parser.error(f"--json {options.json}: there is no folder {options.json.absolute().parent}")
+    return guarded("audit.py", lambda: _audit(options), MENDABLE)
+
+
+def _audit(options: argparse.Namespace) -> int:
+    env_id, kwargs = find_task([options.agent], options.env, options.overrides)
+    findings = audit(options.agent, env_id, kwargs, options.episodes, options.seed)
+    print(f"{env_id}: {options.agent}, {options.episodes} episodes\n{table(findings)}")
+    if options.json:
+        content = [vars(found) | {"survives": found.survives} for found in findings]
+        write_atomically(options.json, json.dumps(content, indent=1) + "\n")
+    return 0 if all(found.survives for found in findings) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

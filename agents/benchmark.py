@@ -1,0 +1,443 @@
+"""Train and evaluate every task with every algorithm from several seeds, unattended.
+
+    python agents/benchmark.py                                    # all, on all cores of this machine
+    python agents/benchmark.py --tasks SpringTop-v0 --algorithms ppo linear --seeds 5
+    python agents/benchmark.py --local --jobs 1                   # without Ray
+    python agents/benchmark.py --address auto                     # on the Ray cluster that runs here
+
+Each run is that of ``agents/train.py`` with the same arguments, on one core and one thread, in a folder of
+its own under ``--runs``; what it wrote stands in its ``log.txt``. When it has ended, its agent plays 100
+held-out episodes, and a row is added to ``--json``. Start the same command again after whatever stopped it:
+what has a row is left alone, what was under way goes on from its newest checkpoint. A row whose
+configuration or whose task has changed since is made anew.
+
+A cluster runs the same, if all its nodes see this checkout under this path. If they see the run folders, too,
+the runs of a node that goes down are continued by another, else they start anew there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.util import find_spec
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from config import CONFIG_OF, MENDABLE, ConfigError, load_config, whole
+from controllers import controllers_of
+from runs import locked, open_run, versions, write_atomically
+from tqdm import tqdm
+
+from springgym.cli import INTERRUPTED, guarded
+from springgym.registration import ENVIRONMENTS, VARIANTS
+
+ROOT = Path(__file__).resolve().parent.parent
+UNTRAINED = ("zero", "random", "classical")
+ALGORITHMS = (*UNTRAINED, *CONFIG_OF)
+EPISODES = 100
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+TRIES = 5
+"""Nodes that a run may lose."""
+
+
+class Cell(NamedTuple):
+    """One run of the benchmark."""
+
+    task: str
+    algorithm: str
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{self.task} {self.algorithm} {self.seed}"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How every cell is run."""
+
+    runs: Path
+    episodes: int
+    overrides: tuple[str, ...]
+    configs: Path | None
+    """a folder other than ``configs``"""
+
+    def folder(self, cell: Cell) -> Path:
+        return self.runs / f"{cell.task.rpartition(':')[2]}-{cell.algorithm}-{cell.seed}"
+
+    def config(self, algorithm: str) -> Path | None:
+        return self.configs / f"{algorithm}.yaml" if self.configs else None
+
+
+# --- One cell, in a process of its own -----------------------------------------------------------------
+
+
+def measured(cell: Cell, plan: Plan) -> dict[str, Any]:
+    """Run a cell, from where it stands, and return its row."""
+    import torch
+    import train
+    from evaluate import evaluate, find_task
+
+    torch.set_num_threads(1)
+    train.Recorder.clock = staticmethod(time.process_time)
+    folder = plan.folder(cell)
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "log.txt", "a", encoding="utf-8") as log, redirect_stdout(log), redirect_stderr(log):
+        steps, seconds = 0, 0.0
+        if cell.algorithm in UNTRAINED:
+            agent = cell.algorithm
+            env_id, kwargs = find_task([], cell.task, [])
+        else:
+            agent = str(folder)
+            if train.main(training(cell, plan)):
+                told = (folder / "log.txt").read_text(encoding="utf-8").splitlines()
+                raise ConfigError(told[-1] if told else f"{folder}: no word of what went wrong")
+            steps, seconds = last_row(folder)
+            env_id, kwargs = find_task([agent], cell.task, [])
+        found = evaluate(agent, env_id, kwargs, plan.episodes)
+    return {
+        **cell._asdict(),
+        "steps": steps,
+        "seconds": seconds,
+        "success_rate": found.success_rate,
+        "mean_return": round(found.return_per_step, 6),
+        "episodes": plan.episodes,
+        "config": digest(cell, plan),
+        "probe": probe(cell.task),
+        **made_with(),
+    }
+
+
+def training(cell: Cell, plan: Plan) -> list[str]:
+    """The arguments of ``agents/train.py`` that begin a run or go on with it."""
+    folder = plan.folder(cell)
+    if (folder / "config.yaml").exists():
+        if asked(cell, plan) == open_run(folder).config and trained_for(folder) == probe(cell.task):
+            return ["--resume", str(folder), "--episodes", "0"]
+        put_away(folder)
+    write_atomically(folder / "probe.txt", f"{probe(cell.task)}\n")
+    arguments = [cell.task, "--algo", cell.algorithm, "--seed", str(cell.seed), "--run", str(folder)]
+    if config := plan.config(cell.algorithm):
+        arguments += ["--config", str(config)]
+    return [*arguments, "--episodes", "0", *(["--set", *plan.overrides] if plan.overrides else [])]
+
+
+def trained_for(folder: Path) -> float:
+    """What `probe` gave for the task when a run began."""
+    try:
+        return float((folder / "probe.txt").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return float("nan")
+
+
+def put_away(folder: Path) -> None:
+    """Keep a run of another configuration beside the new one."""
+    n = 1
+    while (old := folder.with_name(f"{folder.name}.old-{n}")).exists():
+        n += 1
+    with locked(folder):
+        folder.rename(old)
+    folder.mkdir()
+
+
+def last_row(folder: Path) -> tuple[int, float]:
+    """How far a run has come: steps, and seconds of processor time."""
+    try:
+        lines = (folder / "metrics.csv").read_text(encoding="utf-8").splitlines()
+        cells = dict(zip(lines[0].split(","), lines[-1].split(","), strict=True))
+        return int(cells["timesteps"]), float(cells["seconds"])
+    except (OSError, ValueError, KeyError, IndexError):  # none yet, or one half written
+        return 0, 0.0
+
+
+def asked(cell: Cell, plan: Plan) -> Any:
+    """The configuration of a cell; None of those that are not trained."""
+    if cell.algorithm in UNTRAINED:
+        return None
+    algorithm: Any = cell.algorithm
+    return load_config(algorithm, cell.task, plan.overrides, plan.config(algorithm))
+
+
+def digest(cell: Cell, plan: Plan) -> str:
+    """A few letters that change with the configuration of a cell."""
+    return sha256(repr(asked(cell, plan)).encode()).hexdigest()[:8]
+
+
+def probe(task: str) -> float:
+    """A number that changes with what a task is: the mean reward of given actions from given starts.
+
+    Rounding is left out of it, for 20 control periods are too short for it to grow.
+    """
+    import numpy as np
+
+    from springgym.envs.sb3 import make_sb3
+
+    copies = 8
+    env = make_sb3(task, copies, 0)
+    rng = np.random.default_rng(0)
+    try:
+        env.reset()
+        space: Any = env.action_space
+        total = 0.0
+        for _ in range(20):
+            actions = rng.uniform(space.low, space.high, (copies, *space.shape))
+            total += float(env.step(actions.astype(np.float32))[1].sum())
+        return round(total / (20 * copies), 7)
+    finally:
+        env.close()
+
+
+def made_with() -> dict[str, Any]:
+    """With what a row was made."""
+    found: Any = versions()
+    return {
+        "springgym": found["packages"]["springgym"],
+        "commit": found["git_revision"],
+        "python": found["python"].split()[0],
+        "packages": {name: found["packages"][name] for name in ("numpy", "numba", "torch")},
+        "cpu": found["cpu"],
+    }
+
+
+# --- All cells -----------------------------------------------------------------------------------------
+
+Outcome = tuple[Cell, dict[str, Any] | str]
+"""A cell, and its row or what went wrong."""
+
+
+def in_processes(cells: Sequence[Cell], plan: Plan, jobs: int) -> Iterator[Outcome | None]:
+    """Run cells on this machine, each in a process of its own; None whenever a second has passed."""
+    spawn = multiprocessing.get_context("spawn")
+    waiting, running = list(reversed(cells)), {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                cell = waiting.pop()
+                ours, theirs = spawn.Pipe(duplex=False)
+                process = spawn.Process(target=tell, args=(theirs, cell, plan), daemon=True)
+                with one_thread():
+                    process.start()
+                theirs.close()
+                running[ours] = cell, process
+            for pipe in wait(list(running), 1.0):
+                assert isinstance(pipe, Connection)
+                cell, process = running.pop(pipe)
+                try:
+                    result = pipe.recv()
+                except EOFError:
+                    process.join()
+                    result = f"its process ended with status {process.exitcode}"
+                yield cell, result
+            yield None
+    finally:
+        for _, process in running.values():
+            process.terminate()
+
+
+def tell(pipe: Connection, cell: Cell, plan: Plan) -> None:
+    """Run a cell and send what came of it."""
+    end_with_parent()
+    pipe.send(outcome(lambda: measured(cell, plan)))
+
+
+def end_with_parent() -> None:
+    """Do not go on when the benchmark is killed: the next one would find the folder locked."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """What is started in here computes on one thread."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ |= dict.fromkeys(THREADS, "1")
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})
+
+
+def on_ray(cells: Sequence[Cell], plan: Plan, address: str | None, jobs: int) -> Iterator[Outcome | None]:
+    """Run cells on a Ray cluster, or on one made of this machine's cores."""
+    import ray
+
+    path = os.pathsep.join([str(ROOT / "agents"), str(ROOT), os.environ.get("PYTHONPATH", "")])
+    environment = {"env_vars": dict.fromkeys(THREADS, "1") | {"PYTHONPATH": path}}
+    cores = {} if address else {"num_cpus": jobs, "include_dashboard": False}
+    try:
+        ray.init(address, runtime_env=environment, log_to_driver=False, configure_logging=False, **cores)
+    except (ConnectionError, ValueError) as error:
+        raise ConfigError(f"--address {address}: {error}") from error
+    try:
+        task = ray.remote(num_cpus=1, max_retries=TRIES, max_calls=1)(measured)
+        running = {task.remote(cell, plan): cell for cell in cells}
+        while running:
+            done, _ = ray.wait(list(running), timeout=1.0)
+            for future in done:
+                yield running.pop(future), outcome(lambda future=future: ray.get(future))
+            yield None
+    finally:
+        ray.shutdown()
+
+
+def outcome(result: Callable[[], dict[str, Any]]) -> dict[str, Any] | str:
+    """A row, or what went wrong in a line."""
+    try:
+        return result()
+    except Exception as error:  # of one run of many: the others go on
+        cause = getattr(error, "cause", None) or error
+        return " ".join(f"{type(cause).__name__}: {cause}".split())[:300]
+
+
+def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int) -> list[Cell]:
+    """The cells, one seed of all before the next: what there is after a while is a whole table."""
+    return [
+        Cell(task, algorithm, seed)
+        for seed in range(seeds)
+        for algorithm in algorithms
+        for task in tasks
+        if seed == 0 or algorithm not in UNTRAINED
+        if algorithm != "classical" or controllers_of(task)
+    ]
+
+
+class Table:
+    """The rows of ``--json``, which is rewritten whenever there is a new one."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.rows: dict[Cell, dict[str, Any]] = {}
+        if not path.exists():
+            return
+        try:
+            for row in json.loads(path.read_text(encoding="utf-8")):
+                self.rows[Cell(row["task"], row["algorithm"], int(row["seed"]))] = row
+        except (ValueError, KeyError, TypeError, OSError) as error:
+            raise ConfigError(f"{path}: not the rows of a benchmark: {error!r}") from error
+
+    def current(self, cell: Cell, plan: Plan, probes: dict[str, float]) -> bool:
+        """Whether there is a row of what the cell is now."""
+        row = self.rows.get(cell)
+        return row is not None and (row["config"], row["probe"], row["episodes"]) == (
+            digest(cell, plan),
+            probes[cell.task],
+            plan.episodes,
+        )
+
+    def add(self, row: dict[str, Any]) -> None:
+        self.rows[Cell(row["task"], row["algorithm"], row["seed"])] = row
+        lines = ",\n".join(json.dumps(self.rows[cell]) for cell in sorted(self.rows))
+        write_atomically(self.path, f"[\n{lines}\n]\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    tasks = [task.id for task in (*ENVIRONMENTS, *VARIANTS)]
+    parser.add_argument("--tasks", nargs="+", default=tasks, metavar="ID", help="environment ids (all)")
+    parser.add_argument("--algorithms", nargs="+", default=ALGORITHMS, choices=ALGORITHMS, help="(all)")
+    parser.add_argument("--seeds", type=whole(1, 1000), default=5, help="how many, from 0 on (5)")
+    parser.add_argument("--episodes", type=whole(1, 100_000), default=EPISODES, help="to evaluate on (100)")
+    parser.add_argument("--runs", type=Path, default=Path("runs/benchmark"), help="folder of the run folders")
+    parser.add_argument("--json", type=Path, help="file of the rows (RUNS/baselines.json)")
+    parser.add_argument("--configs", type=Path, help="folder of hyperparameters (configs)")
+    parser.add_argument(
+        "--set", dest="overrides", nargs="+", default=[], metavar="KEY=VALUE", help="change hyperparameters"
+    )
+    parser.add_argument("--jobs", type=whole(1, 10_000), help="runs at a time on this machine (its cores)")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--local", action="store_true", help="this machine without Ray")
+    where.add_argument("--address", help="a Ray cluster; auto: the one that runs here")
+    options = parser.parse_args(arguments)
+    if options.address and options.jobs:
+        parser.error("--jobs is for this machine; a cluster has as many as it has cores")
+    if not options.local and find_spec("ray") is None:
+        parser.error("Ray is not installed: pip install springgym[scale], or give --local")
+    return guarded("benchmark.py", lambda: benchmark(options), MENDABLE)
+
+
+def benchmark(options: argparse.Namespace) -> int:
+    """Run what has no row yet."""
+    runs = options.runs.absolute()
+    runs.mkdir(parents=True, exist_ok=True)
+    plan = Plan(
+        runs, options.episodes, tuple(options.overrides), options.configs and options.configs.absolute()
+    )
+    cells = planned(options.tasks, options.algorithms, options.seeds)
+    for cell in cells:
+        asked(cell, plan)  # what is wrong is told before anything runs
+    with locked(runs):
+        table = Table(options.json or runs / "baselines.json")
+        probes = {task: probe(task) for task in options.tasks}
+        left = [cell for cell in cells if not table.current(cell, plan, probes)]
+        print(f"{len(cells)} runs, {len(left)} of them to do; rows in {table.path}")
+        if not left:
+            return 0
+        jobs = options.jobs or os.cpu_count() or 1
+        results = (
+            in_processes(left, plan, jobs) if options.local else on_ray(left, plan, options.address, jobs)
+        )
+        try:
+            failed = collected(left, plan, results, table)
+        except KeyboardInterrupt:
+            print("\nstopped; the same command goes on")
+            return INTERRUPTED
+    for cell, why in failed:
+        print(f"{cell} failed: {why}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def collected(
+    cells: Sequence[Cell], plan: Plan, results: Iterator[Outcome | None], table: Table
+) -> list[tuple[Cell, str]]:
+    """Write rows as they come, show how far all has come, and return what failed."""
+    failed, open_cells = [], {cell: steps_of(cell, plan) for cell in cells}
+    total, finished = sum(open_cells.values()), 0
+    with tqdm(total=total, unit="step", unit_scale=True, mininterval=1.0, smoothing=0.02) as bar:
+        bar.update(0)
+        for result in results:
+            if result is not None:
+                cell, row = result
+                finished += open_cells.pop(cell)
+                if isinstance(row, str):
+                    failed.append((cell, row))
+                    tqdm.write(f"{cell}: failed: {row}")
+                else:
+                    table.add(row)
+                    success = "-" if row["success_rate"] is None else f"{100 * row['success_rate']:.0f} %"
+                    told = f"{success}, {row['mean_return']:.3f}, {row['seconds']:.0f} s of processor time"
+                    tqdm.write(f"{cell}: {told}")
+            under_way = sum(
+                min(last_row(plan.folder(c))[0], steps) for c, steps in open_cells.items() if steps
+            )
+            bar.n = finished + under_way
+            bar.set_postfix({"runs left": len(open_cells)}, refresh=False)
+            bar.update(0)
+    return failed
+
+
+def steps_of(cell: Cell, plan: Plan) -> int:
+    config = asked(cell, plan)
+    return 0 if config is None else int(config.total_timesteps)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,116 @@
+"""Take trained agents into the repository: what they are, how they were made, what they do.
+
+    python agents/publish.py runs/benchmark/SpringTop-v0-ppo-*
+
+Of several runs of a task the one with the highest return is taken, over one that is there already only if it
+is better. Into agents/trained/ID go config.yaml, agent.npz, which is numbers and nothing else, and
+card.json: the command that trained it, versions and commit, checksums, how it fares on held-out episodes
+with a 95 % interval of the mean, and what its audit says (see audit.py). evaluate.py and watch.py take them
+by --pretrained ID.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from audit import audit
+from benchmark import probe
+from config import MENDABLE, ConfigError, load_config, whole
+from evaluate import evaluate, task_kwargs
+from runs import HELD_OUT_SEED, TRAINED, Run, checksum, open_run, write_atomically
+
+from springgym.cli import guarded
+
+EPISODES = 100
+SHARED = ("config.yaml", "agent.npz")
+
+
+def card(run: Run, episodes: int) -> dict[str, Any]:
+    """What there is to know of an agent."""
+    kwargs = task_kwargs(run.config)
+    found = evaluate(str(run.folder), run.env_id, kwargs, episodes)
+    returns = np.array(found.returns_per_step)
+    half = 1.96 * float(returns.std(ddof=1)) / np.sqrt(len(returns))
+    findings = audit(str(run.folder), run.env_id, kwargs, episodes, HELD_OUT_SEED)
+    made_with = json.loads((run.folder / "versions.json").read_text(encoding="utf-8"))
+    return {
+        "task": run.env_id,
+        "algorithm": run.algo,
+        "seed": run.seed,
+        "command": command(run),
+        "steps": run.config.total_timesteps,
+        "episodes": episodes,
+        "mean_return": found.return_per_step,
+        "interval": [found.return_per_step - half, found.return_per_step + half],
+        "success_rate": found.success_rate,
+        "audit": [vars(finding) | {"survives": finding.survives} for finding in findings],
+        "probe": probe(run.env_id),
+        "versions": {key: made_with.get(key) for key in ("packages", "python", "git_revision")},
+        "sha256": {name: checksum(run.folder / name) for name in SHARED},
+    }
+
+
+def command(run: Run) -> str:
+    """The command line that trains it.
+
+    Raises
+    ------
+    ConfigError
+        If its configuration is not the one that ships: nobody could train it again.
+    """
+    if run.config != load_config(run.algo, run.env_id):
+        raise ConfigError(
+            f"{run.folder} was trained with another configuration than configs/{run.algo}.yaml has"
+        )
+    words = ["python", "agents/train.py", run.env_id, "--algo", run.algo, "--seed", str(run.seed)]
+    return shlex.join(words)
+
+
+def publish(folders: Sequence[Path], episodes: int, into: Path) -> int:
+    """Take in the best run of every task."""
+    best: dict[str, tuple[dict[str, Any], Path]] = {}
+    for folder in folders:
+        run = open_run(folder)
+        if ":" in run.env_id:
+            raise ConfigError(f"{folder}: {run.env_id} is of another package")
+        found = card(run, episodes)
+        if run.env_id not in best or found["mean_return"] > best[run.env_id][0]["mean_return"]:
+            best[run.env_id] = found, folder
+    for env_id, (found, folder) in best.items():
+        place = into / env_id
+        if (place / "card.json").exists():
+            there = json.loads((place / "card.json").read_text(encoding="utf-8"))
+            if there["probe"] == found["probe"] and there["mean_return"] >= found["mean_return"]:
+                print(f"{env_id}: {there['algorithm']} {there['seed']} stays, {there['mean_return']:.4f}")
+                continue
+        place.mkdir(parents=True, exist_ok=True)
+        (place / "card.json").unlink(missing_ok=True)  # written last: without it there is no agent
+        for name in SHARED:
+            shutil.copyfile(folder / name, place / name)
+        write_atomically(place / "card.json", json.dumps(found, indent=1) + "\n")
+        print(f"{env_id}: {found['algorithm']} {found['seed']}, {found['mean_return']:.4f}")
+    return 0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("runs", nargs="+", type=Path, help="run folders")
+    parser.add_argument("--episodes", type=whole(2, 100_000), default=EPISODES)
+    parser.add_argument("--into", type=Path, default=TRAINED, help="folder of the agents (agents/trained)")
+    options = parser.parse_args(arguments)
+    return guarded("publish.py", lambda: publish(options.runs, options.episodes, options.into), MENDABLE)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,231 @@
+"""Does what is learned on rigid bodies work on springs, and the other way?
+
+    python agents/transfer.py SpringTop-v0 --seeds 3
+    python agents/transfer.py SpringTop-v0 --local --jobs 1
+
+Trains four kinds of agents, on springs and on rigid bodies, with and without randomisation, from several
+seeds each, as agents/benchmark.py does: unattended, and the same command goes on after whatever stopped it.
+Each agent then plays held-out episodes on rigid bodies and on springs of falling stiffness. The table goes
+to transfer.json and is printed, the figure to transfer.svg, both in the folder of the runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from benchmark import Cell, Plan, in_processes, on_ray, trained_for
+from config import CONFIG_OF, MENDABLE, ConfigError, load_config, making, whole
+from evaluate import evaluate, task_kwargs
+from runs import locked, write_atomically
+from scores import interval
+from tqdm import tqdm
+
+from springgym.cli import INTERRUPTED, guarded, whole_file
+from springgym.envs.sb3 import make_sb3
+
+DYNAMICS = ("springs", "rigid")
+RANDOMIZED = {"masses": (0.8, 1.2), "actuator": (0.8, 1.2)}
+"""What both dynamics have."""
+STIFFNESS = (1.0, 0.3, 0.1, 0.03, 0.01)
+"""Of the springs, over the usual one."""
+RIGID = "rigid"
+
+
+def kinds() -> dict[str, dict[str, Any]]:
+    """Names of the kinds of agents, and the arguments of the environments that they learn in."""
+    return {
+        f"{dynamics}{', randomised' if randomized else ''}": {"dynamics": dynamics}
+        | ({"randomize": RANDOMIZED} if randomized else {})
+        for dynamics in DYNAMICS
+        for randomized in (False, True)
+    }
+
+
+def plan_of(kind: str, folder: Path, options: argparse.Namespace) -> Plan:
+    """How agents of a kind are trained."""
+    arguments = [f"env_kwargs.{key}={json.dumps(value)}" for key, value in kinds()[kind].items()]
+    return Plan(
+        folder / kind.replace(", ", "-"), options.episodes, (*options.overrides, *arguments), options.configs
+    )
+
+
+def grid() -> dict[str, dict[str, Any]]:
+    """Where agents play: names, and arguments of the environment."""
+    softer: dict[str, dict[str, Any]] = {
+        f"{factor:g} k": {"dynamics": "springs", "randomize": {"stiffness": (factor, factor)}}
+        for factor in STIFFNESS
+    }
+    return {RIGID: {"dynamics": "rigid", "randomize": None}} | softer
+
+
+def possible(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The part of the grid on which episodes can start: softer springs are torn by the spin."""
+    found = {}
+    for name, change in grid().items():
+        try:
+            with making(env_id):
+                env = make_sb3(env_id, 64, 0, **{**kwargs, **change})
+                env.reset()
+                env.close()
+        except ConfigError as error:
+            if name == RIGID:
+                raise
+            print(f"{name} is left out: {error}")
+            continue
+        found[name] = change
+    return found
+
+
+def train(options: argparse.Namespace, folder: Path) -> int:
+    """Train what is not trained yet; how many runs failed."""
+    failed = 0
+    for kind in kinds():
+        plan = plan_of(kind, folder, options)
+        cells = [Cell(options.task, options.algo, seed) for seed in range(options.seeds)]
+        left = [cell for cell in cells if not (plan.folder(cell) / "row.json").exists()]
+        jobs = options.jobs or os.cpu_count() or 1
+        run = in_processes(left, plan, jobs) if options.local else on_ray(left, plan, options.address, jobs)
+        for result in run if left else ():
+            if result is None:
+                continue
+            cell, row = result
+            if isinstance(row, str):
+                failed += 1
+                print(f"{kind}: {cell} failed: {row}", file=sys.stderr)
+            else:
+                write_atomically(plan.folder(cell) / "row.json", json.dumps(row) + "\n")
+                tqdm.write(f"{kind}: {cell}: {row['mean_return']:.3f} where it learned")
+    return failed
+
+
+def played(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
+    """A row for every agent and every place it plays at."""
+    kwargs = task_kwargs(
+        load_config(options.algo, options.task, options.overrides, options.configs and config_file(options))
+    )
+    places, rows = possible(options.task, kwargs), []
+    for kind in kinds():
+        plan = plan_of(kind, folder, options)
+        for seed in range(options.seeds):
+            agent = plan.folder(Cell(options.task, options.algo, seed))
+            for place, change in places.items():
+                found = evaluate(str(agent), options.task, {**kwargs, **change}, options.episodes)
+                rows.append(
+                    {
+                        "task": options.task,
+                        "learned": kind,
+                        "seed": seed,
+                        "played": place,
+                        "mean_return": found.return_per_step,
+                        "success_rate": found.success_rate,
+                        "probe": trained_for(agent),
+                    }
+                )
+    return rows
+
+
+def config_file(options: argparse.Namespace) -> Path:
+    return Path(options.configs) / f"{options.algo}.yaml"
+
+
+def table(rows: Sequence[dict[str, Any]]) -> str:
+    """Returns per step in the mean of the seeds, the lowest and the highest."""
+    places = list(dict.fromkeys(row["played"] for row in rows))
+    lines = [f"| learned on | {' | '.join(places)} |", "|---" * (len(places) + 1) + "|"]
+    for kind in dict.fromkeys(row["learned"] for row in rows):
+        cells = []
+        for place in places:
+            returns = [r["mean_return"] for r in rows if (r["learned"], r["played"]) == (kind, place)]
+            success = [r["success_rate"] for r in rows if (r["learned"], r["played"]) == (kind, place)]
+            told = "" if None in success else f"{100 * np.mean(success):.0f} %, "
+            cells.append(f"{told}{np.mean(returns):.3f} ({min(returns):.3f}–{max(returns):.3f})")
+        lines.append(f"| {kind} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Return against stiffness, with bootstrapped intervals over the seeds."""
+    matplotlib.use("svg")
+    from matplotlib import pyplot as plt
+
+    matplotlib.rcParams["svg.hashsalt"] = "springgym"
+    places = list(dict.fromkeys(row["played"] for row in rows))
+    figure, axes = plt.subplots(figsize=(6, 3.5), layout="constrained")
+    for n, kind in enumerate(dict.fromkeys(row["learned"] for row in rows)):
+        by_place = [
+            np.array([r["mean_return"] for r in rows if (r["learned"], r["played"]) == (kind, place)])
+            for place in places
+        ]
+        means = np.array([values.mean() for values in by_place])
+        limits = np.array([interval([values], lambda x: float(np.mean(x))) for values in by_place])
+        x = np.arange(len(places)) + 0.06 * (n - 1.5)
+        errors = np.abs(limits.T - means)
+        axes.errorbar(x, means, errors, fmt="o-", ms=3, lw=1, capsize=2, label=f"learned on {kind}")
+    axes.set_xticks(range(len(places)), places)
+    axes.set(
+        xlabel="played on (k: stiffness of the springs)", ylabel="return per step", title=rows[0]["task"]
+    )
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, format="svg", metadata={"Date": None})
+    plt.close(figure)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("task", metavar="ID", help="environment id")
+    parser.add_argument("--algo", choices=sorted(CONFIG_OF), default="ppo", help="algorithm (ppo)")
+    parser.add_argument("--seeds", type=whole(1, 1000), default=3, help="how many, from 0 on (3)")
+    parser.add_argument("--episodes", type=whole(1, 100_000), default=100, help="to play (100)")
+    parser.add_argument("--runs", type=Path, default=Path("runs/transfer"), help="folder of the run folders")
+    parser.add_argument("--configs", type=Path, help="folder of hyperparameters (configs)")
+    parser.add_argument(
+        "--set", dest="overrides", nargs="+", default=[], metavar="KEY=VALUE", help="change hyperparameters"
+    )
+    parser.add_argument("--jobs", type=whole(1, 10_000), help="runs at a time on this machine (its cores)")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--local", action="store_true", help="this machine without Ray")
+    where.add_argument("--address", help="a Ray cluster; auto: the one that runs here")
+    options = parser.parse_args(arguments)
+    return guarded("transfer.py", lambda: transfer(options), MENDABLE)
+
+
+def transfer(options: argparse.Namespace) -> int:
+    """Train, play, tell."""
+    options.configs = options.configs and options.configs.absolute()
+    folder = options.runs.absolute() / options.task.rpartition(":")[2]
+    config = load_config(
+        options.algo, options.task, options.overrides, options.configs and config_file(options)
+    )
+    for change in kinds().values():  # what cannot be made is told before anything is trained
+        with making(options.task):
+            make_sb3(options.task, 1, **{**task_kwargs(config), **change}).close()
+    folder.mkdir(parents=True, exist_ok=True)
+    with locked(folder):
+        try:
+            if train(options, folder):
+                return 1
+        except KeyboardInterrupt:
+            print("\nstopped; the same command goes on")
+            return INTERRUPTED
+        rows = played(options, folder)
+        write_atomically(folder / "transfer.json", json.dumps(rows, indent=0) + "\n")
+        draw(rows, folder / "transfer.svg")
+        print(table(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

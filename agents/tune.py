@@ -1,0 +1,202 @@
+"""Search hyperparameters with Optuna.
+
+    python agents/tune.py SpringGyroscope-v0 --trials 20 --seeds 2
+    python agents/tune.py SpringTop-v0 --algo sac --set total_timesteps=50_000
+
+A trial trains agents as agents/train.py does, from several seeds one after the other, and is given up when
+it does worse than half of the trials before did by then. What counts is the return on episodes that neither
+training nor evaluation sees. The study is kept in the folder of the runs: the same command goes on with it,
+after a kill too, and adds trials until there are as many as asked for. What was searched, and what came of
+it, stands in study.json; the best stands in best.yaml, as an entry of configs/.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import asdict
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import train
+import yaml
+from benchmark import Cell, Plan, training
+from config import CONFIG_OF, MENDABLE, ConfigError, load_config, whole
+from evaluate import evaluate, task_kwargs
+from runs import HELD_OUT_SEED, locked, write_atomically
+
+from springgym.cli import INTERRUPTED, guarded
+
+VALIDATION_SEED = HELD_OUT_SEED + 500_000
+EPISODES = 64
+
+#: By algorithm: what is searched, (low, high) on a logarithmic scale, or choices.
+SPACES: dict[str, dict[str, tuple[float, float] | list[Any]]] = {
+    "ppo": {
+        "learning_rate": (1e-4, 3e-3),
+        "n_steps": [32, 64, 128, 256],
+        "batch_size": [256, 512, 1024, 2048],
+        "n_epochs": [3, 5, 10, 20],
+        "gamma": [0.97, 0.98, 0.99, 0.995],
+        "gae_lambda": [0.9, 0.95, 0.98],
+        "log_std_init": [-1.0, -0.5, 0.0],
+        "net_arch": ["[64, 64]", "[128, 128]"],
+    },
+    "sac": {
+        "learning_rate": (1e-4, 3e-3),
+        "batch_size": [128, 256, 512],
+        "gamma": [0.95, 0.98, 0.99, 0.995],
+        "tau": (3e-3, 5e-2),
+        "gradient_steps": [8, 16, 32],
+        "net_arch": ["[64, 64]", "[128, 128]"],
+    },
+    "linear": {
+        "population": [16, 32, 64],
+        "elites": [4, 6, 8],
+        "episodes": [2, 4, 8],
+        "spread": (0.1, 3.0),
+        "extra_spread": (0.01, 0.5),
+    },
+}
+SPACES["tqc"] = SPACES["sac"] | {"dropped_quantiles": [0, 2, 5]}
+SPACES["crossq"] = {key: value for key, value in SPACES["sac"].items() if key != "tau"} | {
+    "policy_delay": [1, 3]
+}
+
+
+def suggested(trial: Any, algo: str) -> list[str]:
+    """What a trial tries, as ``--set`` takes it."""
+    chosen = []
+    for name, space in SPACES[algo].items():
+        if isinstance(space, tuple):
+            value = f"{trial.suggest_float(name, *space, log=True):.3g}"
+        else:
+            value = str(trial.suggest_categorical(name, space))
+        chosen.append(f"{name}={value}")
+    return chosen
+
+
+def objective(trial: Any, options: argparse.Namespace, folder: Path) -> float:
+    """Mean return per step of the agents of a trial.
+
+    Raises
+    ------
+    optuna.TrialPruned
+        If it is given up, or cannot learn.
+    """
+    import optuna
+
+    chosen = suggested(trial, options.algo)
+    name = sha256(" ".join(chosen).encode()).hexdigest()[:10]
+    configs = options.configs and options.configs.absolute()
+    plan = Plan(folder / name, EPISODES, (*options.overrides, *chosen), configs)
+    returns = []
+    for seed in range(options.seeds):
+        cell = Cell(options.task, options.algo, seed)
+        run = plan.folder(cell)
+        run.mkdir(parents=True, exist_ok=True)
+        log_file = run / "log.txt"
+        with open(log_file, "a", encoding="utf-8") as log, redirect_stdout(log), redirect_stderr(log):
+            try:
+                status = train.main(training(cell, plan))
+            except ConfigError as error:  # such as a batch that does not divide a rollout
+                raise optuna.TrialPruned(str(error)) from error
+        if status == INTERRUPTED:
+            raise KeyboardInterrupt
+        if status:
+            raise optuna.TrialPruned(log_file.read_text(encoding="utf-8").splitlines()[-1])
+        config = load_config(options.algo, options.task, plan.overrides, plan.config(options.algo))
+        kwargs = task_kwargs(config)
+        found = evaluate(str(run), options.task, kwargs, EPISODES, VALIDATION_SEED)
+        returns.append(found.return_per_step)
+        trial.set_user_attr(f"success_{seed}", found.success_rate)
+        trial.report(float(np.mean(returns)), seed)
+        if trial.should_prune():
+            raise optuna.TrialPruned(f"behind after seed {seed}")
+    return float(np.mean(returns))
+
+
+def tune(options: argparse.Namespace) -> int:
+    """Add trials to a study until it has as many as asked for."""
+    import optuna
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend
+    from optuna.trial import TrialState
+
+    configs = options.configs and options.configs.absolute()
+    path = configs / f"{options.algo}.yaml" if configs else None
+    load_config(options.algo, options.task, options.overrides, path)  # what is wrong is told at once
+    folder = options.runs.absolute() / f"{options.task.rpartition(':')[2]}-{options.algo}"
+    folder.mkdir(parents=True, exist_ok=True)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    torch.set_num_threads(1)
+    with locked(folder):
+        study = optuna.create_study(
+            study_name=options.task,
+            storage=JournalStorage(JournalFileBackend(str(folder / "study.journal"))),
+            sampler=optuna.samplers.TPESampler(seed=options.seed),
+            pruner=optuna.pruners.MedianPruner(n_startup_trials=5),
+            direction="maximize",
+            load_if_exists=True,
+        )
+        for trial in study.get_trials(states=[TrialState.RUNNING]):  # a kill left it: its run goes on
+            study.tell(trial.number, state=TrialState.FAIL)
+            study.enqueue_trial(trial.params)
+        done = [TrialState.COMPLETE, TrialState.PRUNED]
+        try:
+            while len(study.get_trials(states=done, deepcopy=False)) < options.trials:
+                study.optimize(lambda trial: objective(trial, options, folder), n_trials=1)
+                tell(study, options, folder, path)
+        except KeyboardInterrupt:
+            print("\nstopped; the same command goes on")
+            return INTERRUPTED
+        tell(study, options, folder, path)
+    return 0
+
+
+def tell(study: Any, options: argparse.Namespace, folder: Path, path: Path | None) -> None:
+    """Write down what was tried, and the best of it as a configuration."""
+    trials = [
+        {"number": t.number, "state": t.state.name, "value": t.value, **t.params, **t.user_attrs}
+        for t in study.get_trials(deepcopy=False)
+    ]
+    content = {"task": options.task, "algo": options.algo, "searched": SPACES[options.algo], "trials": trials}
+    write_atomically(folder / "study.json", json.dumps(content, indent=1) + "\n")
+    complete = [trial for trial in trials if trial["state"] == "COMPLETE"]
+    print(f"trial {trials[-1]['number']}: {trials[-1]['state'].lower()}, {trials[-1]['value']}")
+    if complete:
+        overrides = [*options.overrides, *(f"{k}={v}" for k, v in study.best_params.items())]
+        best = asdict(load_config(options.algo, options.task, overrides, path))
+        text = f"# return per step {study.best_value:.4f} on {EPISODES} episodes of {options.seeds} agents\n"
+        text += yaml.safe_dump({options.task: best}, sort_keys=False, default_flow_style=None)
+        write_atomically(folder / "best.yaml", text)
+        print(f"best: trial {study.best_trial.number}, {study.best_value:.4f}; see {folder / 'best.yaml'}")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("task", metavar="ID", help="environment id")
+    parser.add_argument("--algo", choices=sorted(CONFIG_OF), default="ppo", help="algorithm (ppo)")
+    parser.add_argument("--trials", type=whole(1, 100_000), default=20, help="of the study in all (20)")
+    parser.add_argument("--seeds", type=whole(1, 1000), default=2, help="agents of a trial (2)")
+    parser.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, help="of the search")
+    parser.add_argument("--runs", type=Path, default=Path("runs/tune"), help="folder of the studies")
+    parser.add_argument("--configs", type=Path, help="folder of hyperparameters to start from (configs)")
+    parser.add_argument(
+        "--set", dest="overrides", nargs="+", default=[], metavar="KEY=VALUE", help="change hyperparameters"
+    )
+    options = parser.parse_args(arguments)
+    return guarded("tune.py", lambda: tune(options), (*MENDABLE, ModuleNotFoundError))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

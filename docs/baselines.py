@@ -1,0 +1,234 @@
+"""Write the page of baselines from the rows of the benchmark; nothing is trained or measured.
+
+python docs/baselines.py                                         # the page and its figure, from the rows
+python docs/baselines.py --rows runs/benchmark/baselines.json    # take these rows in first
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "agents"))
+
+from scores import interquartile_mean, interval, profile  # noqa: E402
+
+from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
+
+ROWS, PAGE, FIGURE = HERE / "baselines.json", HERE / "baselines.md", HERE / "figures" / "baselines.svg"
+ALGORITHMS = ("zero", "random", "classical", "linear", "ppo", "sac", "tqc", "crossq")
+TRAINED = ALGORITHMS[3:]
+CARDS = HERE.parent / "agents" / "trained"
+TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
+TIERS = {
+    "first steps": "Linear control does it, found in seconds. Begin here.",
+    "standard": "PPO does it with the hyperparameters that ship; linear control does not.",
+    "hard": "PPO does not, though it can be done.",
+}
+INTRODUCTION = """# Baselines
+
+What algorithms make of the tasks. Each cell tells how many of 100 held-out episodes succeed, in the mean
+over the seeds that the agent was trained from, then the lowest of the seeds in brackets and the number of
+seeds. Below is the return per step, whose largest value is 1. Success is judged, and the return summed,
+without exploration.
+"""
+AGENTS = """## Trained agents
+
+The best agent of each task is in the repository, as numbers and nothing else, with its configuration and a
+card: the command that trained it, versions, checksums, its evaluation and its audit.
+
+```sh
+python agents/evaluate.py --pretrained SpringTop-v0
+python agents/watch.py --pretrained SpringTop-v0 --out top.gif
+```
+
+The audit plays the same episodes with a quarter of the step, by another method and by the rigid twin, and
+tells what of the return per step is lost: whether the agent lives on errors of the simulation.
+"""
+METHOD = """## How it was made
+
+```sh
+python -m pip install -c constraints.txt -e ".[agents,scale]"
+python agents/benchmark.py --runs runs/benchmark
+python docs/baselines.py --rows runs/benchmark/baselines.json
+```
+
+The first command trains and evaluates everything, on all cores or on a Ray cluster; stopped in whatever
+way, it goes on. The second writes this page. The same command, seed and machine give the same curve to the
+bit. *Linear* is a ← clip(W o + b) over the compact observation, found by the cross-entropy method;
+*classical* is the controller in `agents/controllers.py`, which is not learned. Hyperparameters are those of
+`configs/`, of which PPO sees particles and the others the compact observation. A variant is trained with
+those of its environment.
+
+The rows are in `docs/baselines.json`, each with the versions and the commit it was made with, a digest of
+its configuration, and a probe of its task: the mean reward of given actions from given starts. A test holds
+them against the present ones. Seconds are those of one processor core, so they do not depend on what else
+the machine does.
+
+The interquartile mean over all runs and its 95 % intervals (a bootstrap, stratified by task) are those that
+Agarwal et al. recommend in [Deep reinforcement learning at the edge of the statistical
+precipice](https://arxiv.org/abs/2108.13264).
+"""
+
+
+def cells(rows: Sequence[dict[str, Any]]) -> dict[tuple[str, str], list[dict[str, Any]]]:
+    """The rows of every task and algorithm."""
+    found = defaultdict(list)
+    for row in rows:
+        found[row["task"], row["algorithm"]].append(row)
+    return found
+
+
+def shown(runs: Sequence[dict[str, Any]]) -> str:
+    """A cell of the table."""
+    if not runs:
+        return ""
+    success = [100 * run["success_rate"] for run in runs]
+    seeds = f" (≥ {min(success):.0f}, {len(runs)})" if len(runs) > 1 else ""
+    return f"{np.mean(success):.0f} %{seeds}<br>{np.mean([run['mean_return'] for run in runs]):.2f}"
+
+
+def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
+    """The tasks of a tier with what was reached."""
+    by_cell, present = cells(rows), [name for name in ALGORITHMS if any(r["algorithm"] == name for r in rows)]
+    lines = [f"| task | {' | '.join(present)} |", "|---" * (len(present) + 1) + "|"]
+    for task in TASKS:
+        if task.tier == tier and any(row["task"] == task.id for row in rows):
+            results = " | ".join(shown(by_cell.get((task.id, name), [])) for name in present)
+            lines.append(f"| `{task.id}` | {results} |")
+    return lines
+
+
+def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """What a run costs by algorithm, and what all of its runs reach together."""
+    lines = [
+        "| algorithm | runs | steps each | seconds each | success, interquartile mean | 95 % interval |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name in TRAINED:
+        runs = [row for row in rows if row["algorithm"] == name]
+        if not runs:
+            continue
+        scores = by_task(runs)
+        low, high = interval(scores, interquartile_mean)
+        steps, seconds = (np.array([run[key] for run in runs]) for key in ("steps", "seconds"))
+        lines.append(
+            f"| {name} | {len(runs)} | {steps.min():,.0f}–{steps.max():,.0f} | {seconds.min():.0f}–"
+            f"{seconds.max():.0f} | {100 * interquartile_mean(np.concatenate(scores)):.0f} % | "
+            f"{100 * low:.0f}–{100 * high:.0f} % |"
+        )
+    return lines
+
+
+def table_of_agents() -> list[str]:
+    """The agents of the repository, see ``agents/publish.py``."""
+    lines = [
+        "| task | trained by | return per step, 95 % interval | success | lost in the audit |",
+        "|---|---|---|---|---|",
+    ]
+    for path in sorted(CARDS.glob("*/card.json")):
+        card = json.loads(path.read_text(encoding="utf-8"))
+        low, high = card["interval"]
+        lost = [
+            f"{found['simulation']}: none"
+            if found["refused"]
+            else f"{found['simulation']}: {found['lost']:+.4f}"
+            for found in card["audit"][1:]
+        ]
+        lines.append(
+            f"| `{card['task']}` | {card['algorithm']}, seed {card['seed']} | {card['mean_return']:.3f} "
+            f"({low:.3f}–{high:.3f}) | {100 * card['success_rate']:.0f} % | {'<br>'.join(lost)} |"
+        )
+    return lines
+
+
+def by_task(runs: Sequence[dict[str, Any]]) -> list[np.ndarray]:
+    """Success rates (seeds,) of every task."""
+    found = defaultdict(list)
+    for run in runs:
+        found[run["task"]].append(run["success_rate"])
+    return [np.array(scores) for scores in found.values()]
+
+
+def page(rows: Sequence[dict[str, Any]]) -> str:
+    """The page of these rows."""
+    lines = [INTRODUCTION]
+    for tier, what in TIERS.items():
+        lines += [f"## {tier.capitalize()}\n", what + "\n", *table_of(tier, rows), ""]
+        if tier == "hard":
+            lines += ["| task | is | what makes it hard |", "|---|---|---|"]
+            for variant in VARIANTS:
+                arguments = ", ".join(f"{name}={value!r}" for name, value in variant.arguments.items())
+                if variant.tier == tier and any(row["task"] == variant.id for row in rows):
+                    lines.append(f"| `{variant.id}` | `{variant.of}`, `{arguments}` | {variant.why} |")
+            lines.append("")
+    lines += [
+        "## Algorithms\n",
+        *table_of_costs(rows),
+        "",
+        "![Share of the runs above each success rate](figures/baselines.svg)\n",
+        AGENTS,
+        *table_of_agents(),
+        "",
+        METHOD,
+    ]
+    cpus, versions = (sorted({row[key] for row in rows}) for key in ("cpu", "springgym"))
+    lines.append(f"Measured with springgym {', '.join(versions)} on {', '.join(cpus)}.\n")
+    return "\n".join(lines)
+
+
+def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Performance profiles: how large a share of an algorithm's runs does better than each level."""
+    matplotlib.use("svg")
+    from matplotlib import pyplot as plt
+
+    matplotlib.rcParams["svg.hashsalt"] = "springgym"
+    figure, axes = plt.subplots(figsize=(6, 3.2), layout="constrained")
+    levels = np.linspace(0, 1, 101)
+    for name in TRAINED:
+        if runs := [row["success_rate"] for row in rows if row["algorithm"] == name]:
+            axes.step(100 * levels, 100 * profile(np.array(runs), levels), where="post", label=name)
+    axes.set(xlabel="success, %", ylabel="runs above it, %", xlim=(0, 100), ylim=(0, 102))
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(path, metadata={"Date": None})
+    plt.close(figure)
+
+
+def key(row: dict[str, Any]) -> tuple[str, str, int]:
+    """What a row is of."""
+    return row["task"], row["algorithm"], row["seed"]
+
+
+def read(path: Path) -> list[dict[str, Any]]:
+    """The rows of a file."""
+    return list(json.loads(path.read_text(encoding="utf-8")))
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--rows", type=Path, nargs="+", default=[], help="rows to take in")
+    options = parser.parse_args()
+    rows = {}
+    for path in [*([ROWS] if ROWS.exists() else []), *options.rows]:
+        rows |= {key(row): row for row in read(path)}
+    kept = [rows[key] for key in sorted(rows)]
+    ROWS.write_text("[\n" + ",\n".join(map(json.dumps, kept)) + "\n]\n", encoding="utf-8")
+    PAGE.write_text(page(kept), encoding="utf-8")
+    draw(kept, FIGURE)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,213 @@
+"""The benchmark: a row for every run, none run twice, none lost by a kill."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import benchmark
+import pytest
+import runs
+import train
+from conftest import AGENTS, HERE
+from test_train import PYTHONPATH, assert_same_run, rows
+
+TOY = "toy_env:Toy-v0"
+KEYS = {
+    *("task", "algorithm", "seed", "steps", "seconds", "success_rate", "mean_return", "episodes"),
+    *("config", "probe", "springgym", "commit", "python", "packages", "cpu"),
+}
+
+
+@pytest.fixture(scope="module")
+def configs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("configs")
+    for algo in ("ppo", "linear"):
+        shutil.copy(HERE / f"toy_{algo}.yaml", folder / f"{algo}.yaml")
+    return folder
+
+
+def command(folder, configs, *options, algorithms=("zero", "linear", "ppo")):
+    tasks = ["--tasks", TOY, "--algorithms", *algorithms]
+    asked = ["--runs", str(folder), "--configs", str(configs), "--episodes", "20"]
+    return [*tasks, *asked, "--local", "--jobs", "2", *options]
+
+
+@pytest.fixture(autouse=True)
+def found_by_new_processes(monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([PYTHONPATH, str(AGENTS)]))
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory, configs):
+    folder = tmp_path_factory.mktemp("runs") / "done"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join([PYTHONPATH, str(AGENTS)]))
+        assert benchmark.main(command(folder, configs, "--seeds", "1")) == 0
+    return folder
+
+
+def table(folder):
+    return {
+        (row["algorithm"], row["seed"]): row for row in json.loads((folder / "baselines.json").read_text())
+    }
+
+
+def test_rows(done):
+    found = table(done)
+    assert set(found) == {("zero", 0), ("linear", 0), ("ppo", 0)}
+    assert all(set(row) == KEYS for row in found.values())
+    zero, linear, ppo = (found[name, 0] for name in ("zero", "linear", "ppo"))
+    assert zero["steps"] == zero["seconds"] == 0
+    assert linear["success_rate"] > 0.8 > 0.3 > zero["success_rate"]
+    assert (ppo["steps"], ppo["success_rate"]) == (12288, 1.0)
+    assert 0 < ppo["seconds"] < 60
+    assert ppo["mean_return"] > 0.9 > zero["mean_return"]
+    assert ppo["config"] != linear["config"]
+    assert ppo["probe"] == linear["probe"]
+
+
+def test_what_has_a_row_is_left_alone(done, configs, capsys):
+    before = (done / "baselines.json").read_bytes()
+    assert benchmark.main(command(done, configs, "--seeds", "1")) == 0
+    assert "3 runs, 0 of them to do" in capsys.readouterr().out
+    assert (done / "baselines.json").read_bytes() == before
+
+
+def test_a_run_is_the_one_of_train(done, tmp_path):
+    config = ["--config", str(HERE / "toy_ppo.yaml"), "--episodes", "0"]
+    assert train.main([TOY, "--run", str(tmp_path / "run"), *config]) == 0
+    assert_same_run(done / "Toy-v0-ppo-0", tmp_path / "run")
+
+
+def test_linear_control_goes_on_from_its_checkpoint(done, tmp_path, monkeypatch):
+    """To the bit, whichever generation it was stopped in."""
+    import toy_env
+
+    config = ["--config", str(HERE / "toy_linear.yaml"), "--episodes", "0"]
+    monkeypatch.setattr(toy_env, "interrupt_at", 100)
+    assert train.main([TOY, "--algo", "linear", "--run", str(tmp_path / "run"), *config]) == 130
+    monkeypatch.setattr(toy_env, "interrupt_at", None)
+    assert 0 < len(rows(tmp_path / "run")) < len(rows(done / "Toy-v0-linear-0"))
+    assert train.main(["--resume", str(tmp_path / "run"), "--episodes", "0"]) == 0
+    assert rows(tmp_path / "run") == rows(done / "Toy-v0-linear-0")
+    names = [folder / "agent.npz" for folder in (tmp_path / "run", done / "Toy-v0-linear-0")]
+    assert names[0].read_bytes() == names[1].read_bytes()
+
+
+def start(arguments, **environment):
+    return subprocess.Popen(
+        [sys.executable, str(AGENTS / "benchmark.py"), *arguments],
+        env=os.environ | environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+
+
+def until(condition, seconds=120.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_killed_benchmark_goes_on(done, configs, tmp_path):
+    """Its runs end with it, and lose what came after their checkpoints only."""
+    folder = tmp_path / "killed"
+    asked = command(folder, configs, "--seeds", "1", algorithms=["ppo"])
+    process = start(asked)
+    model = folder / "Toy-v0-ppo-0" / "model.zip"
+    until(model.exists)
+    process.kill()
+    process.communicate()
+    assert not (folder / "baselines.json").exists()
+    assert int(rows(folder / "Toy-v0-ppo-0")[-1]["timesteps"]) < 12288
+
+    def let_go():
+        try:
+            with runs.locked(folder / "Toy-v0-ppo-0"):
+                return True
+        except runs.ConfigError:
+            return False
+
+    until(let_go)
+    assert benchmark.main(asked) == 0
+    assert_same_run(folder / "Toy-v0-ppo-0", done / "Toy-v0-ppo-0")
+    differs = {"seconds", "commit"}
+    again, once = table(folder)["ppo", 0], table(done)["ppo", 0]
+    assert {k: v for k, v in again.items() if k not in differs} == {
+        k: v for k, v in once.items() if k not in differs
+    }
+
+
+def test_killed_run_does_not_end_the_others(done, configs, tmp_path):
+    folder = tmp_path / "killed"
+    asked = command(folder, configs, "--seeds", "1", algorithms=["zero", "ppo"])
+    process = start(asked, TOY_KILL_AT="300")
+    said = process.communicate()[0].decode()
+    assert process.returncode == 1, said
+    assert f"{TOY} ppo 0 failed: its process ended with status {-signal.SIGKILL}" in said
+    assert set(table(folder)) == {("zero", 0)}
+    assert benchmark.main(asked) == 0
+    assert_same_run(folder / "Toy-v0-ppo-0", done / "Toy-v0-ppo-0")
+
+
+def test_another_configuration_is_another_run(done, configs, tmp_path):
+    folder = tmp_path / "runs"
+    shutil.copytree(done, folder)
+    asked = command(folder, configs, "--seeds", "1", "--set", "total_timesteps=2048", algorithms=["ppo"])
+    assert benchmark.main(asked) == 0
+    row = table(folder)["ppo", 0]
+    assert row["steps"] == 2048
+    assert row["config"] != table(done)["ppo", 0]["config"]
+    assert len(rows(folder / "Toy-v0-ppo-0.old-1")) == 24
+
+
+def test_a_changed_task_is_another_run(done, configs, tmp_path, capsys):
+    """The probe of a row differs from that of the task: its agent was trained on something else."""
+    folder = tmp_path / "runs"
+    shutil.copytree(done, folder)
+    content = (folder / "baselines.json").read_text().replace('"probe": 0.', '"probe": 1.')
+    (folder / "baselines.json").write_text(content)
+    (folder / "Toy-v0-linear-0" / "probe.txt").write_text("0.5\n")
+    assert benchmark.main(command(folder, configs, "--seeds", "1", algorithms=["linear"])) == 0
+    assert "1 runs, 1 of them to do" in capsys.readouterr().out
+    assert (folder / "Toy-v0-linear-0.old-1").is_dir()
+    assert table(folder)["linear", 0]["probe"] < 1
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--address", "auto", "--jobs", "2"], "--jobs is for this machine"),
+        (["--address", "auto", "--local"], "not allowed with argument"),
+        (["--algorithms", "dqn"], "invalid choice: 'dqn'"),
+        (["--seeds", "0"], "'0' must be a whole number from 1"),
+    ],
+)
+def test_contradicting_arguments(options, says, capsys):
+    with pytest.raises(SystemExit):
+        benchmark.main(options)
+    assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--tasks", "Absent-v0"], "no entry for 'Absent-v0'"),
+        (["--set", "lr=1"], "unknown key 'lr'"),
+        (["--configs", "absent"], "absent/ppo.yaml: cannot read it"),
+    ],
+)
+def test_what_is_wrong_is_told_before_anything_runs(options, says, tmp_path, capsys):
+    asked = ["--local", "--runs", str(tmp_path), "--algorithms", "ppo", *options]
+    assert benchmark.main(asked) == 2
+    assert says in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_damaged_table(tmp_path, configs, capsys):
+    (tmp_path / "baselines.json").write_text("[{}]")
+    assert benchmark.main(command(tmp_path, configs)) == 2
+    assert "not the rows of a benchmark" in capsys.readouterr().err

@@ -1,0 +1,109 @@
+"""Agents of the repository: each is what its card says, and nobody's but its author's."""
+
+import json
+import shutil
+
+import benchmark
+import evaluate
+import publish
+import pytest
+import runs
+import watch
+from runs import TRAINED
+
+CARDS = sorted(TRAINED.glob("*/card.json"))
+
+
+@pytest.mark.parametrize("path", CARDS, ids=lambda path: path.parent.name)
+def test_it_does_what_its_card_says(path, tmp_path):
+    card = json.loads(path.read_text())
+    assert path.parent.name == card["task"]
+    assert benchmark.probe(card["task"]) == pytest.approx(card["probe"], abs=1e-6), "the task has changed"
+    found = tmp_path / "found.json"
+    asked = ["--pretrained", card["task"], "--episodes", str(card["episodes"]), "--json", str(found)]
+    assert evaluate.main(asked) == 0
+    (result,) = json.loads(found.read_text())
+    low, high = card["interval"]
+    assert low <= result["return_per_step"] <= high
+    assert result["success_rate"] == pytest.approx(card["success_rate"], abs=0.03)
+    assert all(finding["survives"] for finding in card["audit"])
+    run = runs.open_run(path.parent)
+    assert card["command"] == publish.command(run)
+
+
+def test_there_are_some():
+    assert CARDS
+
+
+@pytest.fixture
+def copied(tmp_path, monkeypatch):
+    """The repository's agents, to do harm to."""
+    shutil.copytree(TRAINED, tmp_path / "trained")
+    monkeypatch.setattr(runs.pretrained, "__defaults__", (tmp_path / "trained",))
+    return tmp_path / "trained"
+
+
+def test_a_film_of_one(copied, tmp_path):
+    assert watch.main(["--pretrained", "SpringRope-v0", "--out", str(tmp_path / "rope.gif")]) == 0
+    assert (tmp_path / "rope.gif").read_bytes().startswith(b"GIF8")
+
+
+@pytest.mark.parametrize("name", ["agent.npz", "config.yaml"])
+def test_one_that_was_changed_is_refused(copied, name, capsys):
+    with open(copied / "SpringTop-v0" / name, "ab") as file:
+        file.write(b"\n")
+    assert evaluate.main(["--pretrained", "SpringTop-v0"]) == 2
+    assert f"{name}: it is not the file that was published" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"sha256": 3}'])
+def test_a_damaged_card(copied, text, capsys):
+    (copied / "SpringTop-v0" / "card.json").write_text(text)
+    assert evaluate.main(["--pretrained", "SpringTop-v0"]) == 2
+    assert "not the card of an agent" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["Absent-v0", "../trained/SpringTop-v0", ""])
+def test_there_is_no_such_agent(name):
+    with pytest.raises(runs.ConfigError, match="there is no such agent; there are Spring"):
+        runs.pretrained(name)
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (evaluate.main, "name agents, or --pretrained and an environment id"),
+        (watch.main, "name an agent, or --pretrained and an environment id"),
+    ],
+)
+def test_nobody_is_named(command, says, capsys):
+    with pytest.raises(SystemExit):
+        command([])
+    assert says in capsys.readouterr().err
+
+
+def test_publishing_keeps_the_better_one(copied, tmp_path, capsys):
+    """The same agent again does not replace itself; a better one replaces a worse one."""
+    run = TRAINED / "SpringRope-v0"
+    shutil.copytree(run, tmp_path / "run")
+    card = json.loads((run / "card.json").read_text())
+    (tmp_path / "run" / "versions.json").write_text(json.dumps(card["versions"]))
+    command = [str(tmp_path / "run"), "--into", str(copied)]
+    assert publish.main(command) == 0
+    assert "SpringRope-v0: ppo" in capsys.readouterr().out
+    card |= {"mean_return": 0.1}
+    (copied / "SpringRope-v0" / "card.json").write_text(json.dumps(card))
+    assert publish.main(command) == 0
+    assert json.loads((copied / "SpringRope-v0" / "card.json").read_text())["mean_return"] > 0.7
+    assert runs.pretrained("SpringRope-v0") == copied / "SpringRope-v0"
+
+
+def test_what_nobody_could_train_again_is_not_published(copied, tmp_path, capsys):
+    shutil.copytree(TRAINED / "SpringRope-v0", tmp_path / "run")
+    text = (tmp_path / "run" / "config.yaml").read_text()
+    (tmp_path / "run" / "config.yaml").write_text(
+        text.replace("total_timesteps: 800000", "total_timesteps: 8")
+    )
+    (tmp_path / "run" / "versions.json").write_text("{}")
+    assert publish.main([str(tmp_path / "run"), "--into", str(copied)]) == 2
+    assert "was trained with another configuration than configs/ppo.yaml has" in capsys.readouterr().err

@@ -1,0 +1,43 @@
+"""Statistics of runs: against closed forms."""
+
+import numpy as np
+import pytest
+import scores
+from scipy.stats import trim_mean
+
+
+@pytest.mark.parametrize("n", [1, 3, 4, 10, 100])
+def test_interquartile_mean_of_a_ramp_is_its_middle(n):
+    values = np.random.default_rng(0).permutation(np.arange(n, dtype=float))
+    assert scores.interquartile_mean(values) == pytest.approx((n - 1) / 2)
+
+
+def test_interquartile_mean_is_the_trimmed_one_and_blind_to_outliers():
+    values = np.random.default_rng(0).normal(size=40)
+    assert scores.interquartile_mean(values) == pytest.approx(trim_mean(values, 0.25))
+    values[np.argmax(values)] = 1e9
+    assert scores.interquartile_mean(values) == pytest.approx(trim_mean(values, 0.25))
+
+
+def test_values_at_the_borders_count_in_part():
+    """The middle half of three: a quarter of the first, all of the second, a quarter of the third."""
+    assert scores.interquartile_mean(np.array([0.0, 1.0, 8.0])) == pytest.approx(
+        (0.0 * 1 + 1 * 4 + 8 * 1) / 6
+    )
+
+
+def test_profile():
+    np.testing.assert_allclose(
+        scores.profile(np.array([0.0, 0.5, 0.5, 1.0]), np.array([0.0, 0.4, 0.5, 1.0])),
+        [0.75, 0.75, 0.25, 0.0],
+    )
+
+
+def test_interval_is_that_of_the_mean_of_normal_scores():
+    """±1.96 σ/√n for one task; none at all where all seeds agree, however tasks differ."""
+    values = np.random.default_rng(0).normal(size=400)
+    low, high = scores.interval([values], lambda x: float(np.mean(x)))
+    error = 1.96 * values.std() / 20
+    assert low == pytest.approx(values.mean() - error, abs=0.15 * error)
+    assert high == pytest.approx(values.mean() + error, abs=0.15 * error)
+    assert scores.interval([np.zeros(5), np.ones(5)], lambda x: float(np.mean(x))) == (0.5, 0.5)

@@ -1,0 +1,79 @@
+"""The search of hyperparameters: what it tries, that it goes on, and what it leaves."""
+
+import json
+import shutil
+
+import pytest
+import toy_env
+from conftest import HERE
+
+pytest.importorskip("optuna")
+import tune
+from config import CONFIG_OF, load_config
+
+TOY = "toy_env:Toy-v0"
+
+
+@pytest.fixture
+def command(tmp_path):
+    configs = tmp_path / "configs"
+    configs.mkdir()
+    shutil.copy(HERE / "toy_ppo.yaml", configs / "ppo.yaml")
+
+    def command(*options):
+        asked = ["--runs", str(tmp_path / "tune"), "--configs", str(configs), "--seeds", "1"]
+        return [TOY, *asked, *options, "--set", "total_timesteps=2048", "n_envs=64"]
+
+    return command
+
+
+def study(tmp_path):
+    return json.loads((tmp_path / "tune" / "Toy-v0-ppo" / "study.json").read_text())
+
+
+@pytest.fixture
+def narrow(monkeypatch):
+    monkeypatch.setitem(tune.SPACES, "ppo", {"learning_rate": (1e-3, 1e-2), "n_steps": [8, 16]})
+
+
+def test_a_search_and_its_continuation(command, narrow, tmp_path, capsys):
+    assert tune.main(command("--trials", "2")) == 0
+    assert tune.main(command("--trials", "3")) == 0
+    found = study(tmp_path)
+    assert [trial["state"] for trial in found["trials"]] == ["COMPLETE"] * 3
+    assert found["searched"] == {"learning_rate": [1e-3, 1e-2], "n_steps": [8, 16]}
+    best = max(found["trials"], key=lambda trial: trial["value"])
+    config = load_config("ppo", TOY, path=tmp_path / "tune" / "Toy-v0-ppo" / "best.yaml")
+    assert (config.n_steps, config.total_timesteps) == (best["n_steps"], 2048)
+    assert f"best: trial {best['number']}" in capsys.readouterr().out
+
+
+def test_an_interrupted_trial_goes_on(command, narrow, tmp_path, monkeypatch, capsys):
+    """Its parameters are tried again first, and its run goes on from its checkpoint."""
+    monkeypatch.setattr(toy_env, "interrupt_at", 20)
+    assert tune.main(command("--trials", "1")) == 130
+    monkeypatch.setattr(toy_env, "interrupt_at", None)
+    assert tune.main(command("--trials", "1")) == 0
+    first, second = study(tmp_path)["trials"]
+    assert (first["state"], second["state"]) == ("FAIL", "COMPLETE")
+    assert first["learning_rate"] == second["learning_rate"]
+
+
+def test_what_cannot_be_trained_is_given_up(command, monkeypatch, tmp_path):
+    monkeypatch.setitem(tune.SPACES, "ppo", {"batch_size": [7]})
+    assert tune.main(command("--trials", "1")) == 0
+    (trial,) = study(tmp_path)["trials"]
+    assert trial["state"] == "PRUNED"
+
+
+@pytest.mark.parametrize("algo", CONFIG_OF)
+def test_what_is_searched_is_there(algo):
+    fields = CONFIG_OF[algo].__dataclass_fields__
+    assert set(tune.SPACES[algo]) <= set(fields)
+
+
+def test_errors(command, capsys):
+    assert tune.main(["Absent-v0"]) == 2
+    assert "no entry for 'Absent-v0'" in capsys.readouterr().err
+    assert tune.main([*command(), "lr=1"]) == 2
+    assert "unknown key 'lr'" in capsys.readouterr().err
