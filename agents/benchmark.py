@@ -27,6 +27,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from importlib.util import find_spec
 from multiprocessing.connection import Connection, wait
@@ -217,7 +218,8 @@ Outcome = tuple[Cell, dict[str, Any] | str]
 def in_processes(cells: Sequence[Cell], plan: Plan, jobs: int) -> Iterator[Outcome | None]:
     """Run cells on this machine, each in a process of its own; None whenever a second has passed."""
     spawn = multiprocessing.get_context("spawn")
-    waiting, running = list(reversed(cells)), {}
+    waiting = list(reversed(cells))
+    running: dict[Connection, tuple[Cell, Any]] = {}
     try:
         while waiting or running:
             while waiting and len(running) < jobs:
@@ -275,22 +277,30 @@ def one_thread() -> Iterator[None]:
 
 def on_ray(cells: Sequence[Cell], plan: Plan, address: str | None, jobs: int) -> Iterator[Outcome | None]:
     """Run cells on a Ray cluster, or on one made of this machine's cores."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # tells nobody
     import ray
 
     path = os.pathsep.join([str(ROOT / "agents"), str(ROOT), os.environ.get("PYTHONPATH", "")])
     environment = {"env_vars": dict.fromkeys(THREADS, "1") | {"PYTHONPATH": path}}
-    cores = {} if address else {"num_cpus": jobs, "include_dashboard": False}
+    cores: dict[str, Any] = {} if address else {"num_cpus": jobs, "include_dashboard": False}
     try:
-        ray.init(address, runtime_env=environment, log_to_driver=False, configure_logging=False, **cores)
+        ray.init(
+            address or "local", runtime_env=environment, log_to_driver=False, configure_logging=False, **cores
+        )
     except (ConnectionError, ValueError) as error:
         raise ConfigError(f"--address {address}: {error}") from error
+
+    def received(future: Any) -> dict[str, Any]:
+        row: dict[str, Any] = ray.get(future)
+        return row
+
     try:
         task = ray.remote(num_cpus=1, max_retries=TRIES, max_calls=1)(measured)
         running = {task.remote(cell, plan): cell for cell in cells}
         while running:
             done, _ = ray.wait(list(running), timeout=1.0)
             for future in done:
-                yield running.pop(future), outcome(lambda future=future: ray.get(future))
+                yield running.pop(future), outcome(partial(received, future))
             yield None
     finally:
         ray.shutdown()

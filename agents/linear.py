@@ -81,7 +81,7 @@ class Search:
         count, episodes = len(policies), len(seeds)
         matrices = policies.reshape(count, self.outputs, self.inputs + 1)
         weight, bias = matrices[:, None, :, :-1], matrices[:, None, :, -1]
-        observations, _ = self.env.reset(seed=seeds * count)
+        observations, _ = self.env.reset(seed=seeds * count)  # type: ignore[arg-type]  # it takes a list
         returns, lengths = np.zeros(count * episodes), np.zeros(count * episodes, int)
         successes, running, taken = np.zeros(count * episodes, bool), np.ones(count * episodes, bool), 0
         while running.any():
@@ -119,7 +119,8 @@ class Search:
         """Write agent and learning curve."""
         matrix = self.mean.reshape(self.outputs, self.inputs + 1).astype(np.float32)
         with whole_file(self.run.agent) as temporary:
-            np.savez(temporary, **{WEIGHT: matrix[:, :-1], BIAS: matrix[:, -1]})
+            arrays: dict[str, Any] = {WEIGHT: matrix[:, :-1], BIAS: matrix[:, -1]}
+            np.savez(temporary, **arrays)
         text = io.StringIO()
         table = csv.writer(text, lineterminator="\n")
         table.writerow(self.columns)

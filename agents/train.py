@@ -74,6 +74,7 @@ from watch import record
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import INTERRUPTED, guarded, whole_file
+from springgym.envs.agent import Algorithm
 from springgym.envs.sb3 import SB3VecEnv, StaggeredMonitor, make_sb3
 
 matplotlib.use("Agg")
@@ -527,7 +528,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def begin(options: argparse.Namespace) -> int:
     """Start a new run."""
-    algo, seed, overrides = options.algo or "ppo", options.seed or 0, options.overrides
+    algo: Algorithm = options.algo or "ppo"
+    seed, overrides = options.seed or 0, options.overrides
     if options.timesteps is not None:
         overrides = [*overrides, f"total_timesteps={options.timesteps}"]
     config = load_config(algo, options.env_id, overrides, options.config)

@@ -172,7 +172,7 @@ def find(env_id: str) -> tuple[Row, dict[str, Any]] | None:
 
 def register() -> None:
     """Register all environments with Gymnasium; those that are registered already stay."""
-    plain = [(row.id, row, {}) for row in ENVIRONMENTS]
+    plain: list[tuple[str, Row, dict[str, Any]]] = [(row.id, row, {}) for row in ENVIRONMENTS]
     found = {variant.id: find(variant.id) for variant in VARIANTS}
     for env_id, row, arguments in [*plain, *((name, *what) for name, what in found.items() if what)]:
         if env_id not in gym.registry:

@@ -141,6 +141,7 @@ def test_killed_benchmark_goes_on(done, configs, tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_killed_run_does_not_end_the_others(done, configs, tmp_path):
     folder = tmp_path / "killed"
     asked = command(folder, configs, "--seeds", "1", algorithms=["zero", "ppo"])
@@ -153,6 +154,7 @@ def test_killed_run_does_not_end_the_others(done, configs, tmp_path):
     assert_same_run(folder / "Toy-v0-ppo-0", done / "Toy-v0-ppo-0")
 
 
+@pytest.mark.slow
 def test_another_configuration_is_another_run(done, configs, tmp_path):
     folder = tmp_path / "runs"
     shutil.copytree(done, folder)
@@ -211,3 +213,46 @@ def test_a_damaged_table(tmp_path, configs, capsys):
     (tmp_path / "baselines.json").write_text("[{}]")
     assert benchmark.main(command(tmp_path, configs)) == 2
     assert "not the rows of a benchmark" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_ray_on_the_cores_of_this_machine(done, configs, tmp_path):
+    pytest.importorskip("ray")
+    asked = [word for word in command(tmp_path, configs, "--seeds", "1") if word != "--local"]
+    process = start(asked)
+    said = process.communicate()[0].decode()
+    assert process.returncode == 0, said
+    assert_same_run(tmp_path / "Toy-v0-ppo-0", done / "Toy-v0-ppo-0")
+    assert {cell: row["mean_return"] for cell, row in table(tmp_path).items()} == {
+        cell: row["mean_return"] for cell, row in table(done).items()
+    }
+
+
+@pytest.mark.slow
+def test_a_cluster_that_loses_a_node(configs, tmp_path):
+    """Two raylets, one of which is killed while both train: the other takes over its run, to the bit."""
+    pytest.importorskip("ray")
+    from ray.cluster_utils import Cluster
+
+    length = ["--set", "total_timesteps=49152"]
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    try:
+        other = cluster.add_node(num_cpus=1)
+        cluster.wait_for_nodes()
+        asked = ["--tasks", TOY, "--algorithms", "ppo", "--seeds", "2", "--episodes", "20"]
+        where = ["--runs", str(tmp_path / "cluster"), "--configs", str(configs)]
+        process = start([*asked, *where, "--address", cluster.address, *length])
+        folders = [tmp_path / "cluster" / f"Toy-v0-ppo-{seed}" for seed in range(2)]
+        until(lambda: all((folder / "model.zip").exists() for folder in folders))
+        assert not any(len(rows(folder)) == 96 for folder in folders)
+        cluster.remove_node(other, allow_graceful=False)
+        said = process.communicate()[0].decode()
+        assert process.returncode == 0, said
+        assert set(table(tmp_path / "cluster")) == {("ppo", 0), ("ppo", 1)}
+    finally:
+        cluster.shutdown()
+    config = ["--config", str(configs / "ppo.yaml"), "--episodes", "0", *length]
+    for seed, folder in enumerate(folders):
+        reference = tmp_path / f"reference-{seed}"
+        assert train.main([TOY, "--seed", str(seed), "--run", str(reference), *config]) == 0
+        assert_same_run(folder, reference)
