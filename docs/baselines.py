@@ -224,7 +224,8 @@ def main() -> None:
     rows = {}
     for path in [*([ROWS] if ROWS.exists() else []), *options.rows]:
         rows |= {key(row): row for row in read(path)}
-    kept = [rows[key] for key in sorted(rows)]
+    known = {task.id for task in TASKS}
+    kept = [rows[of] for of in sorted(rows) if of[0] in known]
     ROWS.write_text("[\n" + ",\n".join(map(json.dumps, kept)) + "\n]\n", encoding="utf-8")
     PAGE.write_text(page(kept), encoding="utf-8")
     draw(kept, FIGURE)

@@ -25,7 +25,7 @@ import springgym
 from springgym.bench.environments import error_per_step, estimates
 from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.envs.task import Task
-from springgym.registration import ENVIRONMENTS, Row
+from springgym.registration import ENVIRONMENTS, VARIANTS, Row
 from springgym.simulator import Simulator
 
 PAGE = Path(__file__).with_name("environments.md")
@@ -59,16 +59,26 @@ def write_pages() -> None:
 
 def table_of_environments() -> list[str]:
     """A link to each page, with the first two sentences of its description: what there is, and what to do."""
-    lines = ["| environment | the task | episode | solved at |", "|---|---|---|---|"]
+    lines = ["| environment | the task | tier | episode | solved at |", "|---|---|---|---|---|"]
     for row in ENVIRONMENTS:
         said = re.sub(r"\s+", " ", describe(row).split("## Description\n")[1].split("\n## ")[0])
         aim = " ".join(re.split(r"(?<=[.]) ", said)[:2])
         length = f"{row.max_episode_steps} steps"
         lines.append(
-            f"| [`{row.id}`](environments/{row.id}.md) | {aim} | {length} | {row.reward_threshold:g} |"
+            f"| [`{row.id}`](environments/{row.id}.md) | {aim} | {row.tier} | {length} | "
+            f"{row.reward_threshold:g} |"
         )
     pages = "\n".join(f"environments/{row.id}" for row in ENVIRONMENTS)
     return [*lines, "\n```{toctree}\n:hidden:\n\n" + pages + "\n```\n"]
+
+
+def table_of_named_variants() -> list[str]:
+    """The variants that have ids of their own."""
+    lines = ["| environment | is | with | what makes it hard |", "|---|---|---|---|"]
+    for variant in VARIANTS:
+        arguments = ", ".join(f"`{name}={value!r}`" for name, value in variant.arguments.items())
+        lines.append(f"| `{variant.id}` | `{variant.of}` | {arguments} | {variant.why} |")
+    return [HARDER, *lines, ""]
 
 
 # --- Variants ---------------------------------------------------------------------------------------
@@ -243,6 +253,14 @@ an episode starts and ends. All of them
 "Solved at" is the return from which a task counts as solved; the most that there is is one a step.
 """
 
+HARDER = """## Tiers and harder variants
+
+*First steps* are taken by linear control, too, found in seconds. A *standard* task is solved by PPO with the
+hyperparameters that ship, and not by linear control. A *hard* one can be done, but that PPO does not do it.
+These have ids of their own, so that programs that take nothing but an id can run them. What each algorithm
+reaches stands under [Baselines](baselines.md).
+"""
+
 RANDOMISATION = f"""## Randomisation
 
 `randomize={{"masses": (0.8, 1.2), …}}` draws a factor from each range for every episode, and for every copy
@@ -356,6 +374,7 @@ def main() -> None:
         INTRODUCTION,
         "![The environments in the order of the table](figures/environments.png)\n",
         *table_of_environments(),
+        *table_of_named_variants(),
     ]
     PAGE.write_text("\n".join([*front, measured]), encoding="utf-8")
 

@@ -104,13 +104,6 @@ VARIANTS = (
         "with a quarter of the torque that would lift it, the cube has to be swung up over many periods",
     ),
     Variant(
-        "SpringTopWild-v0",
-        "SpringTop-v0",
-        {"randomize": {"masses": (0.4, 1.6), "gravity": (0.5, 1.6), "actuator": (0.4, 1.6)}},
-        "hard",
-        "weight, inertia and torque differ from episode to episode, and are not observed",
-    ),
-    Variant(
         "SpringTopHard-v0",
         "SpringTop-v0",
         {"hard": True},

@@ -31,6 +31,7 @@ def test_environments_pages_are_current() -> None:
         assert its == writer.describe(row)
         assert f"| `{row.id}` |" in page
     assert "\n".join(writer.table_of_environments()) in page
+    assert "\n".join(writer.table_of_named_variants()) in page
     assert len(list((DOCS / "environments").glob("*.md"))) == len(writer.ENVIRONMENTS)
 
 
