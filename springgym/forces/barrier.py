@@ -32,8 +32,8 @@ LEAST = 1e-6
 ROUNDS = 60
 """Most rounds of Newton's method for a height: some ten where it need not halve its bracket."""
 
-FOUND = 1024
-"""Change of a height, as a share of it and in units of `epsilon`, at which Newton's method has it."""
+FOUND = 1e-7
+"""Change of a height, as a share of it, at which Newton's method, which squares the error each time, has it."""
 
 
 class Planes(NamedTuple):
@@ -140,7 +140,7 @@ def meet(start: Any, u: Any, s: Any, span: Any, c: Any, reach: Any, d: Any, touc
     fastest = maximum(u, -u) + maximum(s, -s) + sqrt(2.0 * c * energy)
     high = select(inside, reach + 2.0 * tau * fastest, reach)
     guess = minimum(maximum(guess, low), high)
-    enough = FOUND * epsilon(u)
+    enough = FOUND + 16 * epsilon(u)
     active = select(slack, 0.0, select(touching, 1.0 + 0.0 * u, 0.0))
     for _ in range(ROUNDS):
         here = maximum(guess, least)
