@@ -6,14 +6,14 @@ Crossley, J. Appl. Mech. 42 (1975) 440, doi:10.1115/1.3423596. Friction is Coulo
 
 No integrator samples this force. In a step of τ seconds from height h₀ to h₁ it has the size of the exact
 discrete gradient of U, F̄ = −(U(h₁) − U(h₀))/(h₁ − h₀), so that its work is −(U(h₁) − U(h₀)) whatever else
-acts (Gonzalez, J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162). With J = τ F̄/m, with u the speed along
-the normal and s its change by all else, everything acts evenly over the step:
+acts (Gonzalez, J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162). With J = τ F̄/m, with u the speed
+along the normal and s its change by all else, everything acts evenly over the step:
 
     dv/dθ = s + J (1 − d v),   θ = 0 … 1;    h₁ = h₀ + τ V̄,    V̄ the mean of v.
 
-J falls with h₁ and V̄ rises with J: there is one root, and h₁ > 0 for every step and speed. Without loss m v²/2 + U
-changes by the work of s, to round-off. With loss J V̄ is still the work of the barrier; so the rebound is that of
-theory for every step, and what rests is in balance at every step.
+J falls with h₁ and V̄ rises with J: there is one root, and h₁ > 0 for every step and speed. Without loss m
+v²/2 + U changes by the work of s, to round-off. With loss J V̄ is still the work of the barrier; so the
+rebound is that of theory for every step, and what rests is in balance at every step.
 """
 
 from __future__ import annotations
@@ -32,8 +32,9 @@ LEAST = 1e-6
 ROUNDS = 60
 """Most rounds of Newton's method for a height: some ten where it need not halve its bracket."""
 
-FOUND = 1e-7
-"""Change of a height, as a share of it, at which Newton's method, which squares the error each time, has it."""
+FOUND, FORESEEN = 1e-7, 1e-3
+"""Change of a height, as a share of it, at which Newton's method, which squares the error each time, has it;
+and where the dampers are not known yet."""
 
 
 class Planes(NamedTuple):
@@ -98,25 +99,26 @@ def positive_root(linear: Any, product: Any) -> Any:
 @compiled
 def gradient(start: Any, end: Any, reach: Any) -> Any:
     """F̄/c [1/m²] between two heights, and its derivative by the second."""
-    flat = 1.0 / (reach * reach)
+    flat, first, last = 1.0 / (reach * reach), 1.0 / start, 1.0 / end
     before, after = maximum(reach - start, 0.0), maximum(reach - end, 0.0)
     gap = end - start
-    gap = select(gap < 0.0, minimum(gap, -1e-30), maximum(gap, 1e-30))
-    mean = (before * before * flat / start - after * after * flat / end) / gap
-    slope = (after * (reach + end) * flat / (end * end) - mean) / gap
+    gap = 1.0 / select(gap < 0.0, minimum(gap, -1e-30), maximum(gap, 1e-30))
+    mean = (before * before * flat * first - after * after * flat * last) * gap
+    slope = (after * (reach + end) * flat * last * last - mean) * gap
     inside = maximum(start, end) < reach
-    mean = select(inside, 1.0 / (start * end) - flat, mean)
-    return maximum(mean, 0.0), select(inside, -1.0 / (start * end * end), slope)
+    mean = select(inside, first * last - flat, mean)
+    return maximum(mean, 0.0), select(inside, -1.0 * first * last * last, slope)
 
 
 @compiled
-def meet(start: Any, u: Any, s: Any, span: Any, c: Any, reach: Any, d: Any, touching: Any) -> Any:
+def meet(start: Any, u: Any, s: Any, span: Any, c: Any, reach: Any, d: Any, touching: Any, found: Any) -> Any:
     """What a barrier does in a step to a speed ``u`` along its normal, which all else changes by ``s``.
 
-    ``start`` is the height h₀ that the step begins at; the `Span` says how long it is, ``c`` is the strength per
-    mass, ``d`` [s/m] the loss. With x = d J, φ = (1 − e⁻ˣ)/x, ψ = (1 − φ)/x and e = s + J (1 − d u), the step
-    ends with the speed u + e φ, and V̄ = u + e ψ. What the drifts around the node lack of τ V̄ is a bend of the way
-    at the node: none in a whole node without loss, where ψ is φ/2. Lanes that are not ``touching`` get numbers without a meaning.
+    ``start`` is the height h₀ that the step begins at; the `Span` says how long it is, ``c`` is the strength
+    per mass, ``d`` [s/m] the loss. With x = d J, φ = (1 − e⁻ˣ)/x, ψ = (1 − φ)/x and e = s + J (1 − d u), the
+    step ends with the speed u + e φ, and V̄ = u + e ψ. What the drifts around the node lack of τ V̄ is a bend
+    of the way at the node: none in a whole node without loss, where ψ is φ/2. Lanes that are not ``touching``
+    get numbers without a meaning.
 
     Returns
     -------
@@ -140,7 +142,7 @@ def meet(start: Any, u: Any, s: Any, span: Any, c: Any, reach: Any, d: Any, touc
     fastest = maximum(u, -u) + maximum(s, -s) + sqrt(2.0 * c * energy)
     high = select(inside, reach + 2.0 * tau * fastest, reach)
     guess = minimum(maximum(guess, low), high)
-    enough = FOUND + 16 * epsilon(u)
+    enough = found + 16 * epsilon(u)
     active = select(slack, 0.0, select(touching, 1.0 + 0.0 * u, 0.0))
     for _ in range(ROUNDS):
         here = maximum(guess, least)
@@ -217,8 +219,8 @@ def strength_and_reach(planes: Any, bowl: Any) -> Any:
 def facing(k: Any, begin: Any, end: Any, planes: Any, bowl: Any) -> Any:
     """The normal n̄ of surface ``k`` for a way, and the height at which that begins.
 
-    n̄ · (end − begin) is exactly the difference of both heights: in a bowl, with d from its centre and r = |d|,
-    n̄ = −(d₀ + d₁)/(r₀ + r₁).
+    n̄ · (end − begin) is exactly the difference of both heights: in a bowl, with d from its centre and r =
+    |d|, n̄ = −(d₀ + d₁)/(r₀ + r₁).
     """
     if planes is not None:
         return row(planes.normal, k), height(begin, planes, k)

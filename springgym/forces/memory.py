@@ -1,8 +1,9 @@
 """What a copy keeps from one call to the next beside x and v, in scenes with surfaces.
 
-There a state is read in the middle of a node (`springgym.forces.node`): x is where the particles are there, v the
-mean of the velocities with which they come and go. The next call goes on from the velocities with which they came,
-so that calls of a and b steps are one of a + b. A copy that was placed has come from nowhere: it is fresh.
+There a state is read in the middle of a node (`springgym.forces.node`): x is where the particles are there, v
+the mean of the velocities with which they come and go. The next call goes on from the velocities with which
+they came, so that calls of a and b steps are one of a + b. A copy that was placed has come from nowhere: it
+is fresh.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from springgym.lanes import load, select, store
 from springgym.vectors import choose, plus, row, set_row, times, vector
 
 PHASE, HELD, BEFORE, STEERED = 0, 1, 2, 2 + ENTRIES
-"""Where in the marks are: 0 of a fresh copy, else 1 or 2 in turn, the direction of the dampers' sweep; the energy [J]
-that contact holds in mid-impact beside its barriers; the ledger before the node; and the drive's acceleration."""
+"""Where in the marks are: 0 of a fresh copy, else 1 or 2 in turn, the direction of the dampers' sweep; the
+energy [J] that contact holds in mid-impact beside its barriers; the ledger before the node; and the drive's
+acceleration."""
 
 MARKS = STEERED + 3
 

@@ -3,12 +3,13 @@
 Particles fly straight for half a step, receive the impulses of springs, gravity, actuators, dampers, surfaces
 and friction, and fly straight for the other half. With v₋ and v₊ the velocities before and after the node, an
 impulse p changes the kinetic energy by exactly p · (v₋ + v₊)/2: that is what the ledger enters, and what
-surfaces take for the speed at which they give way (`springgym.forces.barrier`). What rests has no such mean, so
-that it loses nothing, and does not creep.
+surfaces take for the speed at which they give way (`springgym.forces.barrier`). What rests has no such mean,
+so that it loses nothing, and does not creep.
 
-The state is read amid a node, with the mean of v₋ and v₊ for its velocity: that of velocity Verlet where nothing
-touches. What is read has half of the node behind it. `springgym.forces.memory` keeps v₋, from which the next call
-makes the node anew. A fresh copy begins with the second half of a node: it was placed where no drift ended.
+The state is read amid a node, with the mean of v₋ and v₊ for its velocity: that of velocity Verlet where
+nothing touches. What is read has half of the node behind it. `springgym.forces.memory` keeps v₋, from which
+the next call makes the node anew. A fresh copy begins with the second half of a node: it was placed where no
+drift ended.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from springgym.compiling import compiled
 from springgym.forces import stored_energy
 from springgym.forces.actuators import push
 from springgym.forces.barrier import (
+    FORESEEN,
+    FOUND,
     coefficient,
     energy_at,
     facing,
@@ -126,15 +129,15 @@ def near(begin: Any, free: Any, planes: Any, bowl: Any) -> Any:
 
 @compiled
 def impulses(
-    i: Any, begin: Any, free: Any, speed: Any, smooth: Any, span: Any, pushes: Any, terms: Any
+    i: Any, begin: Any, free: Any, speed: Any, smooth: Any, span: Any, found: Any, pushes: Any, terms: Any
 ) -> Any:
     """What surfaces and friction give particle ``i`` at a node (`Given`).
 
     Its way is from ``begin`` to ``free`` without them. It begins with the velocity ``speed``, which all else
     changes by ``smooth``. What one
     surface gives is all else to the others: they are taken in turn until they agree. In a bowl the normal
-    depends on the end of the way, which is found in the same turns. Friction acts along what the surfaces that
-    touch leave free, so that it moves nothing towards one, and stops what it can stop.
+    depends on the end of the way, which is found in the same turns. Friction acts along what the surfaces
+    that touch leave free, so that it moves nothing towards one, and stops what it can stop.
     """
     nothing = times(0.0, speed)
     given, rub, bend, force = nothing, nothing, nothing, nothing
@@ -157,7 +160,7 @@ def impulses(
             touching = minimum(start, start + (span.whole * u + span.out * s)) < reach
             gain, bent, impulse = nothing[0], nothing[0], nothing[0]
             if any_lane(touching):
-                gain, bent, impulse = meet(start, u, s, span, c * square, reach, d, touching)
+                gain, bent, impulse = meet(start, u, s, span, c * square, reach, d, touching, found)
                 bent = bent - (dot(n, curved) - curve)  # by the others
                 gain, bent = select(touching, gain, 0.0), select(touching, bent, 0.0)
                 impulse = select(touching, impulse, 0.0)
@@ -191,7 +194,8 @@ def impulses(
 def lifted(place: Any, first: Any, last: Any, terms: Any) -> Any:
     """How far a node is lifted [m] to be read: to half of the lower of the heights around it, or of Δ.
 
-    Where a step is too coarse for an impact, the node is behind the surface though no way begins or ends there.
+    Where a step is too coarse for an impact, the node is behind the surface though no way begins or ends
+    there.
     """
     lift = times(0.0, place)
     _, reach = strength_and_reach(terms.planes, terms.bowl)
@@ -292,7 +296,8 @@ def record_swing(ledger: Any, swung: Any, thrown: Any, dampers: Any) -> None:
 
 @compiled
 def bow(a: Any, bent: Any, bowed: Any, space: Any, ledger: Any, terms: Any) -> None:
-    """Enter the springs' work on the bends of the last node: that of the mean force at both ends of the way."""
+    """Enter the springs' work on the bends of the last node: that of the mean force at both ends of the
+    way."""
     if bent:
         for i in range(terms.particles.mass.size):
             mass = load(terms.particles.mass, i)
@@ -306,13 +311,13 @@ def pass_node(
 ) -> Any:
     """Let all act at a node: ``v`` changes from v₋ to v₊, and the way is bent; or, at the ``last``, is read.
 
-    ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators. In this order: a kick
-    of what leads to the node, half of what surfaces are going to give, actuators and dampers, the rest of what
-    surfaces give, a kick of h/2. Dampers must see the mean velocity, with what surfaces do to it, else rest looks
-    like stretching; so surfaces are asked twice, first as if there were no dampers.
+    ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators. In this order: a
+    kick of what leads to the node, half of what surfaces are going to give, actuators and dampers, the rest
+    of what surfaces give, a kick of h/2. Dampers must see the mean velocity, with what surfaces do to it,
+    else rest looks like stretching; so surfaces are asked twice, first as if there were no dampers.
 
-    Contacts of several particles are to be found where surfaces are: all of them in turn, with ``smooth`` less
-    what is their own, the heights half a step before and after being those of v₋ and v₊.
+    Contacts of several particles are to be found where surfaces are: all of them in turn, with ``smooth``
+    less what is their own, the heights half a step before and after being those of v₋ and v₊.
 
     Returns whether a way was bent, and the energy [J] of that which belongs to the next node.
     """
@@ -325,8 +330,9 @@ def pass_node(
     swung, thrown = none, none
     bent, raised, known = False, False, False
     for part in range(2):
-        close = False
+        close, found = False, FORESEEN
         if part == 1:
+            found = FOUND
             act_and_damp(v, b, phase, span, space.direction, ledger, terms)
         for i in range(v.shape[0]):
             now, acceleration = row(v, i), row(a, i)
@@ -372,7 +378,7 @@ def pass_node(
                     touched = True
                     smooth = minus(soon, start)
                     change, rub, bend, force = impulses(
-                        i, begin, end, start, smooth, span, space.pushes, terms
+                        i, begin, end, start, smooth, span, found, space.pushes, terms
                     )
                 total = plus(change, rub)
                 if part == 0:

@@ -76,7 +76,8 @@ _OWN: dict[str, tuple[Integrator, Callable[..., None]]] = {}
 
 
 def _method(name: str, surfaces: bool = False) -> tuple[Integrator, Callable[..., None]]:
-    """Record and function of a method; that for scenes with ``surfaces``, if it has one of its own for them."""
+    """Record and function of a method; that for scenes with ``surfaces``, if it has one of its own for
+    them."""
     if name in _OWN:
         return _OWN[name]
     if name not in METHODS:

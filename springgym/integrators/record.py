@@ -110,7 +110,7 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
             )
     elif scene.surfaces and not method.meets_surfaces:
         return (
-            f"contact acts at the nodes of verlet's steps, which {method.name} does not have; use verlet, or rk4 "
-            "with PaperContact"
+            f"contact acts at the nodes of verlet's steps, which {method.name} does not have; use verlet, "
+            "or rk4 with PaperContact"
         )
     return None

@@ -74,8 +74,8 @@ def bounce(h: Any, u: Any, tau: Any, c: Any, reach: Any, damping: Any, touching:
     """Move along a normal for ``tau`` seconds, from height ``h`` at speed ``u``.
 
     ``c`` is the strength per mass, ``damping`` d [s/m] or None. Lanes that are not ``touching`` get
-    numbers without a meaning. Newton's method approaches the impulse from below, lane by lane: only `response`
-    is replaced by its tangent.
+    numbers without a meaning. Newton's method approaches the impulse from below, lane by lane: only
+    `response` is replaced by its tangent.
 
     Returns
     -------

@@ -1,4 +1,5 @@
-"""The node of a step among surfaces: what is read, what is kept, and what is the same however it is asked for."""
+"""The node of a step among surfaces: what is read, what is kept, and what is the same however it is asked
+for."""
 
 from __future__ import annotations
 
@@ -108,7 +109,8 @@ def test_several_bodies_are_each_as_alone_to_the_bit() -> None:
 @pytest.mark.parametrize("speed", [0.3, 3.0, 30.0])
 @pytest.mark.parametrize("surfaces", [(floor(),), (Bowl((0, 0, 1.0), 1.0),)], ids=["floor", "bowl"])
 def test_energy_is_kept_at_every_reading_of_an_impact(speed: float, surfaces: Any) -> None:
-    """What contact holds in mid-impact beside its barriers is in what is read; so is that of a lifted node."""
+    """What contact holds in mid-impact beside its barriers is in what is read; so is that of a lifted
+    node."""
     simulator = beads([[0, 0, 1.5 * REACH]] * 2, [[0, 0, -speed]] * 2, surfaces=surfaces, step=2e-4)
     start = simulator.measure().energy
     touched, worst, fastest = 0, 0.0, 0.0
@@ -126,7 +128,8 @@ def test_energy_is_kept_at_every_reading_of_an_impact(speed: float, surfaces: An
 
 @pytest.mark.parametrize("restitution", [1.0, 0.5])
 def test_cube_loses_no_energy_that_is_not_in_the_books(restitution: float) -> None:
-    """64 orientations at 5 m/s, the default step: what Verlet keeps, H − (h²/8) Σ m |a|², and what was lost."""
+    """64 orientations at 5 m/s, the default step: what Verlet keeps, H − (h²/8) Σ m |a|², and what was
+    lost."""
     body = cube(damping=0.0)
     how = Contact(friction=0.5 if restitution < 1 else 0.0, restitution=restitution)
     draw = np.random.default_rng(0)
@@ -157,7 +160,8 @@ def test_cube_loses_no_energy_that_is_not_in_the_books(restitution: float) -> No
 
 
 def test_what_rests_has_no_velocity() -> None:
-    """A cube held on a slope at 90 % of the limit: springs, gravity, contact and friction balance at the node."""
+    """A cube held on a slope at 90 % of the limit: springs, gravity, contact and friction balance at the
+    node."""
     body = cube()
     angle = np.arctan(0.9 * 0.5)
     slope = Plane((0, 0, 0), (-np.sin(angle), 0, np.cos(angle)))
@@ -175,7 +179,8 @@ def test_what_rests_has_no_velocity() -> None:
 
 
 def test_actions_change_at_nodes_half_and_half() -> None:
-    """Far above a floor the centre moves as forces that change from call to call have it, and work is theirs."""
+    """Far above a floor the centre moves as forces that change from call to call have it, and work is
+    theirs."""
     draw = np.random.default_rng(5)
     simulator = fallen((floor(),), 1)
     simulator.place(simulator.positions + [0, 0, 50.0], simulator.velocities)
