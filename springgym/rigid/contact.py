@@ -1,4 +1,4 @@
-"""Contact of the rigid body: the barrier law of the particles (`springgym.forces.contact`), joined.
+"""Contact of the rigid body: the barrier law of the particles (`springgym.rigid.bounce`), joined.
 
 In a flight of τ seconds each particle near a surface receives an impulse J along the normal: the share s
 where the flight begins and the rest where it ends; between them the body flies freely. The particle gives
@@ -22,9 +22,9 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces.contact import bounce
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
+from springgym.rigid.bounce import bounce
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.surfaces import NEAREST
 from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times, vector
