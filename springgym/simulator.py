@@ -40,8 +40,8 @@ FLOAT = np.dtype(np.float64)
 WORTH_A_THREAD = 10_000
 """Springs × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms) pays."""
 
-OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole")
-"""Arrays of `Simulator._changing` that hold what happens in a step."""
+OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.memory")
+"""Arrays of `Simulator._changing` that hold what happens in a step, or happened in the last."""
 
 FEW = 4096
 """Numbers that BLAS takes on one thread."""
@@ -460,7 +460,7 @@ class Simulator:
         """Be where another simulator of the same scene is, to go on from there by steps of one's own.
 
         All that changes is as there, to the bit, but what dampers do in a step: that is the own step's, and
-        follows from `vary`.
+        follows from `vary`. In scenes with surfaces the copies are fresh, as if they were placed.
 
         Raises
         ------
@@ -475,6 +475,8 @@ class Simulator:
                 raise ValueError(f"other is {other!r}; it must be made like this simulator but for its step")
         for name, array in own.items():
             array[:] = theirs[name]
+        for packed in self._packed:
+            packing.renew(packed, np.arange(self.copies))
 
     def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
         """Names and arrays of all that changes: what moves, what actuators do, and what was varied."""
