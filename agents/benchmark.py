@@ -356,6 +356,36 @@ class Table:
         write_atomically(self.path, f"[\n{lines}\n]\n")
 
 
+def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
+    """The arguments that say how agents are trained."""
+    parser.add_argument("--configs", type=Path, help="folder of hyperparameters (configs)")
+    parser.add_argument(
+        "--set", dest="overrides", nargs="+", default=[], metavar="KEY=VALUE", help="change hyperparameters"
+    )
+
+
+def parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
+    """The arguments, with those that say where cells are run."""
+    parser.add_argument("--jobs", type=whole(1, 10_000), help="runs at a time on this machine (its cores)")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--local", action="store_true", help="this machine without Ray")
+    where.add_argument("--address", help="a Ray cluster; auto: the one that runs here")
+    options = parser.parse_args(arguments)
+    if options.address and options.jobs:
+        parser.error("--jobs is for this machine; a cluster has as many as it has cores")
+    if not options.local and find_spec("ray") is None:
+        parser.error("Ray is not installed: pip install springgym[scale], or give --local")
+    return options
+
+
+def run_cells(cells: Sequence[Cell], plan: Plan, options: argparse.Namespace) -> Iterator[Outcome | None]:
+    """Run cells where the arguments say."""
+    jobs = options.jobs or os.cpu_count() or 1
+    if options.local:
+        return in_processes(cells, plan, jobs)
+    return on_ray(cells, plan, options.address, jobs)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(
@@ -368,19 +398,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--episodes", type=whole(1, 100_000), default=EPISODES, help="to evaluate on (100)")
     parser.add_argument("--runs", type=Path, default=Path("runs/benchmark"), help="folder of the run folders")
     parser.add_argument("--json", type=Path, help="file of the rows (RUNS/baselines.json)")
-    parser.add_argument("--configs", type=Path, help="folder of hyperparameters (configs)")
-    parser.add_argument(
-        "--set", dest="overrides", nargs="+", default=[], metavar="KEY=VALUE", help="change hyperparameters"
-    )
-    parser.add_argument("--jobs", type=whole(1, 10_000), help="runs at a time on this machine (its cores)")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--local", action="store_true", help="this machine without Ray")
-    where.add_argument("--address", help="a Ray cluster; auto: the one that runs here")
-    options = parser.parse_args(arguments)
-    if options.address and options.jobs:
-        parser.error("--jobs is for this machine; a cluster has as many as it has cores")
-    if not options.local and find_spec("ray") is None:
-        parser.error("Ray is not installed: pip install springgym[scale], or give --local")
+    add_hyperparameters(parser)
+    options = parsed(parser, arguments)
     return guarded("benchmark.py", lambda: benchmark(options), MENDABLE)
 
 
@@ -401,12 +420,8 @@ def benchmark(options: argparse.Namespace) -> int:
         print(f"{len(cells)} runs, {len(left)} of them to do; rows in {table.path}")
         if not left:
             return 0
-        jobs = options.jobs or os.cpu_count() or 1
-        results = (
-            in_processes(left, plan, jobs) if options.local else on_ray(left, plan, options.address, jobs)
-        )
         try:
-            failed = collected(left, plan, results, table)
+            failed = collected(left, plan, run_cells(left, plan, options), table)
         except KeyboardInterrupt:
             print("\nstopped; the same command goes on")
             return INTERRUPTED

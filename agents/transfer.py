@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,7 +20,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from benchmark import Cell, Plan, in_processes, on_ray, trained_for
+from benchmark import Cell, Plan, add_hyperparameters, parsed, run_cells, trained_for
 from config import CONFIG_OF, MENDABLE, ConfigError, load_config, making, whole
 from evaluate import evaluate, task_kwargs
 from runs import locked, write_atomically
@@ -91,9 +90,7 @@ def train(options: argparse.Namespace, folder: Path) -> int:
         plan = plan_of(kind, folder, options)
         cells = [Cell(options.task, options.algo, seed) for seed in range(options.seeds)]
         left = [cell for cell in cells if not (plan.folder(cell) / "row.json").exists()]
-        jobs = options.jobs or os.cpu_count() or 1
-        run = in_processes(left, plan, jobs) if options.local else on_ray(left, plan, options.address, jobs)
-        for result in run if left else ():
+        for result in run_cells(left, plan, options) if left else ():
             if result is None:
                 continue
             cell, row = result
@@ -190,15 +187,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=whole(1, 1000), default=3, help="how many, from 0 on (3)")
     parser.add_argument("--episodes", type=whole(1, 100_000), default=100, help="to play (100)")
     parser.add_argument("--runs", type=Path, default=Path("runs/transfer"), help="folder of the run folders")
-    parser.add_argument("--configs", type=Path, help="folder of hyperparameters (configs)")
-    parser.add_argument(
-        "--set", dest="overrides", nargs="+", default=[], metavar="KEY=VALUE", help="change hyperparameters"
-    )
-    parser.add_argument("--jobs", type=whole(1, 10_000), help="runs at a time on this machine (its cores)")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--local", action="store_true", help="this machine without Ray")
-    where.add_argument("--address", help="a Ray cluster; auto: the one that runs here")
-    options = parser.parse_args(arguments)
+    add_hyperparameters(parser)
+    options = parsed(parser, arguments)
     return guarded("transfer.py", lambda: transfer(options), MENDABLE)
 
 

@@ -26,7 +26,7 @@ import numpy as np
 import torch
 import train
 import yaml
-from benchmark import Cell, Plan, training
+from benchmark import Cell, Plan, add_hyperparameters, training
 from config import CONFIG_OF, MENDABLE, ConfigError, load_config, whole
 from evaluate import evaluate, task_kwargs
 from runs import HELD_OUT_SEED, locked, write_atomically
@@ -190,10 +190,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=whole(1, 1000), default=2, help="agents of a trial (2)")
     parser.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, help="of the search")
     parser.add_argument("--runs", type=Path, default=Path("runs/tune"), help="folder of the studies")
-    parser.add_argument("--configs", type=Path, help="folder of hyperparameters to start from (configs)")
-    parser.add_argument(
-        "--set", dest="overrides", nargs="+", default=[], metavar="KEY=VALUE", help="change hyperparameters"
-    )
+    add_hyperparameters(parser)
     options = parser.parse_args(arguments)
     return guarded("tune.py", lambda: tune(options), (*MENDABLE, ModuleNotFoundError))
 

@@ -74,10 +74,10 @@ def table_of_environments() -> list[str]:
 
 def table_of_named_variants() -> list[str]:
     """The variants that have ids of their own."""
-    lines = ["| environment | is | with | what makes it hard |", "|---|---|---|---|"]
+    lines = ["| environment | tier | is | with | what makes it so |", "|---|---|---|---|---|"]
     for variant in VARIANTS:
         arguments = ", ".join(f"`{name}={value!r}`" for name, value in variant.arguments.items())
-        lines.append(f"| `{variant.id}` | `{variant.of}` | {arguments} | {variant.why} |")
+        lines.append(f"| `{variant.id}` | {variant.tier} | `{variant.of}` | {arguments} | {variant.why} |")
     return [HARDER, *lines, ""]
 
 
@@ -257,7 +257,7 @@ HARDER = """## Tiers and harder variants
 
 *First steps* are taken by linear control, too, found in seconds. A *standard* task is solved by PPO with the
 hyperparameters that ship, and not by linear control. A *hard* one can be done, but that PPO does not do it.
-These have ids of their own, so that programs that take nothing but an id can run them. What each algorithm
+Variants with ids of their own can be run by programs that take nothing but an id. What each algorithm
 reaches stands under [Baselines](baselines.md).
 """
 

@@ -58,7 +58,7 @@ VARIANTS = (
         "SpringTopSparse-v0",
         "SpringTop-v0",
         {"sparse": True},
-        "hard",
+        "standard",
         "nothing is rewarded before the top stands, is calm and has its spin, all at once",
     ),
     Variant(

@@ -457,7 +457,7 @@ def test_wrong_configuration(arguments, says, capsys, monkeypatch, tmp_path):
         ),
         ("seed: 0", "sed: 0", r"config.yaml:3: unknown key 'sed'; did you mean 'seed'"),
         ("seed: 0", "seed: zero", r"config.yaml:3: seed: expected a whole number, got 'zero'"),
-        ("gamma: 0.95", "gamma: 95", r"config.yaml:9: gamma: must lie between"),
+        ("gamma: 0.95", "gamma: 95", r"config.yaml:11: gamma: must lie between"),
     ],
 )
 def test_damaged_run_configuration(finished, tmp_path, old, new, says):

@@ -1,0 +1,52 @@
+"""The script for RLlib, which has an environment of its own: what it refuses, and, there, that it learns."""
+
+import importlib.util
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import rllib_ppo
+import torch
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["Absent-v0"], "no entry for 'Absent-v0'"),
+        (["SpringTop-v0", "--copies", "3"], "= 384 is no multiple of 1024"),
+        (["SpringTop-v0", "--resume"], "has no checkpoint"),
+    ],
+)
+def test_errors(arguments, says, tmp_path, capsys):
+    pytest.importorskip("ray")
+    assert rllib_ppo.main([*arguments, "--run", str(tmp_path)]) == 2
+    assert says in capsys.readouterr().err
+
+
+class Still:
+    """A module that does nothing: means of 0, then logarithms of deviations."""
+
+    def forward_inference(self, batch):
+        return {"action_dist_inputs": torch.zeros(len(batch["obs"]), 6)}
+
+
+def test_evaluation_is_that_of_the_other_scripts():
+    from evaluate import evaluate
+
+    zero = evaluate("zero", "SpringTop-v0", {}, 8)
+    earned, success = rllib_ppo.played(Still(), "SpringTop-v0", {}, 8)
+    assert earned == pytest.approx(np.mean(zero.returns_per_step), rel=1e-5)
+    assert success == zero.success_rate
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    importlib.util.find_spec("tree") is None or not gym.__version__.startswith("1.2."),
+    reason="needs agents/rllib-constraints.txt",
+)
+def test_it_trains_on_two_runners_and_goes_on(tmp_path):
+    asked = ["SpringTop-v0", "--runners", "2", "--episodes", "4", "--run", str(tmp_path / "run")]
+    assert rllib_ppo.main([*asked, "--timesteps", "4096"]) == 0
+    assert rllib_ppo.main([*asked, "--timesteps", "8192", "--resume"]) == 0
+    steps = [line.split(",")[0] for line in (tmp_path / "run" / "metrics.csv").read_text().splitlines()]
+    assert steps == ["timesteps", "4096", "8192"]
