@@ -71,9 +71,9 @@ def too_large(own: Any, self: Any, *args: Any, **kwargs: Any) -> Any:
 
 
 def nan(own: Any, self: Any, *args: Any, **kwargs: Any) -> Any:
-    result = own(self, *args, **kwargs)
+    result, seen = own(self, *args, **kwargs)
     result.reward[:] = np.nan
-    return result
+    return result, seen
 
 
 def forgetful(own: Any, self: Any, state: Any) -> None:

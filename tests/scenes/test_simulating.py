@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from springgym import cli, simulate
+from springgym import cli, simulating
 from springgym.bodies import Body
 from springgym.cli import main
 from springgym.scene import Scene
@@ -74,8 +74,8 @@ def test_check_prints_theory_beside_measurement(capsys):
 
 def test_check_that_fails_is_told_by_the_status(capsys, monkeypatch):
     false = Check("a length", 1.0, 2.0, 0.1, "m")
-    monkeypatch.setattr(simulate, "check", lambda recording: [false, false._replace(measured=math.nan)])
-    monkeypatch.setattr(simulate, "load", lambda name: replace(load(name), duration=0.1))
+    monkeypatch.setattr(simulating, "check", lambda recording: [false, false._replace(measured=math.nan)])
+    monkeypatch.setattr(simulating, "load", lambda name: replace(load(name), duration=0.1))
     assert main(["simulate", "cube-pendulum", "--check"]) == 1
     *_, seen, unseen, told, hint = capsys.readouterr().out.splitlines()
     assert seen.split()[2:4] == ["1", "2"]
@@ -99,7 +99,7 @@ def test_a_run_too_short_for_its_checks_is_called_so(capsys, name):
 
 def test_checks_that_do_not_fit_are_told_before_the_run(capsys, tmp_path, monkeypatch):
     """A copy of the top, unbalanced, is neither simulated nor drawn."""
-    monkeypatch.setattr(simulate, "record", None)
+    monkeypatch.setattr(simulating, "record", None)
     text = (resources.files("springgym.scenes") / "top.yaml").read_text(encoding="utf-8")
     path = tmp_path / "mine.yaml"
     path.write_text(text.replace("{kind: top}", "{kind: top, scaled: {0: 1.5}}"), encoding="utf-8")
@@ -135,7 +135,7 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(capsys, monkeypatch, t
 
     path = tmp_path / {"--trace": "a.npz", "--plot": "a.png", "--video": "a.gif"}[option]
     path.write_text("old")
-    monkeypatch.setattr(simulate, "save_trace", fails)
+    monkeypatch.setattr(simulating, "save_trace", fails)
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", fails)
     monkeypatch.setattr("springgym.scenes.film.save_film", fails)
     assert main([*SHORT, option, str(path)]) == 2
@@ -147,7 +147,7 @@ def test_too_little_memory_is_one_line(capsys, monkeypatch):
     def greedy(scene):
         raise MemoryError
 
-    monkeypatch.setattr(simulate, "load", greedy)
+    monkeypatch.setattr(simulating, "load", greedy)
     assert main(SHORT) == 2
     assert capsys.readouterr().err == "springgym: error: not enough memory\n"
 
@@ -178,7 +178,7 @@ def test_trace_as_text(tmp_path):
 
 def test_papers_method_is_one_switch(monkeypatch, capsys):
     seen = []
-    monkeypatch.setattr(simulate, "record", lambda plan, **_: seen.append(plan) or record(plan))
+    monkeypatch.setattr(simulating, "record", lambda plan, **_: seen.append(plan) or record(plan))
     assert main(["simulate", "block-holds", "--method", "paper", "--duration", "0.1"]) == 0
     plan = seen[0]
     assert (plan.integrator, plan.step) == ("rk4", 5e-4)
@@ -243,7 +243,7 @@ def test_interrupt_keeps_what_was_computed(capsys, monkeypatch, tmp_path):
 
         return wrap
 
-    monkeypatch.setattr(simulate, "_bar", bar)
+    monkeypatch.setattr(simulating, "_bar", bar)
     path = tmp_path / "trace.npz"
     assert main([*SHORT, "--trace", str(path)]) == 130
     assert len(np.load(path)["times"]) == 5
@@ -254,7 +254,7 @@ def test_interrupt_elsewhere(capsys, monkeypatch):
     def interrupted(scene):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(simulate, "load", interrupted)
+    monkeypatch.setattr(simulating, "load", interrupted)
     assert main(SHORT) == 130
     assert capsys.readouterr().err == "springgym: interrupted\n"
 
@@ -276,7 +276,7 @@ def test_help_imports_no_command():
 
 
 def test_table_shows_relative_and_absolute_differences():
-    lines = simulate.table(
+    lines = simulating.table(
         [
             Check("a period", 2.0, 2.02, 0.04, "s"),
             Check("a drift", 0.0, 3e-5, 1e-5, "m"),
