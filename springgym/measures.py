@@ -10,6 +10,7 @@ import numpy as np
 from springgym.compiling import compiled
 from springgym.forces import potential_energy
 from springgym.forces.ledger import ENTRIES, WORK
+from springgym.forces.memory import held
 from springgym.lanes import bodies_of, load, maximum, of_body, sqrt, store
 from springgym.vectors import (
     ROUND_OFF,
@@ -86,7 +87,7 @@ class Measures(NamedTuple):
     elastic: np.ndarray
     """energy of the springs, and of forces of one's own [J]"""
     contact: np.ndarray
-    """energy of the particles in the barriers of the surfaces [J]"""
+    """energy of the particles in the barriers of the surfaces [J], and what contact holds in mid-impact"""
     strain: np.ndarray
     """largest |L/L₀ − 1| of any spring [1]"""
     centre: np.ndarray
@@ -158,6 +159,7 @@ def measure_block(x: Any, v: Any, ledger: Any, out: Any, pivot: Any, markers: An
         if particles.free[i]:
             kinetic = kinetic + 0.5 * load(mass, i) * dot(row(v, i), row(v, i))
     gravity, elastic, contact, strain = potential_energy(x, terms)
+    contact = contact + held(kinetic, terms.memory)
     store(out, KINETIC, kinetic)
     store(out, GRAVITY, gravity)
     store(out, ELASTIC, elastic)

@@ -12,7 +12,8 @@ from springgym.blocks import get_copies, numbers, set_copies
 from springgym.checks import HUGE, TINY
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
-from springgym.forces.contact import HollowSphere, Planes
+from springgym.forces.barrier import HollowSphere, Planes
+from springgym.forces.memory import memory
 from springgym.forces.paper_contact import PaperLaw
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.integrators.record import Integrator
@@ -168,6 +169,10 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         strength = parameter({"strength"}, np.array([c]))
         planes = planes and planes._replace(strength=strength, reach=reach)
         bowl = bowl and bowl._replace(strength=strength, reach=reach)
+    actuators = _actuators(part, scene, options.blocks)
+    kept = None
+    if options.method.meets_surfaces and part.surfaces and not twin:
+        kept = memory(count, bool(actuators), options.blocks)
     terms = shared._replace(
         particles=Particles(
             parameter({"masses"}, body.masses),
@@ -183,7 +188,8 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         dampers=dampers,
         planes=planes,
         bowl=bowl,
-        **_actuators(part, scene, options.blocks),
+        memory=kept,
+        **actuators,
     )
     return Packed(part, order, terms, rigid_body)
 
@@ -263,6 +269,12 @@ def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
     return found
 
 
+def renew(packed: Packed, index: np.ndarray) -> None:
+    """Let some copies (k,) begin anew from where they are and how they move."""
+    if packed.terms.memory:
+        set_copies(packed.terms.memory.marks, index, 0.0)
+
+
 def vary(
     packed: Packed, index: np.ndarray, step: float, given: Mapping[str, np.ndarray], shapes: Any
 ) -> None:
@@ -276,6 +288,7 @@ def vary(
         `rigid.shape_values` of each copy in rigid dynamics, if masses are given.
     """
     terms, contact = packed.terms, packed.scene.contact
+    renew(packed, index)
     for name, value in given.items():
         if name == "restitution" and isinstance(contact, Contact):
             each, copy = np.unique(value, return_inverse=True)

@@ -186,7 +186,9 @@ class Simulator:
 
     def _kernel(self) -> SameTypes:
         read = measures.read if len(self.scene.bodies) == 1 else measures.read_bodies
-        return SameTypes(self._kind.advance_kernel(self.integrator.name, read))
+        return SameTypes(
+            self._kind.advance_kernel(self.integrator.name, read, self._terms.memory is not None)
+        )
 
     # --- Building ---------------------------------------------------------------------------------
 
@@ -278,6 +280,8 @@ class Simulator:
         set_copies(self._x, index, x)
         set_copies(self._v, index, v)
         self._settle(index)
+        for packed in self._packed:
+            packing.renew(packed, index)
         if self._ledger is not None:
             set_copies(self._ledger, index, 0.0)
         self.time[index] = 0.0

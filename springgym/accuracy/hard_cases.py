@@ -417,9 +417,19 @@ def fast_drop(broken: bool) -> Outcome:
     )
 
 
+def kept_energy(simulator: Simulator) -> float:
+    """What Verlet keeps of a body without dampers while it rings: H − (h²/8) Σ m |a|² [J]."""
+    scene = simulator.scene
+    force, _ = spring_force_and_jacobian(scene.body, simulator.positions[0])
+    acceleration = force.reshape(-1, 3) / scene.body.masses[:, None] + np.array(scene.gravity)
+    shadow = float(np.sum(scene.body.masses[:, None] * acceleration**2))
+    return float(simulator.measure().energy[0]) - simulator.step**2 / 8 * shadow
+
+
 @case(
     "start below the floor, corner of two planes",
-    "below: refused by particle; thrown into the corner at 10 m/s: energy at most 1 + 1e-3 of the start's",
+    "below: refused by particle; thrown into the corner at 10 m/s: H − (h²/8) Σ m |a|², which is what Verlet "
+    "keeps of a body that rings, at most 1 + 1e-3 of the start's",
     "the paper's contact",
 )
 def below_and_corner(broken: bool) -> Outcome:
@@ -429,8 +439,10 @@ def below_and_corner(broken: bool) -> Outcome:
     began = start(body, turn=(0.3, 0.5, 0.2), position=(1.5, 0.0, 1.5), velocity=(-7.0, 0.0, -7.0))
     scene = Scene(body, *began, surfaces=surfaces, contact=Contact(reach=0.005))
     simulator = contact_simulator(scene, broken)
-    energy = energies(simulator, 200, 10)
-    most = energy.max() / energy[0]
+    first, most = kept_energy(simulator), -math.inf
+    for _ in range(200):
+        simulator.advance(10, check=False)
+        most = max(most, kept_energy(simulator) / first)
     turned = simulator.measure().centre_velocity[0, 0] > 1
     return Outcome(
         f"{'refused' if refusal else 'accepted'}; energy at most {most:.6f}",

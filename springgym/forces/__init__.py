@@ -24,14 +24,8 @@ from springgym.forces.actuators import (
     record_holding,
     set_actuation,
 )
-from springgym.forces.contact import (
-    HollowSphere,
-    Planes,
-    bowl_energy,
-    move_above_planes,
-    move_in_bowl,
-    planes_energy,
-)
+from springgym.forces.barrier import HollowSphere, Planes, contact_energy
+from springgym.forces.memory import Memory
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
 from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
 from springgym.lanes import load
@@ -69,6 +63,8 @@ class Terms(NamedTuple):
     """d of the surfaces [s/m], (1,)"""
     paper_law: PaperLaw | None = None
     """contact as the paper has it"""
+    memory: Memory | None = None
+    """what is kept of the last node, where there are surfaces"""
     own: tuple[OfBody, ...] | None = None
     """forces that a user wrote, of all bodies"""
     body: int = 0
@@ -173,26 +169,7 @@ def paired(dampers: Any) -> bool:
 def drift(x: Any, v: Any, tau: Any) -> None:
     """Let the particles move for ``tau`` seconds, with nothing in their way."""
     for i in range(x.shape[0]):
-        add_row(x, i, times(tau, row(v, i)))  # rounded as above a surface
-
-
-@compiled
-def drift_without(planes: Any, bowl: Any, x: Any, v: Any, tau: Any) -> None:
-    """`drift`, if there are no surfaces."""
-    if planes is None and bowl is None:
-        drift(x, v, tau)
-
-
-@compiled
-def move(x: Any, v: Any, a: Any, tau: Any, ledger: Any, terms: Any) -> None:
-    """Let the particles move for ``tau`` seconds, and meet the surfaces.
-
-    ``a`` are the accelerations that acted for ``tau`` seconds since the last move.
-    """
-    particles, friction, damping = terms.particles, terms.friction, terms.impact_damping
-    move_above_planes(x, v, a, tau, ledger, particles, terms.planes, friction, damping)
-    move_in_bowl(x, v, a, tau, ledger, particles, terms.bowl, friction, damping)
-    drift_without(terms.planes, terms.bowl, x, v, tau)
+        add_row(x, i, times(tau, row(v, i)))
 
 
 @compiled
@@ -204,12 +181,18 @@ def settle(x: Any, v: Any, terms: Any) -> None:
 @compiled
 def potential_energy(x: Any, terms: Any) -> Any:
     """Energies [J] of gravity (0 at the origin), springs and contact, and the largest |L/L₀ − 1|²."""
+    weight, elastic, strain = stored_energy(x, terms)
+    return weight, elastic, contact_energy(x, terms.particles, terms.planes, terms.bowl), strain
+
+
+@compiled
+def stored_energy(x: Any, terms: Any) -> Any:
+    """Energies [J] of gravity and springs, without contact, and the largest |L/L₀ − 1|²."""
     weight = gravity_energy(x, terms.particles, terms.gravity)
     elastic, strain = spring_energy(x, terms.springs)
     if terms.own is not None:
         elastic = elastic + own_energy(x, terms.own, terms.body)
-    on_planes = planes_energy(x, terms.particles, terms.planes)
-    return weight, elastic, on_planes + bowl_energy(x, terms.particles, terms.bowl), strain
+    return weight, elastic, strain
 
 
 @compiled

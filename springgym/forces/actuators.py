@@ -198,10 +198,17 @@ def move_drive(v: Any, force: Any, tau: Any, drive: Any, ledger: Any) -> None:
 
     Its row of ``force`` (N, 3) [N] is what the drive holds it with; the work of that goes to the ledger.
     """
+    if drive is not None:
+        drive_by(v, force, vector(drive.acceleration), tau, drive, ledger)
+
+
+@compiled
+def drive_by(v: Any, force: Any, acceleration: Any, tau: Any, drive: Any, ledger: Any) -> None:
+    """`move_drive` by another acceleration than is asked for now."""
     if drive is not None and drive.particle >= 0:
         for axis in range(3):
             before = load(v, (drive.particle, axis))
-            speed = before + tau * load(drive.acceleration, axis)
+            speed = before + tau * acceleration[axis]
             speed = select(speed > drive.speed, drive.speed, speed)
             speed = select(speed < -drive.speed, -drive.speed, speed)
             store(v, (drive.particle, axis), speed)

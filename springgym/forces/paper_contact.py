@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from springgym.compiling import compiled
-from springgym.forces.contact import height
+from springgym.forces.barrier import height
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.lanes import load, maximum, minimum, select, sqrt
 from springgym.vectors import TINY, add_row, dot, minus, plus, row, set_row, times, unit, vector

@@ -15,7 +15,7 @@ import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces.ledger import DAMPING, WORK, record
-from springgym.lanes import load, maximum, sqrt
+from springgym.lanes import load, maximum, select, sqrt
 from springgym.vectors import TINY, add_scaled, dot, minus, plus, row, set_row, times
 
 
@@ -193,9 +193,19 @@ def pull_on(x: Any, particle: Any, springs: Any) -> Any:
 
 @compiled
 def damp(
-    v: Any, direction: Any, springs: Any, dampers: Any, drive: Any, ledger: Any, backward: Any, whole: Any
+    v: Any,
+    direction: Any,
+    springs: Any,
+    dampers: Any,
+    drive: Any,
+    ledger: Any,
+    backward: Any,
+    whole: Any,
+    among: Any = None,
 ) -> None:
     """Let the relative speed along each spring decay, one after the other, for a ``whole`` step or for half.
+
+    Only ``among`` some copies, if that is given.
 
     A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that
     a pair around a step, or steps of alternating direction, are of second order. In bodies that hold their
@@ -210,6 +220,8 @@ def damp(
             i, j = springs.first[s], springs.second[s]
             along = row(direction, s)
             speed = dot(minus(row(v, j), row(v, i)), along)
+            if among is not None:
+                speed = select(among, speed, 0.0)
             energy = energy + load(decay.loss, s) * speed * speed
             if drive is not None:
                 impulse = load(decay.impulse, s) * speed

@@ -75,23 +75,27 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
 _OWN: dict[str, tuple[Integrator, Callable[..., None]]] = {}
 
 
-def _method(name: str) -> tuple[Integrator, Callable[..., None]]:
-    """Record and function of a method."""
+def _method(name: str, surfaces: bool = False) -> tuple[Integrator, Callable[..., None]]:
+    """Record and function of a method; that for scenes with ``surfaces``, if it has one of its own for
+    them."""
     if name in _OWN:
         return _OWN[name]
     if name not in METHODS:
         raise ValueError(f"unknown integrator {name!r}; there are {', '.join((*METHODS, *_OWN))}")
     module = importlib.import_module(f"{__name__}.{name}")
-    return module.RECORD, module.integrate
+    own = getattr(module, "integrate_among_surfaces", None) if surfaces else None
+    return module.RECORD, own or module.integrate
 
 
-def advance_kernel(name: str, read: Callable[..., None]) -> Callable[..., None]:
+def advance_kernel(name: str, read: Callable[..., None], surfaces: bool = False) -> Callable[..., None]:
     """The compiled function that takes blocks of copies through a number of steps by a method.
+
+    The one for scenes with ``surfaces`` is another where these take code that others should not wait for.
 
     If ``reads``, it then reads them off, by a compiled function like `springgym.measures.read`. Only rigid
     bodies make use of ``settles``: springs need not be put into shape.
     """
-    return _kernel(_method(name)[1], read)
+    return _kernel(_method(name, surfaces)[1], read)
 
 
 @cache

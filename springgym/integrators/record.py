@@ -41,7 +41,7 @@ class Integrator:
     iterative: bool = False
     """solves by Newton's method"""
     meets_surfaces: bool = False
-    """moves particles by `springgym.forces.move`, as contact wants it"""
+    """passes nodes, see `springgym.forces.node`, where there are surfaces"""
 
     @property
     def splits_dampers(self) -> bool:
@@ -78,7 +78,7 @@ class Control(NamedTuple):
 def workspace(method: Integrator, scene: Scene, dtype: Any) -> Any:
     """What a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's matrix."""
     bodies = [placed.body for placed in scene.bodies]
-    rows = max(max(len(body.masses), len(body.springs)) for body in bodies)
+    rows = max(max(len(body.masses), len(body.springs), len(scene.surfaces)) for body in bodies)
     arrays = aligned_zeros((method.workspace, rows, 3), dtype)
     if not method.implicit:
         return arrays
@@ -110,7 +110,7 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
             )
     elif scene.surfaces and not method.meets_surfaces:
         return (
-            f"contact stands in place of the particles' free motion, which {method.name} does not split off "
-            "or takes back in time; use verlet, or rk4 with PaperContact"
+            f"contact acts at the nodes of verlet's steps, which {method.name} does not have; use verlet, "
+            "or rk4 with PaperContact"
         )
     return None

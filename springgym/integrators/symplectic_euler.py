@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces import accelerate, act, actuate, kick, move, relax
+from springgym.forces import accelerate, act, actuate, drift, kick, relax
 from springgym.integrators.record import Integrator
 
 RECORD = Integrator(
@@ -18,7 +18,6 @@ RECORD = Integrator(
     negative_substeps=False,
     workspace=3,
     citation="Hairer, Lubich, Wanner, Geometric Numerical Integration, sec. I.1.2, doi:10.1007/3-540-30666-8",
-    meets_surfaces=True,
 )
 
 
@@ -33,4 +32,4 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, t
         act(v, b, h, ledger, terms)
         relax(v, direction, True, False, ledger, terms)
         kick(v, a, h)
-        move(x, v, a, h, ledger, terms)
+        drift(x, v, h)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces import accelerate, act, actuate, kick, move, paired, relax
+from springgym.forces import accelerate, act, actuate, drift, kick, paired, relax
+from springgym.forces.memory import remember, resume, share_actions, steer
+from springgym.forces.node import Space, bow, next_phase, pass_node
 from springgym.integrators.record import Integrator
 
 RECORD = Integrator(
@@ -16,7 +18,7 @@ RECORD = Integrator(
     real_limit=float("inf"),
     symplectic=True,
     negative_substeps=False,
-    workspace=3,
+    workspace=6,
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
     meets_surfaces=True,
 )
@@ -47,4 +49,33 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, t
             if not whole or n % 2 == 0:
                 relax(v, direction, False, whole, ledger, terms)
             kick(v, a, 0.5 * h)
-            move(x, v, a, h, ledger, terms)
+            drift(x, v, h)
+
+
+@compiled
+def integrate_among_surfaces(
+    x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any
+) -> None:
+    """The same where there are surfaces: all acts at nodes, between drifts of h; see `springgym.forces.node`.
+
+    The state is read amid the last node, which the next call makes anew.
+    """
+    a, b, direction = workspace[0], workspace[1], workspace[2]
+    space = Space(direction, workspace[3], workspace[4], workspace[5])
+    memory = terms.memory
+    phase = resume(x, v, ledger, memory)
+    bent, bowed = False, 0.0 * phase
+    for n in range(steps + 1):
+        accelerate(x, a, direction, terms)
+        actuate(x, b, terms)
+        bow(a, bent, bowed, space, ledger, terms)
+        if n == 0:
+            share_actions(b, phase, memory, memory.pushed, terms.drive)
+        else:
+            steer(memory, terms.drive)
+        if n == steps:
+            remember(x, b, phase, ledger, memory, memory.pushed)
+        bent, bowed = pass_node(x, v, a, b, phase, h, n == steps, space, ledger, terms)
+        if n < steps:
+            phase = next_phase(phase)
+            drift(x, v, h)

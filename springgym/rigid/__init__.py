@@ -121,7 +121,7 @@ def integrator(name: str) -> Integrator:
     return METHODS[name].record
 
 
-def advance_kernel(name: str, read: Callable[..., None]) -> Callable[..., None]:
+def advance_kernel(name: str, read: Callable[..., None], surfaces: bool = False) -> Callable[..., None]:
     """As `springgym.integrators.advance_kernel`; one for all methods."""
     return kernel_reading(read)
 

@@ -1,4 +1,4 @@
-"""Contact of the rigid body: the barrier law of the particles (`springgym.forces.contact`), joined.
+"""Contact of the rigid body: the barrier law of the particles (`springgym.rigid.bounce`), joined.
 
 In a flight of τ seconds each particle near a surface receives an impulse J along the normal: the share s
 where the flight begins and the rest where it ends; between them the body flies freely. The particle gives
@@ -22,9 +22,10 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces.contact import bounce
+from springgym.forces.barrier import surfaces
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
+from springgym.rigid.bounce import bounce
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.surfaces import NEAREST
 from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times, vector
@@ -71,17 +72,6 @@ def touch(i: Any, k: Any, pose: Any, rigid: Any, planes: Any, bowl: Any) -> Any:
         normal = times(-1.0 / distance, here)
         height = bowl.radius - distance
     return height, normal
-
-
-@compiled
-def surfaces(planes: Any, bowl: Any) -> int:
-    """How many there are: planes or a bowl."""
-    count = 0
-    if planes is not None:
-        count += planes.offset.size
-    if bowl is not None:
-        count += 1
-    return count
 
 
 @compiled

@@ -72,9 +72,9 @@ def test_turning_point(speed: float) -> None:
     while (h := state(simulator)[0][0, 2]) < last:
         least, last = h, h
         simulator.advance(1)
-    # The nearest sample is τ/2 from the turning point at most, where F is largest.
+    # The nearest node is τ/2 from the turning point at most, where F is largest; its way has a kink.
     bound = 0.5 * float(theory.force(lowest, C, REACH)) * step**2
-    assert lowest - ROUNDING <= least <= lowest + bound + ROUNDING
+    assert lowest - bound - ROUNDING <= least <= lowest + bound + ROUNDING
     assert least < 0.999 * REACH
 
 
@@ -117,8 +117,7 @@ def test_bouncing_keeps_the_energy(strength: float, reach: float, height: float,
 
 
 def test_bounces_return_to_the_height_they_came_from() -> None:
-    """Hard case 13: 100 bounces; the error shrinks with the step, and no bounce is lost."""
-    errors = []
+    """Hard case 13: 100 bounces; energy is kept to round-off at any step, and no bounce is lost."""
     for step in (1e-3, 2.5e-4):
         simulator = beads([[0, 0, 0.3]], [[0, 0, 0]], step=step)
         start = simulator.measure().energy[0]
@@ -129,9 +128,7 @@ def test_bounces_return_to_the_height_they_came_from() -> None:
             bounces += falling and v[0, 2] > 0
             falling = v[0, 2] <= 0
             worst = max(worst, abs(simulator.measure().energy[0] / start - 1))
-        errors.append(worst)
-    assert errors[0] < 1e-3
-    assert errors[1] < errors[0] / 4
+        assert worst < 1e-12
 
 
 @pytest.mark.parametrize("step", [1e-5, 1e-3, 5e-3])
@@ -527,7 +524,9 @@ def test_off_equals_on_at_zero_strength() -> None:
     none = Simulator(scene.with_(surfaces=()), step=2.5e-4, varying=("damping",))
     far.advance(4000)
     none.advance(4000)
-    assert bits(far) == bits(none)
+    assert (far.positions == none.positions).all()
+    # Velocities are read as the mean of two, or after half a kick: one rounding apart.
+    assert far.velocities == pytest.approx(none.velocities, rel=1e-14, abs=1e-15)
 
 
 @pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.slow)])

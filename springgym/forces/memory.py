@@ -1,0 +1,125 @@
+"""What a copy keeps from one call to the next beside x and v, in scenes with surfaces.
+
+There a state is read in the middle of a node (`springgym.forces.node`): x is where the particles are there, v
+the mean of the velocities with which they come and go. The next call goes on from the velocities with which
+they came, so that calls of a and b steps are one of a + b. A copy that was placed has come from nowhere: it
+is fresh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from springgym.compiling import compiled
+from springgym.forces.actuators import drive_by
+from springgym.forces.ledger import ENTRIES
+from springgym.lanes import load, select, store
+from springgym.vectors import choose, plus, row, set_row, times, vector
+
+PHASE, HELD, BEFORE, STEERED = 0, 1, 2, 2 + ENTRIES
+"""Where in the marks are: 0 of a fresh copy, else 1 or 2 in turn, the direction of the dampers' sweep; the
+energy [J] that contact holds in mid-impact beside its barriers; the ledger before the node; and the drive's
+acceleration."""
+
+MARKS = STEERED + 3
+
+
+class Memory(NamedTuple):
+    """What is kept of the last node, which the next call makes anew."""
+
+    arrived: np.ndarray
+    """(N, 3) velocity with which the node was reached [m/s]"""
+    place: np.ndarray
+    """(N, 3) where the node is [m], if it was lifted to be read"""
+    pushed: np.ndarray | None
+    """(N, 3) what the actuators gave there [m/s²]; None without any"""
+    marks: np.ndarray
+    """(`MARKS`,)"""
+
+
+def memory(particles: int, actuated: bool, blocks: Callable[..., np.ndarray]) -> Memory:
+    """That of fresh copies of a body."""
+    return Memory(
+        blocks(particles, 3), blocks(particles, 3), blocks(particles, 3) if actuated else None, blocks(MARKS)
+    )
+
+
+@compiled
+def resume(x: Any, v: Any, ledger: Any, memory: Any) -> Any:
+    """Go back to where the last node was reached; fresh copies stay where they are. Returns the phase."""
+    phase = load(memory.marks, PHASE)
+    fresh = phase < 0.5
+    for i in range(x.shape[0]):
+        set_row(x, i, choose(fresh, row(x, i), row(memory.place, i)))
+        set_row(v, i, choose(fresh, row(v, i), row(memory.arrived, i)))
+    if ledger is not None:
+        for entry in range(ENTRIES):
+            store(ledger, entry, select(fresh, load(ledger, entry), load(memory.marks, BEFORE + entry)))
+    return phase
+
+
+@compiled
+def share_actions(b: Any, phase: Any, memory: Any, pushed: Any, drive: Any) -> None:
+    """Actions change at nodes: half of what the actuators give is as before, half as it is from now on."""
+    fresh = phase < 0.5
+    if pushed is not None:
+        for i in range(pushed.shape[0]):
+            now = row(b, i)
+            set_row(b, i, choose(fresh, now, times(0.5, plus(now, row(pushed, i)))))
+    if drive is not None:
+        now = vector(drive.acceleration)
+        for axis in range(3):
+            before = load(memory.marks, STEERED + axis)
+            store(memory.marks, STEERED + axis, select(fresh, now[axis], 0.5 * (now[axis] + before)))
+
+
+@compiled
+def steer(memory: Any, drive: Any) -> None:
+    """Let the drive do what it is asked to from now on."""
+    if drive is not None:
+        for axis in range(3):
+            store(memory.marks, STEERED + axis, load(drive.acceleration, axis))
+
+
+@compiled
+def turn_drive(v: Any, force: Any, tau: Any, memory: Any, drive: Any, ledger: Any) -> None:
+    """`move_drive`, as the node before and what is asked for now have it."""
+    if drive is not None:
+        acceleration = (
+            load(memory.marks, STEERED),
+            load(memory.marks, STEERED + 1),
+            load(memory.marks, STEERED + 2),
+        )
+        drive_by(v, force, acceleration, tau, drive, ledger)
+
+
+@compiled
+def remember(x: Any, b: Any, phase: Any, ledger: Any, memory: Any, pushed: Any) -> None:
+    """Keep how the node is reached at which the state is read."""
+    store(memory.marks, PHASE, phase)
+    for i in range(x.shape[0]):
+        set_row(memory.place, i, row(x, i))
+        if pushed is not None:
+            set_row(pushed, i, row(b, i))
+    if ledger is not None:
+        for entry in range(ENTRIES):
+            store(memory.marks, BEFORE + entry, load(ledger, entry))
+
+
+@compiled
+def halve(ledger: Any, memory: Any) -> None:
+    """Leave half of what the node entered in the ledger."""
+    if ledger is not None:
+        for entry in range(ENTRIES):
+            store(ledger, entry, 0.5 * (load(memory.marks, BEFORE + entry) + load(ledger, entry)))
+
+
+@compiled
+def held(like: Any, memory: Any) -> Any:
+    """The energy [J] that contact holds beside its barriers; ``like`` is any value in all lanes."""
+    if memory is None:
+        return 0.0 * like
+    return load(memory.marks, HELD)

@@ -1,0 +1,436 @@
+"""The node of a step: in scenes with surfaces, the place where all impulses of the step act at once.
+
+Particles fly straight for half a step, receive the impulses of springs, gravity, actuators, dampers, surfaces
+and friction, and fly straight for the other half. With v₋ and v₊ the velocities before and after the node, an
+impulse p changes the kinetic energy by exactly p · (v₋ + v₊)/2: that is what the ledger enters, and what
+surfaces take for the speed at which they give way (`springgym.forces.barrier`). What rests has no such mean,
+so that it loses nothing, and does not creep.
+
+The state is read amid a node, with the mean of v₋ and v₊ for its velocity: that of velocity Verlet where
+nothing touches. What is read has half of the node behind it. `springgym.forces.memory` keeps v₋, from which
+the next call makes the node anew. A fresh copy begins with the second half of a node: it was placed where no
+drift ended.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from springgym.compiling import compiled
+from springgym.forces import stored_energy
+from springgym.forces.actuators import push
+from springgym.forces.barrier import (
+    FORESEEN,
+    FOUND,
+    coefficient,
+    energy_at,
+    facing,
+    height,
+    meet,
+    slowed,
+    standing,
+    strength_and_reach,
+    surfaces,
+)
+from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
+from springgym.forces.memory import HELD, halve, turn_drive
+from springgym.forces.springs import damp
+from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, store
+from springgym.vectors import TINY, choose, dot, minus, plus, plus_scaled, row, set_row, times, unit, vector
+
+TURNS = 40
+"""How often the surfaces that know of each other are taken in turn, at the most."""
+
+AGREED = 1e-9
+"""Change of the way by the last turn, as a share of Δ, at which they agree."""
+
+
+class Span(NamedTuple):
+    """The time of a node: that of the drifts before and after it that are its own [s]."""
+
+    lead: Any
+    """h/2, or 0 of a fresh copy"""
+    out: Any
+    """h/2"""
+    whole: Any
+    """the sum"""
+
+
+class Space(NamedTuple):
+    """Workspace of a node."""
+
+    direction: Any
+    """(springs, 3) where each spring points"""
+    given: Any
+    """(N, 3) half of what surfaces are going to give, as far as is known before dampers act [m/s]"""
+    pushes: Any
+    """(surfaces, 3) change of speed [m/s] and bend [m] by each surface that touches a particle"""
+    bends: Any
+    """(N, 3) by how much the ways were bent at the last node [m]"""
+
+
+class Given(NamedTuple):
+    """What the surfaces give a particle at a node."""
+
+    change: Any
+    """of velocity, by their pushes [m/s]"""
+    rub: Any
+    """of velocity, by friction [m/s]"""
+    bend: Any
+    """of the way [m]"""
+    force: Any
+    """Σ J n [m/s]: the work of the barriers is its product with the way, over the time"""
+
+
+# --- Surfaces -----------------------------------------------------------------------------------------
+
+
+@compiled
+def turns(planes: Any, bowl: Any) -> int:
+    """How often the surfaces are taken in turn: at right angles they do not know of each other."""
+    if planes is not None and not planes.oblique:
+        return 1
+    return TURNS
+
+
+@compiled
+def in_last_turn(turn: Any, k: Any, none: Any, pushes: Any, bowl: Any) -> Any:
+    """Change of speed and bend by surface ``k`` in the last turn, of which `kept` begins."""
+    if bowl is not None:
+        return none, none
+    if turn == 0:
+        return none, none
+    return load(pushes, (k, 0)), load(pushes, (k, 1))
+
+
+@compiled
+def kept(given: Any, bowl: Any) -> Any:
+    """What a turn begins with: in a bowl, of which the normal changes, with nothing."""
+    if bowl is not None:
+        return times(0.0, given)
+    return given
+
+
+@compiled
+def near(begin: Any, free: Any, planes: Any, bowl: Any) -> Any:
+    """Where a way begins or ends within reach of a surface."""
+    close = begin[0] < begin[0]
+    if planes is not None:
+        lowest = height(begin, planes, 0)
+        for k in range(planes.offset.size):
+            lowest = minimum(lowest, minimum(height(begin, planes, k), height(free, planes, k)))
+        close = lowest < planes.reach
+    if bowl is not None:
+        first, last = minus(begin, vector(bowl.centre)), minus(free, vector(bowl.centre))
+        inner = bowl.radius - bowl.reach
+        close = maximum(dot(first, first), dot(last, last)) > inner * inner
+    return close
+
+
+@compiled
+def impulses(
+    i: Any, begin: Any, free: Any, speed: Any, smooth: Any, span: Any, found: Any, pushes: Any, terms: Any
+) -> Any:
+    """What surfaces and friction give particle ``i`` at a node (`Given`).
+
+    Its way is from ``begin`` to ``free`` without them. It begins with the velocity ``speed``, which all else
+    changes by ``smooth``. What one
+    surface gives is all else to the others: they are taken in turn until they agree. In a bowl the normal
+    depends on the end of the way, which is found in the same turns. Friction acts along what the surfaces
+    that touch leave free, so that it moves nothing towards one, and stops what it can stop.
+    """
+    nothing = times(0.0, speed)
+    given, rub, bend, force = nothing, nothing, nothing, nothing
+    strength, reach = strength_and_reach(terms.planes, terms.bowl)
+    c = strength * load(terms.particles.inverse_mass, i)
+    mu, d = coefficient(terms.friction, nothing[0]), coefficient(terms.impact_damping, nothing[0])
+    enough = (AGREED + 64 * epsilon(speed[0])) * reach
+    active = select(near(begin, free, terms.planes, terms.bowl), 1.0 + nothing[0], 0.0)
+    for turn in range(turns(terms.planes, terms.bowl)):
+        now, curved, pressing = kept(given, terms.bowl), kept(bend, terms.bowl), nothing
+        left, first = plus(speed, smooth), nothing
+        pressed, touched = nothing[0], nothing[0]
+        end = plus(plus_scaled(free, span.out, plus(given, rub)), bend)
+        for k in range(surfaces(terms.planes, terms.bowl)):
+            n, start = facing(k, begin, end, terms.planes, terms.bowl)
+            square = dot(n, n) + TINY
+            own, curve = in_last_turn(turn, k, nothing[0], pushes, terms.bowl)
+            others = plus(smooth, plus(plus_scaled(now, -1.0 * own, n), rub))
+            u, s = dot(n, speed), dot(n, others)
+            touching = minimum(start, start + (span.whole * u + span.out * s)) < reach
+            gain, bent, impulse = nothing[0], nothing[0], nothing[0]
+            if any_lane(touching):
+                gain, bent, impulse = meet(start, u, s, span, c * square, reach, d, touching, found)
+                bent = bent - (dot(n, curved) - curve)  # by the others
+                gain, bent = select(touching, gain, 0.0), select(touching, bent, 0.0)
+                impulse = select(touching, impulse, 0.0)
+                one = select(touching, 1.0 + nothing[0], 0.0)
+                across = minus(n, times(dot(n, first), first))
+                across = unit(across)
+                left = minus(left, times(one * dot(across, left), across))
+                first = choose(touched > 0.0, first, times(one, across))
+                touched = touched + one
+                pressed = pressed + maximum(gain, 0.0)
+            now = plus_scaled(now, (gain - own) / square, n)
+            curved = plus_scaled(curved, (bent - curve) / square, n)
+            pressing = plus_scaled(pressing, impulse / square, n)
+            going = active > 0.5
+            store(pushes, (k, 0), select(going, gain, own))
+            store(pushes, (k, 1), select(going, bent, curve))
+        left = choose(touched > 2.0, nothing, left)
+        rubbing = times(-1.0, slowed(left, mu * pressed))
+        going = active > 0.5
+        more = minus(now, given)
+        far = span.whole * span.whole * dot(more, more) > enough * enough
+        given, rub = choose(going, now, given), choose(going, rubbing, rub)
+        bend, force = choose(going, curved, bend), choose(going, pressing, force)
+        active = select(far, active, 0.0)
+        if not any_lane(active > 0.5):
+            break
+    return Given(given, rub, bend, force)
+
+
+@compiled
+def lifted(place: Any, first: Any, last: Any, terms: Any) -> Any:
+    """How far a node is lifted [m] to be read: to half of the lower of the heights around it, or of Δ.
+
+    Where a step is too coarse for an impact, the node is behind the surface though no way begins or ends
+    there.
+    """
+    lift = times(0.0, place)
+    _, reach = strength_and_reach(terms.planes, terms.bowl)
+    for k in range(surfaces(terms.planes, terms.bowl)):
+        _, early = standing(k, first, terms.planes, terms.bowl)
+        _, late = standing(k, last, terms.planes, terms.bowl)
+        n, here = standing(k, plus(place, lift), terms.planes, terms.bowl)
+        short = 0.5 * minimum(minimum(early, late), reach) - here
+        lift = plus_scaled(lift, maximum(short, 0.0), n)
+    return lift
+
+
+# --- The node -------------------------------------------------------------------------------------------
+
+
+@compiled
+def span_of(phase: Any, h: Any) -> Span:
+    """A fresh copy has no drift before its node."""
+    out = 0.5 * h + 0.0 * phase
+    lead = select(phase < 0.5, 0.0, out)
+    return Span(lead, out, lead + out)
+
+
+@compiled
+def next_phase(phase: Any) -> Any:
+    """The dampers' sweeps take turns in direction."""
+    return select((phase - 1.0) * (phase - 1.0) < 0.25, 2.0 + 0.0 * phase, 1.0)
+
+
+@compiled
+def act_and_damp(v: Any, b: Any, phase: Any, span: Any, direction: Any, ledger: Any, terms: Any) -> None:
+    """Let actuators and dampers act: a sweep of a whole step, or one of half of it before and one after.
+
+    Copies of a block whose sweeps differ in direction have theirs one after the other. The second half of a
+    node, of a fresh copy, has the sweep after the actuators, of half a step.
+    """
+    dampers = terms.dampers
+    for sweep in range(3):
+        if sweep == 1:
+            push(v, b, span.whole, terms.particles, terms.wrench, terms.thrust, ledger)
+            turn_drive(v, b, span.whole, terms.memory, terms.drive, ledger)
+        relax_some(sweep, v, phase, direction, dampers, ledger, terms)
+
+
+@compiled
+def relax_some(sweep: Any, v: Any, phase: Any, direction: Any, dampers: Any, ledger: Any, terms: Any) -> None:
+    """Let the dampers act on the copies whose turn it is: before the actuators, after them, or fresh ones."""
+    if dampers is not None:
+        if dampers.paired:
+            among = phase > (0.5 if sweep == 0 else (-1.0 if sweep == 1 else 9.0))
+        else:
+            off = phase - (1.0 if sweep == 0 else (2.0 if sweep == 1 else 0.0))
+            among = off * off < 0.25
+        if any_lane(among):
+            whole = not dampers.paired and sweep < 2
+            damp(v, direction, terms.springs, dampers, terms.drive, ledger, sweep == 0, whole, among)
+
+
+@compiled
+def pushed(b: Any, i: Any, like: Any, wrench: Any, thrust: Any) -> Any:
+    """The acceleration of particle ``i`` by actuators, if there are any."""
+    if wrench is None and thrust is None:
+        return times(0.0, like)
+    return row(b, i)
+
+
+@compiled
+def foreseen(dampers: Any) -> bool:
+    """Whether it is to be known, before dampers act, what surfaces are going to give."""
+    return dampers is not None
+
+
+@compiled
+def nothing_given(like: Any) -> Any:
+    """As `Given`, where no surface is near."""
+    nothing = times(0.0, like)
+    return Given(nothing, nothing, nothing, nothing)
+
+
+@compiled
+def record_stray(ledger: Any, stray: Any, dampers: Any) -> None:
+    """The work of what acted before the surfaces' share was known, by the change that they made to it."""
+    if dampers is None:
+        record(ledger, WORK, stray)
+    else:
+        record(ledger, DAMPING, -1.0 * stray)
+
+
+@compiled
+def record_swing(ledger: Any, swung: Any, thrown: Any, dampers: Any) -> None:
+    """What half of a node that acts in kicks lacks of half of its work: by all of them, and by actuators."""
+    if dampers is None:
+        record(ledger, WORK, -1.0 * swung)
+    else:
+        record(ledger, WORK, -1.0 * thrown)
+        record(ledger, DAMPING, swung - thrown)
+
+
+@compiled
+def bow(a: Any, bent: Any, bowed: Any, space: Any, ledger: Any, terms: Any) -> None:
+    """Enter the springs' work on the bends of the last node: that of the mean force at both ends of the
+    way."""
+    if bent:
+        for i in range(terms.particles.mass.size):
+            mass = load(terms.particles.mass, i)
+            bowed = bowed + 0.5 * mass * dot(row(a, i), row(space.bends, i))
+        record(ledger, CONTACT, bowed)
+
+
+@compiled
+def pass_node(
+    x: Any, v: Any, a: Any, b: Any, phase: Any, h: Any, last: Any, space: Any, ledger: Any, terms: Any
+) -> Any:
+    """Let all act at a node: ``v`` changes from v₋ to v₊, and the way is bent; or, at the ``last``, is read.
+
+    ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators. In this order: a
+    kick of what leads to the node, half of what surfaces are going to give, actuators and dampers, the rest
+    of what surfaces give, a kick of h/2. Dampers must see the mean velocity, with what surfaces do to it,
+    else rest looks like stretching; so surfaces are asked twice, first as if there were no dampers.
+
+    Contacts of several particles are to be found where surfaces are: all of them in turn, with ``smooth``
+    less what is their own, the heights half a step before and after being those of v₋ and v₊.
+
+    Returns whether a way was bent, and the energy [J] of that which belongs to the next node.
+    """
+    particles, memory = terms.particles, terms.memory
+    arrived, span = memory.arrived, span_of(phase, h)
+    none = 0.0 * phase
+    # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
+    lossy = select(span.lead > 0.0, coefficient(terms.impact_damping, none), 1.0) > 0.0
+    stray, lost, rubbed, bowed, held = none, none, none, none, none
+    swung, thrown = none, none
+    bent, raised, known = False, False, False
+    for part in range(2):
+        close, found = False, FORESEEN
+        if part == 1:
+            found = FOUND
+            act_and_damp(v, b, phase, span, space.direction, ledger, terms)
+        for i in range(v.shape[0]):
+            now, acceleration = row(v, i), row(a, i)
+            start = now
+            if part == 0:
+                set_row(arrived, i, start)
+                now = plus_scaled(start, span.lead, acceleration)
+                set_row(v, i, now)
+            else:
+                start = row(arrived, i)
+            if particles.free[i] and (part == 1 or foreseen(terms.dampers)):
+                soon = plus_scaled(now, span.out, acceleration)
+                if part == 0:
+                    soon = plus_scaled(soon, span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
+                elif known:
+                    soon = minus(soon, row(space.given, i))
+                begin = plus_scaled(row(x, i), -1.0 * span.lead, start)
+                end = plus_scaled(row(x, i), span.out, soon)
+                if any_lane(near(begin, end, terms.planes, terms.bowl)):
+                    close = True
+        if not close and (part == 0 or not (known or last)):
+            if part == 1:
+                for i in range(v.shape[0]):
+                    set_row(v, i, plus_scaled(row(v, i), span.out, row(a, i)))
+        else:
+            for i in range(v.shape[0]):
+                place, now, acceleration, start = row(x, i), row(v, i), row(a, i), row(arrived, i)
+                kicked, half = now, times(0.0, now)
+                free = particles.free[i]
+                soon = plus_scaled(now, span.out, acceleration)
+                if part == 0:
+                    soon = plus_scaled(soon, span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
+                else:
+                    if known:
+                        half = row(space.given, i)
+                        soon = plus_scaled(minus(now, half), span.out, acceleration)
+                    kicked = plus(plus_scaled(start, span.lead, acceleration), half)
+                begin = plus_scaled(place, -1.0 * span.lead, start)
+                end = plus_scaled(place, span.out, soon)
+                change, rub, bend, force = nothing_given(start)
+                touched = False
+                if free and any_lane(near(begin, end, terms.planes, terms.bowl)):
+                    touched = True
+                    smooth = minus(soon, start)
+                    change, rub, bend, force = impulses(
+                        i, begin, end, start, smooth, span, found, space.pushes, terms
+                    )
+                total = plus(change, rub)
+                if part == 0:
+                    half = times(0.5, total)
+                    set_row(space.given, i, half)
+                    set_row(v, i, plus(kicked, half))
+                else:
+                    after = plus(soon, total)
+                    mass = load(particles.mass, i)
+                    others = minus(now, kicked)
+                    if free:
+                        if touched or any_lane(dot(half, half) > 0.0):
+                            stray = stray + mass * dot(others, minus(times(0.5, total), half))
+                            mean = plus_scaled(start, span.lead, acceleration)
+                            mean = plus_scaled(mean, 0.5, plus(others, total))
+                            way = plus(plus_scaled(times(span.lead, start), span.out, after), bend)
+                            gone = mass * (dot(force, way) / span.whole - dot(change, mean))
+                            lost = lost + select(lossy, gone, 0.0)
+                            rubbed = rubbed - mass * dot(rub, mean)
+                            bowed = bowed + 0.5 * mass * dot(acceleration, bend)
+                            if any_lane(dot(bend, bend) > 0.0):
+                                bent = True
+                            set_row(x, i, plus(place, bend))
+                        if last:
+                            given = times(span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
+                            thrown = thrown + mass * dot(given, given)
+                            swung = swung + mass * dot(others, others)
+                            held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
+                            finish = plus(plus_scaled(place, span.out, after), bend)
+                            lift = lifted(place, begin, finish, terms)
+                            held = held + 0.5 * energy_at(begin, terms.planes, terms.bowl)
+                            held = held + 0.5 * energy_at(finish, terms.planes, terms.bowl)
+                            held = held - energy_at(plus(place, lift), terms.planes, terms.bowl)
+                            if any_lane(dot(lift, lift) > 0.0):
+                                raised = True
+                            set_row(x, i, plus(place, lift))
+                    if last:
+                        set_row(v, i, times(0.5, plus(start, after)))
+                    else:
+                        set_row(v, i, after)
+                        set_row(space.bends, i, bend)
+            known = True
+    record_stray(ledger, stray, terms.dampers)
+    record(ledger, CONTACT, lost)
+    record(ledger, FRICTION, rubbed)
+    if last:
+        halve(ledger, memory)
+        record_swing(ledger, 0.125 * swung, 0.125 * thrown, terms.dampers)
+        if raised:
+            weight, elastic, _ = stored_energy(memory.place, terms)
+            held = held + (weight + elastic)
+            weight, elastic, _ = stored_energy(x, terms)
+            held = held - (weight + elastic)
+        store(memory.marks, HELD, held)
+    return bent, bowed
