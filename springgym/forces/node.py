@@ -328,99 +328,87 @@ def pass_node(
     lossy = select(span.lead > 0.0, coefficient(terms.impact_damping, none), 1.0) > 0.0
     stray, lost, rubbed, bowed, held = none, none, none, none, none
     swung, thrown = none, none
-    bent, raised, known = False, False, False
+    bent, raised = False, False
     for part in range(2):
-        close, found = False, FORESEEN
+        found = FORESEEN
         if part == 1:
             found = FOUND
             act_and_damp(v, b, phase, span, space.direction, ledger, terms)
         for i in range(v.shape[0]):
-            now, acceleration = row(v, i), row(a, i)
-            start = now
+            place, now, acceleration = row(x, i), row(v, i), row(a, i)
+            start, half, kicked, free = now, times(0.0, now), now, particles.free[i]
             if part == 0:
                 set_row(arrived, i, start)
-                now = plus_scaled(start, span.lead, acceleration)
-                set_row(v, i, now)
+                kicked = plus_scaled(start, span.lead, acceleration)
+                set_row(v, i, kicked)
+                if not foreseen(terms.dampers):
+                    continue
+                soon = plus_scaled(kicked, span.out, acceleration)
+                soon = plus_scaled(soon, span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
             else:
                 start = row(arrived, i)
-            if particles.free[i] and (part == 1 or foreseen(terms.dampers)):
                 soon = plus_scaled(now, span.out, acceleration)
+                kicked = plus_scaled(start, span.lead, acceleration)
+                if foreseen(terms.dampers):
+                    half = row(space.given, i)
+                    soon = plus_scaled(minus(now, half), span.out, acceleration)
+                    kicked = plus(kicked, half)
+            begin = plus_scaled(place, -1.0 * span.lead, start)
+            end = plus_scaled(place, span.out, soon)
+            touched = free and any_lane(near(begin, end, terms.planes, terms.bowl))
+            if not (last or touched or any_lane(dot(half, half) > 0.0)):
                 if part == 0:
-                    soon = plus_scaled(soon, span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
-                elif known:
-                    soon = minus(soon, row(space.given, i))
-                begin = plus_scaled(row(x, i), -1.0 * span.lead, start)
-                end = plus_scaled(row(x, i), span.out, soon)
-                if any_lane(near(begin, end, terms.planes, terms.bowl)):
-                    close = True
-        if not close and (part == 0 or not (known or last)):
-            if part == 1:
-                for i in range(v.shape[0]):
-                    set_row(v, i, plus_scaled(row(v, i), span.out, row(a, i)))
-        else:
-            for i in range(v.shape[0]):
-                place, now, acceleration, start = row(x, i), row(v, i), row(a, i), row(arrived, i)
-                kicked, half = now, times(0.0, now)
-                free = particles.free[i]
-                soon = plus_scaled(now, span.out, acceleration)
-                if part == 0:
-                    soon = plus_scaled(soon, span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
-                else:
-                    if known:
-                        half = row(space.given, i)
-                        soon = plus_scaled(minus(now, half), span.out, acceleration)
-                    kicked = plus(plus_scaled(start, span.lead, acceleration), half)
-                begin = plus_scaled(place, -1.0 * span.lead, start)
-                end = plus_scaled(place, span.out, soon)
-                change, rub, bend, force = nothing_given(start)
-                touched = False
-                if free and any_lane(near(begin, end, terms.planes, terms.bowl)):
-                    touched = True
-                    smooth = minus(soon, start)
-                    change, rub, bend, force = impulses(
-                        i, begin, end, start, smooth, span, found, space.pushes, terms
-                    )
-                total = plus(change, rub)
-                if part == 0:
-                    half = times(0.5, total)
                     set_row(space.given, i, half)
-                    set_row(v, i, plus(kicked, half))
                 else:
-                    after = plus(soon, total)
-                    mass = load(particles.mass, i)
-                    others = minus(now, kicked)
-                    if free:
-                        if touched or any_lane(dot(half, half) > 0.0):
-                            stray = stray + mass * dot(others, minus(times(0.5, total), half))
-                            mean = plus_scaled(start, span.lead, acceleration)
-                            mean = plus_scaled(mean, 0.5, plus(others, total))
-                            way = plus(plus_scaled(times(span.lead, start), span.out, after), bend)
-                            gone = mass * (dot(force, way) / span.whole - dot(change, mean))
-                            lost = lost + select(lossy, gone, 0.0)
-                            rubbed = rubbed - mass * dot(rub, mean)
-                            bowed = bowed + 0.5 * mass * dot(acceleration, bend)
-                            if any_lane(dot(bend, bend) > 0.0):
-                                bent = True
-                            set_row(x, i, plus(place, bend))
-                        if last:
-                            given = times(span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
-                            thrown = thrown + mass * dot(given, given)
-                            swung = swung + mass * dot(others, others)
-                            held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
-                            finish = plus(plus_scaled(place, span.out, after), bend)
-                            lift = lifted(place, begin, finish, terms)
-                            held = held + 0.5 * energy_at(begin, terms.planes, terms.bowl)
-                            held = held + 0.5 * energy_at(finish, terms.planes, terms.bowl)
-                            held = held - energy_at(plus(place, lift), terms.planes, terms.bowl)
-                            if any_lane(dot(lift, lift) > 0.0):
-                                raised = True
-                            set_row(x, i, plus(place, lift))
+                    set_row(v, i, soon)
+                    set_row(space.bends, i, half)
+                continue
+            change, rub, bend, force = nothing_given(start)
+            if touched:
+                smooth = minus(soon, start)
+                change, rub, bend, force = impulses(
+                    i, begin, end, start, smooth, span, found, space.pushes, terms
+                )
+            total = plus(change, rub)
+            if part == 0:
+                half = times(0.5, total)
+                set_row(space.given, i, half)
+                set_row(v, i, plus(kicked, half))
+            else:
+                after = plus(soon, total)
+                mass = load(particles.mass, i)
+                others = minus(now, kicked)
+                if free:
+                    if touched or any_lane(dot(half, half) > 0.0):
+                        stray = stray + mass * dot(others, minus(times(0.5, total), half))
+                        mean = plus_scaled(start, span.lead, acceleration)
+                        mean = plus_scaled(mean, 0.5, plus(others, total))
+                        way = plus(plus_scaled(times(span.lead, start), span.out, after), bend)
+                        gone = mass * (dot(force, way) / span.whole - dot(change, mean))
+                        lost = lost + select(lossy, gone, 0.0)
+                        rubbed = rubbed - mass * dot(rub, mean)
+                        bowed = bowed + 0.5 * mass * dot(acceleration, bend)
+                        if any_lane(dot(bend, bend) > 0.0):
+                            bent = True
+                        set_row(x, i, plus(place, bend))
                     if last:
-                        set_row(v, i, times(0.5, plus(start, after)))
-                    else:
-                        set_row(v, i, after)
-                        set_row(space.bends, i, bend)
-            known = True
+                        given = times(span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
+                        thrown = thrown + mass * dot(given, given)
+                        swung = swung + mass * dot(others, others)
+                        held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
+                        finish = plus(plus_scaled(place, span.out, after), bend)
+                        lift = lifted(place, begin, finish, terms)
+                        held = held + 0.5 * energy_at(begin, terms.planes, terms.bowl)
+                        held = held + 0.5 * energy_at(finish, terms.planes, terms.bowl)
+                        held = held - energy_at(plus(place, lift), terms.planes, terms.bowl)
+                        if any_lane(dot(lift, lift) > 0.0):
+                            raised = True
+                        set_row(x, i, plus(place, lift))
+                if last:
+                    set_row(v, i, times(0.5, plus(start, after)))
+                else:
+                    set_row(v, i, after)
+                    set_row(space.bends, i, bend)
     record_stray(ledger, stray, terms.dampers)
     record(ledger, CONTACT, lost)
     record(ledger, FRICTION, rubbed)
