@@ -1,0 +1,83 @@
+"""Distances of points, segments and triangles, each of many with each of many, in NumPy.
+
+Everything has an axis of copies first: points (k, P, 3), segments (k, S, 2, 3), triangles (k, T, 3, 3).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+SMALL = 1e-300
+"""Added to what is divided by, and never large enough to change it."""
+
+TIE = 1e-6
+"""Of triangles that are equally near, that whose plane is farthest counts: it is the one the point faces."""
+
+
+def _dot(u: np.ndarray, w: np.ndarray) -> np.ndarray:
+    return np.einsum("...i,...i->...", u, w)
+
+
+def _share(along: np.ndarray, square: np.ndarray) -> np.ndarray:
+    return np.clip(along / (square + SMALL), 0.0, 1.0)
+
+
+def point_segment(points: np.ndarray, segments: np.ndarray) -> np.ndarray:
+    """Distances (k, P, S) [m]."""
+    start, way = segments[:, None, :, 0], (segments[:, :, 1] - segments[:, :, 0])[:, None]
+    r = points[:, :, None] - start
+    return np.linalg.norm(r - _share(_dot(r, way), _dot(way, way))[..., None] * way, axis=-1)
+
+
+def point_surface(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Distances (k, P) from the surface of a solid [m], negative inside."""
+    a = triangles[:, None, :, 0]
+    u, w = triangles[:, None, :, 1] - a, triangles[:, None, :, 2] - a
+    normal = np.cross(u, w)
+    normal = normal / (np.linalg.norm(normal, axis=-1) + SMALL)[..., None]
+    r = points[:, :, None] - a
+    height = _dot(r, normal)
+    uu, uw, ww, e, f = _dot(u, u), _dot(u, w), _dot(w, w), _dot(r, u), _dot(r, w)
+    scale = uu * ww - uw * uw + SMALL
+    s, t = (ww * e - uw * f) / scale, (uu * f - uw * e) / scale
+    square = np.where((s >= 0) & (t >= 0) & (s + t <= 1), height**2, np.inf)
+    for start, way in ((a, u), (a, w), (a + u, w - u)):
+        q = points[:, :, None] - start
+        foot = q - _share(_dot(q, way), _dot(way, way))[..., None] * way
+        square = np.minimum(square, _dot(foot, foot))
+    best = np.argmin(square - TIE * height**2, axis=2)[..., None]
+    distance = np.sqrt(np.take_along_axis(square, best, 2))[..., 0]
+    return np.copysign(distance, np.take_along_axis(height, best, 2)[..., 0])
+
+
+def segment_segment(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Distances (k, S, Z) [m] of segments (k, S, 2, 3) and (k, Z, 2, 3)."""
+    ends = [point_segment(first[:, :, n], second) for n in (0, 1)]
+    ends += [np.swapaxes(point_segment(second[:, :, n], first), 1, 2) for n in (0, 1)]
+    p, q = first[:, :, None, 0], second[:, None, :, 0]
+    a, b, r = first[:, :, None, 1] - p, second[:, None, :, 1] - q, p - q
+    aa, ab, bb, ar, br = _dot(a, a), _dot(a, b), _dot(b, b), _dot(a, r), _dot(b, r)
+    across = np.cross(a, b)
+    square = _dot(across, across)
+    s, t = (ab * br - bb * ar) / (square + SMALL), (aa * br - ab * ar) / (square + SMALL)
+    inside = (square > 0) & (s > 0) & (s < 1) & (t > 0) & (t < 1)
+    apart = np.abs(_dot(r, across)) / np.sqrt(square + SMALL)
+    return np.where(inside, apart, np.minimum.reduce(ends))
+
+
+def pierced(segments: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """How deep segments are through triangles [m], (k, S, T): the nearer end's depth, 0 where they are not."""
+    a = triangles[:, None, :, 0]
+    u, w = triangles[:, None, :, 1] - a, triangles[:, None, :, 2] - a
+    normal = np.cross(u, w)
+    normal = normal / (np.linalg.norm(normal, axis=-1) + SMALL)[..., None]
+    start, end = segments[:, :, None, 0], segments[:, :, None, 1]
+    low, high = _dot(start - a, normal), _dot(end - a, normal)
+    through = low * high < 0
+    share = np.where(through, low / np.where(through, low - high, 1.0), 0.0)
+    r = start + share[..., None] * (end - start) - a
+    uu, uw, ww, e, f = _dot(u, u), _dot(u, w), _dot(w, w), _dot(r, u), _dot(r, w)
+    scale = uu * ww - uw * uw + SMALL
+    s, t = (ww * e - uw * f) / scale, (uu * f - uw * e) / scale
+    through &= (s >= 0) & (t >= 0) & (s + t <= 1)
+    return np.where(through, np.minimum(np.abs(low), np.abs(high)), 0.0)

@@ -1,0 +1,102 @@
+"""Whether two bodies start in each other: no vertex inside, no edge through a face, none nearer than 1e-3 Δ."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from springgym.bodies import surface
+from springgym.collisions import distance
+from springgym.collisions.shape import Shape
+from springgym.surfaces import NEAREST
+
+CHUNK = 100_000
+"""Pairs of features looked at in one go: some 50 MB of numbers."""
+
+
+def check_apart(
+    shapes: tuple[Shape, Shape],
+    names: tuple[str, str],
+    reach: float,
+    positions: tuple[np.ndarray, np.ndarray],
+    copies: Any = None,
+) -> None:
+    """Refuse bodies that start in each other, or too near.
+
+    Parameters
+    ----------
+    shapes, names
+        Of both bodies.
+    reach
+        Δ of their contact [m].
+    positions : (N, 3) or (k, N, 3)
+        Of each body's particles [m].
+    copies : (k,), optional
+        What the copies are called.
+
+    Raises
+    ------
+    ValueError
+        Naming the bodies, the copy if there are several, how deep they are in each other, and where.
+    """
+    first, second = (x.reshape(-1, *x.shape[-2:]) for x in positions)
+    least = NEAREST * reach
+    margin = least + shapes[0].radius + shapes[1].radius
+    low = np.maximum(first.min(axis=1), second.min(axis=1))
+    high = np.minimum(first.max(axis=1), second.max(axis=1))
+    near = np.flatnonzero((low <= high + margin).all(axis=1))
+    rows = max(1, CHUNK // (_features(shapes[0]) * _features(shapes[1])))
+    for start in range(0, len(near), rows):
+        some = near[start : start + rows]
+        for called, apart in _distances(shapes, names, first[some], second[some]):
+            nearest = apart.min(axis=1)
+            wrong = np.flatnonzero(~(nearest >= least))
+            if len(wrong):
+                d, copy = float(nearest[wrong[0]]), some[wrong[0]]
+                of = f" in copy {copies[copy]}" if positions[0].ndim == 3 and copies is not None else ""
+                where = f"{-d:g} m deep in each other" if d < 0 else f"only {d:g} m apart"
+                raise ValueError(
+                    f"bodies {names[0]!r} and {names[1]!r} start {where}{of}, by "
+                    f"{called[int(apart[wrong[0]].argmin())]}; they must be at least {least:g} m apart, and are "
+                    f"free of each other from {reach:g} m"
+                )
+
+
+def _features(shape: Shape) -> int:
+    return len(shape.vertices) + len(shape.triangles) + len(_lines(shape))
+
+
+def _lines(shape: Shape) -> np.ndarray:
+    """All edges (E, 2): of a closed surface the flat ones, too."""
+    return surface.all_edges(shape.triangles) if len(shape.triangles) else shape.edges
+
+
+def _distances(
+    shapes: tuple[Shape, Shape], names: tuple[str, str], first: np.ndarray, second: np.ndarray
+) -> Iterator[tuple[list[str], np.ndarray]]:
+    """Distances (k, F) of features from the other body [m], less the radii, and what the features are called."""
+    radius = shapes[0].radius + shapes[1].radius
+    positions = (first, second)
+    for own, other in ((0, 1), (1, 0)):
+        mine, theirs, x, y = shapes[own], shapes[other], positions[own], positions[other]
+        points = x[:, mine.vertices]
+        called = [f"particle {n} of {names[own]!r}" for n in mine.vertices.tolist()]
+        if len(theirs.triangles):
+            yield called, distance.point_surface(points, y[:, theirs.triangles]) - radius
+            lines = _lines(mine)
+            if len(lines):
+                depth = distance.pierced(x[:, lines], y[:, theirs.triangles]).max(axis=2)
+                edges = [f"the edge {i}–{j} of {names[own]!r}" for i, j in lines.tolist()]
+                yield edges, np.where(depth > 0, -depth - radius, np.inf)
+        elif len(theirs.edges):
+            yield called, distance.point_segment(points, y[:, theirs.edges]).min(axis=2) - radius
+        elif not len(mine.triangles) and not len(mine.edges):
+            apart = np.linalg.norm(points[:, :, None] - y[:, None, theirs.vertices], axis=-1)
+            yield called, apart.min(axis=2) - radius
+    lines, others = _lines(shapes[0]), _lines(shapes[1])
+    if len(lines) and len(others):
+        edges = [f"the edge {i}–{j} of {names[0]!r}" for i, j in lines.tolist()]
+        apart = distance.segment_segment(first[:, lines], second[:, others]).min(axis=2)
+        yield edges, apart - radius
