@@ -244,9 +244,7 @@ class Body(ReadOnly):
     @cached_property
     def edges(self) -> np.ndarray:
         """The sharp edges (E, 2) of a closed surface: convex, and turning by more than 1°."""
-        edges = (
-            surface.sharp_edges(self.positions, self.triangles) if self.closed else np.zeros((0, 2), int)
-        )
+        edges = surface.sharp_edges(self.positions, self.triangles) if self.closed else np.zeros((0, 2), int)
         edges.setflags(write=False)
         return edges
 
