@@ -109,7 +109,8 @@ def held_back(slip: Any, about: Any, apart: Any, given: Any, limit: Any, inverse
     lever = cross(apart, along)
     k = inverse - dot(lever, solve_symmetric(about, lever))
     firm = k > FIRM * inverse
-    wanted = minus(given, times(select(firm, 1.0, 0.0) / select(firm, k, 1.0), slip))
+    stop = select(firm, 1.0 / select(firm, k, 1.0), 0.0)
+    wanted = minus(given, times(stop, slip))
     size = sqrt(dot(wanted, wanted)) + TINY
     return times(minimum(limit / size, 1.0), wanted)
 

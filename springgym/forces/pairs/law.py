@@ -110,20 +110,20 @@ def mean_force(start: Any, end: Any, reach: Any) -> Any:
 def meet_losing(start: Any, free: Any, tau: Any, c: Any, reach: Any, damping: Any) -> Any:
     """The change of speed [m/s] by a barrier with loss δ [s/m], and the energy lost per mass [m²/s²].
 
-    The other arguments are those of `meet`, which gives the bracket: as the loss slows what leaves, and pushes
-    more what comes, the end is not farther than the larger of the start and of the end without loss.
+    The other arguments are those of `meet`. Loss pushes more on what comes, and less on what leaves: the end
+    is not beyond the start or, if that is farther, the end without loss.
     """
     start = maximum(start, LEAST * reach)
     gain = (0.5 * tau * tau) * c
     elastic = free + 0.5 * tau * meet(start, free, tau, c, reach)
-    low, high = maximum(free, 0.0), maximum(elastic, select(start < reach, start, 0.0))
+    low, high = maximum(free, 0.0), select(start < reach, maximum(elastic, start), reach)
     guess = maximum(minimum(elastic, high), low)
     active = 1.0 + 0.0 * free
     for _ in range(2 * ROUNDS):
         here = maximum(guess, LEAST * reach)
         mean, slope = mean_force(start, here, reach)
         loss = maximum(1.0 - damping * (here - start) / tau, 0.0)
-        steep = select(loss > 0.0, damping / tau, 0.0)
+        steep = select(loss > 0.0, damping / tau + 0.0 * loss, 0.0)
         wrong = here - free - gain * mean * loss
         above = wrong > 0.0
         high, low = select(above, here, high), select(above, low, here)
