@@ -10,9 +10,6 @@ import numpy as np
 SMALL = 1e-300
 """Added to what is divided by, and never large enough to change it."""
 
-TIE = 1e-6
-"""Of triangles that are equally near, that whose plane is farthest counts: it is the one the point faces."""
-
 
 def _dot(u: np.ndarray, w: np.ndarray) -> np.ndarray:
     return np.einsum("...i,...i->...", u, w)
@@ -30,13 +27,12 @@ def point_segment(points: np.ndarray, segments: np.ndarray) -> np.ndarray:
 
 
 def point_surface(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Distances (k, P) from the surface of a solid [m], negative inside."""
+    """Distances (k, P) from the surface of a solid [m], negative inside: where it fills all directions."""
     a = triangles[:, None, :, 0]
     u, w = triangles[:, None, :, 1] - a, triangles[:, None, :, 2] - a
-    normal = np.cross(u, w)
-    normal = normal / (np.linalg.norm(normal, axis=-1) + SMALL)[..., None]
     r = points[:, :, None] - a
-    height = _dot(r, normal)
+    normal = np.cross(u, w)
+    height = _dot(r, normal / (np.linalg.norm(normal, axis=-1) + SMALL)[..., None])
     uu, uw, ww, e, f = _dot(u, u), _dot(u, w), _dot(w, w), _dot(r, u), _dot(r, w)
     scale = uu * ww - uw * uw + SMALL
     s, t = (ww * e - uw * f) / scale, (uu * f - uw * e) / scale
@@ -45,9 +41,13 @@ def point_surface(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         q = points[:, :, None] - start
         foot = q - _share(_dot(q, way), _dot(way, way))[..., None] * way
         square = np.minimum(square, _dot(foot, foot))
-    best = np.argmin(square - TIE * height**2, axis=2)[..., None]
-    distance = np.sqrt(np.take_along_axis(square, best, 2))[..., 0]
-    return np.copysign(distance, np.take_along_axis(height, best, 2)[..., 0])
+    distance = np.sqrt(square.min(axis=2))
+    # solid angles: van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125
+    p, q, r = (triangles[:, None, :, n] - points[:, :, None] for n in range(3))
+    a, b, c = (np.linalg.norm(of, axis=-1) for of in (p, q, r))
+    below = a * b * c + _dot(p, q) * c + _dot(q, r) * a + _dot(r, p) * b
+    angle = 2 * np.arctan2(_dot(p, np.cross(q, r)), below).sum(axis=2)
+    return np.where(angle > 2 * np.pi, -distance, distance)
 
 
 def segment_segment(first: np.ndarray, second: np.ndarray) -> np.ndarray:

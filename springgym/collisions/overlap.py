@@ -56,7 +56,7 @@ def check_apart(
             if len(wrong):
                 d, copy = float(nearest[wrong[0]]), some[wrong[0]]
                 of = f" in copy {copies[copy]}" if positions[0].ndim == 3 and copies is not None else ""
-                where = f"{-d:g} m deep in each other" if d < 0 else f"only {d:g} m apart"
+                where = f"{-d:g} m deep in each other" if d < 0 else f"only {abs(d):g} m apart"
                 raise ValueError(
                     f"bodies {names[0]!r} and {names[1]!r} start {where}{of}, by "
                     f"{called[int(apart[wrong[0]].argmin())]}; they must be at least {least:g} m apart, and are "
