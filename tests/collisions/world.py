@@ -8,12 +8,12 @@ import numpy as np
 
 from springgym.blocks import at, block_array, numbers
 from springgym.compiling import compiled, kernel
-from springgym.forces import Particles, Terms, accelerate, drift, kick
+from springgym.forces import Particles, Terms, accelerate, drift, kick, relax
 from springgym.forces.pairs.friction import rub
 from springgym.forces.pairs.impulses import account, prepare, sweep, taper
 from springgym.forces.pairs.search import find
-from springgym.forces.pairs.terms import ENTRIES, GAP
-from springgym.forces.springs import Springs
+from springgym.forces.pairs.terms import ENTRIES, GAP, Span
+from springgym.forces.springs import Dampers, Decay, Springs, decay
 from springgym.packing import pack_pairs
 from springgym.scene import Scene
 from springgym.stability import automatic_step
@@ -25,35 +25,67 @@ of friction."""
 
 
 @compiled
-def one_step(x: Any, v: Any, w: Any, a: Any, h: Any, terms: Any, pairs: Any, room: Any, tally: Any, lacks: Any) -> None:
+def one_step(
+    x: Any,
+    v: Any,
+    w: Any,
+    a: Any,
+    direction: Any,
+    h: Any,
+    terms: Any,
+    pairs: Any,
+    room: Any,
+    tally: Any,
+    lacks: Any,
+) -> None:
     particles = terms.particles
     drift(x, v, 0.5 * h)
     for i in range(x.shape[0]):
         set_row(w, i, row(v, i))
-    accelerate(x, a, None, terms)
+    accelerate(x, a, direction, terms)
+    relax(v, direction, False, False, None, terms)
     kick(v, a, h)
-    count = find(x, w, 0.0 if lacks == BLIND else 0.5 * h, pairs, room, tally)
-    prepare(w, h, count, particles, pairs, room, tally)
+    relax(v, direction, True, False, None, terms)
+    span = Span(0.5 * h, 0.5 * h, h)
+    count = find(x, w, Span(0.0, 0.5 * h, h) if lacks == BLIND else span, pairs, room, tally)
+    prepare(w, span, count, particles, pairs, room, tally)
     for turn in range(1 if lacks == SINGLE else 2):
-        sweep(v, h, count, turn == 1, particles, pairs, room)
+        sweep(v, span, count, turn == 1, particles, pairs, room)
     if lacks != UNTAPERED:
-        taper(x, v, h, count, particles, pairs, room, pairs.shapes.edges)
+        taper(x, v, span, count, particles, pairs, room, pairs.shapes.edges)
     rub(x, w, v, count, particles, pairs, pairs.friction, room, tally)
-    account(v, h, count, pairs, room, tally)
+    account(v, span, count, pairs, room, tally)
     drift(x, v, 0.5 * h)
 
 
 @kernel
-def advance(x: Any, v: Any, w: Any, a: Any, h: Any, steps: Any, terms: Any, pairs: Any, room: Any, tally: Any, lacks: Any) -> None:
+def advance(
+    x: Any,
+    v: Any,
+    w: Any,
+    a: Any,
+    direction: Any,
+    h: Any,
+    steps: Any,
+    terms: Any,
+    pairs: Any,
+    room: Any,
+    tally: Any,
+    lacks: Any,
+) -> None:
     for block in range(x.shape[0]):
         for _ in range(steps):
-            one_step(at(x, block), at(v, block), w, a, h, terms, pairs, room, at(tally, block), lacks)
+            one_step(
+                at(x, block), at(v, block), w, a, direction, h, terms, pairs, room, at(tally, block), lacks
+            )
 
 
 class World:
-    """Copies of a scene without dampers, surfaces or actuators, whose bodies collide."""
+    """Copies of a scene without surfaces or actuators, whose bodies collide."""
 
-    def __init__(self, scene: Scene, *, step: float | None = None, copies: int = 1, dtype: Any = float) -> None:
+    def __init__(
+        self, scene: Scene, *, step: float | None = None, copies: int = 1, dtype: Any = float
+    ) -> None:
         self.scene, self.copies = scene, copies
         self.step = automatic_step(scene, _verlet()) if step is None else step
         count = len(scene.positions)
@@ -61,14 +93,18 @@ class World:
         self._w, self._a = (block_array(copies, (count, 3), dtype)[0] for _ in range(2))
         self.place(scene.positions, scene.velocities)
         first, second = scene.springs.T.astype(np.uint32)
+        self._direction = block_array(copies, (len(first), 3), dtype)[0]
+        inverse, damping = scene.free / scene.masses, scene.of_bodies("damping")
+        half = Decay(*decay(damping, inverse[first], inverse[second], self.step / 2))
         self.terms = Terms(
-            Particles(scene.masses, scene.free / scene.masses, np.array(scene.free)),
+            Particles(scene.masses, inverse, np.array(scene.free)),
             Springs(
                 np.ascontiguousarray(first),
                 np.ascontiguousarray(second),
                 scene.of_bodies("lengths"),
                 scene.of_bodies("stiffness"),
             ),
+            Dampers(damping, half, half, True) if damping.any() else None,
             gravity=None if scene.gravity is None else np.array(scene.gravity, float),
         )
         packed = pack_pairs(scene, self._x.dtype)
@@ -88,7 +124,18 @@ class World:
 
     def run(self, steps: int, lacks: int = 0) -> None:
         advance(
-            self._x, self._v, self._w, self._a, self.step, steps, self.terms, self.pairs, self._room, self._tally, lacks
+            self._x,
+            self._v,
+            self._w,
+            self._a,
+            self._direction,
+            self.step,
+            steps,
+            self.terms,
+            self.pairs,
+            self._room,
+            self._tally,
+            lacks,
         )
 
     def _rows(self, array: np.ndarray) -> np.ndarray:

@@ -6,11 +6,12 @@ signed distance d and a share Φ of the strength, such that Σ w x = d n (less r
 Vertex and face. Of the triangles of a closed surface the nearest counts, by the key |D|² − 1e-6 h², D from the
 nearest point and h the height over its plane: of triangles that share this point the second term picks the one
 that the vertex faces, whose sign of h is that of the distance. A vertex behind a triangle must have come
-through it in this half step, h − (h/2) ḣ > 0; if it came through another, that one counts, be it farther.
+through it since the step began, in t seconds: h − t ḣ > 0; if it came through another, that one counts, be it
+farther.
 
 Edge and edge, or rods. At the critical point of the two lines, if it lies inside both. Φ falls to 0 towards the
-ends and towards parallel lines, where vertices take over. The normal is that of the half step's beginning: where
-the lines passed through each other in it, d is negative.
+ends and towards parallel lines, where vertices take over. The normal is that of the step's beginning: where the
+lines passed through each other since then, d is negative.
 """
 
 from __future__ import annotations
@@ -104,7 +105,7 @@ def vertex_faces(
     last: Any,
     x: Any,
     w: Any,
-    half: Any,
+    lead: Any,
     near: Any,
     radius: Any,
     triangles: Any,
@@ -132,7 +133,7 @@ def vertex_faces(
                 behind = select(close, height, 1.0) < 0.0
                 if any_lane(behind):
                     rate = dot(normal, minus(row(w, i), weighted(w, a, 1.0 - wb - wc, b, wb, c, wc)))
-                    credible = select(behind, height - half * rate, 1.0) > 0.0
+                    credible = select(behind, height - lead * rate, 1.0) > 0.0
                     key = select(credible, key, key + 4.0 * limit)  # after all that are
             store(room.key, m, key)
             best = minimum(best, key)
@@ -176,7 +177,7 @@ def vertex_rods(
     last: Any,
     x: Any,
     w: Any,
-    half: Any,
+    lead: Any,
     near: Any,
     radius: Any,
     edges: Any,
@@ -210,7 +211,7 @@ def vertex_rods(
                     d = sqrt(dot(apart, apart) + TINY)
                     n = times(1.0 / d, apart)
                     speed = dot(n, minus(row(w, i), plus(times(1.0 - t, row(w, a)), times(t, row(w, b)))))
-                    through = d - half * speed < 0.0
+                    through = d - lead * speed < 0.0
                     n = choose(through, times(-1.0, n), n)
                     d = select(through, -d, d)
                     k = add_contact(
@@ -275,7 +276,7 @@ def edge_edge(
     f: Any,
     x: Any,
     w: Any,
-    half: Any,
+    lead: Any,
     near: Any,
     radius: Any,
     edges: Any,
@@ -304,7 +305,7 @@ def edge_edge(
                 plus(times(1.0 - s, row(w, i)), times(s, row(w, j))),
                 plus(times(1.0 - t, row(w, m)), times(t, row(w, n))),
             )
-            through = d - half * dot(normal, speed) < 0.0
+            through = d - lead * dot(normal, speed) < 0.0
             normal = choose(through, times(-1.0, normal), normal)
             d = select(through, -d, d)
             if any_lane(share > 0.0):

@@ -44,7 +44,7 @@ QUICK = 0.2
 
 
 @compiled
-def collide(x: Any, w: Any, v: Any, tau: Any, particles: Any, pairs: Any, room: Any, tally: Any) -> None:
+def collide(x: Any, w: Any, v: Any, span: Any, particles: Any, pairs: Any, room: Any, tally: Any) -> None:
     """Give what the bodies give each other at a node.
 
     Parameters
@@ -53,22 +53,22 @@ def collide(x: Any, w: Any, v: Any, tau: Any, particles: Any, pairs: Any, room: 
         Positions at the node.
     w, v : (N, 3)
         Velocities before it, and after all else has acted, to be changed.
-    tau
-        The step [s].
+    span
+        The time of the node.
     tally
         What is told of each pair, or None.
     """
-    count = find(x, w, 0.5 * tau, pairs, room, tally)
-    prepare(w, tau, count, particles, pairs, room, tally)
-    sweep(v, tau, count, False, particles, pairs, room)
-    sweep(v, tau, count, True, particles, pairs, room)
-    taper(x, v, tau, count, particles, pairs, room, pairs.shapes.edges)
+    count = find(x, w, span, pairs, room, tally)
+    prepare(w, span, count, particles, pairs, room, tally)
+    sweep(v, span, count, False, particles, pairs, room)
+    sweep(v, span, count, True, particles, pairs, room)
+    taper(x, v, span, count, particles, pairs, room, pairs.shapes.edges)
     rub(x, w, v, count, particles, pairs, pairs.friction, room, tally)
-    account(v, tau, count, pairs, room, tally)
+    account(v, span, count, pairs, room, tally)
 
 
 @compiled
-def prepare(w: Any, tau: Any, count: Any, particles: Any, pairs: Any, room: Any, tally: Any) -> None:
+def prepare(w: Any, span: Any, count: Any, particles: Any, pairs: Any, room: Any, tally: Any) -> None:
     """Find the speeds that contacts come with, and how much an impulse changes them."""
     for k in range(count):
         u = speed(w, k, room)
@@ -81,7 +81,7 @@ def prepare(w: Any, tau: Any, count: Any, particles: Any, pairs: Any, room: Any,
         store(room.push, k, 0.0)
         store(room.lost, k, 0.0)
         p = room.pair[k]
-        missed = load(room.distance, k) - 0.5 * tau * u < LOW * pairs.reach[p]
+        missed = load(room.distance, k) - span.lead * u < LOW * pairs.reach[p]
         tell(tally, p, MISSES, select(missed, 1.0 + 0.0 * u, 0.0))
 
 
@@ -102,7 +102,7 @@ def give(v: Any, i: Any, s: Any, u: Any, on: Any) -> None:
 
 
 @compiled
-def sweep(v: Any, tau: Any, count: Any, backward: Any, particles: Any, pairs: Any, room: Any) -> None:
+def sweep(v: Any, span: Any, count: Any, backward: Any, particles: Any, pairs: Any, room: Any) -> None:
     """Solve one contact after another for its impulse, given all others' as they are by now."""
     for m in range(count):
         k = count - 1 - m if backward else m
@@ -110,12 +110,12 @@ def sweep(v: Any, tau: Any, count: Any, backward: Any, particles: Any, pairs: An
         reach, inverse, old = pairs.reach[p], load(room.inverse, k), load(room.push, k)
         u0, d = load(room.before, k), load(room.distance, k)
         u = speed(v, k, room) - inverse * old
-        start = maximum(d - 0.5 * tau * u0, LOW * reach)
-        free = start + 0.5 * tau * (u0 + u)
+        start = maximum(d - span.lead * u0, LOW * reach)
+        free = start + span.lead * u0 + span.out * u
         meets = select(inverse > 0.0, minimum(start, free), FAR) < reach
         if any_lane(select(meets, 1.0, old) > 0.0):  # what the first sweep gave may have to be taken back
             c = load(pairs.strength, p) * load(room.share, k) * inverse
-            change = solve(k, p, start, free, tau, c, reach, inverse, meets, pairs.damping, room)
+            change = solve(k, p, start, free, span, c, reach, inverse, meets, pairs.damping, room)
             new = select(meets, change / (inverse + TINY), 0.0)
             store(room.push, k, new)
             impulse = times(new - old, row(room.toward, k))
@@ -131,7 +131,7 @@ def solve(
     p: Any,
     start: Any,
     free: Any,
-    tau: Any,
+    span: Any,
     c: Any,
     reach: Any,
     inverse: Any,
@@ -141,22 +141,22 @@ def solve(
 ) -> Any:
     """The change of speed by contact k; what it loses is stored."""
     if damping is None:
-        return meet(start, free, tau, c, reach)
-    change, lost = meet_losing(start, free, tau, c, reach, load(damping, p))
+        return meet(start, free, span, c, reach)
+    change, lost = meet_losing(start, free, span, c, reach, load(damping, p))
     store(room.lost, k, select(meets, lost / (inverse + TINY), 0.0))
     return change
 
 
 @compiled
-def ends(v: Any, tau: Any, k: Any, reach: Any, room: Any) -> Any:
+def ends(v: Any, span: Any, k: Any, reach: Any, room: Any) -> Any:
     """The heights of contact k when the step begins and when it ends."""
     d = load(room.distance, k)
-    first = maximum(d - 0.5 * tau * load(room.before, k), LOW * reach)
-    return first, maximum(d + 0.5 * tau * speed(v, k, room), LOW * reach)
+    first = maximum(d - span.lead * load(room.before, k), LOW * reach)
+    return first, maximum(d + span.out * speed(v, k, room), LOW * reach)
 
 
 @compiled
-def taper(x: Any, v: Any, tau: Any, count: Any, particles: Any, pairs: Any, room: Any, edges: Any) -> None:
+def taper(x: Any, v: Any, span: Any, count: Any, particles: Any, pairs: Any, room: Any, edges: Any) -> None:
     """Let the force of the gradient of Φ act, where edges meet."""
     if edges is not None:
         for k in range(count):
@@ -165,17 +165,17 @@ def taper(x: Any, v: Any, tau: Any, count: Any, particles: Any, pairs: Any, room
             if room.count[k] == 4 and any_lane(partly):
                 p = room.pair[k]
                 reach = pairs.reach[p]
-                first, last = ends(v, tau, k, reach, room)
+                first, last = ends(v, span, k, reach, room)
                 c = load(pairs.strength, p) + 0.0 * share
                 mean = 0.5 * (energy(first, c, reach) + energy(last, c, reach))
                 on = select(partly, mean, 0.0) > 0.0
                 if any_lane(on):
-                    push_along_gradient(x, v, tau, k, mean, on, particles, pairs, room)
+                    push_along_gradient(x, v, span, k, mean, on, particles, pairs, room)
 
 
 @compiled
 def push_along_gradient(
-    x: Any, v: Any, tau: Any, k: Any, mean: Any, on: Any, particles: Any, pairs: Any, room: Any
+    x: Any, v: Any, span: Any, k: Any, mean: Any, on: Any, particles: Any, pairs: Any, room: Any
 ) -> None:
     """Give contact k, whose energy is ``mean`` per Φ, what the gradient of Φ gives.
 
@@ -211,7 +211,7 @@ def push_along_gradient(
     mi, mj = load(particles.inverse_mass, i), load(particles.inverse_mass, j)
     mm, mn = load(particles.inverse_mass, m), load(particles.inverse_mass, n)
     size = mi * dot(g0, g0) + mj * dot(g1, g1) + mm * dot(g2, g2) + mn * dot(g3, g3)
-    q = (-tau) * mean / (1.0 + (0.5 * tau * tau) * mean * size)
+    q = (-1.0 * span.whole) * mean / (1.0 + (span.out * span.whole) * mean * size)
     give(v, i, q * mi, g0, on)
     give(v, j, q * mj, g1, on)
     give(v, m, q * mm, g2, on)
@@ -226,7 +226,7 @@ def steepness(y: Any) -> Any:
 
 
 @compiled
-def account(v: Any, tau: Any, count: Any, pairs: Any, room: Any, tally: Any) -> None:
+def account(v: Any, span: Any, count: Any, pairs: Any, room: Any, tally: Any) -> None:
     """Tell what the contacts did at this node."""
     if tally is not None:
         for p in range(pairs.first.size):
@@ -240,7 +240,7 @@ def account(v: Any, tau: Any, count: Any, pairs: Any, room: Any, tally: Any) -> 
                 load(room.distance, k),
                 load(room.before, k),
             )
-            first, last = ends(v, tau, k, reach, room)
+            first, last = ends(v, span, k, reach, room)
             c = load(pairs.strength, p) * load(room.share, k)
             held = 0.5 * (energy(first, c, reach) + energy(last, c, reach))
             at = p * ENTRIES
@@ -251,5 +251,5 @@ def account(v: Any, tau: Any, count: Any, pairs: Any, room: Any, tally: Any) -> 
             tell(tally, p, IMPULSE, push)
             tell(tally, p, ENERGY, select(d < 0.5 * FAR, held, 0.0))
             tell(tally, p, CONTACT, load(room.lost, k))
-            quick = maximum(u0, -u0) * tau > QUICK * reach
+            quick = maximum(u0, -u0) * span.whole > QUICK * reach
             tell(tally, p, FAST, select(touches, select(quick, 1.0 + 0.0 * push, 0.0), 0.0))

@@ -1,12 +1,13 @@
-"""What a barrier does along a normal in a step, without and with loss.
+"""What a barrier does along a normal at a node, without and with loss.
 
-With the heights h₀ and h₁ at the step's beginning and end, h₁ = a + (τ/2) ΔU̇: a is what would be reached without
-the barrier, and the change of speed is
+With the heights h₀ and h₁ where the node's time begins and ends, τ seconds apart, and a the height that would be
+reached without the barrier, the change of speed is
 
-    J/m = τ F̄ (1 − δ (h₁ − h₀)/τ)₊,    F̄ = −(U(h₁) − U(h₀))/(h₁ − h₀),    U = c (Δ − h)²/(h Δ²) for h < Δ, else 0.
+    Δu = τ F̄/m (1 − δ (h₁ − h₀)/τ)₊,    h₁ = a + t Δu,    F̄ = −(U(h₁) − U(h₀))/(h₁ − h₀),
 
-Without loss its work J (u₀ + u₁)/2 is exactly −(U(h₁) − U(h₀)), whatever else acts in the step (Gonzalez,
-J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162); and what holds forward in time holds backward.
+with U = c (Δ − h)²/(h Δ²) for h < Δ, else 0, and t the drift after the node: τ/2, or τ if it begins at the node.
+Without loss and with t = τ/2 the work of the impulse is exactly −(U(h₁) − U(h₀)), whatever else acts (Gonzalez,
+J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162), and what holds forward in time holds backward.
 """
 
 from __future__ import annotations
@@ -36,15 +37,14 @@ def positive_root(square: Any, linear: Any, product: Any) -> Any:
 
 
 @compiled
-def meet(start: Any, free: Any, tau: Any, c: Any, reach: Any) -> Any:
-    """The change of speed [m/s] by a barrier without loss in a step of ``tau`` seconds.
+def meet(start: Any, free: Any, span: Any, c: Any, reach: Any) -> Any:
+    """The change of speed [m/s] by a barrier without loss.
 
-    ``start`` is the height h₀ [m] at the start of the step, ``free`` the height a that is reached at its end
-    without the barrier, of which at least one must be less than ``reach``; ``c`` is the strength per mass
-    [m³/s²].
+    ``start`` is the height h₀ [m], ``free`` the height a, of which at least one must be less than ``reach``; ``c``
+    is the strength per mass [m³/s²].
     """
     start = maximum(start, LEAST * reach)
-    gain, flat = (0.5 * tau * tau) * c, 1.0 / (reach * reach)
+    gain, flat = (span.out * span.whole) * c, 1.0 / (reach * reach)
     inverse = 1.0 / start
     end = positive_root(1.0 + 0.0 * start, gain * flat - free, gain * inverse)
     mean = inverse / end - flat
@@ -81,7 +81,7 @@ def meet(start: Any, free: Any, tau: Any, c: Any, reach: Any) -> Any:
         depth = reach - guess
         gap = maximum(start - guess, 1e-30)
         mean = select(entering, flat * depth * depth / (guess * gap), mean)
-    return tau * c * maximum(mean, 0.0)
+    return span.whole * c * maximum(mean, 0.0)
 
 
 @compiled
@@ -107,23 +107,23 @@ def mean_force(start: Any, end: Any, reach: Any) -> Any:
 
 
 @compiled
-def meet_losing(start: Any, free: Any, tau: Any, c: Any, reach: Any, damping: Any) -> Any:
+def meet_losing(start: Any, free: Any, span: Any, c: Any, reach: Any, damping: Any) -> Any:
     """The change of speed [m/s] by a barrier with loss δ [s/m], and the energy lost per mass [m²/s²].
 
     The other arguments are those of `meet`. Loss pushes more on what comes, and less on what leaves: the end
     is not beyond the start or, if that is farther, the end without loss.
     """
     start = maximum(start, LEAST * reach)
-    gain = (0.5 * tau * tau) * c
-    elastic = free + 0.5 * tau * meet(start, free, tau, c, reach)
+    gain = (span.out * span.whole) * c
+    elastic = free + span.out * meet(start, free, span, c, reach)
     low, high = maximum(free, 0.0), select(start < reach, maximum(elastic, start), reach)
     guess = maximum(minimum(elastic, high), low)
     active = 1.0 + 0.0 * free
     for _ in range(2 * ROUNDS):
         here = maximum(guess, LEAST * reach)
         mean, slope = mean_force(start, here, reach)
-        loss = maximum(1.0 - damping * (here - start) / tau, 0.0)
-        steep = select(loss > 0.0, damping / tau + 0.0 * loss, 0.0)
+        loss = maximum(1.0 - damping * (here - start) / span.whole, 0.0)
+        steep = select(loss > 0.0, damping / span.whole + 0.0 * loss, 0.0)
         wrong = here - free - gain * mean * loss
         above = wrong > 0.0
         high, low = select(above, here, high), select(above, low, here)
@@ -137,7 +137,7 @@ def meet_losing(start: Any, free: Any, tau: Any, c: Any, reach: Any, damping: An
             break
     here = maximum(guess, LEAST * reach)
     mean, _ = mean_force(start, here, reach)
-    speed = (here - start) / tau
+    speed = (here - start) / span.whole
     loss = maximum(1.0 - damping * speed, 0.0)
-    push = tau * c * maximum(mean, 0.0)
+    push = span.whole * c * maximum(mean, 0.0)
     return push * loss, push * speed * (1.0 - loss)

@@ -68,10 +68,10 @@ def between(low: Any, high: Any, a: Any, b: Any) -> Any:
 
 
 @compiled
-def find(x: Any, w: Any, half: Any, pairs: Any, room: Any, tally: Any) -> int:
+def find(x: Any, w: Any, span: Any, pairs: Any, room: Any, tally: Any) -> int:
     """List the contacts of all pairs, with velocities ``w`` (N, 3) before the node; how many there are.
 
-    ``half`` is half of a step [s].
+    ``span`` is the time of the node.
     """
     shapes = pairs.shapes
     surround(x, w, shapes, room)
@@ -81,14 +81,25 @@ def find(x: Any, w: Any, half: Any, pairs: Any, room: Any, tally: Any) -> int:
         a, b = pairs.first[p], pairs.second[p]
         reach, radius = pairs.reach[p], shapes.radius[a] + shapes.radius[b]
         fast = widest(room.slow, room.fast, a, b)
-        way = half * sqrt(dot(fast, fast))
+        way = span.out * sqrt(dot(fast, fast))
         near = SPARE * reach + minimum(way, FARTHEST * reach) + radius
         if any_lane(between(room.low, room.high, a, b) < near):
             last, first = slab(x, a, b, shapes, room)
             if any_lane(first - last < near):
                 collect(x, MARGIN * near, last, first, a, b, shapes, shapes.triangles, shapes.edges, room)
                 count = compare(
-                    x, w, half, p, near, radius, count, pairs, shapes.triangles, shapes.edges, room, tally
+                    x,
+                    w,
+                    span.lead,
+                    p,
+                    near,
+                    radius,
+                    count,
+                    pairs,
+                    shapes.triangles,
+                    shapes.edges,
+                    room,
+                    tally,
                 )
     return count
 
@@ -171,7 +182,7 @@ def collect(
 def compare(
     x: Any,
     w: Any,
-    half: Any,
+    lead: Any,
     p: Any,
     near: Any,
     radius: Any,
@@ -182,7 +193,7 @@ def compare(
     room: Any,
     tally: Any,
 ) -> int:
-    """List the contacts of one pair, behind ``count`` others; how many there are."""
+    """List the contacts of one pair, ``lead`` seconds after the step began, behind ``count`` others; how many there are."""
     shapes, ends = pairs.shapes, room.ends
     for side in range(2):
         other = 1 - side
@@ -196,7 +207,7 @@ def compare(
                 ends[other + 1, 1],
                 x,
                 w,
-                half,
+                lead,
                 near,
                 radius,
                 triangles,
@@ -212,7 +223,7 @@ def compare(
                 ends[other + 1, 2] if is_of(pairs, p, other, shapes.rods) else 0,
                 x,
                 w,
-                half,
+                lead,
                 near,
                 radius,
                 edges,
@@ -237,7 +248,7 @@ def compare(
                     room.near[2, n],
                     x,
                     w,
-                    half,
+                    lead,
                     near,
                     radius,
                     edges,

@@ -24,6 +24,15 @@ PARALLEL = 2.0
 MOST_PARALLEL = 0.2
 
 
+class Span(NamedTuple):
+    """The time of a node: that of the drifts before and after it that are its own [s]."""
+
+    lead: Any
+    out: Any
+    whole: Any
+    """the sum"""
+
+
 class Shapes(NamedTuple):
     """Features of all bodies, one body after another, by the numbers of the scene's particles."""
 
