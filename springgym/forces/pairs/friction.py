@@ -50,11 +50,13 @@ def rub(
                 p = room.pair[k]
                 limit = load(friction, p) * load(room.push, k)
                 if any_lane(limit > 0.0):
-                    slip, about, centre, apart = slipping(x, velocities, k, particles, room)
+                    slip, about, pins, centre, apart = slipping(x, velocities, k, particles, room)
                     given = row(room.rub, k)
                     if turn < 2:
-                        j = held_back(slip, about, apart, given, limit, load(room.inverse, k))
-                        turn_with(x, v, k, minus(j, given), about, centre, apart, limit, particles, room)
+                        j = held_back(slip, about, pins, apart, given, limit, load(room.inverse, k))
+                        turn_with(
+                            x, v, k, minus(j, given), about, pins, centre, apart, limit, particles, room
+                        )
                         set_row(room.rub, k, choose(limit > 0.0, j, given))
                     else:
                         tell(tally, p, FRICTION, select(limit > 0.0, -0.5 * dot(given, slip), 0.0))
@@ -66,7 +68,7 @@ def slipping(x: Any, v: Any, k: Any, particles: Any, room: Any) -> Any:
 
     Returns
     -------
-    slip (3,); inertia (xx, yy, zz, xy, xz, yz), zero where nothing turns; centre (3,); D (3,)
+    slip (3,); inertia (xx, yy, zz, xy, xz, yz); how many of them are pinned; centre (3,); D (3,)
     """
     pins, pin = 0, 0
     for j in range(room.count[k]):
@@ -91,23 +93,32 @@ def slipping(x: Any, v: Any, k: Any, particles: Any, room: Any) -> Any:
         weight = load(room.weight, 4 * k + j)
         r, u = minus(row(x, i), centre), minus(row(v, i), speed)
         apart, slip = plus_scaled(apart, weight, r), plus_scaled(slip, weight, u)
-        if particles.free[i] and pins < 2:
+        if particles.free[i]:
             m = load(particles.mass, i)
             xx, yy, zz = xx + m * r[0] * r[0], yy + m * r[1] * r[1], zz + m * r[2] * r[2]
             xy, xz, yz = xy + m * r[0] * r[1], xz + m * r[0] * r[2], yz + m * r[1] * r[2]
             spin = plus_scaled(spin, m, cross(r, u))
     about = (yy + zz, xx + zz, xx + yy, -xy, -xz, -yz)
-    slip = minus(slip, cross(solve_symmetric(about, spin), apart))
+    slip = minus(slip, cross(turning(about, pins, spin), apart))
     n = row(room.toward, k)
-    return minus(slip, times(dot(slip, n), n)), about, centre, apart
+    return minus(slip, times(dot(slip, n), n)), about, pins, centre, apart
 
 
 @compiled
-def held_back(slip: Any, about: Any, apart: Any, given: Any, limit: Any, inverse: Any) -> Any:
+def turning(about: Any, pins: Any, moment: Any) -> Any:
+    """The angular velocity of particles with a moment of momentum; with two of them pinned, none."""
+    turn = times(0.0, moment)
+    if pins < 2:
+        turn = solve_symmetric(about, moment)
+    return turn
+
+
+@compiled
+def held_back(slip: Any, about: Any, pins: Any, apart: Any, given: Any, limit: Any, inverse: Any) -> Any:
     """The impulse that stops a slip, besides what was ``given``, or as much of it as friction can give."""
     along = times(1.0 / (sqrt(dot(slip, slip)) + TINY), slip)
     lever = cross(apart, along)
-    k = inverse - dot(lever, solve_symmetric(about, lever))
+    k = inverse - dot(lever, turning(about, pins, lever))
     firm = k > FIRM * inverse
     stop = select(firm, 1.0 / select(firm, k, 1.0), 0.0)
     wanted = minus(given, times(stop, slip))
@@ -117,10 +128,20 @@ def held_back(slip: Any, about: Any, apart: Any, given: Any, limit: Any, inverse
 
 @compiled
 def turn_with(
-    x: Any, v: Any, k: Any, j: Any, about: Any, centre: Any, apart: Any, limit: Any, particles: Any, room: Any
+    x: Any,
+    v: Any,
+    k: Any,
+    j: Any,
+    about: Any,
+    pins: Any,
+    centre: Any,
+    apart: Any,
+    limit: Any,
+    particles: Any,
+    room: Any,
 ) -> None:
     """Give contact k an impulse across its normal, and the turn that takes its torque back."""
-    turn = solve_symmetric(about, cross(apart, j))
+    turn = turning(about, pins, cross(apart, j))
     for n in range(room.count[k]):
         i = room.particles[k, n]
         if particles.free[i]:
