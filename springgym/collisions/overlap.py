@@ -50,18 +50,21 @@ def check_apart(
     rows = max(1, CHUNK // (_features(shapes[0]) * _features(shapes[1])))
     for start in range(0, len(near), rows):
         some = near[start : start + rows]
-        for called, apart in _distances(shapes, names, first[some], second[some]):
-            nearest = apart.min(axis=1)
-            wrong = np.flatnonzero(~(nearest >= least))
-            if len(wrong):
-                d, copy = float(nearest[wrong[0]]), some[wrong[0]]
-                of = f" in copy {copies[copy]}" if positions[0].ndim == 3 and copies is not None else ""
-                where = f"{-d:g} m deep in each other" if d < 0 else f"only {abs(d):g} m apart"
-                raise ValueError(
-                    f"bodies {names[0]!r} and {names[1]!r} start {where}{of}, by "
-                    f"{called[int(apart[wrong[0]].argmin())]}; they must be at least {least:g} m apart, and are "
-                    f"free of each other from {reach:g} m"
-                )
+        kinds = list(_distances(shapes, names, first[some], second[some]))
+        nearest = np.stack([apart.min(axis=1) for _, apart in kinds])
+        wrong = np.flatnonzero(~(nearest.min(axis=0) >= least))
+        if len(wrong):
+            row = int(wrong[0])
+            each = nearest[:, row]  # of an edge through a face, no more than that is known: it comes last
+            called, apart = kinds[int(each[:-1].argmin()) if each[:-1].min() < 0 else int(each.argmin())]
+            d, copy = float(apart[row].min()), some[row]
+            of = f" in copy {copies[copy]}" if positions[0].ndim == 3 and copies is not None else ""
+            where = f"{-d:g} m deep in each other" if d < 0 else f"only {abs(d):g} m apart"
+            raise ValueError(
+                f"bodies {names[0]!r} and {names[1]!r} start {where}{of}, by "
+                f"{called[int(apart[row].argmin())]}; they must be at least {least:g} m apart, and are free of "
+                f"each other from {reach:g} m"
+            )
 
 
 def _features(shape: Shape) -> int:
@@ -79,24 +82,29 @@ def _distances(
     """Distances (k, F) of features from the other body [m], less the radii, and what the features are called."""
     radius = shapes[0].radius + shapes[1].radius
     positions = (first, second)
+    called: list[str] = []
+    pierced: list[np.ndarray] = [np.full((len(first), 1), np.inf)]
     for own, other in ((0, 1), (1, 0)):
         mine, theirs, x, y = shapes[own], shapes[other], positions[own], positions[other]
         points = x[:, mine.vertices]
-        called = [f"particle {n} of {names[own]!r}" for n in mine.vertices.tolist()]
+        particles = [f"particle {n} of {names[own]!r}" for n in mine.vertices.tolist()]
         if len(theirs.triangles):
-            yield called, distance.point_surface(points, y[:, theirs.triangles]) - radius
-            lines = _lines(mine)
-            if len(lines):
-                depth = distance.pierced(x[:, lines], y[:, theirs.triangles]).max(axis=2)
-                edges = [f"the edge {i}–{j} of {names[own]!r}" for i, j in lines.tolist()]
-                yield edges, np.where(depth > 0, -depth - radius, np.inf)
+            faces, lines = y[:, theirs.triangles], _lines(mine)
+            yield particles, distance.point_surface(points, faces) - radius
+            called += _called(lines, names[own])
+            depth = distance.pierced(x[:, lines], faces).max(axis=2)
+            pierced.append(np.where(depth > 0, -depth - radius, np.inf))
         elif len(theirs.edges):
-            yield called, distance.point_segment(points, y[:, theirs.edges]).min(axis=2) - radius
+            yield particles, distance.point_segment(points, y[:, theirs.edges]).min(axis=2) - radius
         elif not len(mine.triangles) and not len(mine.edges):
             apart = np.linalg.norm(points[:, :, None] - y[:, None, theirs.vertices], axis=-1)
-            yield called, apart.min(axis=2) - radius
+            yield particles, apart.min(axis=2) - radius
     lines, others = _lines(shapes[0]), _lines(shapes[1])
     if len(lines) and len(others):
-        edges = [f"the edge {i}–{j} of {names[0]!r}" for i, j in lines.tolist()]
-        apart = distance.segment_segment(first[:, lines], second[:, others]).min(axis=2)
-        yield edges, apart - radius
+        between = distance.segment_segment(first[:, lines], second[:, others]).min(axis=2)
+        yield _called(lines, names[0]), between - radius
+    yield ["", *called], np.concatenate(pierced, axis=1)
+
+
+def _called(lines: np.ndarray, name: str) -> list[str]:
+    return [f"the edge {i}–{j} of {name!r}" for i, j in lines.tolist()]

@@ -12,16 +12,35 @@ from springgym.forces import Particles, Terms, accelerate, drift, kick, relax
 from springgym.forces.pairs.friction import rub
 from springgym.forces.pairs.impulses import account, prepare, sweep, taper
 from springgym.forces.pairs.search import find
-from springgym.forces.pairs.terms import ENTRIES, GAP, Span
+from springgym.forces.pairs.terms import ENTRIES, GAP, Pairs, Span
 from springgym.forces.springs import Dampers, Decay, Springs, decay
 from springgym.packing import pack_pairs
 from springgym.scene import Scene
 from springgym.stability import automatic_step
-from springgym.vectors import row, set_row
+from springgym.lanes import load, minimum, sqrt
+from springgym.vectors import TINY, dot, minus, plus_scaled, row, set_row, times
 
 BLIND, UNTAPERED, SINGLE, PLAIN = range(1, 5)
 """What is left out on purpose: the history of signs, the force of the share's gradient, the second sweep, the turn
 of friction."""
+
+
+@compiled
+def rub_plainly(v: Any, count: Any, particles: Any, friction: Any, room: Any) -> None:
+    """Friction as of points: opposite impulses that stop the slip of the two, however far they are apart."""
+    if friction is not None:
+        for k in range(count):
+            n = row(room.toward, k)
+            slip = times(0.0, n)
+            for j in range(room.count[k]):
+                slip = plus_scaled(slip, load(room.weight, 4 * k + j), row(v, room.particles[k, j]))
+            slip = minus(slip, times(dot(slip, n), n))
+            limit = load(friction, room.pair[k]) * load(room.push, k)
+            share = minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0 / (load(room.inverse, k) + TINY))
+            for j in range(room.count[k]):
+                i = room.particles[k, j]
+                size = share * load(room.weight, 4 * k + j) * load(particles.inverse_mass, i)
+                set_row(v, i, plus_scaled(row(v, i), -1.0 * size, slip))
 
 
 @compiled
@@ -53,7 +72,10 @@ def one_step(
         sweep(v, span, count, turn == 1, particles, pairs, room)
     if lacks != UNTAPERED:
         taper(x, v, span, count, particles, pairs, room, pairs.shapes.edges)
-    rub(x, w, v, count, particles, pairs, pairs.friction, room, tally)
+    if lacks == PLAIN:
+        rub_plainly(v, count, particles, pairs.friction, room)
+    else:
+        rub(x, w, v, count, particles, pairs, pairs.friction, room, tally)
     account(v, span, count, pairs, room, tally)
     drift(x, v, 0.5 * h)
 
@@ -81,10 +103,20 @@ def advance(
 
 
 class World:
-    """Copies of a scene without surfaces or actuators, whose bodies collide."""
+    """Copies of a scene without surfaces or actuators, whose bodies collide.
+
+    Unless it is to be ``lean``, it has all kinds of terms, be they zero or empty, so that all worlds share their
+    code.
+    """
 
     def __init__(
-        self, scene: Scene, *, step: float | None = None, copies: int = 1, dtype: Any = float
+        self,
+        scene: Scene,
+        *,
+        step: float | None = None,
+        copies: int = 1,
+        dtype: Any = float,
+        lean: bool = False,
     ) -> None:
         self.scene, self.copies = scene, copies
         self.step = automatic_step(scene, _verlet()) if step is None else step
@@ -104,12 +136,14 @@ class World:
                 scene.of_bodies("lengths"),
                 scene.of_bodies("stiffness"),
             ),
-            Dampers(damping, half, half, True) if damping.any() else None,
-            gravity=None if scene.gravity is None else np.array(scene.gravity, float),
+            Dampers(damping, half, half, True) if damping.any() or not lean else None,
+            gravity=None if scene.gravity is None and lean else np.array(scene.gravity or (0, 0, 0), float),
         )
         packed = pack_pairs(scene, self._x.dtype)
         assert packed is not None
         self.pairs, make = packed
+        if not lean:
+            self.pairs = with_all_features(self.pairs)
         self._room = make()
         self._tally = block_array(copies, (len(self.pairs.first) * ENTRIES,), dtype)
         numbers(self._tally)[:, GAP::ENTRIES] = np.inf
@@ -175,6 +209,22 @@ class World:
         rate = ((self.v[:, j] - self.v[:, i]) * along).sum(-1) / np.maximum(lengths, 1e-300)
         k = self.scene.of_bodies("stiffness")
         return total + (0.5 * k * (stretch**2 - (self.step**2 / 4 * rate**2 if shadow else 0.0))).sum(-1)
+
+
+def with_all_features(pairs: Pairs) -> Pairs:
+    """Pairs without None."""
+    shapes, count, bodies = pairs.shapes, len(pairs.first), len(pairs.shapes.radius)
+    none = np.zeros(bodies, bool)
+    return pairs._replace(
+        friction=np.zeros(count) if pairs.friction is None else pairs.friction,
+        damping=np.zeros(count) if pairs.damping is None else pairs.damping,
+        shapes=shapes._replace(
+            triangles=np.zeros((0, 3), np.uint32) if shapes.triangles is None else shapes.triangles,
+            edges=np.zeros((0, 2), np.uint32) if shapes.edges is None else shapes.edges,
+            rods=none if shapes.rods is None else shapes.rods,
+            balls=none if shapes.balls is None else shapes.balls,
+        ),
+    )
 
 
 def _verlet() -> Any:
