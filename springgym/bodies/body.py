@@ -124,8 +124,8 @@ class Body(ReadOnly):
         object.__setattr__(self, "radius", number(what + "radius", self.radius, low=0.0))
         if self.radius and len(self.triangles):
             raise ValueError(
-                f"{what}radius is {self.radius:g} m beside {len(self.triangles)} triangles; a body has one or "
-                "the other"
+                f"{what}radius is {self.radius:g} m beside {len(self.triangles)} triangles; "
+                "a body has one or the other"
             )
         self._check_shape()
 
@@ -238,7 +238,7 @@ class Body(ReadOnly):
 
     @cached_property
     def closed(self) -> bool:
-        """Whether its triangles enclose it: each edge in two of them, which run along it in opposite senses."""
+        """Whether its triangles enclose it: each edge is in two, which run along it in opposite senses."""
         return surface.is_closed(self.triangles)
 
     @cached_property

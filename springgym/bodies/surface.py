@@ -1,4 +1,4 @@
-"""What the triangles of a body tell of it as a solid: whether they enclose it, its sharp edges, how thin it is."""
+"""What triangles tell of a body as a solid: whether they enclose it, its sharp edges, how thin it is."""
 
 from __future__ import annotations
 

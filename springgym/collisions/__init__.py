@@ -1,4 +1,4 @@
-"""Which bodies of a scene collide, and how. Frozen data, checked once; `springgym.forces.pairs` computes with it."""
+"""Which bodies of a scene collide, and how. `springgym.forces.pairs` computes with it."""
 
 from springgym.collisions.meeting import Collisions, Meeting, Pair, meetings
 from springgym.collisions.overlap import check_apart

@@ -96,7 +96,8 @@ def meetings(
         for n, (i, j, _) in enumerate(found):
             if any((i, j) == of[:2] for of in found[:n]):
                 raise ValueError(
-                    f"collisions[{n}] is of {bodies[i].name!r} and {bodies[j].name!r}, which were paired before"
+                    f"collisions[{n}] is of {bodies[i].name!r} and {bodies[j].name!r}, "
+                    "which were paired before"
                 )
     return tuple(_meeting(i, j, how, bodies) for i, j, how in sorted(found, key=lambda of: of[:2]))
 

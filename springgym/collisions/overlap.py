@@ -1,4 +1,4 @@
-"""Whether two bodies start in each other: no vertex inside, no edge through a face, none nearer than 1e-3 Δ."""
+"""Whether bodies start in each other: no vertex inside, no edge through a face, none nearer than 1e-3 Δ."""
 
 from __future__ import annotations
 
@@ -56,14 +56,15 @@ def check_apart(
         if len(wrong):
             row = int(wrong[0])
             each = nearest[:, row]  # of an edge through a face, no more than that is known: it comes last
-            called, apart = kinds[int(each[:-1].argmin()) if each[:-1].min() < 0 else int(each.argmin())]
+            kind = each[:-1].argmin() if each[:-1].min() < 0 else each.argmin()
+            called, apart = kinds[int(kind)]
             d, copy = float(apart[row].min()), some[row]
             of = f" in copy {copies[copy]}" if positions[0].ndim == 3 and copies is not None else ""
             where = f"{-d:g} m deep in each other" if d < 0 else f"only {abs(d):g} m apart"
             raise ValueError(
                 f"bodies {names[0]!r} and {names[1]!r} start {where}{of}, by "
-                f"{called[int(apart[row].argmin())]}; they must be at least {least:g} m apart, and are free of "
-                f"each other from {reach:g} m"
+                f"{called[int(apart[row].argmin())]}; they must be at least {least:g} m apart, and are "
+                f"free of each other from {reach:g} m"
             )
 
 
@@ -79,7 +80,7 @@ def _lines(shape: Shape) -> np.ndarray:
 def _distances(
     shapes: tuple[Shape, Shape], names: tuple[str, str], first: np.ndarray, second: np.ndarray
 ) -> Iterator[tuple[list[str], np.ndarray]]:
-    """Distances (k, F) of features from the other body [m], less the radii, and what the features are called."""
+    """What features are called, and their distances (k, F) from the other body [m], less the radii."""
     radius = shapes[0].radius + shapes[1].radius
     positions = (first, second)
     called: list[str] = []

@@ -1,4 +1,4 @@
-"""The features of a body that others meet: corners, faces and sharp edges, or balls and rods of one radius."""
+"""The features of a body that others meet: corners, faces and sharp edges, or balls and rods."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def _unfit(body: Body, reach: float) -> str | None:
         if lengths.min() < reach:
             i, j = lines[int(np.argmin(lengths))]
             return (
-                f"its edge from particle {i} to {j} is {lengths.min():g} m long, and must not be shorter than "
-                f"the reach of the contact, {reach:g} m"
+                f"its edge from particle {i} to {j} is {lengths.min():g} m long, and must not be shorter "
+                f"than the reach of the contact, {reach:g} m"
             )
     if len(given.triangles) and body.thickness < THIN * reach:
         return (

@@ -106,8 +106,8 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
         )
     if scene.meetings and not method.meets_bodies:
         return (
-            f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no node of that kind; "
-            "use a method that meets_bodies, or collisions=None to let bodies pass through each other"
+            f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
+            "node of that kind; say collisions=None to let bodies pass through each other"
         )
     if scene.surfaces and isinstance(scene.contact, PaperContact):
         if method.name != "rk4":

@@ -18,7 +18,7 @@ def rotations(rng: np.random.Generator, count: int) -> np.ndarray:
 
 def pair_scene(first: Body, second: Body, contact: Contact | None = None) -> Scene:
     """Two bodies without gravity, far apart."""
-    away = second.positions + (2 * (first.size + second.size), 0.0, 0.0)
+    away = second.positions + np.array([2 * (first.size + second.size), 0.0, 0.0])
     return Scene(
         bodies=(Placed(first, name="first"), Placed(second, positions=away, name="second")),
         gravity=None,

@@ -118,7 +118,7 @@ def convex(rng: np.random.Generator) -> Body:
 
 @pytest.mark.parametrize(("speed", "most"), [(1.0, 2e-4), (5.0, 2e-3)])
 def test_every_way_to_meet(speed: float, most: float) -> None:
-    """Faces, edges and corners: each way parts again, with momenta to round-off; better by 9 with a third step."""
+    """Faces, edges and corners part again, with momenta to round-off; energy is of order 2."""
     worst = []
     for finer in (1, 3):
         world = World(pair_scene(CUBE, CUBE), copies=len(WAYS))

@@ -97,7 +97,7 @@ def on_slab(ratio: float, world: World) -> np.ndarray:
     tilt = np.arctan(ratio * MU)
     strength, reach = float(world.pairs.strength[0]), float(world.pairs.reach[0])
     high = np.sqrt(strength / (9.81 * np.cos(tilt) / 4 + strength / reach**2))
-    x = np.concatenate([SLAB.positions, BLOCK.positions + (-1.0, 0.0, 0.45 + high)])
+    x = np.concatenate([SLAB.positions, BLOCK.positions + np.array([-1.0, 0.0, 0.45 + high])])
     return np.asarray(x @ turned((1, np.degrees(tilt))).T)
 
 

@@ -14,15 +14,15 @@ from springgym.forces.pairs.impulses import account, prepare, sweep, taper
 from springgym.forces.pairs.search import find
 from springgym.forces.pairs.terms import ENTRIES, GAP, Pairs, Span
 from springgym.forces.springs import Dampers, Decay, Springs, decay
+from springgym.lanes import load, minimum, sqrt
 from springgym.packing import pack_pairs
 from springgym.scene import Scene
 from springgym.stability import automatic_step
-from springgym.lanes import load, minimum, sqrt
 from springgym.vectors import TINY, dot, minus, plus_scaled, row, set_row, times
 
 BLIND, UNTAPERED, SINGLE, PLAIN = range(1, 5)
-"""What is left out on purpose: the history of signs, the force of the share's gradient, the second sweep, the turn
-of friction."""
+"""What is left out on purpose: the history of signs, the force of the share's gradient, the second sweep, the
+turn of friction."""
 
 
 @compiled
@@ -32,12 +32,12 @@ def rub_plainly(v: Any, count: Any, particles: Any, friction: Any, room: Any) ->
         for k in range(count):
             n = row(room.toward, k)
             slip = times(0.0, n)
-            for j in range(room.count[k]):
+            for j in range(room.members[k]):
                 slip = plus_scaled(slip, load(room.weight, 4 * k + j), row(v, room.particles[k, j]))
             slip = minus(slip, times(dot(slip, n), n))
             limit = load(friction, room.pair[k]) * load(room.push, k)
             share = minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0 / (load(room.inverse, k) + TINY))
-            for j in range(room.count[k]):
+            for j in range(room.members[k]):
                 i = room.particles[k, j]
                 size = share * load(room.weight, 4 * k + j) * load(particles.inverse_mass, i)
                 set_row(v, i, plus_scaled(row(v, i), -1.0 * size, slip))
@@ -105,8 +105,7 @@ def advance(
 class World:
     """Copies of a scene without surfaces or actuators, whose bodies collide.
 
-    Unless it is to be ``lean``, it has all kinds of terms, be they zero or empty, so that all worlds share their
-    code.
+    Unless it is to be ``lean``, it has all kinds of terms, be they zero or empty: all worlds share code.
     """
 
     def __init__(
@@ -196,8 +195,9 @@ class World:
         return np.concatenate([(m * self.v).sum(1), (m * np.cross(self.x, self.v)).sum(1)], axis=1)
 
     def energy(self, shadow: bool = True) -> np.ndarray:
-        """Of motion, gravity and springs (copies,), far from contact; the ``shadow`` is what this step keeps of it:
-        less h²/8 v·K v.
+        """Of motion, gravity and springs (copies,), far from contact.
+
+        The ``shadow`` is what this step keeps of it: less h²/8 v·K v.
         """
         m, (i, j) = self.scene.masses, self.scene.springs.T
         total = 0.5 * (m * (self.v**2).sum(-1)).sum(-1)

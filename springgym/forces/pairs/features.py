@@ -1,17 +1,18 @@
 """Where the features of two bodies meet: vertex and face, vertex and rod, ball and ball, edge and edge.
 
-A contact has up to four particles with weights w (sum 0; + on one body, − on the other), a unit normal n, a
-signed distance d and a share Φ of the strength, such that Σ w x = d n (less radii) and u = n · Σ w v = ḋ.
+A contact has up to four particles with weights w (sum 0; + on one body, − on the other), a unit normal n,
+a signed distance d and a share Φ of the strength, such that Σ w x = d n (less radii) and u = n · Σ w v =
+ḋ.
 
-Vertex and face. Of the triangles of a closed surface the nearest counts, by the key |D|² − 1e-6 h², D from the
-nearest point and h the height over its plane: of triangles that share this point the second term picks the one
-that the vertex faces, whose sign of h is that of the distance. A vertex behind a triangle must have come
-through it since the step began, in t seconds: h − t ḣ > 0; if it came through another, that one counts, be it
-farther.
+Vertex and face. Of the triangles of a closed surface the nearest counts, by the key |D|² − 1e-6 h², with
+D from the nearest point and h the height over its plane: of triangles that share this point the second
+term picks the one that the vertex faces, whose sign of h is that of the distance. A vertex behind a
+triangle must have come through it since the step began, in t seconds: h − t ḣ > 0. If it came through
+another, that one counts, be it farther.
 
-Edge and edge, or rods. At the critical point of the two lines, if it lies inside both. Φ falls to 0 towards the
-ends and towards parallel lines, where vertices take over. The normal is that of the step's beginning: where the
-lines passed through each other since then, d is negative.
+Edge and edge, or rods. At the critical point of the two lines, if it lies inside both. Φ falls to 0
+towards the ends and towards parallel lines, where vertices take over. The normal is that of the step's
+beginning: where the lines passed through each other since then, d is negative.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def add_contact(
     tell(tally, p, OVERFLOW, select(fits, 0.0, select(wanted, 1.0, 0.0 * have)))
     if any_lane(fits):
         store(room.have, 0, have + select(fits, 1.0, 0.0 * have))
-        room.pair[k], room.count[k] = p, count
+        room.pair[k], room.members[k] = p, count
         room.particles[k, 0], room.particles[k, 1] = i[0], i[1]
         room.particles[k, 2], room.particles[k, 3] = i[2], i[3]
         store(room.weight, 4 * k, select(fits, w[0], 0.0))

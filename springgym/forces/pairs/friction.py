@@ -1,14 +1,14 @@
 """Coulomb's friction of bodies that touch.
 
-Opposite tangential forces at two points a distance D apart would leave a torque, and see slip where both bodies turn
-together. So slip is seen, and forces act, as in axes that turn with the contact's own particles: with their centre of
-mass, inertia I and angular momentum L,
+Opposite tangential forces at two points a distance D apart would leave a torque, and see slip where both
+bodies turn together. So slip is seen, and forces act, as in axes that turn with the contact's own
+particles: with their centre of mass x_c, inertia I and angular momentum L,
 
     slip = P (Σ w v − (I⁻¹ L) × D),    an impulse j ⊥ n:  δvᵢ = wᵢ j/mᵢ − θ × (xᵢ − x_c),  θ = I⁻¹ (D × j),
 
-with P = 1 − n nᵀ: no momentum, no angular momentum, and along a unit vector ŝ the slip changes by K j,
-K = W − (D × ŝ)·I⁻¹(D × ŝ). Of a pinned particle the mass counts as infinite, so that the centre is there; with two
-pinned, nothing turns. Of two balls alone there is no slip: points cannot roll, nor be held back without a torque.
+with P = 1 − n nᵀ: no momentum, no angular momentum, and along a unit vector ŝ the slip changes by K j, K
+= W − (D × ŝ)·I⁻¹(D × ŝ). Of a pinned particle the mass counts as infinite, so that x_c is there; with two
+pinned, nothing turns. Two balls alone never slip: points cannot roll, nor be held back without a torque.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ FIRM = 1e-6
 def rub(
     x: Any, w: Any, v: Any, count: Any, particles: Any, pairs: Any, friction: Any, room: Any, tally: Any
 ) -> None:
-    """Hold back what slips, in two sweeps; the loss is j times the mean of the slips before and after the node."""
+    """Hold back what slips, in two sweeps; the loss is j times the mean of the slips before and after."""
     if friction is not None:
         for k in range(count):
             set_row(room.rub, k, (0.0, 0.0, 0.0))
@@ -71,7 +71,7 @@ def slipping(x: Any, v: Any, k: Any, particles: Any, room: Any) -> Any:
     slip (3,); inertia (xx, yy, zz, xy, xz, yz); how many of them are pinned; centre (3,); D (3,)
     """
     pins, pin = 0, 0
-    for j in range(room.count[k]):
+    for j in range(room.members[k]):
         if not particles.free[room.particles[k, j]]:
             pins, pin = pins + 1, j
     first = room.particles[k, pin]
@@ -79,7 +79,7 @@ def slipping(x: Any, v: Any, k: Any, particles: Any, room: Any) -> Any:
     if pins == 0:
         total = load(particles.mass, first) + 0.0 * centre[0]
         centre, speed = times(total, centre), times(total, speed)
-        for j in range(1, room.count[k]):
+        for j in range(1, room.members[k]):
             i = room.particles[k, j]
             m = load(particles.mass, i)
             total = total + m
@@ -88,7 +88,7 @@ def slipping(x: Any, v: Any, k: Any, particles: Any, room: Any) -> Any:
     zero = 0.0 * centre[0]
     apart, slip, spin = (zero, zero, zero), (zero, zero, zero), (zero, zero, zero)
     xx, yy, zz, xy, xz, yz = zero, zero, zero, zero, zero, zero
-    for j in range(room.count[k]):
+    for j in range(room.members[k]):
         i = room.particles[k, j]
         weight = load(room.weight, 4 * k + j)
         r, u = minus(row(x, i), centre), minus(row(v, i), speed)
@@ -142,7 +142,7 @@ def turn_with(
 ) -> None:
     """Give contact k an impulse across its normal, and the turn that takes its torque back."""
     turn = turning(about, pins, cross(apart, j))
-    for n in range(room.count[k]):
+    for n in range(room.members[k]):
         i = room.particles[k, n]
         if particles.free[i]:
             before = row(v, i)

@@ -1,15 +1,18 @@
 """What bodies that collide do to each other at the node of a step, where all impulses act at once.
 
-Particles fly straight for half a step, receive the impulses of springs, gravity, dampers, contact and friction, and
-fly straight for the other half. As x₁ = x₀ + (h/2)(v₀ + v₁), the angular momentum changes by exactly
-Σ (x₀ + h v₀/2) × p for the impulses p: those of a contact lie along D between the points of D, at the positions of
-the node, so that they keep momentum and angular momentum to round-off, whatever their size.
+Particles fly straight for half a step, receive the impulses of springs, gravity, dampers, contact and
+friction, and fly straight for the other half. As x₁ = x₀ + (h/2)(v₀ + v₁), the angular momentum changes
+by exactly Σ (x₀ + h v₀/2) × p for the impulses p: those of a contact lie along D between the points of D,
+at the positions of the node, so that they keep momentum and angular momentum to round-off, whatever their
+size.
 
-Each contact's impulse J follows from the heights h₀ = d − (h/2) u₀ and a = h₀ + h (u₀ + u)/2, with u the speed along
-its normal after all other impulses (`springgym.forces.pairs.law`). Two sweeps, there and back, find all of them.
+Each contact's impulse J follows from the heights h₀ = d − (h/2) u₀ and a = h₀ + h (u₀ + u)/2, with u the
+speed along its normal after all other impulses (`springgym.forces.pairs.law`). Two sweeps, there and
+back, find all.
 
-The strength of an edge's contact depends on where it is met: the force of this energy's gradient acts, too. Its
-size is q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, so bounded that a step of it cannot gain more than there is.
+The strength of an edge's contact depends on where it is met: the force of this energy's gradient acts,
+too. Its size is q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, so bounded that a step cannot gain more of it
+than there is.
 """
 
 from __future__ import annotations
@@ -37,7 +40,7 @@ from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, stor
 from springgym.vectors import TINY, choose, cross, dot, minus, plus, plus_scaled, row, set_row, times
 
 LOW = 0.02
-"""A step that begins nearer than this share of Δ began with a contact that was missed: it is taken from here."""
+"""What begins a step nearer than this share of Δ was missed before. It is taken as this near."""
 
 QUICK = 0.2
 """Share of Δ that a contact may move by in a step, to be computed well."""
@@ -73,7 +76,7 @@ def prepare(w: Any, span: Any, count: Any, particles: Any, pairs: Any, room: Any
     for k in range(count):
         u = speed(w, k, room)
         inverse = 0.0 * u
-        for j in range(room.count[k]):
+        for j in range(room.members[k]):
             weight = load(room.weight, 4 * k + j)
             inverse = inverse + weight * weight * load(particles.inverse_mass, room.particles[k, j])
         store(room.before, k, u)
@@ -89,7 +92,7 @@ def prepare(w: Any, span: Any, count: Any, particles: Any, pairs: Any, room: Any
 def speed(v: Any, k: Any, room: Any) -> Any:
     """u of contact k."""
     u = times(load(room.weight, 4 * k), row(v, room.particles[k, 0]))
-    for j in range(1, room.count[k]):
+    for j in range(1, room.members[k]):
         u = plus(u, times(load(room.weight, 4 * k + j), row(v, room.particles[k, j])))
     return dot(row(room.toward, k), u)
 
@@ -120,7 +123,7 @@ def sweep(v: Any, span: Any, count: Any, backward: Any, particles: Any, pairs: A
             store(room.push, k, new)
             impulse = times(new - old, row(room.toward, k))
             on = d < 0.5 * FAR
-            for j in range(room.count[k]):
+            for j in range(room.members[k]):
                 i = room.particles[k, j]
                 give(v, i, load(room.weight, 4 * k + j) * load(particles.inverse_mass, i), impulse, on)
 
@@ -162,7 +165,7 @@ def taper(x: Any, v: Any, span: Any, count: Any, particles: Any, pairs: Any, roo
         for k in range(count):
             share = load(room.share, k)
             partly = select(share < 1.0, share, 0.0) > 0.0
-            if room.count[k] == 4 and any_lane(partly):
+            if room.members[k] == 4 and any_lane(partly):
                 p = room.pair[k]
                 reach = pairs.reach[p]
                 first, last = ends(v, span, k, reach, room)

@@ -1,13 +1,13 @@
 """What a barrier does along a normal at a node, without and with loss.
 
-With the heights h₀ and h₁ where the node's time begins and ends, τ seconds apart, and a the height that would be
-reached without the barrier, the change of speed is
+With the heights h₀ and h₁ where the node's time begins and ends, τ seconds apart, and a the height that
+would be reached without the barrier, the change of speed is
 
     Δu = τ F̄/m (1 − δ (h₁ − h₀)/τ)₊,    h₁ = a + t Δu,    F̄ = −(U(h₁) − U(h₀))/(h₁ − h₀),
 
-with U = c (Δ − h)²/(h Δ²) for h < Δ, else 0, and t the drift after the node: τ/2, or τ if it begins at the node.
-Without loss and with t = τ/2 the work of the impulse is exactly −(U(h₁) − U(h₀)), whatever else acts (Gonzalez,
-J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162), and what holds forward in time holds backward.
+with U = c (Δ − h)²/(h Δ²) for h < Δ, else 0, and t the drift after the node: τ/2, or τ if it begins at
+the node. Without loss and with t = τ/2 the work of the impulse is exactly −(U(h₁) − U(h₀)), whatever else
+acts (Gonzalez, J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162), and the law is symmetric in time.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ def positive_root(square: Any, linear: Any, product: Any) -> Any:
 def meet(start: Any, free: Any, span: Any, c: Any, reach: Any) -> Any:
     """The change of speed [m/s] by a barrier without loss.
 
-    ``start`` is the height h₀ [m], ``free`` the height a, of which at least one must be less than ``reach``; ``c``
-    is the strength per mass [m³/s²].
+    ``start`` is the height h₀ [m], ``free`` the height a, of which at least one must be less than ``reach``;
+    ``c`` is the strength per mass [m³/s²].
     """
     start = maximum(start, LEAST * reach)
     gain, flat = (span.out * span.whole) * c, 1.0 / (reach * reach)

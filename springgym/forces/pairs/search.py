@@ -1,9 +1,9 @@
 """Which features of the bodies are near each other: by boxes around bodies, then between two bodies.
 
-Boxes are found anew at each node, so that bodies may change shape; the velocities have boxes, too, and say how
-much farther than Δ to look. What is left of a pair is what lies in the slab between both along the line of
-their centres. Every test is made for all copies of a block, and passed where one copy passes it; which contacts a
-copy has does not depend on the others.
+Boxes are found anew at each node, so that bodies may change shape; the velocities have boxes, too, and
+say how much farther than Δ to look. What is left of a pair is what lies in the slab between both along
+the line of their centres. Every test is made for all copies of a block, and passed where one copy passes
+it; which contacts a copy has does not depend on the others.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def compare(
     room: Any,
     tally: Any,
 ) -> int:
-    """List the contacts of one pair, ``lead`` seconds after the step began, behind ``count`` others; how many there are."""
+    """List the contacts of a pair behind ``count`` others; ``lead`` is the time since the step began."""
     shapes, ends = pairs.shapes, room.ends
     for side in range(2):
         other = 1 - side

@@ -1,4 +1,4 @@
-"""Bodies that collide as compiled functions take them, what they compute in, and what is told of each copy."""
+"""Bodies that collide as compiled functions take them, what these compute in, and what they tell."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Room(NamedTuple):
     """(rows,) whose contact it is"""
     particles: np.ndarray
     """(rows, 4)"""
-    count: np.ndarray
+    members: np.ndarray
     """(rows,) how many of them there are"""
     weight: np.ndarray
     """(4 rows,) w: they sum to 0"""
@@ -120,9 +120,9 @@ class Room(NamedTuple):
 
 
 TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW = range(9)
-"""What a tally holds of each pair: whether it touches; of all steps the sum of J [N·s], the least distance [m],
-how the energy stands in the barriers [J], what was lost to damping and friction [J]; and how often a contact
-was found too late, was faster than it is computed well for, or had no room."""
+"""What a tally holds of each pair: whether it touches; the sum of J [N·s] and the least distance [m] since it
+was emptied; the energy in the barriers [J]; what was lost to damping and to friction [J]; and how often a
+contact was found too late, was faster than it is computed well for, or had no room."""
 
 ENTRIES = 9
 
@@ -177,7 +177,7 @@ def most_contacts(meetings: Sequence[Meeting], shapes: Sequence[Shape]) -> tuple
 
 
 def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
-    """What a thread finds contacts in, on elements of ``dtype``; ``rows`` is the most there can be in a block."""
+    """What a thread finds contacts in, on elements of ``dtype``; ``rows`` is the most a block can have."""
     shapes = pairs.shapes
     bodies = len(shapes.radius)
     triangles = 0 if shapes.triangles is None else len(shapes.triangles)
@@ -189,7 +189,10 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         return aligned_zeros(shape, dtype)
 
     return Room(
-        *(lanes(bodies, 3) for _ in range(4)),
+        low=lanes(bodies, 3),
+        high=lanes(bodies, 3),
+        slow=lanes(bodies, 3),
+        fast=lanes(bodies, 3),
         along=lanes(particles),
         near=np.zeros((3, max(len(shapes.vertices), triangles, edges)), np.int32),
         ends=np.zeros((3, 3), np.int64),
@@ -198,7 +201,7 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         have=lanes(1),
         pair=np.zeros(rows, np.int32),
         particles=np.zeros((rows, 4), np.int32),
-        count=np.zeros(rows, np.int32),
+        members=np.zeros(rows, np.int32),
         weight=lanes(4 * rows),
         toward=lanes(rows, 3),
         distance=lanes(rows),
