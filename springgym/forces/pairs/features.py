@@ -22,7 +22,7 @@ from typing import Any
 from springgym.compiling import compiled
 from springgym.forces.pairs.terms import FAR, OVERFLOW, tell
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
-from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times
+from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times, unit
 
 TIE = 1e-6
 """Share of h² in the key of a triangle."""
@@ -54,22 +54,20 @@ def weighted(x: Any, i: Any, wi: Any, j: Any, wj: Any, k: Any, wk: Any) -> Any:
 
 
 @compiled
-def on_triangle(p: Any, a: Any, b: Any, c: Any) -> Any:
-    """Weights of b and c (and 1 less both, of a) in the point of a triangle nearest to p."""
-    u, w, r = minus(b, a), minus(c, a), minus(p, a)
-    uu, uw, ww, e, f = dot(u, u), dot(u, w), dot(w, w), dot(u, r), dot(w, r)
-    scale = 1.0 / (uu * ww - uw * uw + TINY)
-    v0, w0 = (ww * e - uw * f) * scale, (uu * f - uw * e) * scale
-    inside = minimum(minimum(v0, w0), 1.0 - v0 - w0) >= 0.0
-    t1, t2 = within(e / uu), within(f / ww)
+def on_sides(uu: Any, uw: Any, ww: Any, e: Any, f: Any) -> Any:
+    """Weights of the far corners in the point of a triangle's sides nearest to r.
+
+    It is spanned by u and w, whose products are ``uu``, ``uw`` and ``ww``; ``e`` and ``f`` are u·r and w·r.
+    """
+    third = uu - 2.0 * uw + ww
+    inverse = 1.0 / (uu * ww * third + TINY)
+    t1, t2 = within(e * (ww * third * inverse)), within(f * (uu * third * inverse))
     q1, q2 = t1 * (t1 * uu - 2.0 * e), t2 * (t2 * ww - 2.0 * f)
-    t3 = within((f - e + uu - uw) / (uu - 2.0 * uw + ww))
+    t3 = within((f - e + uu - uw) * (uu * ww * inverse))
     s3 = 1.0 - t3
     q3 = s3 * (s3 * uu + 2.0 * t3 * uw - 2.0 * e) + t3 * (t3 * ww - 2.0 * f)
     first, second = q1 <= minimum(q2, q3), q2 <= q3
-    ve = select(first, t1, select(second, 0.0, s3))
-    we = select(first, 0.0, select(second, t2, t3))
-    return select(inside, v0, ve), select(inside, w0, we)
+    return select(first, t1, select(second, 0.0, s3)), select(first, 0.0, select(second, t2, t3))
 
 
 @compiled
@@ -114,7 +112,10 @@ def vertex_faces(
     room: Any,
     tally: Any,
 ) -> Any:
-    """The contact of particle i with the nearest of the triangles ``first`` … ``last`` of those near."""
+    """The contact of particle i with the nearest of the triangles ``first`` … ``last`` of those near.
+
+    Each triangle is asked no more than it takes to know that it is not near: first its plane, then its sides.
+    """
     if triangles is not None:
         point = row(x, i)
         limit = near * near
@@ -122,20 +123,34 @@ def vertex_faces(
         for m in range(first, last):
             t = room.near[1, m]
             a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            normal = row(room.normal, m)
-            height = dot(normal, minus(point, row(x, a)))
-            close = maximum(height, -height) < near
+            normal, square, corner = row(room.normal, m), load(room.square, m), row(x, a)
+            r = minus(point, corner)
+            height = dot(normal, r)  # times |normal|
+            close = height * height < limit * square
             key = FAR + 0.0 * height
             if any_lane(close):
-                wb, wc = on_triangle(point, row(x, a), row(x, b), row(x, c))
-                apart = minus(point, weighted(x, a, 1.0 - wb - wc, b, wb, c, wc))
-                key = dot(apart, apart) - TIE * height * height
-                key = select(select(close, key, FAR) < limit, key, FAR)
-                behind = select(close, height, 1.0) < 0.0
-                if any_lane(behind):
-                    rate = dot(normal, minus(row(w, i), weighted(w, a, 1.0 - wb - wc, b, wb, c, wc)))
-                    credible = select(behind, height - lead * rate, 1.0) > 0.0
-                    key = select(credible, key, key + 4.0 * limit)  # after all that are
+                u, q = minus(row(x, b), corner), minus(row(x, c), corner)
+                uu, uw, ww, e, f = dot(u, u), dot(u, q), dot(q, q), dot(u, r), dot(q, r)
+                inverse = 1.0 / (square + TINY)
+                wb, wc = (ww * e - uw * f) * inverse, (uu * f - uw * e) * inverse
+                side = minimum(minimum(wb, wc), 1.0 - wb - wc)
+                past = minimum(side, 0.0)
+                longest = maximum(maximum(uu, ww), uu - 2.0 * uw + ww)
+                close = select(close, past * past * square, FAR) < limit * longest
+                if any_lane(close):
+                    if any_lane(select(close, side, 0.0) < 0.0):
+                        sb, sc = on_sides(uu, uw, ww, e, f)
+                        wb, wc = select(side < 0.0, sb, wb), select(side < 0.0, sc, wc)
+                    apart = minus(minus(r, times(wb, u)), times(wc, q))
+                    key = dot(apart, apart) - TIE * (height * height * inverse)
+                    key = select(select(close, key, FAR) < limit, key, FAR)
+                    behind = select(close, height, 1.0) < 0.0
+                    if any_lane(behind):
+                        rate = dot(normal, minus(row(w, i), weighted(w, a, 1.0 - wb - wc, b, wb, c, wc)))
+                        credible = select(behind, height - lead * rate, 1.0) > 0.0
+                        key = select(credible, key, key + 4.0 * limit)  # after all that are
+                    store(room.first, m, wb)
+                    store(room.second, m, wc)
             store(room.key, m, key)
             best = minimum(best, key)
         best = select(best < 5.0 * limit, best, -FAR)
@@ -145,13 +160,12 @@ def vertex_faces(
                 if any_lane(won):
                     t = room.near[1, m]
                     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-                    normal = row(room.normal, m)
-                    wb, wc = on_triangle(point, row(x, a), row(x, b), row(x, c))
+                    normal, wb, wc = row(room.normal, m), load(room.first, m), load(room.second, m)
                     apart = minus(point, weighted(x, a, 1.0 - wb - wc, b, wb, c, wc))
                     d = sqrt(dot(apart, apart) + TINY)
                     touching = d < 1e-9 * near
                     d = select(dot(normal, minus(point, row(x, a))) < 0.0, -d, d)
-                    n = choose(touching, normal, times(1.0 / d, apart))
+                    n = choose(touching, unit(normal), times(1.0 / d, apart))
                     k = add_contact(
                         k,
                         p,
@@ -273,21 +287,22 @@ def ball_ball(
 def edge_edge(
     k: Any,
     p: Any,
-    e: Any,
-    f: Any,
+    ends: Any,
+    start: Any,
+    a: Any,
     x: Any,
     w: Any,
     lead: Any,
     near: Any,
     radius: Any,
-    edges: Any,
     pairs: Any,
     room: Any,
     tally: Any,
 ) -> Any:
-    """The contact of two edges or rods inside both."""
-    i, j, m, n = edges[e, 0], edges[e, 1], edges[f, 0], edges[f, 1]
-    a, b, r = minus(row(x, j), row(x, i)), minus(row(x, n), row(x, m)), minus(row(x, i), row(x, m))
+    """The contact of two edges or rods inside both; the first begins at ``start`` and goes along ``a``."""
+    i, j, m, n = ends
+    corner = row(x, m)
+    b, r = minus(row(x, n), corner), minus(start, corner)
     across = cross(a, b)
     square, h = dot(across, across), dot(r, across)
     spare = near * near * square - h * h

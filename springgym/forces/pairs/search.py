@@ -61,9 +61,9 @@ def widest(low: Any, high: Any, a: Any, b: Any) -> Any:
 
 
 @compiled
-def between(low: Any, high: Any, a: Any, b: Any) -> Any:
-    """The largest gap of the boxes of two bodies along an axis, negative if they overlap."""
-    gap = larger(minus(row(low, a), row(high, b)), minus(row(low, b), row(high, a)))
+def outside(low: Any, high: Any, body: Any, room: Any) -> Any:
+    """How far a box is outside that of a body, along the axis of its largest gap."""
+    gap = larger(minus(low, row(room.high, body)), minus(row(room.low, body), high))
     return maximum(maximum(gap[0], gap[1]), gap[2])
 
 
@@ -83,7 +83,7 @@ def find(x: Any, w: Any, span: Any, pairs: Any, room: Any, tally: Any) -> int:
         fast = widest(room.slow, room.fast, a, b)
         way = span.out * sqrt(dot(fast, fast))
         near = SPARE * reach + minimum(way, FARTHEST * reach) + radius
-        if any_lane(between(room.low, room.high, a, b) < near):
+        if any_lane(outside(row(room.low, a), row(room.high, a), b, room) < near):
             last, first = slab(x, a, b, shapes, room)
             if any_lane(first - last < near):
                 collect(x, MARGIN * near, last, first, a, b, shapes, shapes.triangles, shapes.edges, room)
@@ -142,39 +142,38 @@ def collect(
     edges: Any,
     room: Any,
 ) -> None:
-    """List the vertices, triangles and edges of two bodies in the slab, and find the triangles' normals."""
+    """List what of two bodies is in the slab and the other's box, and find the normals of its triangles."""
     vs = ts = es = 0
     for side in range(2):
-        body = a if side == 0 else b
+        body, other = (a, b) if side == 0 else (b, a)
         for kind in range(3):
             room.ends[side, kind] = vs if kind == 0 else (ts if kind == 1 else es)
         for k in range(shapes.start[0, body], shapes.start[0, body + 1]):
-            place = load(room.along, shapes.vertices[k])
+            i = shapes.vertices[k]
+            place = load(room.along, i)
             gap = first - place if side == 0 else place - last
-            if any_lane(gap < near):
-                room.near[0, vs] = shapes.vertices[k]
+            room.between[i] = any_lane(gap < near)
+            if room.between[i] and any_lane(outside(row(x, i), row(x, i), other, room) < near):
+                room.near[0, vs] = i
                 vs += 1
         if triangles is not None:
             for t in range(shapes.start[1, body], shapes.start[1, body + 1]):
                 i, j, m = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-                one, two, three = load(room.along, i), load(room.along, j), load(room.along, m)
-                if side == 0:
-                    gap = first - maximum(maximum(one, two), three)
-                else:
-                    gap = minimum(minimum(one, two), three) - last
-                if any_lane(gap < near):
+                if room.between[i] or room.between[j] or room.between[m]:
                     room.near[1, ts] = t
                     corner = row(x, i)
                     across = cross(minus(row(x, j), corner), minus(row(x, m), corner))
-                    set_row(room.normal, ts, times(1.0 / sqrt(dot(across, across) + TINY), across))
+                    set_row(room.normal, ts, across)
+                    store(room.square, ts, dot(across, across))
                     ts += 1
         if edges is not None:
             for e in range(shapes.start[2, body], shapes.start[2, body + 1]):
-                one, two = load(room.along, edges[e, 0]), load(room.along, edges[e, 1])
-                gap = first - maximum(one, two) if side == 0 else minimum(one, two) - last
-                if any_lane(gap < near):
-                    room.near[2, es] = e
-                    es += 1
+                i, j = edges[e, 0], edges[e, 1]
+                if room.between[i] or room.between[j]:
+                    here, there = row(x, i), row(x, j)
+                    if any_lane(outside(smaller(here, there), larger(here, there), other, room) < near):
+                        room.near[2, es] = e
+                        es += 1
     room.ends[2, 0], room.ends[2, 1], room.ends[2, 2] = vs, ts, es
 
 
@@ -240,22 +239,12 @@ def compare(
         count = ball_ball(count, p, i, j, x, near, radius, shapes.balls, pairs, room, tally)
     if edges is not None:
         for m in range(ends[0, 2], ends[1, 2]):
+            i, j = edges[room.near[2, m], 0], edges[room.near[2, m], 1]
+            start = row(x, i)
+            along = minus(row(x, j), start)
             for n in range(ends[1, 2], ends[2, 2]):
-                count = edge_edge(
-                    count,
-                    p,
-                    room.near[2, m],
-                    room.near[2, n],
-                    x,
-                    w,
-                    lead,
-                    near,
-                    radius,
-                    edges,
-                    pairs,
-                    room,
-                    tally,
-                )
+                these = (i, j, edges[room.near[2, n], 0], edges[room.near[2, n], 1])
+                count = edge_edge(count, p, these, start, along, x, w, lead, near, radius, pairs, room, tally)
     return count
 
 

@@ -83,14 +83,22 @@ class Room(NamedTuple):
     fast: np.ndarray
     along: np.ndarray
     """(particles,) places along the line of a pair's centres [m]"""
+    between: np.ndarray
+    """(particles,) whether a place is in the slab between both, in any copy"""
     near: np.ndarray
     """(3, ·) vertices, triangles and edges of a pair that lie between the two bodies, the first's before"""
     ends: np.ndarray
     """(3, 3) where they begin and end"""
     normal: np.ndarray
-    """(T, 3) of those triangles"""
+    """(T, 3) of those triangles, as long as twice their area [m²]"""
+    square: np.ndarray
+    """(T,) squares of these lengths [m⁴]"""
     key: np.ndarray
     """(T or E,) how near they are to a vertex"""
+    first: np.ndarray
+    """(T,) weights of their second corner in the nearest point"""
+    second: np.ndarray
+    """(T,) and of their third"""
     have: np.ndarray
     """(1,) contacts of each copy"""
     pair: np.ndarray
@@ -194,10 +202,14 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         slow=lanes(bodies, 3),
         fast=lanes(bodies, 3),
         along=lanes(particles),
+        between=np.zeros(particles, bool),
         near=np.zeros((3, max(len(shapes.vertices), triangles, edges)), np.int32),
         ends=np.zeros((3, 3), np.int64),
         normal=lanes(triangles, 3),
+        square=lanes(triangles),
         key=lanes(max(triangles, edges)),
+        first=lanes(triangles),
+        second=lanes(triangles),
         have=lanes(1),
         pair=np.zeros(rows, np.int32),
         particles=np.zeros((rows, 4), np.int32),
