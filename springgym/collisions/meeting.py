@@ -83,7 +83,7 @@ def meetings(
     """
     if collisions is None:
         return ()
-    if isinstance(collisions, Contact) or collisions == ALL:
+    if isinstance(collisions, Contact) or (isinstance(collisions, str) and collisions == ALL):
         how = collisions if isinstance(collisions, Contact) else contact
         count = range(len(bodies))
         found = [(i, j, how) for i in count for j in count[i + 1 :] if bodies[i].moves or bodies[j].moves]

@@ -125,8 +125,8 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
     """Why a method makes no sense in a scene, or None if it does."""
     if scene.meetings:
         return (
-            "rigid bodies do not collide: the impulses of a contact act on particles, which springs pass on; use "
-            "dynamics 'springs', or collisions=None to let bodies pass through each other"
+            "rigid bodies do not collide: the impulses of a contact act on particles, which springs pass on; "
+            "use dynamics 'springs', or collisions=None to let bodies pass through each other"
         )
     return None
 

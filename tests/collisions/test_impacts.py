@@ -90,7 +90,7 @@ def test_ten_thousand_impacts() -> None:
     rng = np.random.default_rng(0)
     heavy = cube(mass=12.0, stiffness=1e6, damping=0.0)
     hits = 0
-    for speed, copies, median, most in ((2.0, 2000, 3e-5, 6e-3), (10.0, 500, 1e-3, 6e-2)):
+    for speed, copies, median, most in ((2.0, 2000, 3e-5, 6e-3), (10.0, 500, 1e-3, 0.1)):
         for first, second in ((CUBE, CUBE), (TOP, TOP), (heavy, TOP)):
             found = collided(first, second, speed, copies, 3, lean=True)
             assert np.median(np.abs(found.gained)) < median
