@@ -21,11 +21,11 @@ from typing import Any
 
 from springgym.compiling import compiled
 from springgym.forces.pairs.terms import FAR, OVERFLOW, tell
-from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
+from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt, store
 from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times, unit
 
-TIE = 1e-6
-"""Share of h² in the key of a triangle."""
+TIE, ROUGH = 1e-6, 8192.0
+"""Share of h² in the key of a triangle, and what is added to it for each `epsilon`: 1e-3 in single precision."""
 
 TAPER = 0.5
 """Length over which Φ of an edge rises from its ends, as a share of Δ."""
@@ -142,7 +142,7 @@ def vertex_faces(
                         sb, sc = on_sides(uu, uw, ww, e, f)
                         wb, wc = select(side < 0.0, sb, wb), select(side < 0.0, sc, wc)
                     apart = minus(minus(r, times(wb, u)), times(wc, q))
-                    key = dot(apart, apart) - TIE * (height * height * inverse)
+                    key = dot(apart, apart) - (TIE + ROUGH * epsilon(r[0])) * (height * height * inverse)
                     key = select(select(close, key, FAR) < limit, key, FAR)
                     behind = select(close, height, 1.0) < 0.0
                     if any_lane(behind):
