@@ -25,7 +25,7 @@ from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, s
 from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times, unit
 
 TIE, ROUGH = 1e-6, 8192.0
-"""Share of h² in the key of a triangle, and what is added to it for each `epsilon`: 1e-3 in single precision."""
+"""Share of h² in the key of a triangle, and what each `epsilon` adds: 1e-3 in single precision."""
 
 TAPER = 0.5
 """Length over which Φ of an edge rises from its ends, as a share of Δ."""
