@@ -10,10 +10,13 @@ import numpy as np
 from springgym import rigid
 from springgym.blocks import get_copies, numbers, set_copies
 from springgym.checks import HUGE, TINY
+from springgym.collisions import shape as shape_of
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.barrier import HollowSphere, Planes
 from springgym.forces.memory import memory
+from springgym.forces.pairs import Pairs, Room
+from springgym.forces.pairs.terms import most_contacts, packed_shapes, parallel, room
 from springgym.forces.paper_contact import PaperLaw
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.integrators.record import Integrator
@@ -192,6 +195,33 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         **actuators,
     )
     return Packed(part, order, terms, rigid_body)
+
+
+def pack_pairs(scene: Scene, dtype: Any) -> tuple[Pairs, Callable[[], Room]] | None:
+    """The pairs of a scene's bodies that collide, and what makes room for a thread; None if none do."""
+    met = scene.meetings
+    if not met:
+        return None
+    bodies = [placed.body for placed in scene.bodies]
+    shapes = [shape_of(body) for body in bodies]
+    places = [body.positions for body in bodies]
+    most, rows = most_contacts(met, shapes)
+    frictions = np.array([of.contact.friction for of in met])
+    damping = np.concatenate(
+        [impact_damping([of.contact.restitution], of.contact.impact_speed) for of in met]
+    )
+    pairs = Pairs(
+        first=np.array([of.first for of in met]),
+        second=np.array([of.second for of in met]),
+        reach=np.array([of.reach for of in met]),
+        parallel=np.array([parallel(of, shapes, places) for of in met]),
+        strength=np.array([of.strength for of in met]),
+        friction=frictions if frictions.any() else None,
+        damping=damping if any(of.contact.restitution < 1 for of in met) else None,
+        shapes=packed_shapes(shapes, [own.start for own in scene.slices]),
+        most=most,
+    )
+    return pairs, lambda: room(pairs, len(scene.positions), rows, dtype)
 
 
 def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
