@@ -79,7 +79,7 @@ def incline(angle: float, point: tuple[float, float, float] = (0.0, 0.0, 0.0)) -
 
 @dataclass(frozen=True)
 class Contact:
-    """How a body meets surfaces: by a barrier that keeps its energy, see `springgym.forces.contact`.
+    """How a body meets surfaces: by a barrier that keeps its energy, see `springgym.forces.barrier`.
 
     Parameters
     ----------

@@ -72,8 +72,8 @@ def test_turning_point(speed: float) -> None:
     while (h := state(simulator)[0][0, 2]) < last:
         least, last = h, h
         simulator.advance(1)
-    # The nearest node is τ/2 from the turning point at most, where F is largest; and there the way has its
-    kink.bound = 0.5 * float(theory.force(lowest, C, REACH)) * step**2
+    # The nearest node is τ/2 from the turning point at most, where F is largest; its way has a kink.
+    bound = 0.5 * float(theory.force(lowest, C, REACH)) * step**2
     assert lowest - bound - ROUNDING <= least <= lowest + bound + ROUNDING
     assert least < 0.999 * REACH
 

@@ -183,7 +183,7 @@ def test_actions_change_at_nodes_half_and_half() -> None:
     theirs."""
     draw = np.random.default_rng(5)
     simulator = fallen((floor(),), 1)
-    simulator.place(simulator.positions + [0, 0, 50.0], simulator.velocities)
+    simulator.place(simulator.positions + np.array([0, 0, 50.0]), simulator.velocities)
     mass, seconds, work = simulator.scene.body.mass, 3 * simulator.step, 0.0
     found = simulator.measure()
     centre, velocity = found.centre[0], found.centre_velocity[0]
