@@ -8,18 +8,31 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym import rigid
-from springgym.blocks import get_copies, numbers, set_copies
+from springgym.blocks import aligned_zeros, get_copies, numbers, set_copies
 from springgym.checks import HUGE, TINY
 from springgym.collisions import shape as shape_of
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.barrier import HollowSphere, Planes
 from springgym.forces.memory import memory
-from springgym.forces.pairs import Pairs, Room
-from springgym.forces.pairs.terms import most_contacts, packed_shapes, parallel, room
+from springgym.forces.node import Space
+from springgym.forces.pairs.terms import (
+    ENTRIES,
+    FAR,
+    GAP,
+    Meets,
+    Pairs,
+    Room,
+    most_contacts,
+    packed_shapes,
+    parallel,
+    room,
+)
 from springgym.forces.paper_contact import PaperLaw
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
-from springgym.integrators.record import Integrator
+from springgym.forces.together import Bodies
+from springgym.integrators.record import Integrator, workspace
+from springgym.lanes import Ragged
 from springgym.own_forces import OfBody
 from springgym.ragged import share, stacked
 from springgym.scene import DriveActuator, Scene
@@ -95,7 +108,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
     ValueError
         If a parameter cannot vary in this scene.
     """
-    shared = _shared(scene, options)
+    shared = _shared(scene, options)._replace(meets=_meets(scene, options))
     parts = [
         _packed(part, scene, shared._replace(body=n), twin, options) for n, part in enumerate(scene.parts)
     ]
@@ -174,7 +187,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         bowl = bowl and bowl._replace(strength=strength, reach=reach)
     actuators = _actuators(part, scene, options.blocks)
     kept = None
-    if options.method.meets_surfaces and part.surfaces and not twin:
+    if options.method.meets_surfaces and (part.surfaces or scene.meetings) and not twin:
         kept = memory(count, bool(actuators), options.blocks)
     terms = shared._replace(
         particles=Particles(
@@ -197,20 +210,28 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
     return Packed(part, order, terms, rigid_body)
 
 
-def pack_pairs(scene: Scene, dtype: Any) -> tuple[Pairs, Callable[[], Room]] | None:
-    """The pairs of a scene's bodies that collide, and what makes room for a thread; None if none do."""
-    met = scene.meetings
-    if not met:
+def _meets(scene: Scene, options: Options) -> Meets | None:
+    """The pairs of a scene's bodies that collide, and their tally; None if none do."""
+    if not scene.meetings:
         return None
+    pairs = pack_pairs(scene)
+    tally, before = (options.blocks(len(scene.meetings) * ENTRIES) for _ in range(2))
+    meets = Meets(pairs, tally, before)
+    empty_tally(meets, slice(None))
+    return meets
+
+
+def pack_pairs(scene: Scene) -> Pairs:
+    """The pairs of a scene's bodies that collide."""
+    met = scene.meetings
     bodies = [placed.body for placed in scene.bodies]
     shapes = [shape_of(body) for body in bodies]
     places = [body.positions for body in bodies]
-    most, rows = most_contacts(met, shapes)
     frictions = np.array([of.contact.friction for of in met])
     damping = np.concatenate(
         [impact_damping([of.contact.restitution], of.contact.impact_speed) for of in met]
     )
-    pairs = Pairs(
+    return Pairs(
         first=np.array([of.first for of in met]),
         second=np.array([of.second for of in met]),
         reach=np.array([of.reach for of in met]),
@@ -219,9 +240,56 @@ def pack_pairs(scene: Scene, dtype: Any) -> tuple[Pairs, Callable[[], Room]] | N
         friction=frictions if frictions.any() else None,
         damping=damping if any(of.contact.restitution < 1 for of in met) else None,
         shapes=packed_shapes(shapes, [own.start for own in scene.slices]),
-        most=most,
+        most=most_contacts(met, shapes)[0],
     )
-    return pairs, lambda: room(pairs, len(scene.positions), rows, dtype)
+
+
+def workspaces(scene: Scene, method: Integrator, meets: Meets | None, dtype: Any, threads: int) -> list[Any]:
+    """What each thread computes in, on elements of ``dtype``."""
+    if meets is None:
+        return [workspace(method, scene, dtype) for _ in range(threads)]
+    rows = most_contacts(scene.meetings, [shape_of(placed.body) for placed in scene.bodies])[1]
+    count = len(scene.positions)
+    return [
+        bodies_workspace(scene, room(meets.pairs, count, rows, dtype), dtype) for _ in range(threads)
+    ]
+
+
+def bodies_workspace(scene: Scene, space: Room, dtype: Any) -> Bodies:
+    """What a thread computes in where bodies collide."""
+    particles = np.array([0, *(own.stop for own in scene.slices)])
+    springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
+
+    def rows(start: np.ndarray = particles) -> Ragged:
+        return Ragged(aligned_zeros((int(start[-1]), 3), dtype), start)
+
+    return Bodies(
+        a=rows(),
+        b=rows(),
+        space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype), rows()),
+        soon=rows(),
+        velocity=rows(),
+        base=rows(),
+        pairs=rows(),
+        change=rows(),
+        rub=rows(),
+        force=rows(),
+        bends=rows(),
+        bowed=aligned_zeros((len(scene.bodies),), dtype),
+        room=space,
+    )
+
+
+def empty_tally(meets: Meets, index: Any) -> None:
+    """Let some copies (k,) begin with an empty tally."""
+    for array in (meets.tally, meets.before):
+        row = np.zeros(array.shape[1])
+        row[GAP::ENTRIES] = FAR
+        numbers_of = numbers(array)
+        if isinstance(index, slice):
+            numbers_of[:] = row[:, None]
+        else:
+            set_copies(array, index, row)
 
 
 def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:

@@ -131,7 +131,9 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
     return None
 
 
-def advance_kernel(name: str, read: Callable[..., None], surfaces: bool = False) -> Callable[..., None]:
+def advance_kernel(
+    name: str, read: Callable[..., None], surfaces: bool = False, together: bool = False
+) -> Callable[..., None]:
     """As `springgym.integrators.advance_kernel`; one for all methods."""
     return kernel_reading(read)
 

@@ -1,6 +1,8 @@
-"""Contact between bodies: terms, how near features are found, and the impulses of a node."""
+"""Contact between bodies: terms, how near features are found, and the impulses of a node.
 
-from springgym.forces.pairs.impulses import collide
-from springgym.forces.pairs.terms import Pairs, Room, Shapes
+`springgym.forces.together` passes nodes with them.
+"""
 
-__all__ = ["Pairs", "Room", "Shapes", "collide"]
+from springgym.forces.pairs.terms import Meets, Pairs, Room, Shapes
+
+__all__ = ["Meets", "Pairs", "Room", "Shapes"]

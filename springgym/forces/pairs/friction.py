@@ -16,8 +16,8 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces.pairs.terms import FRICTION, tell
-from springgym.lanes import any_lane, load, minimum, select, sqrt
+from springgym.forces.pairs.terms import FRICTION, spend, tell
+from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
 from springgym.vectors import (
     TINY,
     choose,
@@ -35,31 +35,45 @@ FIRM = 1e-6
 """Where K is less than this share of W, there is nothing to hold back."""
 
 
+SWEEPS, TURNS = 2, 4
+"""Turns of `rub` that hold back what slips, and all."""
+
+
 @compiled
 def rub(
-    x: Any, w: Any, v: Any, count: Any, particles: Any, pairs: Any, friction: Any, room: Any, tally: Any
+    x: Any,
+    w: Any,
+    v: Any,
+    turn: Any,
+    count: Any,
+    particles: Any,
+    pairs: Any,
+    friction: Any,
+    room: Any,
+    tally: Any,
 ) -> None:
-    """Hold back what slips, in two sweeps; the loss is j times the mean of the slips before and after."""
+    """Hold back what slips, in two turns; in two more tell the loss, j times the mean of the slips before
+    and after."""
     if friction is not None:
-        for k in range(count):
-            set_row(room.rub, k, (0.0, 0.0, 0.0))
-        for turn in range(4):
-            velocities = w if turn == 3 else v
-            for m in range(count):
-                k = count - 1 - m if turn == 1 else m
-                p = room.pair[k]
-                limit = load(friction, p) * load(room.push, k)
-                if any_lane(limit > 0.0):
-                    slip, about, pins, centre, apart = slipping(x, velocities, k, particles, room)
-                    given = row(room.rub, k)
-                    if turn < 2:
-                        j = held_back(slip, about, pins, apart, given, limit, load(room.inverse, k))
-                        turn_with(
-                            x, v, k, minus(j, given), about, pins, centre, apart, limit, particles, room
-                        )
-                        set_row(room.rub, k, choose(limit > 0.0, j, given))
-                    else:
-                        tell(tally, p, FRICTION, select(limit > 0.0, -0.5 * dot(given, slip), 0.0))
+        velocities = w if turn == TURNS - 1 else v
+        for m in range(count):
+            k = count - 1 - m if turn == 1 else m
+            p = room.pair[k]
+            limit, given = load(friction, p) * load(room.push, k), row(room.rub, k)
+            acts = limit > 0.0
+            if turn < SWEEPS:
+                acts = maximum(limit, dot(given, given)) > 0.0  # what was given may have to be taken back
+            if any_lane(acts):
+                slip, about, pins, centre, apart = slipping(x, velocities, k, particles, room)
+                if turn < SWEEPS:
+                    j = held_back(slip, about, pins, apart, given, limit, load(room.inverse, k))
+                    change = minus(j, given)
+                    turn_with(x, v, k, change, about, pins, centre, apart, acts, particles, room)
+                    set_row(room.rub, k, choose(acts, j, given))
+                else:
+                    lost = select(acts, -0.5 * dot(given, slip), 0.0)
+                    spend(room, p, 1, lost)
+                    tell(tally, p, FRICTION, lost)
 
 
 @compiled
@@ -136,7 +150,7 @@ def turn_with(
     pins: Any,
     centre: Any,
     apart: Any,
-    limit: Any,
+    acts: Any,
     particles: Any,
     room: Any,
 ) -> None:
@@ -148,4 +162,4 @@ def turn_with(
             before = row(v, i)
             share = load(room.weight, 4 * k + n) * load(particles.inverse_mass, i)
             after = minus(plus_scaled(before, share, j), cross(turn, minus(row(x, i), centre)))
-            set_row(v, i, choose(limit > 0.0, after, before))
+            set_row(v, i, choose(acts, after, before))

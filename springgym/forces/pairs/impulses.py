@@ -21,9 +21,7 @@ from typing import Any
 
 from springgym.compiling import compiled
 from springgym.forces.pairs.features import TAPER, smooth
-from springgym.forces.pairs.friction import rub
 from springgym.forces.pairs.law import energy, meet, meet_losing
-from springgym.forces.pairs.search import find
 from springgym.forces.pairs.terms import (
     CONTACT,
     ENERGY,
@@ -34,6 +32,7 @@ from springgym.forces.pairs.terms import (
     IMPULSE,
     MISSES,
     TOUCHING,
+    spend,
     tell,
 )
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
@@ -47,32 +46,10 @@ QUICK = 0.2
 
 
 @compiled
-def collide(x: Any, w: Any, v: Any, span: Any, particles: Any, pairs: Any, room: Any, tally: Any) -> None:
-    """Give what the bodies give each other at a node.
-
-    Parameters
-    ----------
-    x : (N, 3)
-        Positions at the node.
-    w, v : (N, 3)
-        Velocities before it, and after all else has acted, to be changed.
-    span
-        The time of the node.
-    tally
-        What is told of each pair, or None.
-    """
-    count = find(x, w, span, pairs, room, tally)
-    prepare(w, span, count, particles, pairs, room, tally)
-    sweep(v, span, count, False, particles, pairs, room)
-    sweep(v, span, count, True, particles, pairs, room)
-    taper(x, v, span, count, particles, pairs, room, pairs.shapes.edges)
-    rub(x, w, v, count, particles, pairs, pairs.friction, room, tally)
-    account(v, span, count, pairs, room, tally)
-
-
-@compiled
 def prepare(w: Any, span: Any, count: Any, particles: Any, pairs: Any, room: Any, tally: Any) -> None:
     """Find the speeds that contacts come with, and how much an impulse changes them."""
+    for p in range(pairs.first.size):
+        set_row(room.spent, p, (0.0, 0.0, 0.0))
     for k in range(count):
         u = speed(w, k, room)
         inverse = 0.0 * u
@@ -83,6 +60,7 @@ def prepare(w: Any, span: Any, count: Any, particles: Any, pairs: Any, room: Any
         store(room.inverse, k, inverse)
         store(room.push, k, 0.0)
         store(room.lost, k, 0.0)
+        set_row(room.rub, k, (0.0, 0.0, 0.0))
         p = room.pair[k]
         missed = load(room.distance, k) - span.lead * u < LOW * pairs.reach[p]
         tell(tally, p, MISSES, select(missed, 1.0 + 0.0 * u, 0.0))
@@ -245,14 +223,17 @@ def account(v: Any, span: Any, count: Any, pairs: Any, room: Any, tally: Any) ->
             )
             first, last = ends(v, span, k, reach, room)
             c = load(pairs.strength, p) * load(room.share, k)
-            held = 0.5 * (energy(first, c, reach) + energy(last, c, reach))
+            before, after = energy(first, c, reach), energy(last, c, reach)
+            there = d < 0.5 * FAR
             at = p * ENTRIES
             touches = push > 0.0
             store(tally, at + TOUCHING, select(touches, 1.0, load(tally, at + TOUCHING)))
-            gap = select(d < 0.5 * FAR, last, FAR)
+            gap = select(there, last, FAR)
             store(tally, at + GAP, minimum(load(tally, at + GAP), gap))
             tell(tally, p, IMPULSE, push)
-            tell(tally, p, ENERGY, select(d < 0.5 * FAR, held, 0.0))
+            tell(tally, p, ENERGY, select(there, 0.5 * (before + after), 0.0))
             tell(tally, p, CONTACT, load(room.lost, k))
+            spend(room, p, 0, load(room.lost, k))
+            spend(room, p, 2, select(there, before - after, 0.0))
             quick = maximum(u0, -u0) * span.whole > QUICK * reach
             tell(tally, p, FAST, select(touches, select(quick, 1.0 + 0.0 * push, 0.0), 0.0))

@@ -125,6 +125,8 @@ class Room(NamedTuple):
     """(rows,) energy lost to the damping [J]"""
     rub: np.ndarray
     """(rows, 3) the impulse of friction [N·s]"""
+    spent: np.ndarray
+    """(pairs, 3) energy lost to damping, and to friction, and given by the barriers, at this node [J]"""
 
 
 TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW = range(9)
@@ -133,6 +135,22 @@ was emptied; the energy in the barriers [J]; what was lost to damping and to fri
 contact was found too late, was faster than it is computed well for, or had no room."""
 
 ENTRIES = 9
+
+
+class Meets(NamedTuple):
+    """Bodies that collide, and what is told of them."""
+
+    pairs: Pairs
+    tally: np.ndarray
+    """(pairs × `ENTRIES`,)"""
+    before: np.ndarray
+    """(pairs × `ENTRIES`,) the tally before the last node, which the next call makes anew"""
+
+
+@compiled
+def spend(room: Any, pair: Any, kind: Any, energy: Any) -> None:
+    """Add to what a pair spent at this node: 0 damping, 1 friction, 2 given by its barriers [J]."""
+    store(room.spent, (pair, kind), load(room.spent, (pair, kind)) + energy)
 
 
 @compiled
@@ -223,4 +241,5 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         push=lanes(rows),
         lost=lanes(rows),
         rub=lanes(rows, 3),
+        spent=lanes(len(pairs.first), 3),
     )
