@@ -196,7 +196,7 @@ def leave(x: Any, v: Any, body: Any, span: Any, last: Any, ledger: Any, work: An
         soon, after = row(own.soon, i), row(own.velocity, i)
         mass = load(particles.mass, i)
         if particles.free[i]:
-            if any_lane(dot(half, half) + dot(total, total) > 0.0):
+            if any_lane(dot(half, half) + dot(total, total) + dot(force, force) > 0.0):
                 stray = stray + mass * dot(others, minus(times(0.5, total), half))
                 mean = plus_scaled(start, span.lead, acceleration)
                 mean = plus_scaled(mean, 0.5, plus(others, total))
