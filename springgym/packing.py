@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym import rigid
-from springgym.blocks import aligned_zeros, get_copies, numbers, set_copies
+from springgym.blocks import aligned_zeros, get_copies, numbers, set_copies, to_copies
 from springgym.checks import HUGE, TINY
 from springgym.collisions import shape as shape_of
 from springgym.forces import Particles, Terms
@@ -17,11 +17,14 @@ from springgym.forces.barrier import HollowSphere, Planes
 from springgym.forces.memory import memory
 from springgym.forces.node import Space
 from springgym.forces.pairs.terms import (
+    ENERGY,
     ENTRIES,
     FAR,
     GAP,
     Meets,
     Pairs,
+    TOUCHING,
+    PairReadings,
     Room,
     most_contacts,
     packed_shapes,
@@ -278,6 +281,30 @@ def bodies_workspace(scene: Scene, space: Room, dtype: Any) -> Bodies:
         bowed=aligned_zeros((len(scene.bodies),), dtype),
         room=space,
     )
+
+
+def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
+    """What is told of the pairs."""
+    if meets is None:
+        return PairReadings(*np.zeros((ENTRIES, copies, 0)))
+    found = to_copies(meets.tally, copies).reshape(copies, -1, ENTRIES).astype(float)
+    entries = dict(zip(PairReadings._fields, np.moveaxis(found, -1, 0), strict=True))
+    least = entries["least_gap"]
+    return PairReadings(
+        **entries | {"touching": entries["touching"] > 0, "least_gap": np.where(least < 0.5 * FAR, least, np.inf)}
+    )
+
+
+def forget_pairs(meets: Meets) -> None:
+    """Empty the tally; of the last node, which the next call makes anew, half is left to be told."""
+    tally, before = numbers(meets.tally), numbers(meets.before)
+    before -= tally
+    kept = [TOUCHING, ENERGY]
+    for entry in range(ENTRIES):
+        if entry not in kept:
+            tally[:, entry::ENTRIES] = 0.0
+    for array in (tally, before):
+        array[:, GAP::ENTRIES] = FAR
 
 
 def empty_tally(meets: Meets, index: Any) -> None:

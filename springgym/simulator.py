@@ -24,6 +24,7 @@ from springgym.checks import HUGE, MANY, TINY
 from springgym.compiling import SameTypes
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
+from springgym.forces.pairs import PairReadings
 from springgym.integrators.record import COUNTS, Control
 from springgym.lanes import Ragged
 from springgym.measures import Measures, Readout
@@ -544,6 +545,25 @@ class Simulator:
         number = None if body is None else self.scene.number(body)
         self.read()
         return measures.view((self.readout.rows if number is None else self.readout.bodies[:, number]).copy())
+
+    def pairs(self, *, forget: bool = False) -> PairReadings:
+        """What happened between the bodies that collide since the copies were placed, or were forgotten.
+
+        Parameters
+        ----------
+        forget
+            Whether impulses, losses, the least gap and all counts begin anew with this reading.
+
+        Raises
+        ------
+        TypeError
+            If ``forget`` is no bool.
+        """
+        checks.flag("forget", forget)
+        found = packing.read_pairs(self._terms.meets, self.copies)
+        if forget and self._terms.meets is not None:
+            packing.forget_pairs(self._terms.meets)
+        return found
 
     def read(self, copies: Any = None) -> None:
         """Write measures, positions and velocities of some copies (all) to their rows of `readout`.

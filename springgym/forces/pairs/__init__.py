@@ -3,6 +3,6 @@
 `springgym.forces.together` passes nodes with them.
 """
 
-from springgym.forces.pairs.terms import Meets, Pairs, Room, Shapes
+from springgym.forces.pairs.terms import Meets, PairReadings, Pairs, Room, Shapes
 
-__all__ = ["Meets", "Pairs", "Room", "Shapes"]
+__all__ = ["Meets", "PairReadings", "Pairs", "Room", "Shapes"]

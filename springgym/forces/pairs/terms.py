@@ -137,6 +137,29 @@ contact was found too late, was faster than it is computed well for, or had no r
 ENTRIES = 9
 
 
+class PairReadings(NamedTuple):
+    """What a tally tells of pairs, (copies, pairs), in the order of `Scene.meetings`."""
+
+    touching: np.ndarray
+    """whether anything pushes at the node where the state is read"""
+    impulse: np.ndarray
+    """the sum of all impulses along normals, up to this node and half of what it gives [N·s]"""
+    least_gap: np.ndarray
+    """the least distance that any contact had [m]; infinite if none was near"""
+    energy: np.ndarray
+    """in the barriers between them, the mean before and after the node [J]"""
+    contact_loss: np.ndarray
+    """what was lost to restitution [J]"""
+    friction_loss: np.ndarray
+    """and to friction [J]"""
+    misses: np.ndarray
+    """how often a contact was found only when the bodies were in each other, or almost"""
+    too_fast: np.ndarray
+    """how often one came faster than it is computed well for: a fifth of Δ in a step"""
+    overflow: np.ndarray
+    """how often one was left out for want of room"""
+
+
 class Meets(NamedTuple):
     """Bodies that collide, and what is told of them."""
 
