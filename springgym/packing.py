@@ -188,6 +188,9 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         strength = parameter({"strength"}, np.array([c]))
         planes = planes and planes._replace(strength=strength, reach=reach)
         bowl = bowl and bowl._replace(strength=strength, reach=reach)
+        if any(of.body.radius > 0 for of in scene.bodies):  # balls and rods meet surfaces at their own
+            planes = planes and planes._replace(offset=planes.offset + body.radius)
+            bowl = bowl and bowl._replace(radius=bowl.radius - body.radius)
     actuators = _actuators(part, scene, options.blocks)
     kept = None
     if options.method.meets_surfaces and (part.surfaces or scene.meetings) and not twin:
@@ -251,14 +254,16 @@ def workspaces(scene: Scene, method: Integrator, meets: Meets | None, dtype: Any
     """What each thread computes in, on elements of ``dtype``."""
     if meets is None:
         return [workspace(method, scene, dtype) for _ in range(threads)]
+    return [bodies_workspace(scene, meets.pairs, dtype) for _ in range(threads)]
+
+
+def pack_room(scene: Scene, pairs: Pairs, dtype: Any) -> Room:
+    """What a thread finds contacts in, on elements of ``dtype``."""
     rows = most_contacts(scene.meetings, [shape_of(placed.body) for placed in scene.bodies])[1]
-    count = len(scene.positions)
-    return [
-        bodies_workspace(scene, room(meets.pairs, count, rows, dtype), dtype) for _ in range(threads)
-    ]
+    return room(pairs, len(scene.positions), rows, dtype)
 
 
-def bodies_workspace(scene: Scene, space: Room, dtype: Any) -> Bodies:
+def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
     """What a thread computes in where bodies collide."""
     particles = np.array([0, *(own.stop for own in scene.slices)])
     springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
@@ -279,7 +284,7 @@ def bodies_workspace(scene: Scene, space: Room, dtype: Any) -> Bodies:
         force=rows(),
         bends=rows(),
         bowed=aligned_zeros((len(scene.bodies),), dtype),
-        room=space,
+        room=pack_room(scene, pairs, dtype),
     )
 
 

@@ -314,7 +314,13 @@ class Scene(ReadOnly):
             for placed, own in zip(self.bodies, self.slices, strict=True):
                 reach = scales(self.contact, placed.body)[1]
                 check_heights(
-                    self.surfaces, reach, positions[..., own, :], placed.free, copies, self._of(placed)
+                    self.surfaces,
+                    reach,
+                    positions[..., own, :],
+                    placed.free,
+                    copies,
+                    self._of(placed),
+                    placed.body.radius,
                 )
 
     def _check_apart(self, positions: np.ndarray, copies: Any = None) -> None:

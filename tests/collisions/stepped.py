@@ -3,22 +3,41 @@
 from __future__ import annotations
 
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
+from springgym import packing
 from springgym.blocks import to_copies
 from springgym.forces.pairs.terms import ENTRIES
+from springgym.packing import pack_pairs
 from springgym.scene import Scene
 from springgym.simulator import Simulator
+from tests.collisions.world import with_all_features
 
 
 class Stepped:
-    """A simulator with what tests ask for. It has gravity and dampers, be they zero: all share code."""
+    """A simulator with what tests ask for.
 
-    def __init__(self, scene: Scene, *, step: float | None = None, copies: int = 1, dtype: Any = float) -> None:
-        self.scene = scene if scene.gravity else scene.with_(gravity=(0.0, 0.0, 0.0))
-        options: dict[str, Any] = {"copies": copies, "dtype": dtype, "varying": ("damping",)}
-        self.simulator = Simulator(self.scene, step=step, **options)
+    Unless it is to be ``lean``, it has all kinds of terms, be they zero or empty: all share code.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        step: float | None = None,
+        copies: int = 2,
+        dtype: Any = float,
+        lean: bool = False,
+    ) -> None:
+        self.scene = scene if lean or scene.gravity else scene.with_(gravity=(0.0, 0.0, 0.0))
+        varying = ("damping", "friction", "restitution") if scene.surfaces else ("damping",)
+        whole = lambda scene: with_all_features(pack_pairs(scene))  # noqa: E731
+        with mock.patch.object(packing, "pack_pairs", pack_pairs if lean else whole):
+            self.simulator = Simulator(
+                self.scene, step=step, copies=copies, dtype=dtype, varying=() if lean else varying
+            )
         self.step, self.pairs = self.simulator.step, self.simulator._terms.meets.pairs
 
     def place(self, positions: np.ndarray, velocities: np.ndarray) -> None:

@@ -10,8 +10,10 @@ import pytest
 from springgym.bodies import Body, cube, from_points, top
 from springgym.collisions import distance
 from springgym.forces.pairs.terms import FAST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
+from springgym.simulator import Simulator
 from tests.collisions.cases import CUBE, WAYS, approach
 from tests.collisions.impacts import impacts, pair_scene
+from tests.collisions.stepped import Stepped
 from tests.collisions.world import BLIND, SINGLE, UNTAPERED, World
 
 TOP = top(damping=0.0)
@@ -45,10 +47,11 @@ def collided(
     dtype: Any = float,
 ) -> Outcome:
     scene = pair_scene(first, second)
-    world = World(scene, copies=copies, lean=lean, dtype=dtype)
+    world = (World if lacks else Stepped)(scene, copies=copies, lean=lean, dtype=dtype)
     world.place(*impacts(first, second, speed, copies, np.random.default_rng(seed)))
     energy, momenta = world.energy(), world.momenta()
-    world.run(int(2.2 * max(first.size, second.size) / speed / world.step), lacks)
+    steps = int(2.2 * max(first.size, second.size) / speed / world.step)
+    world.run(steps, *([lacks] if lacks else []))
     tally = world.tally[:, 0]
     hits = tally[:, IMPULSE] > 0
     parted = hits & (tally[:, TOUCHING] == 0)
@@ -139,8 +142,8 @@ def test_every_way_to_meet(speed: float, most: float) -> None:
     """Faces, edges and corners part again, with momenta to round-off; energy is of order 2."""
     worst = []
     for finer in (1, 3):
-        world = World(pair_scene(CUBE, CUBE), copies=len(WAYS))
-        world.step /= finer
+        scene = pair_scene(CUBE, CUBE)
+        world = Stepped(scene, copies=len(WAYS), step=Simulator(scene).step / finer)
         x, v = map(np.array, zip(*(approach(way, speed) for way in WAYS), strict=True))
         world.place(x, v)
         energy, momenta = world.energy(), world.momenta()
@@ -158,12 +161,12 @@ def test_through_each_other_in_half_a_step() -> None:
     """At v h = Δ crossed edges pass each other within half a step: the history of signs brings them back."""
     gained, misses = [], []
     for lacks in (0, BLIND):
-        world = World(pair_scene(CUBE, CUBE), copies=16)
+        world = (World if lacks else Stepped)(pair_scene(CUBE, CUBE), copies=16)
         x, v = approach("crossed edges", 30.0)
         late = np.arange(16)[:, None, None] / 16 * 30.0 * world.step * np.array([1.0, 0.0, 0.0])
         world.place(x - late * (np.arange(16) < 8)[:, None], np.broadcast_to(v, (16, 16, 3)))
         energy = world.energy()
-        world.run(int(0.2 / 30 / world.step), lacks)
+        world.run(int(0.2 / 30 / world.step), *([lacks] if lacks else []))
         gained.append(np.abs(world.energy() / energy - 1))
         misses.append(world.tally[:, 0, MISSES].sum())
         assert (world.tally[:, 0, FAST] > 0).all()
@@ -175,12 +178,12 @@ def test_alike_in_every_lane() -> None:
     """A copy among others, each at another impact, is the same to the bit as alone."""
     scene = pair_scene(CUBE, CUBE)
     x, v = impacts(CUBE, CUBE, 3.0, 19, np.random.default_rng(8))
-    many = World(scene, copies=19)
+    many = Stepped(scene, copies=19)
     many.place(x, v)
     many.run(900)
     assert (many.tally[:, 0, IMPULSE] > 0).all()
     for copy in (0, 7, 15, 16, 18):
-        one = World(scene)
+        one = Stepped(scene, copies=1)
         one.place(x[copy], v[copy])
         one.run(900)
         assert one.x[0].tobytes() == many.x[copy].tobytes()

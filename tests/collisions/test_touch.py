@@ -14,6 +14,7 @@ from springgym.scene import Placed, Scene
 from springgym.surfaces import Contact
 from tests.collisions.cases import turned
 from tests.collisions.impacts import impacts, pair_scene
+from tests.collisions.stepped import Stepped
 from tests.collisions.world import PLAIN, World
 
 BALL = Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.1)
@@ -39,7 +40,7 @@ def balls(*places: Any, contact: Contact, velocity: Any = (1.0, 0.0, 0.0)) -> Sc
 @pytest.mark.parametrize(("speed", "step"), [(0.5, 1e-3), (5.0, 1e-4), (5.0, 3e-4)])
 def test_head_on(speed: float, step: float) -> None:
     """Equal balls exchange their velocities, exactly: energy and momentum leave no other choice."""
-    world = World(balls((0, 0, 0), (0.25, 0, 0), contact=Contact(**HARD), velocity=(speed, 0, 0)), step=step)
+    world = Stepped(balls((0, 0, 0), (0.25, 0, 0), contact=Contact(**HARD), velocity=(speed, 0, 0)), step=step)
     world.run(int(0.4 / speed / step))
     assert np.abs(world.v[0] - [(0, 0, 0), (speed, 0, 0)]).max() < 1e-11 * speed
 
@@ -49,10 +50,10 @@ def test_oblique() -> None:
     offset, errors = 0.05, []
     for step in (4e-4, 2e-4, 1e-4):
         scene = balls((0, 0, 0), (0.25, offset, 0), contact=Contact(**HARD))
-        world = World(scene, step=step)
+        world = Stepped(scene, step=step)
         momenta = world.momenta()
         world.run(int(0.4 / step))
-        assert np.abs(world.momenta() - momenta).max() < 1e-14
+        assert np.abs(world.momenta() - momenta).max() < 1e-13
         first, second = world.v[0]
         errors.append(abs(first @ second))
         direction = second[1] / np.linalg.norm(second)
@@ -66,7 +67,7 @@ def test_oblique() -> None:
 def test_cradle() -> None:
     """0 0 0 0 1: with gaps, impacts come one after another."""
     places = [(0.2015 * n, 0, 0) for n in range(5)]
-    world = World(balls(*places, contact=Contact(strength=HARD["strength"], reach=5e-4)), step=5e-5)
+    world = Stepped(balls(*places, contact=Contact(strength=HARD["strength"], reach=5e-4)), step=5e-5)
     world.run(5000)
     assert np.abs(world.v[0, :, 0] - [0, 0, 0, 0, 1]).max() < 1e-10
 
@@ -77,12 +78,12 @@ def test_restitution(restitution: float) -> None:
     errors = []
     for share in (0.1, 0.05):
         contact = Contact(restitution=restitution, **HARD)
-        world = World(balls((0, 0, 0), (0.21, 0, 0), contact=contact), step=share * REACH)
+        world = Stepped(balls((0, 0, 0), (0.21, 0, 0), contact=contact), step=share * REACH)
         world.run(int(0.1 / world.step))
         apart = world.v[0, 1, 0] - world.v[0, 0, 0]
         errors.append(abs(apart - restitution))
         lost = world.tally[0, 0, CONTACT]
-        assert 0.5 - 0.5 * (world.v**2).sum() == pytest.approx(lost, abs=1e-12)
+        assert 0.5 - 0.5 * (world.v[0] ** 2).sum() == pytest.approx(lost, abs=1e-12)
     assert errors[0] < 2e-3
     assert errors[1] < errors[0] / 3
 
@@ -92,7 +93,7 @@ BLOCK = box((0.5, 0.5, 0.5), damping=100.0)
 MU = 0.5
 
 
-def on_slab(ratio: float, world: World) -> np.ndarray:
+def on_slab(ratio: float, world: Stepped) -> np.ndarray:
     """A slab tilted by tan φ = ratio μ, and a block on it at the height where its weight is in balance."""
     tilt = np.arctan(ratio * MU)
     strength, reach = float(world.pairs.strength[0]), float(world.pairs.reach[0])
@@ -111,7 +112,7 @@ def test_block_on_a_tilted_slab() -> None:
         ),
         collisions=Contact(friction=MU),
     )
-    world = World(scene, copies=4)
+    world = Stepped(scene, copies=4)
     x = np.array([on_slab(ratio, world) for ratio in ratios])
     world.place(x, 0 * x)
     speeds = []
@@ -135,7 +136,7 @@ def test_stack() -> None:
     cubes = [put(cube(0.5, damping=100.0), (0, 0, 0.4586 + 0.5086 * n), f"cube {n}") for n in range(3)]
     floor = put(box((2.0, 2.0, 0.4)), (0, 0, 0), "floor", pinned=tuple(range(8)))
     pairs = tuple(Pair(n, n + 1, Contact(friction=0.5)) for n in range(3))
-    world = World(Scene(bodies=(floor, *cubes), collisions=pairs))
+    world = Stepped(Scene(bodies=(floor, *cubes), collisions=pairs))
     world.run(int(4 / world.step))
     before = world.x
     world.run(int(2 / world.step))
@@ -148,7 +149,7 @@ def test_stack() -> None:
 def test_loss_and_friction_are_in_the_tally() -> None:
     """What random impacts of cubes lose is entered, and angular momentum is kept with friction, too."""
     body = cube(damping=0.0)
-    world = World(pair_scene(body, body, Contact(friction=0.5, restitution=0.8)), copies=32)
+    world = Stepped(pair_scene(body, body, Contact(friction=0.5, restitution=0.8)), copies=32)
     world.place(*impacts(body, body, 2.0, 32, np.random.default_rng(4)))
     energy, momenta = world.energy(), world.momenta()
     world.run(3300)
@@ -158,9 +159,10 @@ def test_loss_and_friction_are_in_the_tally() -> None:
     lost = energy - world.energy()
     assert np.abs(lost - tally[:, CONTACT] - tally[:, FRICTION]).max() < 2e-3 * energy.min()
     assert (lost > 0).all()
-    world.place(*impacts(body, body, 2.0, 32, np.random.default_rng(4)))
-    world.run(3300, PLAIN)
-    turned_by = np.abs(world.momenta() - momenta)
+    plain = World(world.scene, copies=32)
+    plain.place(*impacts(body, body, 2.0, 32, np.random.default_rng(4)))
+    plain.run(3300, PLAIN)
+    turned_by = np.abs(plain.momenta() - momenta)
     assert turned_by[:, :3].max() < 1e-12
     assert turned_by[:, 3:].max() > 1e-5
 
@@ -174,7 +176,7 @@ def test_ball_and_rods() -> None:
         bodies=(table, Placed(cord, along, name="cord"), put(BALL, (0.0, -0.2, 0.63), "ball")),
         collisions=Contact(friction=0.8, restitution=0.3, strength=0.02, reach=0.01),
     )
-    world = World(scene)
+    world = Stepped(scene)
     world.run(int(1.5 / world.step))
     x = world.x[0]
     assert world.tally[0, :, [TOUCHING]].sum() >= 2
