@@ -30,15 +30,21 @@ class Stepped:
         copies: int = 2,
         dtype: Any = float,
         lean: bool = False,
+        threads: int = 1,
     ) -> None:
         self.scene = scene if lean or scene.gravity else scene.with_(gravity=(0.0, 0.0, 0.0))
         varying = ("damping", "friction", "restitution") if scene.surfaces else ("damping",)
         whole = lambda scene: with_all_features(pack_pairs(scene))  # noqa: E731
         with mock.patch.object(packing, "pack_pairs", pack_pairs if lean else whole):
             self.simulator = Simulator(
-                self.scene, step=step, copies=copies, dtype=dtype, varying=() if lean else varying
+                self.scene,
+                step=step,
+                copies=copies,
+                dtype=dtype,
+                threads=threads,
+                varying=() if lean else varying,
             )
-        self.step, self.pairs = self.simulator.step, self.simulator._terms.meets.pairs
+        self.step, self.pairs = self.simulator.step, self.simulator._terms.meets and self.simulator._terms.meets.pairs
 
     def place(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         self.simulator.place(positions, velocities)
