@@ -92,17 +92,17 @@ def test_block_that_pushes_another() -> None:
     scene = among(put(BLOCK, (0, 0, REST), "a"), put(BLOCK, (0.51, 0, REST), "b"), contact=Contact(friction=0.3))
     simulator = Stepped(scene).simulator
     simulator.actuate(**{"a.force": (3.5, 0.0, 0.0)})
-    simulator.advance(int(1.5 / simulator.step))
-    simulator.actuate(**{"a.force": np.array([[5.5, 0, 0], [6.5, 0, 0]])})
-    simulator.advance(int(1.0 / simulator.step))
-    speeds, before = [], simulator.measure().balance
+    simulator.advance(int(2.5 / simulator.step))
+    simulator.actuate(**{"a.force": np.array([[5.5, 0, 0], [9.0, 0, 0]])})
+    simulator.advance(int(0.3 / simulator.step))
+    speeds, before, steps = [], simulator.measure().balance, int(0.5 / simulator.step)
     for _ in range(2):
-        simulator.advance(int(1.0 / simulator.step))
         speeds.append(simulator.measure().centre_velocity[:, 0])
+        simulator.advance(steps)
     assert simulator.pairs().touching.all()
     assert abs(speeds[1][0]) < 1e-6
-    gained = (speeds[1] - speeds[0])[1] / (int(1.0 / simulator.step) * simulator.step)
-    assert gained == pytest.approx((6.5 - 2 * 0.3 * 9.81) / 2, rel=1e-3)
+    gained = (speeds[1] - speeds[0])[1] / (steps * simulator.step)
+    assert gained == pytest.approx((9.0 - 2 * 0.3 * 9.81) / 2, rel=1e-3)
     assert np.abs(simulator.measure().balance - before).max() < 1e-5
 
 
