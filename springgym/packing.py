@@ -21,10 +21,10 @@ from springgym.forces.pairs.terms import (
     ENTRIES,
     FAR,
     GAP,
-    Meets,
-    Pairs,
     TOUCHING,
+    Meets,
     PairReadings,
+    Pairs,
     Room,
     most_contacts,
     packed_shapes,
@@ -296,7 +296,8 @@ def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
     entries = dict(zip(PairReadings._fields, np.moveaxis(found, -1, 0), strict=True))
     least = entries["least_gap"]
     return PairReadings(
-        **entries | {"touching": entries["touching"] > 0, "least_gap": np.where(least < 0.5 * FAR, least, np.inf)}
+        **entries
+        | {"touching": entries["touching"] > 0, "least_gap": np.where(least < 0.5 * FAR, least, np.inf)}
     )
 
 

@@ -83,7 +83,9 @@ def lean(x: Any, span: Any, found: Any, own: Any, terms: Any) -> None:
         by_bodies = plus(row(own.pairs, i), minus(row(own.velocity, i), row(own.base, i)))
         set_row(own.pairs, i, by_bodies)
         start, now = row(arrived, i), plus(row(own.soon, i), by_bodies)
-        given = lean_on(i, row(x, i), start, now, span, found, own.space.pushes, terms, terms.planes, terms.bowl)
+        given = lean_on(
+            i, row(x, i), start, now, span, found, own.space.pushes, terms, terms.planes, terms.bowl
+        )
         set_row(own.change, i, given.change)
         set_row(own.rub, i, given.rub)
         set_row(own.force, i, given.force)
@@ -106,14 +108,14 @@ def lean_on(
     planes: Any,
     bowl: Any,
 ) -> Given:
-    """What surfaces, if there are any, give particle ``i``, which all else brings from ``start`` to ``soon``."""
+    """What surfaces, if there are any, give particle ``i``; all else changes its velocity from ``start``
+    to ``soon``."""
     given = nothing_given(start)
     if planes is not None or bowl is not None:
-        if terms.particles.free[i]:
-            begin = plus_scaled(place, -1.0 * span.lead, start)
-            end = plus_scaled(place, span.out, soon)
-            if any_lane(near(begin, end, planes, bowl)):
-                given = impulses(i, begin, end, start, minus(soon, start), span, found, pushes, terms)
+        begin = plus_scaled(place, -1.0 * span.lead, start)
+        end = plus_scaled(place, span.out, soon)
+        if terms.particles.free[i] and any_lane(near(begin, end, planes, bowl)):
+            given = impulses(i, begin, end, start, minus(soon, start), span, found, pushes, terms)
     return given
 
 
@@ -124,7 +126,7 @@ def touch(x: Any, w: Any, span: Any, count: Any, last: Any, particles: Any, work
     pairs = meets.pairs
     found = FOUND if last else FORESEEN
     v = work.velocity.values
-    for turn in range(TURNS + 1):
+    for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
         if turn < TURNS and (count > 0 or turn == TURNS - 1):
             for body in range(bodies_of(x)):
                 lean(of_body(x, body), span, found, of_body(work, body), of_body(terms, body))
@@ -132,7 +134,7 @@ def touch(x: Any, w: Any, span: Any, count: Any, last: Any, particles: Any, work
             sweep(v, span, count, turn == 1, particles, pairs, room)
         if turn == 1 and last:
             taper(x.values, v, span, count, particles, pairs, room, pairs.shapes.edges)
-        if 0 < turn <= SWEEPS or last and turn > SWEEPS:
+        if 0 < turn <= SWEEPS or (last and turn > SWEEPS):
             rub(x.values, w, v, turn - 1, count, particles, pairs, pairs.friction, room, meets.tally)
 
 
@@ -174,7 +176,9 @@ def give_half(v: Any, own: Any) -> None:
 
 
 @compiled
-def leave(x: Any, v: Any, body: Any, span: Any, last: Any, ledger: Any, work: Any, own: Any, terms: Any) -> bool:
+def leave(
+    x: Any, v: Any, body: Any, span: Any, last: Any, ledger: Any, work: Any, own: Any, terms: Any
+) -> bool:
     """Let a body's particles go on, and enter what they lost; or, at the ``last`` node, read them.
 
     Whether a way was bent.
@@ -193,8 +197,7 @@ def leave(x: Any, v: Any, body: Any, span: Any, last: Any, ledger: Any, work: An
         total = plus(by_bodies, plus(change, slowed))
         kicked = plus(plus_scaled(start, span.lead, acceleration), half)
         others = minus(row(v, i), kicked)
-        soon, after = row(own.soon, i), row(own.velocity, i)
-        mass = load(particles.mass, i)
+        after, mass = row(own.velocity, i), load(particles.mass, i)
         if particles.free[i]:
             if any_lane(dot(half, half) + dot(total, total) + dot(force, force) > 0.0):
                 stray = stray + mass * dot(others, minus(times(0.5, total), half))
@@ -278,9 +281,7 @@ def hold(pairs: Any, tally: Any, memory: Any) -> None:
 
 
 @compiled
-def pass_together(
-    x: Any, v: Any, phase: Any, h: Any, last: Any, ledger: Any, work: Any, terms: Any
-) -> bool:
+def pass_together(x: Any, v: Any, phase: Any, h: Any, last: Any, ledger: Any, work: Any, terms: Any) -> bool:
     """Let all act on all bodies at a node: `springgym.forces.node.pass_node` where they collide.
 
     Whether a way was bent.

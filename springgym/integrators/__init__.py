@@ -127,7 +127,9 @@ def at_once(
 
 
 @cache
-def _kernel(integrate: Callable[..., None], take: Callable[..., None], read: Callable[..., None]) -> Callable[..., None]:
+def _kernel(
+    integrate: Callable[..., None], take: Callable[..., None], read: Callable[..., None]
+) -> Callable[..., None]:
     @kernel
     def advance(
         x: Any,

@@ -9,7 +9,7 @@ import numpy as np
 
 from springgym import packing
 from springgym.blocks import to_copies
-from springgym.forces.pairs.terms import ENTRIES
+from springgym.forces.pairs.terms import ENTRIES, Pairs
 from springgym.packing import pack_pairs
 from springgym.scene import Scene
 from springgym.simulator import Simulator
@@ -44,7 +44,11 @@ class Stepped:
                 threads=threads,
                 varying=() if lean else varying,
             )
-        self.step, self.pairs = self.simulator.step, self.simulator._terms.meets and self.simulator._terms.meets.pairs
+        self.step = self.simulator.step
+
+    @property
+    def pairs(self) -> Pairs:
+        return self.simulator._terms.meets.pairs
 
     def place(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         self.simulator.place(positions, velocities)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,9 @@ import pytest
 from springgym.bodies import Body, box, cube, gyroscope, rope, top
 from springgym.collisions import Pair, distance
 from springgym.scene import Placed, Scene
+from springgym.scenes import load
 from springgym.simulator import Simulator
+from springgym.strict_yaml import YamlError
 from springgym.surfaces import Contact, PaperContact
 
 CUBE = cube()
@@ -180,3 +183,49 @@ def test_surface_of_bodies() -> None:
         np.array([[(0.5, 0.5, 0.5), (1, 1.2, 0.5)]]), corners[prism.triangles][None]
     )
     assert inside[0] == pytest.approx([-0.5, 0.2 / np.sqrt(2)])
+
+
+FILE = """
+title: two cubes
+bodies:
+  left: {body: {kind: cube}}
+  right: {body: {kind: cube}, start: {position: [1.5, 0, 0]}}
+gravity: 0
+duration: 0.1
+contact: {friction: 0.3}
+"""
+
+
+@pytest.mark.parametrize(
+    ("line", "friction"),
+    [
+        ("", None),
+        ("collisions: none", None),
+        ("collisions: all", 0.3),
+        ("collisions: {friction: 0.5, restitution: 0.8}", 0.5),
+        ("collisions: [{first: right, second: left}]", 0.3),
+        ("collisions: [{first: right, second: left, contact: {friction: 0.7}}]", 0.7),
+    ],
+)
+def test_scene_files(line: str, friction: float | None, tmp_path: Path) -> None:
+    """A file says which bodies meet, and how."""
+    file = tmp_path / "two.yaml"
+    file.write_text(FILE + line)
+    scene = load(str(file)).scene
+    assert [met.contact.friction for met in scene.meetings] == ([] if friction is None else [friction])
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ("collisions: some", "two.yaml:9: .*expected all, none, a contact or a list of pairs, got 'some'"),
+        ("collisions: [{first: left}]", r"two.yaml:9: .*lacks second"),
+        ("collisions: [{first: left, second: up}]", r"collisions\[0\] names 'up'"),
+        ("collisions: {rubbing: 1}", "unknown key 'rubbing'"),
+    ],
+)
+def test_scene_files_that_are_wrong(line: str, text: str, tmp_path: Path) -> None:
+    file = tmp_path / "two.yaml"
+    file.write_text(FILE + line)
+    with pytest.raises(YamlError, match=text):
+        load(str(file))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,10 +26,8 @@ REST = 0.2562
 
 def among(*placed: Placed, **more: Any) -> Scene:
     """Bodies on a floor; the first has an actuator."""
-    first = Placed(
-        placed[0].body, placed[0].positions, placed[0].velocities, wrench=WrenchActuator(), name=placed[0].name
-    )
-    defaults = {"surfaces": FLOOR, "contact": Contact(friction=0.5), "collisions": "all"}
+    first = replace(placed[0], wrench=WrenchActuator())
+    defaults: dict[str, Any] = {"surfaces": FLOOR, "contact": Contact(friction=0.5), "collisions": "all"}
     return Scene(bodies=(first, *placed[1:]), **defaults | more)
 
 
@@ -89,7 +88,9 @@ def test_stack_on_a_floor() -> None:
 
 def test_block_that_pushes_another() -> None:
     """Below the friction of both they hold; above it they slide with (F − μ m g)/m."""
-    scene = among(put(BLOCK, (0, 0, REST), "a"), put(BLOCK, (0.51, 0, REST), "b"), contact=Contact(friction=0.3))
+    scene = among(
+        put(BLOCK, (0, 0, REST), "a"), put(BLOCK, (0.51, 0, REST), "b"), contact=Contact(friction=0.3)
+    )
     simulator = Stepped(scene).simulator
     simulator.actuate(**{"a.force": (3.5, 0.0, 0.0)})
     simulator.advance(int(2.5 / simulator.step))
@@ -158,7 +159,7 @@ def impacts_on_floor(copies: int) -> tuple[Scene, np.ndarray, np.ndarray]:
     body = cube(damping=5.0)
     scene = among(put(body, (0, 0, 3.0), "a"), put(body, (4, 0, 3.0), "b"))
     x, v = impacts(body, body, 6.0, copies, np.random.default_rng(8))
-    return scene, x + (0.0, 0.0, 2.0), v
+    return scene, x + np.array([0.0, 0.0, 2.0]), v
 
 
 def test_copies_do_not_know_of_each_other() -> None:

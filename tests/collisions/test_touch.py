@@ -40,7 +40,9 @@ def balls(*places: Any, contact: Contact, velocity: Any = (1.0, 0.0, 0.0)) -> Sc
 @pytest.mark.parametrize(("speed", "step"), [(0.5, 1e-3), (5.0, 1e-4), (5.0, 3e-4)])
 def test_head_on(speed: float, step: float) -> None:
     """Equal balls exchange their velocities, exactly: energy and momentum leave no other choice."""
-    world = Stepped(balls((0, 0, 0), (0.25, 0, 0), contact=Contact(**HARD), velocity=(speed, 0, 0)), step=step)
+    world = Stepped(
+        balls((0, 0, 0), (0.25, 0, 0), contact=Contact(**HARD), velocity=(speed, 0, 0)), step=step
+    )
     world.run(int(0.4 / speed / step))
     assert np.abs(world.v[0] - [(0, 0, 0), (speed, 0, 0)]).max() < 1e-11 * speed
 
