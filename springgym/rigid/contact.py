@@ -22,6 +22,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
+from springgym.forces.barrier import surfaces
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
 from springgym.rigid.bounce import bounce
@@ -71,17 +72,6 @@ def touch(i: Any, k: Any, pose: Any, rigid: Any, planes: Any, bowl: Any) -> Any:
         normal = times(-1.0 / distance, here)
         height = bowl.radius - distance
     return height, normal
-
-
-@compiled
-def surfaces(planes: Any, bowl: Any) -> int:
-    """How many there are: planes or a bowl."""
-    count = 0
-    if planes is not None:
-        count += planes.offset.size
-    if bowl is not None:
-        count += 1
-    return count
 
 
 @compiled

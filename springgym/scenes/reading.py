@@ -428,7 +428,7 @@ def _met(
 
 
 def _collisions(tree: Tree) -> Collisions:
-    """Which bodies meet: "all", "none", how all do, or a list of pairs, each with a ``contact`` or without."""
+    """Which bodies meet: "all", "none", how all do, or a list of pairs, each with its ``contact`` or not."""
     given = tree.value.get("collisions")
     if given is None or given == "none":
         return None
