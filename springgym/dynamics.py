@@ -33,7 +33,7 @@ class Dynamics(NamedTuple):
     integrator: Callable[[str], Integrator]
     refusal: Callable[[Integrator, Scene, Collection[str]], str | None]
     """why a method makes no sense in a scene with what varies, or None if it does"""
-    advance_kernel: Callable[[str, Callable[..., None], bool], Callable[..., None]]
+    advance_kernel: Callable[[str, Callable[..., None], bool, bool], Callable[..., None]]
     largest_step: Callable[[Scene, Integrator], float]
     automatic_step: Callable[..., float]
     settled: Callable[[Packed, np.ndarray, np.ndarray], np.ndarray] | None
@@ -97,7 +97,7 @@ DYNAMICS = {
         rigid=True,
         default=rigid.default,
         integrator=rigid.integrator,
-        refusal=lambda method, scene, varying: None,
+        refusal=rigid.refusal,
         advance_kernel=rigid.advance_kernel,
         largest_step=rigid.largest_step,
         automatic_step=rigid.automatic_step,

@@ -8,15 +8,34 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym import rigid
-from springgym.blocks import get_copies, numbers, set_copies
+from springgym.blocks import aligned_zeros, get_copies, numbers, set_copies, to_copies
 from springgym.checks import HUGE, TINY
+from springgym.collisions import shape as shape_of
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.barrier import HollowSphere, Planes
 from springgym.forces.memory import memory
+from springgym.forces.node import Space
+from springgym.forces.pairs.terms import (
+    ENERGY,
+    ENTRIES,
+    FAR,
+    GAP,
+    TOUCHING,
+    Meets,
+    PairReadings,
+    Pairs,
+    Room,
+    most_contacts,
+    packed_shapes,
+    parallel,
+    room,
+)
 from springgym.forces.paper_contact import PaperLaw
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
-from springgym.integrators.record import Integrator
+from springgym.forces.together import Bodies
+from springgym.integrators.record import Integrator, workspace
+from springgym.lanes import Ragged
 from springgym.own_forces import OfBody
 from springgym.ragged import share, stacked
 from springgym.scene import DriveActuator, Scene
@@ -92,7 +111,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
     ValueError
         If a parameter cannot vary in this scene.
     """
-    shared = _shared(scene, options)
+    shared = _shared(scene, options)._replace(meets=_meets(scene, options))
     parts = [
         _packed(part, scene, shared._replace(body=n), twin, options) for n, part in enumerate(scene.parts)
     ]
@@ -169,9 +188,12 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         strength = parameter({"strength"}, np.array([c]))
         planes = planes and planes._replace(strength=strength, reach=reach)
         bowl = bowl and bowl._replace(strength=strength, reach=reach)
+        if any(of.body.radius > 0 for of in scene.bodies):  # balls and rods meet surfaces at their own
+            planes = planes and planes._replace(offset=planes.offset + body.radius)
+            bowl = bowl and bowl._replace(radius=bowl.radius - body.radius)
     actuators = _actuators(part, scene, options.blocks)
     kept = None
-    if options.method.meets_surfaces and part.surfaces and not twin:
+    if options.method.meets_surfaces and (part.surfaces or scene.meetings) and not twin:
         kept = memory(count, bool(actuators), options.blocks)
     terms = shared._replace(
         particles=Particles(
@@ -192,6 +214,115 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         **actuators,
     )
     return Packed(part, order, terms, rigid_body)
+
+
+def _meets(scene: Scene, options: Options) -> Meets | None:
+    """The pairs of a scene's bodies that collide, and their tally; None if none do."""
+    if not scene.meetings:
+        return None
+    pairs = pack_pairs(scene)
+    tally, before = (options.blocks(len(scene.meetings) * ENTRIES) for _ in range(2))
+    meets = Meets(pairs, tally, before)
+    empty_tally(meets, slice(None))
+    return meets
+
+
+def pack_pairs(scene: Scene) -> Pairs:
+    """The pairs of a scene's bodies that collide."""
+    met = scene.meetings
+    bodies = [placed.body for placed in scene.bodies]
+    shapes = [shape_of(body) for body in bodies]
+    places = [body.positions for body in bodies]
+    frictions = np.array([of.contact.friction for of in met])
+    damping = np.concatenate(
+        [impact_damping([of.contact.restitution], of.contact.impact_speed) for of in met]
+    )
+    return Pairs(
+        first=np.array([of.first for of in met]),
+        second=np.array([of.second for of in met]),
+        reach=np.array([of.reach for of in met]),
+        parallel=np.array([parallel(of, shapes, places) for of in met]),
+        strength=np.array([of.strength for of in met]),
+        friction=frictions if frictions.any() else None,
+        damping=damping if any(of.contact.restitution < 1 for of in met) else None,
+        shapes=packed_shapes(shapes, [own.start for own in scene.slices]),
+        most=most_contacts(met, shapes)[0],
+    )
+
+
+def workspaces(scene: Scene, method: Integrator, meets: Meets | None, dtype: Any, threads: int) -> list[Any]:
+    """What each thread computes in, on elements of ``dtype``."""
+    if meets is None:
+        return [workspace(method, scene, dtype) for _ in range(threads)]
+    return [bodies_workspace(scene, meets.pairs, dtype) for _ in range(threads)]
+
+
+def pack_room(scene: Scene, pairs: Pairs, dtype: Any) -> Room:
+    """What a thread finds contacts in, on elements of ``dtype``."""
+    rows = most_contacts(scene.meetings, [shape_of(placed.body) for placed in scene.bodies])[1]
+    return room(pairs, len(scene.positions), rows, dtype)
+
+
+def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
+    """What a thread computes in where bodies collide."""
+    particles = np.array([0, *(own.stop for own in scene.slices)])
+    springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
+
+    def rows(start: np.ndarray = particles) -> Ragged:
+        return Ragged(aligned_zeros((int(start[-1]), 3), dtype), start)
+
+    return Bodies(
+        a=rows(),
+        b=rows(),
+        space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype), rows()),
+        soon=rows(),
+        velocity=rows(),
+        base=rows(),
+        pairs=rows(),
+        change=rows(),
+        rub=rows(),
+        force=rows(),
+        bends=rows(),
+        bowed=aligned_zeros((len(scene.bodies),), dtype),
+        room=pack_room(scene, pairs, dtype),
+    )
+
+
+def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
+    """What is told of the pairs."""
+    if meets is None:
+        return PairReadings(*np.zeros((ENTRIES, copies, 0)))
+    found = to_copies(meets.tally, copies).reshape(copies, -1, ENTRIES).astype(float)
+    entries = dict(zip(PairReadings._fields, np.moveaxis(found, -1, 0), strict=True))
+    least = entries["least_gap"]
+    return PairReadings(
+        **entries
+        | {"touching": entries["touching"] > 0, "least_gap": np.where(least < 0.5 * FAR, least, np.inf)}
+    )
+
+
+def forget_pairs(meets: Meets) -> None:
+    """Empty the tally; of the last node, which the next call makes anew, half is left to be told."""
+    tally, before = numbers(meets.tally), numbers(meets.before)
+    before -= tally
+    kept = [TOUCHING, ENERGY]
+    for entry in range(ENTRIES):
+        if entry not in kept:
+            tally[:, entry::ENTRIES] = 0.0
+    for array in (tally, before):
+        array[:, GAP::ENTRIES] = FAR
+
+
+def empty_tally(meets: Meets, index: Any) -> None:
+    """Let some copies (k,) begin with an empty tally."""
+    for array in (meets.tally, meets.before):
+        row = np.zeros(array.shape[1])
+        row[GAP::ENTRIES] = FAR
+        numbers_of = numbers(array)
+        if isinstance(index, slice):
+            numbers_of[:] = row[:, None]
+        else:
+            set_copies(array, index, row)
 
 
 def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:

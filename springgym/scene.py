@@ -12,6 +12,8 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
+from springgym.collisions import Collisions, Meeting, check_apart, meetings, shape
+from springgym.collisions.meeting import Named
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
 from springgym.surfaces import (
@@ -201,7 +203,7 @@ class Scene(ReadOnly):
 
     A scene of one body takes it and the fields of its `Placed` as arguments. A scene of several takes them as
     ``bodies``. Their particles lie one body after another: positions and velocities of the scene, and of all
-    that is simulated from it, are those of all bodies in this order. Bodies do not act on each other.
+    that is simulated from it, are those of all bodies in this order.
 
     Parameters
     ----------
@@ -215,6 +217,9 @@ class Scene(ReadOnly):
         How bodies meet them.
     bodies
         Several bodies, in place of ``body`` and what belongs to it; of one, its `Placed`.
+    collisions
+        Which bodies meet each other, and how: "all", as ``contact`` says; all, by a `Contact` given here; a
+        tuple of `Pair`; or None for bodies that pass through each other.
 
     Raises
     ------
@@ -222,7 +227,7 @@ class Scene(ReadOnly):
         Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
         Naming the offender: what `Placed` refuses, two bodies of one name, surfaces that cannot be together,
-        a particle that starts behind one.
+        a particle that starts behind one, bodies that cannot collide or start in each other.
     """
 
     body: Body = None  # type: ignore[assignment]
@@ -237,6 +242,7 @@ class Scene(ReadOnly):
     contact: Contact | PaperContact = field(default_factory=Contact)
     bodies: tuple[Placed, ...] = ()
     forces: tuple[Any, ...] = ()
+    collisions: Collisions = None
 
     def __post_init__(self) -> None:
         bodies = self._placed()
@@ -251,6 +257,15 @@ class Scene(ReadOnly):
             object.__setattr__(self, "gravity", tuple(array("gravity", self.gravity, (3,)).tolist()))
         self._check_surfaces()
         self._check_heights(self.positions)
+        if isinstance(self.collisions, Sequence) and not isinstance(self.collisions, str):
+            object.__setattr__(self, "collisions", tuple(self.collisions))
+        self._check_apart(self.positions)
+
+    @cached_property
+    def meetings(self) -> tuple[Meeting, ...]:
+        """The pairs of bodies that may meet, and how."""
+        named = [Named(placed.name, placed.body, bool(placed.free.any())) for placed in self.bodies]
+        return meetings(self.collisions, self.contact, named)
 
     def _placed(self) -> tuple[Placed, ...]:
         if not isinstance(self.bodies, Sequence):
@@ -299,8 +314,26 @@ class Scene(ReadOnly):
             for placed, own in zip(self.bodies, self.slices, strict=True):
                 reach = scales(self.contact, placed.body)[1]
                 check_heights(
-                    self.surfaces, reach, positions[..., own, :], placed.free, copies, self._of(placed)
+                    self.surfaces,
+                    reach,
+                    positions[..., own, :],
+                    placed.free,
+                    copies,
+                    self._of(placed),
+                    placed.body.radius,
                 )
+
+    def _check_apart(self, positions: np.ndarray, copies: Any = None) -> None:
+        for met in self.meetings:
+            pair = (self.bodies[met.first], self.bodies[met.second])
+            first, second = (positions[..., self.slices[n], :] for n in met[:2])
+            check_apart(
+                (shape(pair[0].body), shape(pair[1].body)),
+                (pair[0].name, pair[1].name),
+                met.reach,
+                (first, second),
+                copies,
+            )
 
     def _of(self, placed: Placed) -> str:
         """What errors add to a particle's number: nothing if there is only one body."""
@@ -319,7 +352,8 @@ class Scene(ReadOnly):
         Raises
         ------
         ValueError
-            If `Placed.check_start` refuses what a body starts with, or a particle is behind a surface.
+            If `Placed.check_start` refuses what a body starts with, a particle is behind a surface, or bodies
+            that collide are in each other.
         """
         for placed, own in zip(self.bodies, self.slices, strict=True):
             try:
@@ -329,13 +363,14 @@ class Scene(ReadOnly):
                     raise
                 raise ValueError(f"body {placed.name!r}: {error}") from error
         self._check_heights(positions, copies)
+        self._check_apart(positions, copies)
 
     @cached_property
     def parts(self) -> tuple[Self, ...]:
         """For each body the scene that has only this one, with the same gravity and surfaces."""
         if len(self.bodies) == 1:
             return (self,)
-        return tuple(self.with_(bodies=(placed,)) for placed in self.bodies)
+        return tuple(self.with_(bodies=(placed,), collisions=None) for placed in self.bodies)
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
@@ -423,6 +458,7 @@ class Scene(ReadOnly):
             "gravity": "" if self.gravity is None else f"{self.gravity} m/s²",
             "surfaces": ", ".join(map(repr, self.surfaces)),
             "contact": repr(self.contact) if self.surfaces else "",
+            "collisions": ", ".join(f"{met.first}–{met.second}" for met in self.meetings),
         }
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
         return f"Scene({' | '.join(map(repr, self.bodies))}{rest})"

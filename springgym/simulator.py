@@ -24,7 +24,8 @@ from springgym.checks import HUGE, MANY, TINY
 from springgym.compiling import SameTypes
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
-from springgym.integrators.record import COUNTS, Control, workspace
+from springgym.forces.pairs import PairReadings
+from springgym.integrators.record import COUNTS, Control
 from springgym.lanes import Ragged
 from springgym.measures import Measures, Readout
 from springgym.packing import PARAMETERS, Options, Packed, pack
@@ -144,7 +145,6 @@ class Simulator:
         bodies = len(scene.bodies)
         self._ledger = self._blocks(bodies * ENTRIES) if ledger else None
         shares = range(min(self.threads, self._x.shape[0]))
-        self._workspace = [workspace(self.integrator, scene, self._x.dtype) for _ in shares]
         self._control = self._controlled(tolerance)
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
         each = rows[:, None] if bodies == 1 else np.zeros((self.copies, bodies, measures.SIZE))
@@ -157,6 +157,9 @@ class Simulator:
         self._springs = len(scene.springs)
         options = Options(self.integrator, self.step, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
+        self._workspace = packing.workspaces(
+            scene, self.integrator, self._terms.meets, self._x.dtype, len(shares)
+        )
         self._actuators = self._actuated()
         self._advance = self._kernel()
         self._check_settled(scene.positions[None], scene.velocities[None], np.zeros(1, int))
@@ -193,7 +196,9 @@ class Simulator:
     def _kernel(self) -> SameTypes:
         read = measures.read if len(self.scene.bodies) == 1 else measures.read_bodies
         return SameTypes(
-            self._kind.advance_kernel(self.integrator.name, read, self._terms.memory is not None)
+            self._kind.advance_kernel(
+                self.integrator.name, read, self._terms.memory is not None, self._terms.meets is not None
+            )
         )
 
     # --- Building ---------------------------------------------------------------------------------
@@ -293,6 +298,8 @@ class Simulator:
         self._settle(index)
         for packed in self._packed:
             packing.renew(packed, index)
+        if self._terms.meets is not None:
+            packing.empty_tally(self._terms.meets, index)
         if self._ledger is not None:
             set_copies(self._ledger, index, 0.0)
         self.time[index] = 0.0
@@ -581,6 +588,25 @@ class Simulator:
         number = None if body is None else self.scene.number(body)
         self.read()
         return measures.view((self.readout.rows if number is None else self.readout.bodies[:, number]).copy())
+
+    def pairs(self, *, forget: bool = False) -> PairReadings:
+        """What happened between the bodies that collide since the copies were placed, or were forgotten.
+
+        Parameters
+        ----------
+        forget
+            Whether impulses, losses, the least gap and all counts begin anew with this reading.
+
+        Raises
+        ------
+        TypeError
+            If ``forget`` is no bool.
+        """
+        checks.flag("forget", forget)
+        found = packing.read_pairs(self._terms.meets, self.copies)
+        if forget and self._terms.meets is not None:
+            packing.forget_pairs(self._terms.meets)
+        return found
 
     def read(self, copies: Any = None) -> None:
         """Write measures, positions and velocities of some copies (all) to their rows of `readout`.

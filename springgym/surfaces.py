@@ -224,6 +224,7 @@ def check_heights(
     free: Any,
     copies: Any = None,
     owner: str = "",
+    radius: float = 0.0,
 ) -> None:
     """Refuse starts behind or too near a surface.
 
@@ -237,6 +238,8 @@ def check_heights(
         What the copies are called.
     owner
         What is said behind the particle's number: " of" its body, if there are several.
+    radius
+        Of the body's balls or rods [m]: heights count from their surface.
 
     Raises
     ------
@@ -244,7 +247,7 @@ def check_heights(
         Naming the particle, the copy if there are several, and the surface.
     """
     for n, surface in enumerate(surfaces):
-        heights = surface.height(np.asarray(positions, float))
+        heights = surface.height(np.asarray(positions, float)) - radius
         wrong = np.argwhere((heights < NEAREST * reach) & free)
         if wrong.size:
             *row, particle = wrong[0].tolist()

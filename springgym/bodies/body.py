@@ -9,8 +9,9 @@ from typing import Any, Self
 
 import numpy as np
 
+from springgym.bodies import surface
 from springgym.bodies.elastic import Cable, Elastic
-from springgym.checks import TINY, array, flag, indices, instance, whole_array
+from springgym.checks import TINY, array, flag, indices, instance, number, whole_array
 from springgym.records import ReadOnly
 
 MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
@@ -49,11 +50,15 @@ class Body(ReadOnly):
     parts
         Names of particles: ``{"tip": (13,), "ring": (0, …, 11)}``.
     triangles : (T, 3)
-        Its surface, for drawing; corners in the order that points the normal outwards.
+        Its surface, for drawing and for collisions with other bodies; corners in the order that points the
+        normal outwards.
     floppy
         Whether its springs may leave it free to change shape, as a rope is.
     solid
         What it stands for, if it was made from a material (`springgym.bodies.solid`).
+    radius
+        Of balls around the particles and rods along the springs [m], by which a body without triangles
+        collides: of a single particle it makes a sphere, of a rope a round one.
 
     Raises
     ------
@@ -61,8 +66,8 @@ class Body(ReadOnly):
         Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
         Naming the offender: a mass or stiffness that is not positive and finite, a spring of no length,
-        given twice or to a particle that does not exist, a part, marker or triangle of one, a body that is
-        in pieces or not held in shape, or too large.
+        given twice or to a particle that does not exist, a part, marker or triangle of one, a radius beside
+        triangles, a body that is in pieces or not held in shape, or too large.
     """
 
     name: str
@@ -77,6 +82,7 @@ class Body(ReadOnly):
     triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), int))
     floppy: bool = False
     solid: Elastic | Cable | None = None
+    radius: float = 0.0
 
     def __post_init__(self) -> None:
         instance("name of a body", self.name, str)
@@ -115,6 +121,12 @@ class Body(ReadOnly):
         object.__setattr__(self, "parts", parts)
         flag(what + "floppy", self.floppy)
         instance(what + "solid", self.solid, Elastic, Cable, type(None))
+        object.__setattr__(self, "radius", number(what + "radius", self.radius, low=0.0))
+        if self.radius and len(self.triangles):
+            raise ValueError(
+                f"{what}radius is {self.radius:g} m beside {len(self.triangles)} triangles; "
+                "a body has one or the other"
+            )
         self._check_shape()
 
     def _distances(self) -> np.ndarray:
@@ -221,8 +233,27 @@ class Body(ReadOnly):
 
     @cached_property
     def size(self) -> float:
-        """Twice the distance from the centre of mass to the particle farthest from it [m]."""
-        return 2 * float(np.linalg.norm(self.positions - self.centre, axis=1).max())
+        """Twice the distance from the centre of mass to the particle farthest from it, and its radius [m]."""
+        return 2 * float(np.linalg.norm(self.positions - self.centre, axis=1).max() + self.radius)
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether its triangles enclose it: each edge is in two, which run along it in opposite senses."""
+        return surface.is_closed(self.triangles)
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """The sharp edges (E, 2) of a closed surface: convex, and turning by more than 1°."""
+        edges = surface.sharp_edges(self.positions, self.triangles) if self.closed else np.zeros((0, 2), int)
+        edges.setflags(write=False)
+        return edges
+
+    @cached_property
+    def thickness(self) -> float:
+        """How far it is straight through the body [m], at the least: twice the radius without triangles."""
+        if not self.closed:
+            return 2 * self.radius
+        return surface.thickness(self.positions, self.triangles)
 
     def inertia(self, about: Any = None) -> np.ndarray:
         """Inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), about a point (the centre of mass)."""

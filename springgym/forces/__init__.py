@@ -26,6 +26,7 @@ from springgym.forces.actuators import (
 )
 from springgym.forces.barrier import HollowSphere, Planes, contact_energy
 from springgym.forces.memory import Memory
+from springgym.forces.pairs.terms import Meets
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
 from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
 from springgym.lanes import load
@@ -64,7 +65,9 @@ class Terms(NamedTuple):
     paper_law: PaperLaw | None = None
     """contact as the paper has it"""
     memory: Memory | None = None
-    """what is kept of the last node, where there are surfaces"""
+    """what is kept of the last node, where there are surfaces or bodies that collide"""
+    meets: Meets | None = None
+    """bodies that collide"""
     own: tuple[OfBody, ...] | None = None
     """forces that a user wrote, of all bodies"""
     body: int = 0

@@ -12,7 +12,7 @@ from typing import Any
 
 from springgym.blocks import at
 from springgym.checks import instance, shown
-from springgym.compiling import Inner, kernel
+from springgym.compiling import Inner, compiled, kernel
 from springgym.integrators.record import Integrator
 from springgym.lanes import bodies_of, of_body
 
@@ -75,31 +75,61 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
 _OWN: dict[str, tuple[Integrator, Callable[..., None]]] = {}
 
 
-def _method(name: str, surfaces: bool = False) -> tuple[Integrator, Callable[..., None]]:
-    """Record and function of a method; that for scenes with ``surfaces``, if it has one of its own for
-    them."""
+def _method(name: str, special: str = "") -> tuple[Integrator, Callable[..., None]]:
+    """Record and function of a method; the ``special`` one for some scenes, if it has one of that name."""
     if name in _OWN:
         return _OWN[name]
     if name not in METHODS:
         raise ValueError(f"unknown integrator {name!r}; there are {', '.join((*METHODS, *_OWN))}")
     module = importlib.import_module(f"{__name__}.{name}")
-    own = getattr(module, "integrate_among_surfaces", None) if surfaces else None
-    return module.RECORD, own or module.integrate
+    return module.RECORD, getattr(module, special, module.integrate)
 
 
-def advance_kernel(name: str, read: Callable[..., None], surfaces: bool = False) -> Callable[..., None]:
+def advance_kernel(
+    name: str, read: Callable[..., None], surfaces: bool = False, together: bool = False
+) -> Callable[..., None]:
     """The compiled function that takes blocks of copies through a number of steps by a method.
 
     The one for scenes with ``surfaces`` is another where these take code that others should not wait for.
+    Bodies that collide take each step ``together``, others one after another take all.
 
     If ``reads``, it then reads them off, by a compiled function like `springgym.measures.read`. Only rigid
     bodies make use of ``settles``: springs need not be put into shape.
     """
-    return _kernel(_method(name, surfaces)[1], read)
+    if together:
+        return _kernel(_method(name, "integrate_together")[1], at_once, read)
+    return _kernel(_method(name, "integrate_among_surfaces" if surfaces else "")[1], one_by_one, read)
+
+
+@compiled
+def one_by_one(
+    integrate: Any, x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any
+) -> None:
+    """Take each body through all steps, by itself."""
+    for body in range(bodies_of(x)):
+        integrate(
+            of_body(x, body),
+            of_body(v, body),
+            of_body(ledger, body),
+            of_body(workspace, body),
+            h,
+            steps,
+            of_body(terms, body),
+        )
+
+
+@compiled
+def at_once(
+    integrate: Any, x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any
+) -> None:
+    """Take all bodies through the steps together."""
+    integrate(x, v, ledger, workspace, h, steps, terms)
 
 
 @cache
-def _kernel(integrate: Callable[..., None], read: Callable[..., None]) -> Callable[..., None]:
+def _kernel(
+    integrate: Callable[..., None], take: Callable[..., None], read: Callable[..., None]
+) -> Callable[..., None]:
     @kernel
     def advance(
         x: Any,
@@ -121,16 +151,7 @@ def _kernel(integrate: Callable[..., None], read: Callable[..., None]) -> Callab
         for block in range(first, last):
             xb, vb, entries, own = at(x, block), at(v, block), at(ledger, block), at(terms, block)
             if steps > 0:
-                for body in range(bodies_of(xb)):
-                    integrate(
-                        of_body(xb, body),
-                        of_body(vb, body),
-                        of_body(entries, body),
-                        of_body(workspace, body),
-                        at(h, block),
-                        steps,
-                        of_body(own, body),
-                    )
+                take(integrate, xb, vb, entries, workspace, at(h, block), steps, own)
             if reads:
                 read(block, xb, vb, entries, readout, space, pivot, markers, own)
 

@@ -40,6 +40,8 @@ class Integrator:
     """takes steps of its own choice, up to h, from an estimate of its error"""
     iterative: bool = False
     """solves by Newton's method"""
+    meets_bodies: bool = False
+    """has the node that `springgym.forces.pairs.collide` acts at"""
     meets_surfaces: bool = False
     """passes nodes, see `springgym.forces.node`, where there are surfaces"""
 
@@ -101,6 +103,11 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
         return (
             f"{method.name} solves with the stiffness of springs, and does not know that of forces of one's "
             "own; use verlet or rk4"
+        )
+    if scene.meetings and not method.meets_bodies:
+        return (
+            f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
+            "node of that kind; say collisions=None to let bodies pass through each other"
         )
     if scene.surfaces and isinstance(scene.contact, PaperContact):
         if method.name != "rk4":

@@ -6,9 +6,17 @@ from typing import Any
 
 from springgym.compiling import compiled
 from springgym.forces import accelerate, act, actuate, drift, kick, paired, relax
-from springgym.forces.memory import remember, resume, share_actions, steer
+from springgym.forces.memory import PHASE, remember, resume, share_actions, steer
 from springgym.forces.node import Space, bow, next_phase, pass_node
+from springgym.forces.together import (
+    bow_together,
+    halve_tally,
+    pass_together,
+    remember_tally,
+    resume_tally,
+)
 from springgym.integrators.record import Integrator
+from springgym.lanes import bodies_of, load, of_body
 
 RECORD = Integrator(
     name="verlet",
@@ -20,6 +28,7 @@ RECORD = Integrator(
     negative_substeps=False,
     workspace=6,
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
+    meets_bodies=True,
     meets_surfaces=True,
 )
 
@@ -79,3 +88,39 @@ def integrate_among_surfaces(
         if n < steps:
             phase = next_phase(phase)
             drift(x, v, h)
+
+
+@compiled
+def integrate_together(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+    """The same where bodies collide: all of them take each step together.
+
+    ``x``, ``v`` and ``ledger`` are those of all bodies; ``workspace`` is of `springgym.forces.together`.
+    """
+    bodies = bodies_of(x)
+    phase = load(of_body(terms.memory, 0).marks, PHASE)
+    for body in range(bodies):
+        resume(of_body(x, body), of_body(v, body), of_body(ledger, body), of_body(terms.memory, body))
+    resume_tally(phase, terms.meets)
+    bent = False
+    for n in range(steps + 1):
+        for body in range(bodies):
+            own, work = of_body(terms, body), of_body(workspace, body)
+            accelerate(of_body(x, body), work.a, work.space.direction, own)
+            actuate(of_body(x, body), work.b, own)
+        bow_together(bent, ledger, workspace, terms)
+        for body in range(bodies):
+            own, work = of_body(terms, body), of_body(workspace, body)
+            if n == 0:
+                share_actions(work.b, phase, own.memory, own.memory.pushed, own.drive)
+            else:
+                steer(own.memory, own.drive)
+            if n == steps:
+                entries = of_body(ledger, body)
+                remember(of_body(x, body), work.b, phase, entries, own.memory, own.memory.pushed)
+        if n == steps:
+            remember_tally(terms.meets)
+        bent = pass_together(x, v, phase, h, n == steps, ledger, workspace, terms)
+        if n < steps:
+            phase = next_phase(phase)
+            drift(x.values, v.values, h)
+    halve_tally(terms.meets)

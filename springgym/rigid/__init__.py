@@ -121,7 +121,19 @@ def integrator(name: str) -> Integrator:
     return METHODS[name].record
 
 
-def advance_kernel(name: str, read: Callable[..., None], surfaces: bool = False) -> Callable[..., None]:
+def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> str | None:
+    """Why a method makes no sense in a scene, or None if it does."""
+    if scene.meetings:
+        return (
+            "rigid bodies do not collide: the impulses of a contact act on particles, which springs pass on; "
+            "use dynamics 'springs', or collisions=None to let bodies pass through each other"
+        )
+    return None
+
+
+def advance_kernel(
+    name: str, read: Callable[..., None], surfaces: bool = False, together: bool = False
+) -> Callable[..., None]:
     """As `springgym.integrators.advance_kernel`; one for all methods."""
     return kernel_reading(read)
 

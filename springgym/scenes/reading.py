@@ -31,6 +31,7 @@ from springgym.bodies import (
 from springgym.bodies.motion import InitialState
 from springgym.bodies.precession import heavy_top
 from springgym.checks import shown
+from springgym.collisions import Collisions, Pair
 from springgym.integrators import METHODS
 from springgym.materials import Material
 from springgym.scene import GRAVITY, Placed, Scene
@@ -110,6 +111,7 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
         start: Any = None,
         surfaces: Any = None,
         contact: Any = None,
+        collisions: Any = None,
         interval: float = 0.01,
         integrator: str = "verlet",
         step: float | None = None,
@@ -130,9 +132,12 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
             met, paper = build(_met, tree, ("contact",))
         world: dict[str, Any] = {"gravity": pull, "surfaces": _surfaces(tree), "contact": met}
         begun = _bodies(tree, world, body, bodies, pinned, start)
+        meet = _collisions(tree)
         try:
             scene = Scene(
-                bodies=tuple(one.placed for one in begun), **{**world, "gravity": pull if any(pull) else None}
+                bodies=tuple(one.placed for one in begun),
+                collisions=meet,
+                **{**world, "gravity": pull if any(pull) else None},
             )
         except (ValueError, TypeError, ArithmeticError) as error:
             raise YamlError(f"{path}: {error}") from error
@@ -422,6 +427,28 @@ def _met(
     )
 
 
+def _collisions(tree: Tree) -> Collisions:
+    """Which bodies meet: "all", "none", how all do, or a list of pairs, each with its ``contact`` or not."""
+    given = tree.value.get("collisions")
+    if given is None or given == "none":
+        return None
+    if isinstance(given, dict):
+        how: Contact = build(Contact, tree, ("collisions",))
+        return how
+    if isinstance(given, list):
+
+        def pair(n: str, first: str, second: str, contact: Any = None) -> Pair:
+            how = None if contact is None else build(Contact, tree, ("collisions", n, "contact"))
+            return Pair(first, second, how)
+
+        return tuple(build(pair, tree, ("collisions", str(n)), n=str(n)) for n in range(len(given)))
+    if given != "all":
+        raise _error(
+            tree, ("collisions",), f"expected all, none, a contact or a list of pairs, got {shown(given)}"
+        )
+    return "all"
+
+
 # --- Starts -----------------------------------------------------------------------------------------
 
 
@@ -502,7 +529,7 @@ def _lifted(
     """Positions moved along the normal of a plane to a height of the lowest particle."""
     if not isinstance(surface, Plane):
         raise ValueError("height is above a plane; give a position in a bowl")
-    heights = surface.height(positions)
+    heights = surface.height(positions) - body.radius
     if height == "rest":
         strength, reach = scales(contact, body)
         below = int(np.sum(heights < heights.min() + 1e-3 * reach))

@@ -1,0 +1,83 @@
+"""Distances of points, segments and triangles, each of many with each of many, in NumPy.
+
+Everything has an axis of copies first: points (k, P, 3), segments (k, S, 2, 3), triangles (k, T, 3, 3).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+SMALL = 1e-300
+"""Added to what is divided by, and never large enough to change it."""
+
+
+def _dot(u: np.ndarray, w: np.ndarray) -> np.ndarray:
+    return np.einsum("...i,...i->...", u, w)
+
+
+def _share(along: np.ndarray, square: np.ndarray) -> np.ndarray:
+    return np.clip(along / (square + SMALL), 0.0, 1.0)
+
+
+def point_segment(points: np.ndarray, segments: np.ndarray) -> np.ndarray:
+    """Distances (k, P, S) [m]."""
+    start, way = segments[:, None, :, 0], (segments[:, :, 1] - segments[:, :, 0])[:, None]
+    r = points[:, :, None] - start
+    return np.linalg.norm(r - _share(_dot(r, way), _dot(way, way))[..., None] * way, axis=-1)
+
+
+def point_surface(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Distances (k, P) from the surface of a solid [m], negative inside: where it fills all directions."""
+    a = triangles[:, None, :, 0]
+    u, w = triangles[:, None, :, 1] - a, triangles[:, None, :, 2] - a
+    r = points[:, :, None] - a
+    normal = np.cross(u, w)
+    height = _dot(r, normal / (np.linalg.norm(normal, axis=-1) + SMALL)[..., None])
+    uu, uw, ww, e, f = _dot(u, u), _dot(u, w), _dot(w, w), _dot(r, u), _dot(r, w)
+    scale = uu * ww - uw * uw + SMALL
+    s, t = (ww * e - uw * f) / scale, (uu * f - uw * e) / scale
+    square = np.where((s >= 0) & (t >= 0) & (s + t <= 1), height**2, np.inf)
+    for start, way in ((a, u), (a, w), (a + u, w - u)):
+        q = points[:, :, None] - start
+        foot = q - _share(_dot(q, way), _dot(way, way))[..., None] * way
+        square = np.minimum(square, _dot(foot, foot))
+    distance = np.sqrt(square.min(axis=2))
+    # solid angles: van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125
+    p, q, r = (triangles[:, None, :, n] - points[:, :, None] for n in range(3))
+    a, b, c = (np.linalg.norm(of, axis=-1) for of in (p, q, r))
+    below = a * b * c + _dot(p, q) * c + _dot(q, r) * a + _dot(r, p) * b
+    angle = 2 * np.arctan2(_dot(p, np.cross(q, r)), below).sum(axis=2)
+    return np.where(angle > 2 * np.pi, -distance, distance)
+
+
+def segment_segment(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Distances (k, S, Z) [m] of segments (k, S, 2, 3) and (k, Z, 2, 3)."""
+    ends = [point_segment(first[:, :, n], second) for n in (0, 1)]
+    ends += [np.swapaxes(point_segment(second[:, :, n], first), 1, 2) for n in (0, 1)]
+    p, q = first[:, :, None, 0], second[:, None, :, 0]
+    a, b, r = first[:, :, None, 1] - p, second[:, None, :, 1] - q, p - q
+    aa, ab, bb, ar, br = _dot(a, a), _dot(a, b), _dot(b, b), _dot(a, r), _dot(b, r)
+    across = np.cross(a, b)
+    square = _dot(across, across)
+    s, t = (ab * br - bb * ar) / (square + SMALL), (aa * br - ab * ar) / (square + SMALL)
+    inside = (square > 0) & (s > 0) & (s < 1) & (t > 0) & (t < 1)
+    apart = np.abs(_dot(r, across)) / np.sqrt(square + SMALL)
+    return np.where(inside, apart, np.minimum.reduce(ends))
+
+
+def pierced(segments: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """How deep segments are through triangles [m], (k, S, T): the depth of the nearer end, or 0."""
+    a = triangles[:, None, :, 0]
+    u, w = triangles[:, None, :, 1] - a, triangles[:, None, :, 2] - a
+    normal = np.cross(u, w)
+    normal = normal / (np.linalg.norm(normal, axis=-1) + SMALL)[..., None]
+    start, end = segments[:, :, None, 0], segments[:, :, None, 1]
+    low, high = _dot(start - a, normal), _dot(end - a, normal)
+    through = low * high < 0
+    share = np.where(through, low / np.where(through, low - high, 1.0), 0.0)
+    r = start + share[..., None] * (end - start) - a
+    uu, uw, ww, e, f = _dot(u, u), _dot(u, w), _dot(w, w), _dot(r, u), _dot(r, w)
+    scale = uu * ww - uw * uw + SMALL
+    s, t = (ww * e - uw * f) / scale, (uu * f - uw * e) / scale
+    through &= (s >= 0) & (t >= 0) & (s + t <= 1)
+    return np.where(through, np.minimum(np.abs(low), np.abs(high)), 0.0)

@@ -1,0 +1,239 @@
+"""What bodies that collide do to each other at the node of a step, where all impulses act at once.
+
+Particles fly straight for half a step, receive the impulses of springs, gravity, dampers, contact and
+friction, and fly straight for the other half. As x₁ = x₀ + (h/2)(v₀ + v₁), the angular momentum changes
+by exactly Σ (x₀ + h v₀/2) × p for the impulses p: those of a contact lie along D between the points of D,
+at the positions of the node, so that they keep momentum and angular momentum to round-off, whatever their
+size.
+
+Each contact's impulse J follows from the heights h₀ = d − (h/2) u₀ and a = h₀ + h (u₀ + u)/2, with u the
+speed along its normal after all other impulses (`springgym.forces.pairs.law`). Two sweeps, there and
+back, find all.
+
+The strength of an edge's contact depends on where it is met: the force of this energy's gradient acts,
+too. Its size is q = h Ū/(1 + h² Ū G/2), G = Σ |∇ᵢΦ|²/mᵢ, so bounded that a step cannot gain more of it
+than there is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from springgym.compiling import compiled
+from springgym.forces.pairs.features import TAPER, smooth
+from springgym.forces.pairs.law import energy, meet, meet_losing
+from springgym.forces.pairs.terms import (
+    CONTACT,
+    ENERGY,
+    ENTRIES,
+    FAR,
+    FAST,
+    GAP,
+    IMPULSE,
+    MISSES,
+    TOUCHING,
+    spend,
+    tell,
+)
+from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
+from springgym.vectors import TINY, choose, cross, dot, minus, plus, plus_scaled, row, set_row, times
+
+LOW = 0.02
+"""What begins a step nearer than this share of Δ was missed before. It is taken as this near."""
+
+QUICK = 0.2
+"""Share of Δ that a contact may move by in a step, to be computed well."""
+
+
+@compiled
+def prepare(w: Any, span: Any, count: Any, particles: Any, pairs: Any, room: Any, tally: Any) -> None:
+    """Find the speeds that contacts come with, and how much an impulse changes them."""
+    for p in range(pairs.first.size):
+        set_row(room.spent, p, (0.0, 0.0, 0.0))
+    for k in range(count):
+        u = speed(w, k, room)
+        inverse = 0.0 * u
+        for j in range(room.members[k]):
+            weight = load(room.weight, 4 * k + j)
+            inverse = inverse + weight * weight * load(particles.inverse_mass, room.particles[k, j])
+        store(room.before, k, u)
+        store(room.inverse, k, inverse)
+        store(room.push, k, 0.0)
+        store(room.lost, k, 0.0)
+        set_row(room.rub, k, (0.0, 0.0, 0.0))
+        p = room.pair[k]
+        missed = load(room.distance, k) - span.lead * u < LOW * pairs.reach[p]
+        tell(tally, p, MISSES, select(missed, 1.0 + 0.0 * u, 0.0))
+
+
+@compiled
+def speed(v: Any, k: Any, room: Any) -> Any:
+    """u of contact k."""
+    u = times(load(room.weight, 4 * k), row(v, room.particles[k, 0]))
+    for j in range(1, room.members[k]):
+        u = plus(u, times(load(room.weight, 4 * k + j), row(v, room.particles[k, j])))
+    return dot(row(room.toward, k), u)
+
+
+@compiled
+def give(v: Any, i: Any, s: Any, u: Any, on: Any) -> None:
+    """Add s u to a velocity, in some lanes; the others are left as they are to the bit."""
+    before = row(v, i)
+    set_row(v, i, choose(on, plus_scaled(before, s, u), before))
+
+
+@compiled
+def sweep(v: Any, span: Any, count: Any, backward: Any, particles: Any, pairs: Any, room: Any) -> None:
+    """Solve one contact after another for its impulse, given all others' as they are by now."""
+    for m in range(count):
+        k = count - 1 - m if backward else m
+        p = room.pair[k]
+        reach, inverse, old = pairs.reach[p], load(room.inverse, k), load(room.push, k)
+        u0, d = load(room.before, k), load(room.distance, k)
+        u = speed(v, k, room) - inverse * old
+        start = maximum(d - span.lead * u0, LOW * reach)
+        free = start + span.lead * u0 + span.out * u
+        meets = select(inverse > 0.0, minimum(start, free), FAR) < reach
+        if any_lane(select(meets, 1.0, old) > 0.0):  # what the first sweep gave may have to be taken back
+            c = load(pairs.strength, p) * load(room.share, k) * inverse
+            change = solve(k, p, start, free, span, c, reach, inverse, meets, pairs.damping, room)
+            new = select(meets, change / (inverse + TINY), 0.0)
+            store(room.push, k, new)
+            impulse = times(new - old, row(room.toward, k))
+            on = d < 0.5 * FAR
+            for j in range(room.members[k]):
+                i = room.particles[k, j]
+                give(v, i, load(room.weight, 4 * k + j) * load(particles.inverse_mass, i), impulse, on)
+
+
+@compiled
+def solve(
+    k: Any,
+    p: Any,
+    start: Any,
+    free: Any,
+    span: Any,
+    c: Any,
+    reach: Any,
+    inverse: Any,
+    meets: Any,
+    damping: Any,
+    room: Any,
+) -> Any:
+    """The change of speed by contact k; what it loses is stored."""
+    if damping is None:
+        return meet(start, free, span, c, reach)
+    change, lost = meet_losing(start, free, span, c, reach, load(damping, p))
+    store(room.lost, k, select(meets, lost / (inverse + TINY), 0.0))
+    return change
+
+
+@compiled
+def ends(v: Any, span: Any, k: Any, reach: Any, room: Any) -> Any:
+    """The heights of contact k when the step begins and when it ends."""
+    d = load(room.distance, k)
+    first = maximum(d - span.lead * load(room.before, k), LOW * reach)
+    return first, maximum(d + span.out * speed(v, k, room), LOW * reach)
+
+
+@compiled
+def taper(x: Any, v: Any, span: Any, count: Any, particles: Any, pairs: Any, room: Any, edges: Any) -> None:
+    """Let the force of the gradient of Φ act, where edges meet."""
+    if edges is not None:
+        for k in range(count):
+            share = load(room.share, k)
+            partly = select(share < 1.0, share, 0.0) > 0.0
+            if room.members[k] == 4 and any_lane(partly):
+                p = room.pair[k]
+                reach = pairs.reach[p]
+                first, last = ends(v, span, k, reach, room)
+                c = load(pairs.strength, p) + 0.0 * share
+                mean = 0.5 * (energy(first, c, reach) + energy(last, c, reach))
+                on = select(partly, mean, 0.0) > 0.0
+                if any_lane(on):
+                    push_along_gradient(x, v, span, k, mean, on, particles, pairs, room)
+
+
+@compiled
+def push_along_gradient(
+    x: Any, v: Any, span: Any, k: Any, mean: Any, on: Any, particles: Any, pairs: Any, room: Any
+) -> None:
+    """Give contact k, whose energy is ``mean`` per Φ, what the gradient of Φ gives.
+
+    With D = r + s a − t b, D·a = D·b = 0 says how s and t change as the four points move; lengths stay.
+    """
+    p = room.pair[k]
+    i, j, m, n = room.particles[k, 0], room.particles[k, 1], room.particles[k, 2], room.particles[k, 3]
+    a, b, r = minus(row(x, j), row(x, i)), minus(row(x, n), row(x, m)), minus(row(x, i), row(x, m))
+    across = cross(a, b)
+    square = select(on, dot(across, across), 1.0)
+    inverse = 1.0 / square
+    aa, ab, bb, ar, br = dot(a, a), dot(a, b), dot(b, b), dot(a, r), dot(b, r)
+    s, t = (ab * br - bb * ar) * inverse, (aa * br - ab * ar) * inverse
+    scale = 1.0 / (TAPER * pairs.reach[p])
+    la, lb, sine = sqrt(aa) * scale, sqrt(bb) * scale, 1.0 / pairs.parallel[p]
+    s0, s1, t0, t1 = smooth(s * la), smooth((1.0 - s) * la), smooth(t * lb), smooth((1.0 - t) * lb)
+    both = 1.0 / (aa * bb + TINY)
+    angle = square * both * sine
+    turned = smooth(angle)
+    by_s = (steepness(s * la) * s1 - s0 * steepness((1.0 - s) * la)) * la * t0 * t1 * turned
+    by_t = (steepness(t * lb) * t1 - t0 * steepness((1.0 - t) * lb)) * lb * s0 * s1 * turned
+    by_angle = -2.0 * ab * both * (s0 * s1 * t0 * t1 * steepness(angle) * sine)
+    by_a = times(by_angle, minus(b, times(ab / (aa + TINY), a)))
+    by_b = times(by_angle, minus(a, times(ab / (bb + TINY), b)))
+    # by how much Φ changes, through s and t, with D·a and D·b
+    along_a, along_b = -(bb * by_s + ab * by_t) * inverse, (ab * by_s + aa * by_t) * inverse
+    apart = plus(r, minus(times(s, a), times(t, b)))
+    lever = plus(times(along_a, a), times(along_b, b))
+    g0 = minus(minus(times(1.0 - s, lever), times(along_a, apart)), by_a)
+    g1 = plus(plus(times(s, lever), times(along_a, apart)), by_a)
+    g2 = minus(minus(times(t - 1.0, lever), times(along_b, apart)), by_b)
+    g3 = plus(plus(times(-t, lever), times(along_b, apart)), by_b)
+    mi, mj = load(particles.inverse_mass, i), load(particles.inverse_mass, j)
+    mm, mn = load(particles.inverse_mass, m), load(particles.inverse_mass, n)
+    size = mi * dot(g0, g0) + mj * dot(g1, g1) + mm * dot(g2, g2) + mn * dot(g3, g3)
+    q = (-1.0 * span.whole) * mean / (1.0 + (span.out * span.whole) * mean * size)
+    give(v, i, q * mi, g0, on)
+    give(v, j, q * mj, g1, on)
+    give(v, m, q * mm, g2, on)
+    give(v, n, q * mn, g3, on)
+
+
+@compiled
+def steepness(y: Any) -> Any:
+    """The slope of `smooth`."""
+    y = minimum(maximum(y, 0.0), 1.0)
+    return 6.0 * y * (1.0 - y)
+
+
+@compiled
+def account(v: Any, span: Any, count: Any, pairs: Any, room: Any, tally: Any) -> None:
+    """Tell what the contacts did at this node."""
+    if tally is not None:
+        for p in range(pairs.first.size):
+            store(tally, p * ENTRIES + TOUCHING, 0.0)
+            store(tally, p * ENTRIES + ENERGY, 0.0)
+        for k in range(count):
+            p = room.pair[k]
+            push, reach, d, u0 = (
+                load(room.push, k),
+                pairs.reach[p],
+                load(room.distance, k),
+                load(room.before, k),
+            )
+            first, last = ends(v, span, k, reach, room)
+            c = load(pairs.strength, p) * load(room.share, k)
+            before, after = energy(first, c, reach), energy(last, c, reach)
+            there = d < 0.5 * FAR
+            at = p * ENTRIES
+            touches = push > 0.0
+            store(tally, at + TOUCHING, select(touches, 1.0, load(tally, at + TOUCHING)))
+            gap = select(there, last, FAR)
+            store(tally, at + GAP, minimum(load(tally, at + GAP), gap))
+            tell(tally, p, IMPULSE, push)
+            tell(tally, p, ENERGY, select(there, 0.5 * (before + after), 0.0))
+            tell(tally, p, CONTACT, load(room.lost, k))
+            spend(room, p, 0, load(room.lost, k))
+            spend(room, p, 2, select(there, before - after, 0.0))
+            quick = maximum(u0, -u0) * span.whole > QUICK * reach
+            tell(tally, p, FAST, select(touches, select(quick, 1.0 + 0.0 * push, 0.0), 0.0))

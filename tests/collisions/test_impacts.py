@@ -1,0 +1,174 @@
+"""Impacts of free bodies: what they keep, and what is lost where a part of the method is left out."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from springgym.bodies import Body, cube, from_points, top
+from springgym.collisions import distance
+from springgym.forces.pairs.terms import FAST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
+from springgym.simulator import Simulator
+from tests.collisions.cases import CUBE, WAYS, approach
+from tests.collisions.impacts import impacts, pair_scene
+from tests.collisions.stepped import Stepped
+from tests.collisions.world import BLIND, SINGLE, UNTAPERED, World
+
+TOP = top(damping=0.0)
+ROUND_OFF = 1e-12
+
+
+class Outcome(NamedTuple):
+    """Of the copies that met, and parted again."""
+
+    gained: np.ndarray
+    """of the energy, as a share"""
+    moved: float
+    """largest change of a momentum"""
+    misses: float
+    least: float
+    """distance, as a share of Δ"""
+    hits: int
+    inside: int
+    """copies that end in each other"""
+    fast: int
+
+
+def collided(
+    first: Body,
+    second: Body,
+    speed: float,
+    copies: int,
+    seed: int,
+    lacks: int = 0,
+    lean: bool = False,
+    dtype: Any = float,
+) -> Outcome:
+    scene = pair_scene(first, second)
+    world = (World if lacks else Stepped)(scene, copies=copies, lean=lean, dtype=dtype)
+    world.place(*impacts(first, second, speed, copies, np.random.default_rng(seed)))
+    energy, momenta = world.energy(), world.momenta()
+    steps = int(2.2 * max(first.size, second.size) / speed / world.step)
+    world.run(steps, *([lacks] if lacks else []))
+    tally = world.tally[:, 0]
+    hits = tally[:, IMPULSE] > 0
+    parted = hits & (tally[:, TOUCHING] == 0)
+    own, other = (world.x[:, part] for part in scene.slices)
+    depth = [
+        distance.point_surface(x[:, np.unique(body.triangles)], y[:, of.triangles]).min(axis=1)
+        for x, body, y, of in ((own, first, other, second), (other, second, own, first))
+    ]
+    assert not tally[:, OVERFLOW].any()
+    return Outcome(
+        (world.energy() / energy - 1)[parted],
+        float(np.abs(world.momenta() - momenta).max()),
+        float(tally[:, MISSES].sum()),
+        float(tally[hits, GAP].min() / scene.meetings[0].reach),
+        int(hits.sum()),
+        int((np.minimum(*depth) < 0).sum()),
+        int((tally[:, FAST] > 0).sum()),
+    )
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "median", "most"),
+    [(CUBE, CUBE, 1.5e-5, 2e-3), (TOP, TOP, 3e-5, 6e-3)],
+    ids=["cubes", "tops"],
+)
+def test_random_impacts(first: Body, second: Body, median: float, most: float) -> None:
+    """At v h = Δ/15 energy is kept to some 1e-5, and to 1e-3 in 99 of 100; momenta to round-off."""
+    found = collided(first, second, 2.0, 240, 1)
+    assert found.hits > 200
+    assert found.moved < ROUND_OFF * first.mass
+    assert (found.misses, found.inside, found.fast) == (0, 0, 0)
+    assert found.least > 0.5
+    size = np.abs(found.gained)
+    assert np.median(size) < median
+    assert np.quantile(size, 0.99) < most
+    untapered = collided(first, second, 2.0, 240, 1, UNTAPERED)
+    assert np.quantile(np.abs(untapered.gained), 0.99) > 2 * most
+    assert untapered.moved < ROUND_OFF * first.mass  # each impulse keeps them by itself
+    single = collided(first, second, 2.0, 240, 1, SINGLE)
+    assert np.quantile(np.abs(single.gained), 0.99) > 3 * np.quantile(size, 0.99)
+
+
+@pytest.mark.slow
+def test_ten_thousand_impacts() -> None:
+    """Cubes, tops, both, and random convex bodies, at v h of Δ/15 and Δ/3."""
+    rng = np.random.default_rng(0)
+    heavy = cube(mass=12.0, stiffness=1e6, damping=0.0)
+    hits = 0
+    for speed, copies, median, most in ((2.0, 2000, 3e-5, 6e-3), (10.0, 500, 1e-3, 0.1)):
+        for first, second in ((CUBE, CUBE), (TOP, TOP), (heavy, TOP)):
+            found = collided(first, second, speed, copies, 3, lean=True)
+            assert np.median(np.abs(found.gained)) < median
+            assert np.quantile(np.abs(found.gained), 0.99) < most
+            assert (found.misses, found.inside) == (0, 0)
+            assert found.moved < ROUND_OFF * first.mass * speed
+            hits += found.hits
+        for seed in range(copies // 25):
+            pair = [convex(rng), convex(rng)]
+            found = collided(pair[0], pair[1], speed, 64, seed, lean=True)
+            assert (found.misses, found.inside) == (0, 0)
+            assert found.moved < ROUND_OFF * speed
+            hits += found.hits
+    assert hits > 10_000
+
+
+@pytest.mark.slow
+def test_single_precision() -> None:
+    """Nothing is missed: of triangles that share a corner, rounding does not choose."""
+    for body in (CUBE, TOP):
+        found = collided(body, body, 2.0, 1000, 1, lean=True, dtype=np.float32)
+        assert (found.misses, found.inside) == (0, 0)
+        assert found.hits > 900
+        assert np.quantile(np.abs(found.gained), 0.99) < 6e-3
+        assert found.moved < 1e-4 * body.mass
+
+
+def convex(rng: np.random.Generator) -> Body:
+    """A convex body of 5 to 9 random points, thick enough to collide."""
+    while True:
+        points = 0.4 * rng.normal(size=(int(rng.integers(5, 10)), 3))
+        body = from_points(points, damping=0.0)
+        if len(body.edges) and body.thickness > 0.06 * body.size:
+            return body
+
+
+@pytest.mark.parametrize(("speed", "most"), [(1.0, 2e-4), (5.0, 2e-3)])
+def test_every_way_to_meet(speed: float, most: float) -> None:
+    """Faces, edges and corners part again, with momenta to round-off; energy is of order 2."""
+    worst = []
+    for finer in (1, 3):
+        scene = pair_scene(CUBE, CUBE)
+        world = Stepped(scene, copies=len(WAYS), step=Simulator(scene).step / finer)
+        x, v = map(np.array, zip(*(approach(way, speed) for way in WAYS), strict=True))
+        world.place(x, v)
+        energy, momenta = world.energy(), world.momenta()
+        world.run(int(0.2 / speed / world.step))
+        tally = world.tally[:, 0]
+        assert (tally[:, IMPULSE] > 0.8 * speed).all()
+        assert not tally[:, [TOUCHING, MISSES]].any()
+        assert np.abs(world.momenta() - momenta).max() < ROUND_OFF
+        worst.append(np.abs(world.energy() / energy - 1))
+    assert worst[0].max() < most
+    assert worst[1].max() < most / 6
+
+
+def test_through_each_other_in_half_a_step() -> None:
+    """At v h = Δ crossed edges pass each other within half a step: the history of signs brings them back."""
+    gained, misses = [], []
+    for lacks in (0, BLIND):
+        world = (World if lacks else Stepped)(pair_scene(CUBE, CUBE), copies=16)
+        x, v = approach("crossed edges", 30.0)
+        late = np.arange(16)[:, None, None] / 16 * 30.0 * world.step * np.array([1.0, 0.0, 0.0])
+        world.place(x - late * (np.arange(16) < 8)[:, None], np.broadcast_to(v, (16, 16, 3)))
+        energy = world.energy()
+        world.run(int(0.2 / 30 / world.step), *([lacks] if lacks else []))
+        gained.append(np.abs(world.energy() / energy - 1))
+        misses.append(world.tally[:, 0, MISSES].sum())
+        assert (world.tally[:, 0, FAST] > 0).all()
+    assert gained[0].max() < 1e-2 < gained[1].max()
+    assert misses[0] == 0 < misses[1]

@@ -1,0 +1,102 @@
+"""The barrier along a normal: the root, its energy, and its symmetry in time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.blocks import aligned_zeros, block_dtype
+from springgym.compiling import kernel
+from springgym.forces.pairs.law import meet, meet_losing
+from springgym.forces.pairs.terms import Span
+from springgym.lanes import load, store
+
+COUNT, REACH, STEP = 4096, 0.0173, 5.5e-4
+MIDST, START = Span(STEP / 2, STEP / 2, STEP), Span(0.0, STEP / 2, STEP / 2)
+
+
+@kernel
+def met(start: Any, free: Any, span: Any, c: Any, reach: Any, damping: Any, change: Any, lossy: Any) -> None:
+    for n in range(start.size):
+        store(change, (n, 0), meet(load(start, n), load(free, n), span, load(c, n), reach))
+        found, lost = meet_losing(load(start, n), load(free, n), span, load(c, n), reach, load(damping, n))
+        store(lossy, (n, 0), found)
+        store(lossy, (n, 1), lost)
+
+
+def laws(
+    start: np.ndarray, free: np.ndarray, span: Span, c: np.ndarray, damping: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """Changes of speed without and with loss, and the energy lost per mass, each (COUNT,)."""
+
+    def lanes(values: Any, *shape: int) -> np.ndarray:
+        array = aligned_zeros((COUNT, *shape), block_dtype(float, 1))
+        array["lanes"][..., 0] = values
+        return array
+
+    change, lossy = lanes(0.0, 3), lanes(0.0, 3)
+    met(lanes(start), lanes(free), span, lanes(c), REACH, lanes(damping), change, lossy)
+    return change["lanes"][:, 0, 0], lossy["lanes"][:, 0, 0], lossy["lanes"][:, 1, 0]
+
+
+def barrier(h: np.ndarray, c: np.ndarray) -> np.ndarray:
+    return np.asarray(np.where(h < REACH, c * (REACH - h) ** 2 / (h * REACH**2), 0.0))
+
+
+def random_impacts(seed: int) -> tuple[np.ndarray, ...]:
+    """Heights at the start and as they would be at the end, strengths, losses; of all kinds of steps."""
+    rng = np.random.default_rng(seed)
+    start = REACH * rng.uniform(0.05, 1.5, COUNT)
+    free = start + 0.4 * REACH * rng.normal(size=COUNT)
+    free = np.where((start >= REACH) & (free >= REACH), REACH * rng.uniform(-0.5, 1, COUNT), free)
+    return start, free, 10 ** rng.uniform(-1, 1.5, COUNT), 10 ** rng.uniform(-2, 1, COUNT)
+
+
+@pytest.mark.parametrize("span", [MIDST, START])
+def test_the_root(span: Span) -> None:
+    """The change is that of the discrete gradient between both heights, with loss, too."""
+    start, free, c, damping = random_impacts(0)
+    change, lossy, lost = laws(start, free, span, c, damping)
+    for found, d in ((change, 0.0 * damping), (lossy, damping)):
+        end = free + span.out * found
+        assert (end > 0).all()
+        way = end - start
+        inside = (start < REACH) & (end < REACH)
+        far = np.abs(way) > 1e-4 * REACH
+        gradient = np.where(far, (barrier(start, c) - barrier(end, c)) / np.where(far, way, 1.0), 0.0)
+        gradient = np.where(inside, c / (start * end) - c / REACH**2, gradient)
+        wanted = span.whole * gradient * np.maximum(1 - d * way / span.whole, 0)
+        sure = far | inside
+        assert sure.mean() > 0.99
+        # of the heights, whose equation is this steep
+        steep = 1 + span.out * gradient * d
+        steep += span.out * span.whole * c / (start * end**2) * (1 + d * np.abs(way) / span.whole)
+        assert np.abs(span.out * (found - wanted) / steep)[sure].max() < 1e-10 * REACH
+    speed = way / span.whole  # of the lossy one
+    taken = span.whole * gradient * speed * (1 - np.maximum(1 - damping * speed, 0))
+    assert (lost >= -1e-12).all()
+    assert lost[sure] == pytest.approx(taken[sure], rel=1e-6, abs=1e-6)
+
+
+def test_energy_is_kept() -> None:
+    """Per mass, the work of the impulse is what the barrier gives, in each step."""
+    start, free, c, damping = random_impacts(1)
+    change, _, _ = laws(start, free, MIDST, c, damping)
+    end = free + 0.5 * STEP * change
+    work = change * (end - start) / STEP
+    given = barrier(start, c) - barrier(end, c)
+    assert np.abs(work - given).max() < 1e-10 * np.abs(given).max()
+    assert (np.abs(change) > 1e-3).mean() > 0.5
+
+
+def test_symmetric_in_time() -> None:
+    """What ends a step leads back to its start, whichever of both is out of reach."""
+    start, free, c, damping = random_impacts(2)
+    change, _, _ = laws(start, free, MIDST, c, damping)
+    end = free + 0.5 * STEP * change
+    back, _, _ = laws(end, start - 0.5 * STEP * change, MIDST, c, damping)
+    assert ((start < REACH) & (end > REACH)).any()
+    assert ((start > REACH) & (end < REACH)).any()
+    assert np.abs(back - change).max() < 1e-8 * np.abs(change).max()

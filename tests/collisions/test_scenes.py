@@ -1,0 +1,231 @@
+"""What a scene says of collisions, and what it refuses."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.bodies import Body, box, cube, gyroscope, rope, top
+from springgym.collisions import Pair, distance
+from springgym.scene import Placed, Scene
+from springgym.scenes import load
+from springgym.simulator import Simulator
+from springgym.strict_yaml import YamlError
+from springgym.surfaces import Contact, PaperContact
+
+CUBE = cube()
+BALL = Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.2)
+
+
+def put(body: Body, place: Any, name: str, **more: Any) -> Placed:
+    return Placed(body, body.positions + np.asarray(place, float), name=name, **more)
+
+
+def beside(second: Body, place: Any = (3.0, 0.0, 0.0), **more: Any) -> Scene:
+    """A cube at the origin, and a body."""
+    return Scene(bodies=(put(CUBE, (0, 0, 0), "a"), put(second, place, "b")), **{"collisions": "all"} | more)
+
+
+def test_defaults() -> None:
+    """Δ is of the smaller body, k of the softer one; the scene's contact counts where a pair has none."""
+    small = cube(0.5, stiffness=3e4)
+    (met,) = beside(small, contact=Contact(friction=0.3)).meetings
+    assert (met.first, met.second) == (0, 1)
+    assert met.contact.friction == 0.3
+    assert met.reach == 0.01 * small.size
+    assert met.strength == 0.5 * 3e4 * met.reach**3
+    assert beside(small, collisions=None).meetings == ()
+    (met,) = beside(small, collisions=Contact(friction=0.7, reach=2e-3)).meetings
+    assert (met.contact.friction, met.reach) == (0.7, 2e-3)
+    (met,) = beside(small, collisions=[Pair("b", 0, Contact(strength=2.0))]).meetings
+    assert (met.first, met.second, met.strength) == (0, 1, 2.0)
+
+
+def test_which_pairs() -> None:
+    """All pairs of which a body can move; bodies that are held throughout do not meet each other."""
+    held = tuple(range(8))
+    bodies = (
+        put(CUBE, (0, 0, 0), "a", pinned=held),
+        put(CUBE, (0.5, 0, 0), "b", pinned=held),
+        put(CUBE, (3, 0, 0), "c"),
+    )
+    scene = Scene(bodies=bodies, collisions="all")
+    assert [met[:2] for met in scene.meetings] == [(0, 2), (1, 2)]
+    assert pickle.loads(pickle.dumps(scene)).meetings[0].reach == scene.meetings[0].reach
+    assert all(not part.meetings for part in scene.parts)
+    assert "collisions 0–2, 1–2" in repr(scene)
+    assert scene.with_(collisions=None).meetings == ()
+    assert Scene(CUBE, collisions="all").meetings == ()
+
+
+SHEET = Body("sheet", np.eye(3), 1.0, [(0, 1), (1, 2), (2, 0)], 1e4, 0.0, triangles=[(0, 1, 2)])
+INSIDE_OUT = CUBE.with_(triangles=CUBE.triangles[:, ::-1])
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "text"),
+    [
+        (lambda: beside(SHEET), ValueError, "body 'b' cannot collide: its triangles do not enclose"),
+        (lambda: beside(gyroscope()), ValueError, "body 'b' cannot collide: its triangles do not"),
+        (lambda: beside(INSIDE_OUT), ValueError, "body 'b' cannot collide: .* normals point inwards"),
+        (
+            lambda: beside(rope()),
+            ValueError,
+            "body 'b' cannot collide: it has neither triangles nor a radius",
+        ),
+        (lambda: beside(box((1, 1, 0.03))), ValueError, "body 'b' cannot collide: it is 0.03 m thick"),
+        (lambda: beside(box((1, 1, 0.01))), ValueError, "edge from particle 0 to 4 is 0.01 m long"),
+        (lambda: beside(CUBE, collisions="some"), TypeError, "collisions is 'some'; it must be 'all'"),
+        (lambda: beside(CUBE, collisions=3), TypeError, "collisions is 3; it must be"),
+        (lambda: beside(CUBE, collisions=(1,)), TypeError, r"collisions\[0\] is 1; it must be Pair"),
+        (lambda: beside(CUBE, collisions=(Pair("a", "c"),)), ValueError, r"collisions\[0\] names 'c'"),
+        (lambda: beside(CUBE, collisions=(Pair("a", 5),)), ValueError, r"collisions\[0\] is 5"),
+        (lambda: beside(CUBE, collisions=(Pair("a", 0),)), ValueError, "pairs 'a' with itself"),
+        (
+            lambda: beside(CUBE, collisions=(Pair("a", "b"), Pair(1, 0))),
+            ValueError,
+            r"collisions\[1\] is of 'a' and 'b', which were paired before",
+        ),
+        (lambda: Pair("a", 1.5), TypeError, "second of a pair is 1.5"),  # type: ignore[arg-type]
+        (lambda: Pair("a", "b", "hard"), TypeError, "contact of a pair is 'hard'"),  # type: ignore[arg-type]
+        (
+            lambda: beside(CUBE, contact=PaperContact()),
+            ValueError,
+            "cannot collide by the scene's PaperContact",
+        ),
+        (
+            lambda: Scene(bodies=(put(BALL, (0, 0, 0), "a"), put(BALL, (1, 0, 0), "b")), collisions="all"),
+            ValueError,
+            "bodies 'a' and 'b' have no size or no springs",
+        ),
+        (lambda: CUBE.with_(radius=0.1), ValueError, "radius is 0.1 m beside 12 triangles"),
+        (lambda: replace(BALL, radius=-1.0), ValueError, "radius is -1.0"),
+    ],
+)
+def test_refusals(make: Callable[[], Any], error: type[Exception], text: str) -> None:
+    with pytest.raises(error, match=text):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("second", "place", "text"),
+    [
+        (CUBE, (0.9, 0.1, 0.2), r"bodies 'a' and 'b' start 0.1 m deep in each other, by particle 2 of 'a'"),
+        (box((3, 0.2, 0.2)), (0, 0, 0), "start 1 m deep in each other, by the edge"),
+        (CUBE, (1 + 1e-6, 0, 0), "only 1e-06 m apart"),
+        (BALL, (0.6, 0, 0), "start 0.1 m deep in each other, by particle 0 of 'b'"),
+        (BALL, (0, 0, 0), "start 0.7 m deep"),
+        (rope(3, 2.0).with_(radius=0.05), (0.52, 0, 1.0), "start 0.03 m deep"),
+        (rope(2, 4.0).with_(radius=0.05), (0, 0, 2.0), "start 0.05 m deep"),
+        (rope(2, 4.0).with_(radius=0.05), (0.51, 0.51, 2.0), "start 0.0358579 m deep"),
+    ],
+)
+def test_overlapping_starts(second: Body, place: Any, text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        beside(second, place)
+    assert not beside(second, place, collisions=None).meetings
+
+
+def test_starts_of_copies() -> None:
+    """The copy is named; starts that touch are allowed, up to 1e-3 Δ."""
+    scene = beside(CUBE)
+    x = np.repeat(scene.positions[None], 6, axis=0)
+    x[:, 8:] += (-1.5, 0.1, 0.2)
+    scene.check_start(x, 0 * x, np.arange(6))
+    x[4, 8:, 0] -= 0.75
+    with pytest.raises(ValueError, match=r"start 0\.1 m deep in each other in copy 14"):
+        scene.check_start(x, 0 * x, np.arange(10, 16))
+    x[4, 8:, 0] += 0.25 + 2e-3 * scene.meetings[0].reach
+    scene.check_start(x, 0 * x, np.arange(6))
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"integrator": "rk4"}, "rk4 has no node"),
+        ({"integrator": "pefrl"}, "pefrl has no node"),
+        ({"dynamics": "rigid"}, "rigid bodies do not collide"),
+    ],
+)
+def test_methods_that_cannot(options: dict[str, Any], text: str) -> None:
+    scene = Scene(
+        bodies=(put(cube(damping=0.0), (0, 0, 0), "a"), put(cube(damping=0.0), (2, 0, 0), "b")),
+        collisions="all",
+    )
+    with pytest.raises(ValueError, match=text):
+        Simulator(scene, **options)
+
+
+def test_surface_of_bodies() -> None:
+    """Sharp edges, closedness and thickness of shapes with known ones."""
+    assert (len(CUBE.edges), CUBE.closed, CUBE.thickness) == (12, True, pytest.approx(1.0))
+    cone = top()
+    assert (len(cone.edges), cone.closed) == (24, True)  # crown's edges are flat
+    assert not gyroscope().closed
+    assert rope().with_(radius=0.1).thickness == 0.2
+    assert BALL.size == 0.4
+    notched = np.array([(0, 0), (2, 0), (2, 2), (1, 1), (0, 2)], float)  # a prism with a reentrant edge
+    corners = np.concatenate([np.pad(notched, ((0, 0), (0, 1)), constant_values=z) for z in (0.0, 1.0)])
+    faces = [(0, 3, 1), (1, 3, 2), (0, 4, 3), (5, 6, 8), (6, 7, 8), (5, 8, 9)]
+    faces += [t for i in range(5) for j in [(i + 1) % 5] for t in ((i, j, j + 5), (i, j + 5, i + 5))]
+    pairs = [(i, j) for i in range(10) for j in range(i)]
+    prism = Body("prism", corners, 1.0, pairs, 1e4, 0.0, triangles=faces)
+    assert prism.closed
+    assert len(prism.edges) == 14  # of 15 the notch's is none
+    assert (3, 8) not in map(tuple, prism.edges.tolist())
+    inside = distance.point_surface(
+        np.array([[(0.5, 0.5, 0.5), (1, 1.2, 0.5)]]), corners[prism.triangles][None]
+    )
+    assert inside[0] == pytest.approx([-0.5, 0.2 / np.sqrt(2)])
+
+
+FILE = """
+title: two cubes
+bodies:
+  left: {body: {kind: cube}}
+  right: {body: {kind: cube}, start: {position: [1.5, 0, 0]}}
+gravity: 0
+duration: 0.1
+contact: {friction: 0.3}
+"""
+
+
+@pytest.mark.parametrize(
+    ("line", "friction"),
+    [
+        ("", None),
+        ("collisions: none", None),
+        ("collisions: all", 0.3),
+        ("collisions: {friction: 0.5, restitution: 0.8}", 0.5),
+        ("collisions: [{first: right, second: left}]", 0.3),
+        ("collisions: [{first: right, second: left, contact: {friction: 0.7}}]", 0.7),
+    ],
+)
+def test_scene_files(line: str, friction: float | None, tmp_path: Path) -> None:
+    """A file says which bodies meet, and how."""
+    file = tmp_path / "two.yaml"
+    file.write_text(FILE + line)
+    scene = load(str(file)).scene
+    assert [met.contact.friction for met in scene.meetings] == ([] if friction is None else [friction])
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ("collisions: some", "two.yaml:9: .*expected all, none, a contact or a list of pairs, got 'some'"),
+        ("collisions: [{first: left}]", r"two.yaml:9: .*lacks second"),
+        ("collisions: [{first: left, second: up}]", r"collisions\[0\] names 'up'"),
+        ("collisions: {rubbing: 1}", "unknown key 'rubbing'"),
+    ],
+)
+def test_scene_files_that_are_wrong(line: str, text: str, tmp_path: Path) -> None:
+    file = tmp_path / "two.yaml"
+    file.write_text(FILE + line)
+    with pytest.raises(YamlError, match=text):
+        load(str(file))

@@ -1,0 +1,266 @@
+"""Bodies that collide among surfaces: rest, friction, energy, and copies that go on as one."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.bodies import Body, cube, top
+from springgym.forces.pairs import PairReadings
+from springgym.scene import Placed, Scene, WrenchActuator
+from springgym.simulator import Simulator
+from springgym.surfaces import Bowl, Contact, Plane
+from tests.collisions.impacts import impacts
+from tests.collisions.stepped import Stepped
+
+FLOOR = (Plane(),)
+BLOCK = cube(0.5, damping=100.0)
+REST = 0.2562
+"""Height [m] of the middle of a block that rests on the floor, nearly."""
+
+
+def among(*placed: Placed, **more: Any) -> Scene:
+    """Bodies on a floor; the first has an actuator."""
+    first = replace(placed[0], wrench=WrenchActuator())
+    defaults: dict[str, Any] = {"surfaces": FLOOR, "contact": Contact(friction=0.5), "collisions": "all"}
+    return Scene(bodies=(first, *placed[1:]), **defaults | more)
+
+
+def put(body: Body, place: Any, name: str) -> Placed:
+    return Placed(body, body.positions + np.asarray(place, float), name=name)
+
+
+def same(one: Simulator, n: int, other: Simulator, k: int) -> bool:
+    """Whether a copy of one is as one of the other, to the bit, and what is told of it."""
+    measured = zip(one.measure(), other.measure(), strict=True)
+    told = zip(one.pairs(), other.pairs(), strict=True)
+    return (
+        one.positions[n].tobytes() == other.positions[k].tobytes()
+        and one.velocities[n].tobytes() == other.velocities[k].tobytes()
+        and all(a[n].tobytes() == b[k].tobytes() for pair in (measured, told) for a, b in pair)
+    )
+
+
+def test_apart_nothing_changes() -> None:
+    """Bodies that could meet, but do not, go as those that cannot: to the bit, and with the same ledger."""
+    body = cube(damping=30.0)
+    bodies = (put(body, (0, 0, 0.7), "a"), put(body, (5, 0, 0.9), "b"))
+    contact = Contact(friction=0.4, restitution=0.6)
+    some, none = (
+        Stepped(among(*bodies, contact=contact, collisions=which)).simulator for which in ("all", None)
+    )
+    for simulator in (some, none):
+        simulator.actuate(**{"a.force": (3.0, 0.0, 0.0)})
+        simulator.advance(4000)
+    assert some.positions.tobytes() == none.positions.tobytes()
+    assert some.velocities.tobytes() == none.velocities.tobytes()
+    for a, b in zip(some.measure(), none.measure(), strict=True):
+        assert np.abs(a - b).max() < 1e-12
+    assert none.pairs().touching.shape == (2, 0)
+    assert not some.pairs().touching.any()
+
+
+def test_stack_on_a_floor() -> None:
+    """Three blocks come to rest and stay: no motion, no heat, no creep; what they lost is entered."""
+    stack = among(*(put(BLOCK, (0, 0, 0.26 + 0.51 * n), f"{n}") for n in range(3)))
+    simulator = Stepped(stack).simulator
+    start = simulator.measure().balance[0]
+    simulator.advance(int(8 / simulator.step))
+    x, lost = simulator.positions, simulator.measure()
+    simulator.advance(int(2 / simulator.step))
+    measured = simulator.measure()
+    assert measured.kinetic.max() < 1e-10
+    assert np.abs(simulator.positions - x).max() < 2e-7
+    for name in ("damping_loss", "contact_loss", "friction_loss"):
+        assert getattr(measured, name)[0] - getattr(lost, name)[0] < 1e-9
+    assert measured.balance[0] == pytest.approx(start, abs=2e-5)
+    told = simulator.pairs()
+    assert told.touching.tolist() == [[True, False, True]] * 2
+    assert not np.any([told.misses, told.overflow, told.too_fast])
+    weight = told.impulse[0, [0, 2]] / (9.81 * simulator.time[0])
+    assert weight == pytest.approx([2.0, 1.0], rel=0.02)
+
+
+def test_block_that_pushes_another() -> None:
+    """Below the friction of both they hold; above it they slide with (F − μ m g)/m."""
+    scene = among(
+        put(BLOCK, (0, 0, REST), "a"), put(BLOCK, (0.51, 0, REST), "b"), contact=Contact(friction=0.3)
+    )
+    simulator = Stepped(scene).simulator
+    simulator.actuate(**{"a.force": (3.5, 0.0, 0.0)})
+    simulator.advance(int(2.5 / simulator.step))
+    simulator.actuate(**{"a.force": np.array([[5.5, 0, 0], [9.0, 0, 0]])})
+    simulator.advance(int(0.3 / simulator.step))
+    speeds, before, steps = [], simulator.measure().balance, int(0.5 / simulator.step)
+    for _ in range(2):
+        speeds.append(simulator.measure().centre_velocity[:, 0])
+        simulator.advance(steps)
+    assert simulator.pairs().touching.all()
+    assert abs(speeds[1][0]) < 1e-6
+    gained = (speeds[1] - speeds[0])[1] / (steps * simulator.step)
+    assert gained == pytest.approx((9.0 - 2 * 0.3 * 9.81) / 2, rel=1e-3)
+    assert np.abs(simulator.measure().balance - before).max() < 1e-5
+
+
+def test_energy_of_what_bounces() -> None:
+    """On each other and a floor, without loss: the balance is that of the springs' error, of order 2."""
+    body = cube(damping=0.0)
+    scene = among(put(body, (0, 0, 0.7), "a"), put(body, (0.1, 0.05, 1.9), "b"), contact=Contact())
+    worst = []
+    for finer in (1, 4):
+        simulator = Stepped(scene, step=Simulator(scene).step / finer).simulator
+        found = [simulator.measure().balance[0]]
+        for _ in range(20):
+            simulator.advance(int(0.02 / simulator.step))
+            found.append(simulator.measure().balance[0])
+        assert simulator.pairs().impulse.min() > 1.0
+        worst.append(np.ptp(found) / found[0])
+    assert worst[0] < 2e-2
+    assert worst[1] < worst[0] / 8
+
+
+def test_what_pairs_lose_is_entered() -> None:
+    """Restitution and friction between bodies and with the floor: the balance closes, also mid-impact."""
+    body = cube(damping=30.0)
+    contact = Contact(friction=0.5, restitution=0.5)
+    scene = among(put(body, (0, 0, 0.7), "a"), put(body, (0.1, 0.05, 1.9), "b"), contact=contact)
+    simulator = Stepped(scene, step=Simulator(scene).step / 4).simulator
+    start, worst = simulator.measure().balance[0], 0.0
+    for _ in range(400):
+        simulator.advance(21)
+        worst = max(worst, abs(simulator.measure().balance[0] - start))
+    told, measured = simulator.pairs(), simulator.measure()
+    assert told.contact_loss.min() > 0.1
+    assert told.friction_loss.min() > 1e-4
+    assert measured.contact_loss[0] > told.contact_loss[0, 0]
+    assert worst < 0.01 * told.contact_loss[0, 0]
+
+
+def test_start_amid_contact() -> None:
+    """A copy placed where bodies press each other has a half node, of which all is entered."""
+    scene = among(put(BLOCK, (0, 0, 2.0), "a"), put(BLOCK, (0, 0, 2.503), "b"))
+    simulator = Stepped(scene).simulator
+    simulator.advance(1)
+    held = simulator.measure()
+    assert held.contact[0] > 1e-3
+    simulator.advance(int(0.2 / simulator.step))
+    parted = simulator.measure()
+    assert not simulator.pairs().touching.any()
+    assert parted.kinetic[0] > 0.5 * held.contact[0]
+    assert parted.balance[0] == pytest.approx(held.balance[0], abs=0.02 * held.contact[0])
+
+
+def impacts_on_floor(copies: int) -> tuple[Scene, np.ndarray, np.ndarray]:
+    body = cube(damping=5.0)
+    scene = among(put(body, (0, 0, 3.0), "a"), put(body, (4, 0, 3.0), "b"))
+    x, v = impacts(body, body, 6.0, copies, np.random.default_rng(8))
+    return scene, x + np.array([0.0, 0.0, 2.0]), v
+
+
+def test_copies_do_not_know_of_each_other() -> None:
+    """A copy among others is as alone, on threads, and placed while others are under way."""
+    scene, x, v = impacts_on_floor(19)
+    many = Stepped(scene, copies=19, threads=2).simulator
+    many.place(x, v)
+    many.advance(600)
+    late = [3, 11]
+    many.place(x[late], v[late], late)
+    many.advance(900)
+    assert (many.pairs().impulse > 0).all()
+    for n in (0, 3, 8, 11, 18):
+        one = Stepped(scene, copies=1).simulator
+        one.place(x[n], v[n])
+        one.advance(900 if n in late else 1500)
+        assert same(one, 0, many, n), n
+
+
+def test_calls_of_any_length() -> None:
+    """a steps and b are a + b, read or not; copied, pickled and restored simulators go on alike."""
+    scene, x, v = impacts_on_floor(2)
+    whole = Stepped(scene).simulator
+    whole.place(x, v)
+    others = [copy.deepcopy(whole), pickle.loads(pickle.dumps(whole))]
+    whole.advance(1200)
+    assert (whole.pairs().impulse > 0).all()
+    for parts, other in zip(((1, 1199), (399, 1, 400, 400)), others, strict=True):
+        for steps in parts:
+            other.advance(steps, check=False)
+            other.measure()
+        assert all(same(whole, n, other, n) for n in range(2))
+    state = whole.state()
+    whole.advance(100)
+    others[0].restore(state)
+    others[1] = pickle.loads(pickle.dumps(others[1]))
+    for other in others:
+        other.advance(100)
+        assert all(same(whole, n, other, n) for n in range(2))
+    whole.place(x[1], v[1], [1])
+    told = whole.pairs()
+    assert told.impulse[0, 0] > 0 == told.impulse[1, 0]
+    assert told.least_gap[1, 0] == np.inf
+
+
+def test_readings_add_up() -> None:
+    """What is forgotten with each reading is told once."""
+    scene, x, v = impacts_on_floor(2)
+    whole, parts = (Stepped(scene).simulator for _ in range(2))
+    readings: list[PairReadings] = []
+    for simulator in (whole, parts):
+        simulator.place(x, v)
+    for _ in range(120):
+        parts.advance(10)
+        readings.append(parts.pairs(forget=True))
+    whole.advance(1200)
+    told = whole.pairs()
+    assert parts.positions.tobytes() == whole.positions.tobytes()
+    for name in ("impulse", "contact_loss", "friction_loss", "misses", "too_fast", "overflow"):
+        total = np.sum([getattr(reading, name) for reading in readings], axis=0)
+        assert total == pytest.approx(getattr(told, name), rel=1e-12, abs=1e-12)
+    assert np.min([reading.least_gap for reading in readings], axis=0) == pytest.approx(told.least_gap)
+    assert sum(bool(reading.impulse[0, 0] > 0) for reading in readings) < 60
+
+
+def test_balls_meet_surfaces_at_their_own() -> None:
+    """A ball on a floor rests a radius higher; starts nearer are refused."""
+    contact = Contact(strength=0.02, reach=0.01, restitution=0.3)
+    ball = Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.2)
+    scene = Scene(ball, [(0.0, 0.0, 0.25)], surfaces=FLOOR, contact=contact)
+    simulator = Simulator(scene, step=1e-3)
+    simulator.advance(3000)
+    above = np.sqrt(0.02 / (9.81 + 0.02 / 0.01**2))
+    assert simulator.positions[0, 0, 2] == pytest.approx(0.2 + above, abs=1e-6)
+    with pytest.raises(ValueError, match=r"starts 0\.05 m behind surface 0"):
+        scene.with_(positions=[(0.0, 0.0, 0.15)])
+    bowl = Scene(ball, [(0.0, 0.0, 0.25)], surfaces=(Bowl((0, 0, 2.0), 2.0),), contact=contact)
+    with pytest.raises(ValueError, match=r"starts 0\.05 m behind surface 0"):
+        bowl.with_(positions=[(0.0, 0.0, 0.15)])
+
+
+@pytest.mark.slow
+def test_two_tops_in_a_bowl() -> None:
+    """Spinning either way they meet, lose energy to friction and dampers, and none is missed."""
+    body = top(damping=20.0)
+    scene = Scene(
+        bodies=(put(body, (0.62, 0, 0.7), "a"), put(body, (-0.62, 0, 0.7), "b")),
+        surfaces=(Bowl((0, 0, 3.0), 3.0),),
+        contact=Contact(friction=0.1),
+        collisions="all",
+    )
+    x = scene.positions
+    v = np.zeros_like(x)
+    for own, spin in zip(scene.slices, (12.0, -12.0), strict=True):
+        v[own] = np.cross([0, 0, spin], x[own] - x[own].mean(axis=0))
+    simulator = Simulator(scene)
+    simulator.place(x, v)
+    start = simulator.measure().balance[0]
+    for _ in range(10):
+        simulator.advance(int(1.0 / simulator.step))
+    told, measured = simulator.pairs(), simulator.measure()
+    assert told.impulse[0, 0] > 1.0
+    assert not np.any([told.misses, told.overflow])
+    assert abs(measured.balance[0] - start) < 0.01 * (start - measured.energy[0])

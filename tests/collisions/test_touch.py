@@ -1,0 +1,188 @@
+"""Bodies that touch: balls, restitution, friction that holds and slides, stacks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.bodies import Body, box, cube, rope
+from springgym.collisions import Pair
+from springgym.forces.pairs.terms import CONTACT, FRICTION, MISSES, OVERFLOW, TOUCHING
+from springgym.scene import Placed, Scene
+from springgym.surfaces import Contact
+from tests.collisions.cases import turned
+from tests.collisions.impacts import impacts, pair_scene
+from tests.collisions.stepped import Stepped
+from tests.collisions.world import PLAIN, World
+
+BALL = Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.1)
+REACH = 2e-3
+HARD = {"strength": 0.5 * 1e5 * REACH**3, "reach": REACH}
+
+
+def put(body: Body, place: Any, name: str, velocity: Any = (0.0, 0.0, 0.0), **more: Any) -> Placed:
+    moved = body.positions + np.asarray(place, float)
+    return Placed(body, moved, np.broadcast_to(np.asarray(velocity, float), moved.shape), name=name, **more)
+
+
+def balls(*places: Any, contact: Contact, velocity: Any = (1.0, 0.0, 0.0)) -> Scene:
+    """Balls at rest but the first."""
+    rest = (0.0, 0.0, 0.0)
+    return Scene(
+        bodies=tuple(put(BALL, p, f"{n}", rest if n else velocity) for n, p in enumerate(places)),
+        gravity=None,
+        collisions=contact,
+    )
+
+
+@pytest.mark.parametrize(("speed", "step"), [(0.5, 1e-3), (5.0, 1e-4), (5.0, 3e-4)])
+def test_head_on(speed: float, step: float) -> None:
+    """Equal balls exchange their velocities, exactly: energy and momentum leave no other choice."""
+    world = Stepped(
+        balls((0, 0, 0), (0.25, 0, 0), contact=Contact(**HARD), velocity=(speed, 0, 0)), step=step
+    )
+    world.run(int(0.4 / speed / step))
+    assert np.abs(world.v[0] - [(0, 0, 0), (speed, 0, 0)]).max() < 1e-11 * speed
+
+
+def test_oblique() -> None:
+    """Balls that meet b off the line part at a right angle, sin φ = b/(2r + Δ) or so; order 2."""
+    offset, errors = 0.05, []
+    for step in (4e-4, 2e-4, 1e-4):
+        scene = balls((0, 0, 0), (0.25, offset, 0), contact=Contact(**HARD))
+        world = Stepped(scene, step=step)
+        momenta = world.momenta()
+        world.run(int(0.4 / step))
+        assert np.abs(world.momenta() - momenta).max() < 1e-13
+        first, second = world.v[0]
+        errors.append(abs(first @ second))
+        direction = second[1] / np.linalg.norm(second)
+        assert -direction == pytest.approx(offset / 0.2, abs=0.01) or direction == pytest.approx(
+            0.25, abs=0.01
+        )
+    assert errors[2] < errors[0] / 8
+    assert errors[2] < 1e-5
+
+
+def test_cradle() -> None:
+    """0 0 0 0 1: with gaps, impacts come one after another."""
+    places = [(0.2015 * n, 0, 0) for n in range(5)]
+    world = Stepped(balls(*places, contact=Contact(strength=HARD["strength"], reach=5e-4)), step=5e-5)
+    world.run(5000)
+    assert np.abs(world.v[0, :, 0] - [0, 0, 0, 0, 1]).max() < 1e-10
+
+
+@pytest.mark.parametrize("restitution", [0.9, 0.5, 0.2])
+def test_restitution(restitution: float) -> None:
+    """That asked for, to (v h/Δ)², and what is lost is in the tally."""
+    errors = []
+    for share in (0.1, 0.05):
+        contact = Contact(restitution=restitution, **HARD)
+        world = Stepped(balls((0, 0, 0), (0.21, 0, 0), contact=contact), step=share * REACH)
+        world.run(int(0.1 / world.step))
+        apart = world.v[0, 1, 0] - world.v[0, 0, 0]
+        errors.append(abs(apart - restitution))
+        lost = world.tally[0, 0, CONTACT]
+        assert 0.5 - 0.5 * (world.v[0] ** 2).sum() == pytest.approx(lost, abs=1e-12)
+    assert errors[0] < 2e-3
+    assert errors[1] < errors[0] / 3
+
+
+SLAB = box((8.0, 2.0, 0.4), mass=10.0)
+BLOCK = box((0.5, 0.5, 0.5), damping=100.0)
+MU = 0.5
+
+
+def on_slab(ratio: float, world: Stepped) -> np.ndarray:
+    """A slab tilted by tan φ = ratio μ, and a block on it at the height where its weight is in balance."""
+    tilt = np.arctan(ratio * MU)
+    strength, reach = float(world.pairs.strength[0]), float(world.pairs.reach[0])
+    high = np.sqrt(strength / (9.81 * np.cos(tilt) / 4 + strength / reach**2))
+    x = np.concatenate([SLAB.positions, BLOCK.positions + np.array([-1.0, 0.0, 0.45 + high])])
+    return np.asarray(x @ turned((1, np.degrees(tilt))).T)
+
+
+def test_block_on_a_tilted_slab() -> None:
+    """Below the limit it holds without creep; above it slides with g (sin φ − μ cos φ)."""
+    ratios = np.array([0.9, 0.97, 1.03, 1.2])
+    scene = Scene(
+        bodies=(
+            Placed(SLAB, pinned=tuple(range(8)), name="slab"),
+            put(BLOCK, (0, 0, 0.6), "block"),
+        ),
+        collisions=Contact(friction=MU),
+    )
+    world = Stepped(scene, copies=4)
+    x = np.array([on_slab(ratio, world) for ratio in ratios])
+    world.place(x, 0 * x)
+    speeds = []
+    for _ in range(2):
+        world.run(4800)
+        speeds.append(np.linalg.norm(world.v[:, 8:].mean(axis=1), axis=1))
+    tilt = np.arctan(ratios * MU)
+    pull = 9.81 * (np.sin(tilt) - MU * np.cos(tilt))
+    gained = (speeds[1] - speeds[0]) / (4800 * world.step)
+    assert speeds[1][:2].max() < 1e-8
+    assert np.abs(gained[2:] / pull[2:] - 1).max() < 1e-5
+    tally = world.tally[:, 0]
+    assert tally[:, TOUCHING].all()
+    assert not tally[:, [MISSES, OVERFLOW]].any()
+    way = np.linalg.norm(world.x[:, 8:].mean(axis=1) - x[:, 8:].mean(axis=1), axis=1)
+    assert tally[2:, FRICTION] == pytest.approx((MU * 9.81 * np.cos(tilt) * way)[2:], rel=1e-3)
+
+
+def test_stack() -> None:
+    """Three cubes on a slab come to rest, and stay."""
+    cubes = [put(cube(0.5, damping=100.0), (0, 0, 0.4586 + 0.5086 * n), f"cube {n}") for n in range(3)]
+    floor = put(box((2.0, 2.0, 0.4)), (0, 0, 0), "floor", pinned=tuple(range(8)))
+    pairs = tuple(Pair(n, n + 1, Contact(friction=0.5)) for n in range(3))
+    world = Stepped(Scene(bodies=(floor, *cubes), collisions=pairs))
+    world.run(int(4 / world.step))
+    before = world.x
+    world.run(int(2 / world.step))
+    assert (world.v**2).sum() < 1e-12
+    assert np.abs(world.x - before).max() < 1e-8
+    assert world.tally[0, :, TOUCHING].all()
+    assert not world.tally[0, :, MISSES].any()
+
+
+def test_loss_and_friction_are_in_the_tally() -> None:
+    """What random impacts of cubes lose is entered, and angular momentum is kept with friction, too."""
+    body = cube(damping=0.0)
+    world = Stepped(pair_scene(body, body, Contact(friction=0.5, restitution=0.8)), copies=32)
+    world.place(*impacts(body, body, 2.0, 32, np.random.default_rng(4)))
+    energy, momenta = world.energy(), world.momenta()
+    world.run(3300)
+    tally = world.tally[:, 0]
+    assert np.abs(world.momenta() - momenta).max() < 1e-12
+    assert (tally[:, [CONTACT, FRICTION]] > 0).all()
+    lost = energy - world.energy()
+    assert np.abs(lost - tally[:, CONTACT] - tally[:, FRICTION]).max() < 2e-3 * energy.min()
+    assert (lost > 0).all()
+    plain = World(world.scene, copies=32)
+    plain.place(*impacts(body, body, 2.0, 32, np.random.default_rng(4)))
+    plain.run(3300, PLAIN)
+    turned_by = np.abs(plain.momenta() - momenta)
+    assert turned_by[:, :3].max() < 1e-12
+    assert turned_by[:, 3:].max() > 1e-5
+
+
+def test_ball_and_rods() -> None:
+    """A rope of rods that falls over a box, beside a ball on it: both stay, and nothing is inside."""
+    cord = rope(9, 1.6, 0.05, 0.05, 1e4, 5.0).with_(radius=0.02)
+    along = np.stack([np.linspace(-0.8, 0.8, 9), np.full(9, 0.2), np.full(9, 0.53)], axis=1)
+    table = put(box((1.0, 1.0, 1.0)), (0, 0, 0), "table", pinned=tuple(range(8)))
+    scene = Scene(
+        bodies=(table, Placed(cord, along, name="cord"), put(BALL, (0.0, -0.2, 0.63), "ball")),
+        collisions=Contact(friction=0.8, restitution=0.3, strength=0.02, reach=0.01),
+    )
+    world = Stepped(scene)
+    world.run(int(1.5 / world.step))
+    x = world.x[0]
+    assert world.tally[0, :, [TOUCHING]].sum() >= 2
+    assert not world.tally[0, :, [MISSES, OVERFLOW]].any()
+    assert max(x[8, 2], x[16, 2]) < 0.4  # the ends hang down
+    assert x[10:15, 2].min() > 0.52  # a radius over the table
+    assert x[17, 2] == pytest.approx(0.6, abs=0.011)

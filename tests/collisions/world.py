@@ -1,0 +1,235 @@
+"""A step for scenes of colliding bodies that leaves out a part of the method, in as few lines as it takes.
+
+Drift h/2, all impulses, drift h/2: for tests that fail without that part. With none left out it is the
+`springgym.simulator.Simulator`'s, but for dampers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from springgym.blocks import at, block_array, numbers
+from springgym.compiling import compiled, kernel
+from springgym.forces import Particles, Terms, accelerate, drift, kick, relax
+from springgym.forces.pairs.friction import TURNS, rub
+from springgym.forces.pairs.impulses import account, prepare, sweep, taper
+from springgym.forces.pairs.search import find
+from springgym.forces.pairs.terms import ENTRIES, GAP, Pairs, Span
+from springgym.forces.springs import Dampers, Decay, Springs, decay
+from springgym.lanes import load, minimum, sqrt
+from springgym.packing import pack_pairs, pack_room
+from springgym.scene import Scene
+from springgym.stability import automatic_step
+from springgym.vectors import TINY, dot, minus, plus_scaled, row, set_row, times
+
+BLIND, UNTAPERED, SINGLE, PLAIN = range(1, 5)
+"""What is left out on purpose: the history of signs, the force of the share's gradient, the second sweep, the
+turn of friction."""
+
+
+@compiled
+def rub_plainly(v: Any, count: Any, particles: Any, friction: Any, room: Any) -> None:
+    """Friction as of points: opposite impulses that stop the slip of the two, however far they are apart."""
+    if friction is not None:
+        for k in range(count):
+            n = row(room.toward, k)
+            slip = times(0.0, n)
+            for j in range(room.members[k]):
+                slip = plus_scaled(slip, load(room.weight, 4 * k + j), row(v, room.particles[k, j]))
+            slip = minus(slip, times(dot(slip, n), n))
+            limit = load(friction, room.pair[k]) * load(room.push, k)
+            share = minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0 / (load(room.inverse, k) + TINY))
+            for j in range(room.members[k]):
+                i = room.particles[k, j]
+                size = share * load(room.weight, 4 * k + j) * load(particles.inverse_mass, i)
+                set_row(v, i, plus_scaled(row(v, i), -1.0 * size, slip))
+
+
+@compiled
+def one_step(
+    x: Any,
+    v: Any,
+    w: Any,
+    a: Any,
+    direction: Any,
+    h: Any,
+    terms: Any,
+    pairs: Any,
+    room: Any,
+    tally: Any,
+    lacks: Any,
+) -> None:
+    particles = terms.particles
+    drift(x, v, 0.5 * h)
+    for i in range(x.shape[0]):
+        set_row(w, i, row(v, i))
+    accelerate(x, a, direction, terms)
+    relax(v, direction, False, False, None, terms)
+    kick(v, a, h)
+    relax(v, direction, True, False, None, terms)
+    span = Span(0.5 * h, 0.5 * h, h)
+    count = find(x, w, Span(0.0, 0.5 * h, h) if lacks == BLIND else span, pairs, room, tally)
+    prepare(w, span, count, particles, pairs, room, tally)
+    for turn in range(1 if lacks == SINGLE else 2):
+        sweep(v, span, count, turn == 1, particles, pairs, room)
+    if lacks != UNTAPERED:
+        taper(x, v, span, count, particles, pairs, room, pairs.shapes.edges)
+    if lacks == PLAIN:
+        rub_plainly(v, count, particles, pairs.friction, room)
+    else:
+        for turn in range(TURNS):
+            rub(x, w, v, turn, count, particles, pairs, pairs.friction, room, tally)
+    account(v, span, count, pairs, room, tally)
+    drift(x, v, 0.5 * h)
+
+
+@kernel
+def advance(
+    x: Any,
+    v: Any,
+    w: Any,
+    a: Any,
+    direction: Any,
+    h: Any,
+    steps: Any,
+    terms: Any,
+    pairs: Any,
+    room: Any,
+    tally: Any,
+    lacks: Any,
+) -> None:
+    for block in range(x.shape[0]):
+        for _ in range(steps):
+            one_step(
+                at(x, block), at(v, block), w, a, direction, h, terms, pairs, room, at(tally, block), lacks
+            )
+
+
+class World:
+    """Copies of a scene without surfaces or actuators, whose bodies collide.
+
+    Unless it is to be ``lean``, it has all kinds of terms, be they zero or empty: all worlds share code.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        step: float | None = None,
+        copies: int = 1,
+        dtype: Any = float,
+        lean: bool = False,
+    ) -> None:
+        self.scene, self.copies = scene, copies
+        self.step = automatic_step(scene, _verlet()) if step is None else step
+        count = len(scene.positions)
+        self._x, self._v = (block_array(copies, (count, 3), dtype) for _ in range(2))
+        self._w, self._a = (block_array(copies, (count, 3), dtype)[0] for _ in range(2))
+        self.place(scene.positions, scene.velocities)
+        first, second = scene.springs.T.astype(np.uint32)
+        self._direction = block_array(copies, (len(first), 3), dtype)[0]
+        inverse, damping = scene.free / scene.masses, scene.of_bodies("damping")
+        half = Decay(*decay(damping, inverse[first], inverse[second], self.step / 2))
+        self.terms = Terms(
+            Particles(scene.masses, inverse, np.array(scene.free)),
+            Springs(
+                np.ascontiguousarray(first),
+                np.ascontiguousarray(second),
+                scene.of_bodies("lengths"),
+                scene.of_bodies("stiffness"),
+            ),
+            Dampers(damping, half, half, True) if damping.any() or not lean else None,
+            gravity=None if scene.gravity is None and lean else np.array(scene.gravity or (0, 0, 0), float),
+        )
+        self.pairs = pack_pairs(scene)
+        if not lean:
+            self.pairs = with_all_features(self.pairs)
+        self._room = pack_room(scene, self.pairs, self._x.dtype)
+        self._tally = block_array(copies, (len(self.pairs.first) * ENTRIES,), dtype)
+        numbers(self._tally)[:, GAP::ENTRIES] = np.inf
+
+    def place(self, positions: np.ndarray, velocities: np.ndarray) -> None:
+        """Positions and velocities (N, 3) of all copies, or (copies, N, 3)."""
+        for array, given in ((self._x, positions), (self._v, velocities)):
+            lanes = numbers(array)
+            rows = np.broadcast_to(given, (self.copies, *given.shape[-2:]))
+            for n in range(lanes.shape[0] * lanes.shape[-1]):  # the padding is of the last copy
+                lanes[n // lanes.shape[-1], ..., n % lanes.shape[-1]] = rows[min(n, self.copies - 1)]
+
+    def run(self, steps: int, lacks: int = 0) -> None:
+        advance(
+            self._x,
+            self._v,
+            self._w,
+            self._a,
+            self._direction,
+            self.step,
+            steps,
+            self.terms,
+            self.pairs,
+            self._room,
+            self._tally,
+            lacks,
+        )
+
+    def _rows(self, array: np.ndarray) -> np.ndarray:
+        lanes = np.moveaxis(numbers(array), -1, 1)
+        return np.array(lanes.reshape(-1, *lanes.shape[2:])[: self.copies], float)
+
+    @property
+    def x(self) -> np.ndarray:
+        """(copies, N, 3)"""
+        return self._rows(self._x)
+
+    @property
+    def v(self) -> np.ndarray:
+        return self._rows(self._v)
+
+    @property
+    def tally(self) -> np.ndarray:
+        """(copies, pairs, ENTRIES)"""
+        return self._rows(self._tally).reshape(self.copies, -1, ENTRIES)
+
+    def momenta(self) -> np.ndarray:
+        """Momentum and angular momentum about the origin, (copies, 6)."""
+        m = self.scene.masses[:, None]
+        return np.concatenate([(m * self.v).sum(1), (m * np.cross(self.x, self.v)).sum(1)], axis=1)
+
+    def energy(self, shadow: bool = True) -> np.ndarray:
+        """Of motion, gravity and springs (copies,), far from contact.
+
+        The ``shadow`` is what this step keeps of it: less h²/8 v·K v.
+        """
+        m, (i, j) = self.scene.masses, self.scene.springs.T
+        total = 0.5 * (m * (self.v**2).sum(-1)).sum(-1)
+        if self.scene.gravity is not None:
+            total -= (m * (self.x @ np.array(self.scene.gravity))).sum(-1)
+        along = self.x[:, j] - self.x[:, i]
+        lengths = np.linalg.norm(along, axis=-1)
+        stretch = lengths - self.scene.of_bodies("lengths")
+        rate = ((self.v[:, j] - self.v[:, i]) * along).sum(-1) / np.maximum(lengths, 1e-300)
+        k = self.scene.of_bodies("stiffness")
+        return total + (0.5 * k * (stretch**2 - (self.step**2 / 4 * rate**2 if shadow else 0.0))).sum(-1)
+
+
+def with_all_features(pairs: Pairs) -> Pairs:
+    """Pairs without None."""
+    shapes, count, bodies = pairs.shapes, len(pairs.first), len(pairs.shapes.radius)
+    none = np.zeros(bodies, bool)
+    return pairs._replace(
+        friction=np.zeros(count) if pairs.friction is None else pairs.friction,
+        damping=np.zeros(count) if pairs.damping is None else pairs.damping,
+        shapes=shapes._replace(
+            triangles=np.zeros((0, 3), np.uint32) if shapes.triangles is None else shapes.triangles,
+            edges=np.zeros((0, 2), np.uint32) if shapes.edges is None else shapes.edges,
+            rods=none if shapes.rods is None else shapes.rods,
+            balls=none if shapes.balls is None else shapes.balls,
+        ),
+    )
+
+
+def _verlet() -> Any:
+    from springgym.integrators.verlet import RECORD
+
+    return RECORD
