@@ -30,6 +30,7 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 from numba.np.arrayobj import populate_array
 
 from springgym.compiling import compiled
+from springgym.kinds import Number
 
 
 def block_dtype(dtype: Any, width: int) -> np.dtype[Any]:
@@ -465,12 +466,12 @@ def bodies_of(typingctx: Any, term: Any) -> Any:
 
 
 @compiled
-def maximum(a: Any, b: Any) -> Any:
+def maximum(a: Number, b: Number) -> Any:
     """The larger of two in each lane."""
     return select(a > b, a, b)
 
 
 @compiled
-def minimum(a: Any, b: Any) -> Any:
+def minimum(a: Number, b: Number) -> Any:
     """The smaller of two in each lane."""
     return select(a < b, a, b)

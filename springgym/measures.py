@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import accumulate
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from springgym.compiling import compiled
 from springgym.forces import potential_energy
 from springgym.forces.ledger import ENTRIES, WORK
 from springgym.forces.memory import held
+from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.lanes import bodies_of, load, maximum, of_body, sqrt, store
 from springgym.vectors import (
     ROUND_OFF,
@@ -27,6 +28,10 @@ from springgym.vectors import (
     times,
     triad,
 )
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+
 
 FIELDS = {
     "kinetic": 1,
@@ -142,13 +147,15 @@ def view(values: np.ndarray) -> Measures:
 
 
 @compiled
-def write(out: Any, n: Any, u: Any) -> None:
+def write(out: Numbers, n: Number, u: Any) -> None:
     for axis, value in enumerate(u):
         store(out, n + axis, value)
 
 
 @compiled
-def measure_block(x: Any, v: Any, ledger: Any, out: Any, pivot: Any, markers: Any, terms: Any) -> None:
+def measure_block(
+    x: Rows, v: Rows, ledger: Ledger, out: Numbers, pivot: np.ndarray, markers: np.ndarray, terms: Terms
+) -> None:
     particles = terms.particles
     mass = particles.mass
     kinetic = 0.0 * load(x, (0, 0))
@@ -193,7 +200,15 @@ def measure_block(x: Any, v: Any, ledger: Any, out: Any, pivot: Any, markers: An
 
 @compiled
 def read(
-    block: Any, x: Any, v: Any, ledger: Any, readout: Any, space: Any, pivot: Any, markers: Any, terms: Any
+    block: Number,
+    x: Rows,
+    v: Rows,
+    ledger: Ledger,
+    readout: Readout,
+    space: Numbers,
+    pivot: np.ndarray,
+    markers: np.ndarray,
+    terms: Terms,
 ) -> None:
     """Write measures, positions and velocities of the copies of a block to their rows, for one body.
 
@@ -205,7 +220,15 @@ def read(
 
 @compiled
 def read_bodies(
-    block: Any, x: Any, v: Any, ledger: Any, readout: Any, space: Any, pivot: Any, markers: Any, terms: Any
+    block: Number,
+    x: Any,
+    v: Any,
+    ledger: Ledger,
+    readout: Readout,
+    space: Vector,
+    pivot: np.ndarray,
+    markers: np.ndarray,
+    terms: Any,
 ) -> None:
     """As `read`, for several bodies; ``space`` (2, `SIZE`) is workspace for one block."""
     whole, own = space[0], space[1]
@@ -243,7 +266,9 @@ def read_bodies(
 
 
 @compiled
-def write_copies(block: Any, body: Any, first: Any, x: Any, v: Any, readout: Any, space: Any) -> None:
+def write_copies(
+    block: Number, body: int, first: Number, x: Any, v: Any, readout: Readout, space: Vector
+) -> None:
     """Write the measures in ``space`` and a body's particles, from ``first``, to the rows of the copies."""
     width = len(space[0].lanes)
     for copy in range(block * width, min((block + 1) * width, readout.bodies.shape[0])):

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from springgym.compiling import compiled
+from springgym.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.lanes import epsilon as epsilon
 from springgym.lanes import load, multiply_add, select, sqrt, store
 
@@ -14,13 +17,13 @@ ROUND_OFF = 1e-13 / 2.0**-52  # a share lost by rounding, or less, in units of `
 
 
 @compiled
-def row(array: Any, i: Any) -> Any:
+def row(array: Numbers, i: int) -> Any:
     """``array[i]`` of an array (rows, 3), as a vector."""
     return load(array, (i, 0)), load(array, (i, 1)), load(array, (i, 2))
 
 
 @compiled
-def set_row(array: Any, i: Any, u: Any) -> None:
+def set_row(array: Numbers, i: int, u: Vector) -> None:
     """``array[i] = u``."""
     store(array, (i, 0), u[0])
     store(array, (i, 1), u[1])
@@ -28,7 +31,7 @@ def set_row(array: Any, i: Any, u: Any) -> None:
 
 
 @compiled
-def add_row(array: Any, i: Any, u: Any) -> None:
+def add_row(array: Numbers, i: int, u: Vector) -> None:
     """``array[i] += u``."""
     store(array, (i, 0), load(array, (i, 0)) + u[0])
     store(array, (i, 1), load(array, (i, 1)) + u[1])
@@ -36,61 +39,61 @@ def add_row(array: Any, i: Any, u: Any) -> None:
 
 
 @compiled
-def add_scaled(array: Any, i: Any, s: Any, u: Any) -> None:
+def add_scaled(array: Rows, i: int, s: Number, u: Vector) -> None:
     """``array[i] += s u``, rounded once."""
     set_row(array, i, plus_scaled(row(array, i), s, u))
 
 
 @compiled
-def plus_scaled(w: Any, s: Any, u: Any) -> Any:
+def plus_scaled(w: Vector, s: Any, u: Vector) -> Any:
     """w + s u, rounded once."""
     return multiply_add(s, u[0], w[0]), multiply_add(s, u[1], w[1]), multiply_add(s, u[2], w[2])
 
 
 @compiled
-def vector(array: Any) -> Any:
+def vector(array: Numbers) -> Any:
     """The three numbers of an array (3,), as a vector."""
     return load(array, 0), load(array, 1), load(array, 2)
 
 
 @compiled
-def plus(u: Any, w: Any) -> Any:
+def plus(u: Vector, w: Vector) -> Any:
     return u[0] + w[0], u[1] + w[1], u[2] + w[2]
 
 
 @compiled
-def minus(u: Any, w: Any) -> Any:
+def minus(u: Vector, w: Vector) -> Any:
     return u[0] - w[0], u[1] - w[1], u[2] - w[2]
 
 
 @compiled
-def times(s: Any, u: Any) -> Any:
+def times(s: Number, u: Vector) -> Any:
     return s * u[0], s * u[1], s * u[2]
 
 
 @compiled
-def dot(u: Any, w: Any) -> Any:
+def dot(u: Vector, w: Vector) -> Any:
     return multiply_add(u[2], w[2], multiply_add(u[1], w[1], u[0] * w[0]))
 
 
 @compiled
-def cross(u: Any, w: Any) -> Any:
+def cross(u: Vector, w: Vector) -> Any:
     return u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]
 
 
 @compiled
-def choose(mask: Any, u: Any, w: Any) -> Any:
+def choose(mask: Mask, u: Vector, w: Vector) -> Any:
     """``u`` in the lanes where the mask holds, ``w`` in the others."""
     return select(mask, u[0], w[0]), select(mask, u[1], w[1]), select(mask, u[2], w[2])
 
 
 @compiled
-def unit(u: Any) -> Any:
+def unit(u: Vector) -> Any:
     return times(1.0 / sqrt(dot(u, u) + TINY), u)
 
 
 @compiled
-def triad(x: Any, markers: Any) -> Any:
+def triad(x: Rows, markers: np.ndarray) -> Any:
     """Right-handed unit vectors (e1, e2, e3) that turn with the body.
 
     ``markers`` names three particles: e3 points from the first to the second, e1 from the first towards
@@ -104,7 +107,7 @@ def triad(x: Any, markers: Any) -> Any:
 
 
 @compiled
-def mass_centre(x: Any, mass: Any) -> Any:
+def mass_centre(x: Rows, mass: Numbers) -> Any:
     """Centre of mass of the positions (or, given velocities, its velocity)."""
     total = load(mass, 0)
     first = times(total, row(x, 0))
@@ -115,7 +118,7 @@ def mass_centre(x: Any, mass: Any) -> Any:
 
 
 @compiled
-def angular_momentum(x: Any, v: Any, mass: Any, about: Any) -> Any:
+def angular_momentum(x: Rows, v: Rows, mass: Numbers, about: Vector) -> Any:
     """Σ m (x − about) × v."""
     total = times(load(mass, 0), cross(minus(row(x, 0), about), row(v, 0)))
     for i in range(1, mass.size):
@@ -125,7 +128,7 @@ def angular_momentum(x: Any, v: Any, mass: Any, about: Any) -> Any:
 
 
 @compiled
-def inertia(x: Any, mass: Any, about: Any) -> Any:
+def inertia(x: Rows, mass: Numbers, about: Vector) -> Any:
     """Inertia tensor Σ m (r² 1 − r rᵀ) about a point: (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)."""
     r = minus(row(x, 0), about)
     m = load(mass, 0)
@@ -140,7 +143,7 @@ def inertia(x: Any, mass: Any, about: Any) -> Any:
 
 
 @compiled
-def solve_symmetric(tensor: Any, b: Any) -> Any:
+def solve_symmetric(tensor: Any, b: Vector) -> Any:
     """Solution of A u = b for the inertia A (xx, yy, zz, xy, xz, yz) of particles, by cofactors.
 
     Of particles on a line n, A = λ (1 − n nᵀ) is singular: the smallest solution, b/λ without its part along

@@ -20,6 +20,7 @@ from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
 from springgym.envs.task import Start, Task
+from springgym.kinds import Vector
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, two_tone
 from springgym.rendering.look import RED
@@ -37,7 +38,7 @@ FASTEST = 12.0  # angular velocity an episode can be asked to start with [rad/s]
 
 
 @compiled
-def in_body(m: Any, c: Any, u: Any, axis: Any) -> Any:
+def in_body(m: Measures, c: Any, u: Vector, axis: Any) -> Any:
     """Component of a world vector (3,) along the body's first, second or third axis."""
     e1, e3 = m.side[c], m.axis[c]
     if axis == 0:
@@ -52,7 +53,15 @@ def in_body(m: Any, c: Any, u: Any, axis: Any) -> Any:
 
 
 @kernel
-def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+def evaluate(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    action: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    out: np.ndarray,
+) -> None:
     for c in range(out.shape[0]):
         speed = 0.0
         for axis in range(3):
@@ -65,7 +74,14 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    observation: np.ndarray,
+) -> None:
     for c in range(observation.shape[0]):
         for axis in range(3):
             observation[c, axis] = in_body(m, c, m.angular_velocity[c], axis) / TURNING_UNIT

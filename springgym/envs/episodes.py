@@ -502,7 +502,7 @@ def _checked_limit(steps: int | None) -> int:
 
 
 @kernel
-def take(given: Any, strength: Any, action: Any, driven: Any) -> bool:
+def take(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np.ndarray) -> bool:
     """Clip the given actions, and scale what they drive; False if one is not finite, and nothing is taken."""
     for c in range(given.shape[0]):
         for n in range(given.shape[1]):
@@ -517,13 +517,13 @@ def take(given: Any, strength: Any, action: Any, driven: Any) -> bool:
 
 @kernel
 def finish(
-    rows: Any,
-    out: Any,
+    rows: np.ndarray,
+    out: np.ndarray,
     terms: Any,
-    held: Any,
-    elapsed: Any,
+    held: np.ndarray,
+    elapsed: np.ndarray,
     limit: Any,
-    diverged: Any,
+    diverged: np.ndarray,
     result: Any,
 ) -> None:
     """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0.

@@ -41,7 +41,15 @@ BOWL = 4.0  # radius of the bowl [m]
 
 
 @kernel
-def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+def evaluate(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    action: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    out: np.ndarray,
+) -> None:
     for c in range(out.shape[0]):
         tilt = tilt_of(m, c)
         error = math.hypot(m.centre[c, 0], m.centre[c, 1])
@@ -59,7 +67,14 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    observation: np.ndarray,
+) -> None:
     for c in range(observation.shape[0]):
         spin, _ = spinning(m, c)
         for axis in range(3):

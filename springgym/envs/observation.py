@@ -15,6 +15,7 @@ import numpy as np
 
 from springgym import measures
 from springgym.compiling import compiled, kernel
+from springgym.kinds import Number
 
 BOUND = 10.0
 """Observations are scaled to order one and clipped here, so that their space is finite."""
@@ -114,7 +115,7 @@ def columns(particles: ObservedParticles) -> Columns:
 
 
 @compiled
-def along(row: Any, first: Any, axis: Any) -> Any:
+def along(row: Any, first: Number, axis: Any) -> Any:
     """Component along an axis of the body's triad of the measured vector that starts at column ``first``."""
     e1, e3 = row[measures.SIDE : measures.SIDE + 3], row[measures.AXIS : measures.AXIS + 3]
     total = 0.0
@@ -130,7 +131,7 @@ def along(row: Any, first: Any, axis: Any) -> Any:
 
 
 @compiled
-def point_to(row: Any, position: Any, out: Any) -> None:
+def point_to(row: Any, position: Any, out: np.ndarray) -> None:
     """The unit vector from the centre of mass to a position (3,)."""
     length = 0.0
     for axis in range(3):
@@ -141,7 +142,14 @@ def point_to(row: Any, position: Any, out: Any) -> None:
 
 
 @kernel
-def observe_particles(rows: Any, x: Any, v: Any, goal: Any, columns: Any, observation: Any) -> None:
+def observe_particles(
+    rows: np.ndarray,
+    x: np.ndarray,
+    v: np.ndarray,
+    goal: np.ndarray,
+    columns: Columns,
+    observation: np.ndarray,
+) -> None:
     """Positions and velocities of (particle, axis) entries, goal, and appended measures: see `Columns`."""
     count = columns.entries.shape[0]
     unseen = 3 if columns.about == ABOUT_GOAL else 0
@@ -172,7 +180,7 @@ def observe_particles(rows: Any, x: Any, v: Any, goal: Any, columns: Any, observ
 
 
 @kernel
-def bound(observation: Any, diverged: Any) -> None:
+def bound(observation: np.ndarray, diverged: np.ndarray) -> None:
     """Clip observations to ±`BOUND`; those of diverged copies are 0."""
     for c in range(observation.shape[0]):
         for n in range(observation.shape[1]):

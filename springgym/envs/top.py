@@ -36,13 +36,21 @@ FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
 
 
 @compiled
-def tilt_of(m: Any, c: Any) -> Any:
+def tilt_of(m: Measures, c: Any) -> Any:
     """Angle of the axis from the vertical [rad]."""
     return math.atan2(math.hypot(m.axis[c, 0], m.axis[c, 1]), m.axis[c, 2])
 
 
 @kernel
-def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+def evaluate(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    action: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    out: np.ndarray,
+) -> None:
     spin_counts = parameters[0] > 0
     for c in range(out.shape[0]):
         tilt = tilt_of(m, c)
@@ -59,7 +67,14 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    observation: np.ndarray,
+) -> None:
     for c in range(observation.shape[0]):
         spin, _ = spinning(m, c)
         for axis in range(3):

@@ -39,7 +39,7 @@ COLORS = ((46, 98, 170), (228, 94, 44), (34, 150, 100), (242, 172, 60))
 
 
 @compiled
-def facing(x: Any, c: Any, corner: Any) -> Any:
+def facing(x: np.ndarray, c: Any, corner: Any) -> Any:
     """The outward unit normal of the face opposite to a corner."""
     i, j, k = FACES[corner]
     ax, ay, az = x[c, j, 0] - x[c, i, 0], x[c, j, 1] - x[c, i, 1], x[c, j, 2] - x[c, i, 2]
@@ -50,7 +50,7 @@ def facing(x: Any, c: Any, corner: Any) -> Any:
 
 
 @compiled
-def fastest(v: Any, c: Any) -> Any:
+def fastest(v: np.ndarray, c: Any) -> Any:
     """The largest speed of a particle [m/s]."""
     largest = 0.0
     for i in range(v.shape[1]):
@@ -59,7 +59,15 @@ def fastest(v: Any, c: Any) -> Any:
 
 
 @kernel
-def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+def evaluate(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    action: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    out: np.ndarray,
+) -> None:
     for c in range(out.shape[0]):
         dx, dy = m.centre[c, 0] - goal[c, 0], m.centre[c, 1] - goal[c, 1]
         error, speed = math.hypot(dx, dy), fastest(v, c)
@@ -77,7 +85,14 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    observation: np.ndarray,
+) -> None:
     for c in range(observation.shape[0]):
         normal = facing(x, c, int(goal[c, 3]))
         for axis in range(3):

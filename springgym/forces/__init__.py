@@ -29,6 +29,7 @@ from springgym.forces.memory import Memory
 from springgym.forces.pairs.terms import Meets
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
 from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
+from springgym.kinds import Ledger, Number, Numbers, Rows
 from springgym.lanes import load
 from springgym.own_forces import OfBody, add_own_forces, own_energy
 from springgym.vectors import add_row, add_scaled, dot, row, set_row, times, vector
@@ -75,7 +76,7 @@ class Terms(NamedTuple):
 
 
 @compiled
-def accelerate(x: Any, a: Any, direction: Any, terms: Any) -> None:
+def accelerate(x: Rows, a: Rows, direction: Rows, terms: Terms) -> None:
     """Set ``a`` (N, 3) to the accelerations that follow from the positions, actuators apart.
 
     ``direction`` (springs, 3) receives the springs' unit vectors if there are dampers.
@@ -87,7 +88,7 @@ def accelerate(x: Any, a: Any, direction: Any, terms: Any) -> None:
 
 
 @compiled
-def accelerate_and_damp(x: Any, v: Any, a: Any, weight: Any, ledger: Any, terms: Any) -> None:
+def accelerate_and_damp(x: Rows, v: Rows, a: Rows, weight: Number, ledger: Ledger, terms: Terms) -> None:
     """`accelerate` with the dampers; ``weight`` [s] times their power goes to the ledger."""
     set_weights(a, terms.particles, terms.gravity)
     add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
@@ -95,7 +96,7 @@ def accelerate_and_damp(x: Any, v: Any, a: Any, weight: Any, ledger: Any, terms:
 
 
 @compiled
-def derivative(x: Any, v: Any, a: Any, b: Any, weight: Any, ledger: Any, terms: Any) -> None:
+def derivative(x: Rows, v: Rows, a: Rows, b: Rows, weight: Number, ledger: Ledger, terms: Terms) -> None:
     """Set ``a`` (N, 3) to the accelerations by everything, for methods that split nothing.
 
     ``weight`` [s] times the power of what is not conservative is added to the ledger; ``b`` is
@@ -115,7 +116,7 @@ def derivative(x: Any, v: Any, a: Any, b: Any, weight: Any, ledger: Any, terms: 
 
 
 @compiled
-def set_weights(force: Any, particles: Any, gravity: Any) -> None:
+def set_weights(force: Rows, particles: Particles, gravity: Numbers) -> None:
     """Set ``force`` (N, 3) to the weights [N] of the free particles, and else to 0."""
     for i in range(particles.mass.size):
         if gravity is not None and particles.free[i]:
@@ -125,14 +126,14 @@ def set_weights(force: Any, particles: Any, gravity: Any) -> None:
 
 
 @compiled
-def divide_by_mass(force: Any, particles: Any) -> None:
+def divide_by_mass(force: Rows, particles: Particles) -> None:
     """Turn forces (N, 3) into accelerations."""
     for i in range(particles.mass.size):
         set_row(force, i, times(load(particles.inverse_mass, i), row(force, i)))
 
 
 @compiled
-def actuate(x: Any, b: Any, terms: Any) -> None:
+def actuate(x: Rows, b: Rows, terms: Terms) -> None:
     """Set ``b`` (N, 3) to the accelerations by actuators, if the scene has any.
 
     The row of a driven particle is the force [N] that holds it against its springs.
@@ -141,27 +142,27 @@ def actuate(x: Any, b: Any, terms: Any) -> None:
 
 
 @compiled
-def kick(v: Any, a: Any, tau: Any) -> None:
+def kick(v: Rows, a: Rows, tau: Number) -> None:
     """Let the accelerations ``a`` act for ``tau`` seconds."""
     for i in range(v.shape[0]):
         add_scaled(v, i, tau, row(a, i))
 
 
 @compiled
-def act(v: Any, b: Any, tau: Any, ledger: Any, terms: Any) -> None:
+def act(v: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
     """Let the actuators, with their accelerations ``b``, act for ``tau`` seconds."""
     push(v, b, tau, terms.particles, terms.wrench, terms.thrust, ledger)
     move_drive(v, b, tau, terms.drive, ledger)
 
 
 @compiled
-def relax(v: Any, direction: Any, backward: Any, whole: Any, ledger: Any, terms: Any) -> None:
+def relax(v: Rows, direction: Rows, backward: bool, whole: bool, ledger: Ledger, terms: Terms) -> None:
     """Let the dampers act for a ``whole`` step, or for half of one."""
     damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward, whole)
 
 
 @compiled
-def paired(dampers: Any) -> bool:
+def paired(dampers: Dampers | None) -> bool:
     """Whether the dampers, if there are any, take two sweeps a step."""
     if dampers is None:
         return True
@@ -169,27 +170,27 @@ def paired(dampers: Any) -> bool:
 
 
 @compiled
-def drift(x: Any, v: Any, tau: Any) -> None:
+def drift(x: Rows, v: Rows, tau: Number) -> None:
     """Let the particles move for ``tau`` seconds, with nothing in their way."""
     for i in range(x.shape[0]):
         add_row(x, i, times(tau, row(v, i)))
 
 
 @compiled
-def settle(x: Any, v: Any, terms: Any) -> None:
+def settle(x: Rows, v: Rows, terms: Terms) -> None:
     """What methods that split nothing do after a step: the paper's clamp."""
     clamp(x, v, terms.particles, terms.planes, terms.bowl, terms.paper_law)
 
 
 @compiled
-def potential_energy(x: Any, terms: Any) -> Any:
+def potential_energy(x: Numbers, terms: Terms) -> Any:
     """Energies [J] of gravity (0 at the origin), springs and contact, and the largest |L/L₀ − 1|²."""
     weight, elastic, strain = stored_energy(x, terms)
     return weight, elastic, contact_energy(x, terms.particles, terms.planes, terms.bowl), strain
 
 
 @compiled
-def stored_energy(x: Any, terms: Any) -> Any:
+def stored_energy(x: Numbers, terms: Terms) -> Any:
     """Energies [J] of gravity and springs, without contact, and the largest |L/L₀ − 1|²."""
     weight = gravity_energy(x, terms.particles, terms.gravity)
     elastic, strain = spring_energy(x, terms.springs)
@@ -199,7 +200,7 @@ def stored_energy(x: Any, terms: Any) -> Any:
 
 
 @compiled
-def gravity_energy(x: Any, particles: Any, gravity: Any) -> Any:
+def gravity_energy(x: Numbers, particles: Particles, gravity: Numbers) -> Any:
     energy = 0.0 * load(x, (0, 0))
     if gravity is not None:
         for i in range(particles.mass.size):

@@ -7,13 +7,14 @@ during the hold, what turns with the body is given in the `triad` of three of it
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces.ledger import WORK, record
 from springgym.forces.springs import pull_on
+from springgym.kinds import Ledger, Number, Numbers, Rows
 from springgym.lanes import load, maximum, minimum, select, store
 from springgym.vectors import (
     add_row,
@@ -30,6 +31,10 @@ from springgym.vectors import (
     triad,
     vector,
 )
+
+if TYPE_CHECKING:
+    from springgym.forces import Particles
+    from springgym.forces.springs import Springs
 
 
 class Wrench(NamedTuple):
@@ -78,7 +83,15 @@ class Drive(NamedTuple):
 
 
 @compiled
-def set_actuation(x: Any, b: Any, particles: Any, springs: Any, wrench: Any, thrust: Any, drive: Any) -> None:
+def set_actuation(
+    x: Rows,
+    b: Rows,
+    particles: Particles,
+    springs: Springs,
+    wrench: Wrench | None,
+    thrust: Thrust | None,
+    drive: Drive | None,
+) -> None:
     """Set ``b`` (N, 3) to the accelerations by actuators, if there are any.
 
     The row of a driven particle is the force [N] that holds it against its springs.
@@ -96,7 +109,15 @@ def set_actuation(x: Any, b: Any, particles: Any, springs: Any, wrench: Any, thr
 
 @compiled
 def add_actuation(
-    x: Any, v: Any, a: Any, b: Any, particles: Any, wrench: Any, thrust: Any, ledger: Any, weight: Any
+    x: Rows,
+    v: Rows,
+    a: Rows,
+    b: Rows,
+    particles: Particles,
+    wrench: Wrench | None,
+    thrust: Thrust | None,
+    ledger: Ledger,
+    weight: Number,
 ) -> None:
     """Add the accelerations by wrench and thrust to ``a`` (N, 3); ``b`` is workspace.
 
@@ -112,7 +133,7 @@ def add_actuation(
 
 
 @compiled
-def set_wrench(x: Any, acceleration: Any, particles: Any, wrench: Any) -> None:
+def set_wrench(x: Rows, acceleration: Rows, particles: Particles, wrench: Wrench) -> None:
     mass = particles.mass
     about = row(x, wrench.pivot) if wrench.pivot >= 0 else mass_centre(x, mass)
     e1, e2, e3 = triad(x, wrench.markers)
@@ -136,7 +157,7 @@ def set_wrench(x: Any, acceleration: Any, particles: Any, wrench: Any) -> None:
 
 
 @compiled
-def add_thrust(x: Any, acceleration: Any, particles: Any, thrust: Any) -> None:
+def add_thrust(x: Rows, acceleration: Rows, particles: Particles, thrust: Thrust) -> None:
     e1, e2, e3 = triad(x, thrust.markers)
     for n in range(thrust.particle.size):
         force = row(thrust.force, n)
@@ -147,7 +168,15 @@ def add_thrust(x: Any, acceleration: Any, particles: Any, thrust: Any) -> None:
 
 
 @compiled
-def push(v: Any, acceleration: Any, tau: Any, particles: Any, wrench: Any, thrust: Any, ledger: Any) -> None:
+def push(
+    v: Rows,
+    acceleration: Rows,
+    tau: Number,
+    particles: Particles,
+    wrench: Wrench | None,
+    thrust: Thrust | None,
+    ledger: Ledger,
+) -> None:
     """Let wrench and thrust act for ``tau`` seconds; their exact work goes to the ledger."""
     if wrench is not None or thrust is not None:
         work = 0.0 * load(v, (0, 0))
@@ -162,21 +191,21 @@ def push(v: Any, acceleration: Any, tau: Any, particles: Any, wrench: Any, thrus
 
 
 @compiled
-def record_holding(v: Any, force: Any, drive: Any, ledger: Any, weight: Any) -> None:
+def record_holding(v: Rows, force: Rows, drive: Drive | None, ledger: Ledger, weight: Any) -> None:
     """Record the power of the drive, ``weight`` [s] times: it holds its particle against ``force`` (N, 3)."""
     if drive is not None and drive.particle >= 0:
         record(ledger, WORK, -weight * dot(row(force, drive.particle), row(v, drive.particle)))
 
 
 @compiled
-def drive_on(v: Any, acceleration: Any, drive: Any) -> None:
+def drive_on(v: Rows, acceleration: Rows, drive: Drive | None) -> None:
     """Set the driven particle's row of ``acceleration`` (N, 3)."""
     if drive is not None and drive.particle >= 0:
         set_row(acceleration, drive.particle, drive_acceleration(v, drive))
 
 
 @compiled
-def drive_acceleration(v: Any, drive: Any) -> Any:
+def drive_acceleration(v: Rows, drive: Drive) -> Any:
     """Acceleration of the driven particle: what is asked for, but not beyond its largest speed."""
     u, a = row(v, drive.particle), vector(drive.acceleration)
     return (
@@ -187,13 +216,13 @@ def drive_acceleration(v: Any, drive: Any) -> Any:
 
 
 @compiled
-def limited(velocity: Any, acceleration: Any, speed: Any) -> Any:
+def limited(velocity: Any, acceleration: Number, speed: Any) -> Any:
     acceleration = select(velocity >= speed, minimum(acceleration, 0.0), acceleration)
     return select(velocity <= -speed, maximum(acceleration, 0.0), acceleration)
 
 
 @compiled
-def move_drive(v: Any, force: Any, tau: Any, drive: Any, ledger: Any) -> None:
+def move_drive(v: Numbers, force: Numbers, tau: Number, drive: Drive | None, ledger: Ledger) -> None:
     """Accelerate the driven particle for ``tau`` seconds, up to its largest speed.
 
     Its row of ``force`` (N, 3) [N] is what the drive holds it with; the work of that goes to the ledger.
@@ -203,7 +232,9 @@ def move_drive(v: Any, force: Any, tau: Any, drive: Any, ledger: Any) -> None:
 
 
 @compiled
-def drive_by(v: Any, force: Any, acceleration: Any, tau: Any, drive: Any, ledger: Any) -> None:
+def drive_by(
+    v: Numbers, force: Numbers, acceleration: Any, tau: Number, drive: Drive | None, ledger: Ledger
+) -> None:
     """`move_drive` by another acceleration than is asked for now."""
     if drive is not None and drive.particle >= 0:
         for axis in range(3):

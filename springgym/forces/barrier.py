@@ -18,13 +18,18 @@ rebound is that of theory for every step, and what rests is in balance at every 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from springgym.compiling import compiled
+from springgym.kinds import Mask, Number, Numbers, Vector
 from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
 from springgym.vectors import TINY, dot, minus, plus, row, times, vector
+
+if TYPE_CHECKING:
+    from springgym.forces import Particles
+
 
 LEAST = 1e-6
 """A step begins and ends at this share of Δ or higher."""
@@ -69,7 +74,7 @@ class HollowSphere(NamedTuple):
 
 
 @compiled
-def decay_means(x: Any) -> Any:
+def decay_means(x: Number) -> Any:
     """φ = (1 − e⁻ˣ)/x and ψ = (1 − φ)/x for x ≥ 0, to 1e-7 up to x = 2, without cancellation.
 
     For y = x/16, e^y is its Taylor polynomial D of degree 5, and φ and ψ what follows from it; then
@@ -88,7 +93,7 @@ def decay_means(x: Any) -> Any:
 
 
 @compiled
-def positive_root(linear: Any, product: Any) -> Any:
+def positive_root(linear: Number, product: Number) -> Any:
     """The h > 0 with h² + linear h = product ≥ 0, without cancellation."""
     root = sqrt(linear * linear + 4.0 * product)
     rising = linear > 0.0
@@ -97,7 +102,7 @@ def positive_root(linear: Any, product: Any) -> Any:
 
 
 @compiled
-def gradient(start: Any, end: Any, reach: Any) -> Any:
+def gradient(start: Number, end: Number, reach: Number) -> Any:
     """F̄/c [1/m²] between two heights, and its derivative by the second."""
     flat, first, last = 1.0 / (reach * reach), 1.0 / start, 1.0 / end
     before, after = maximum(reach - start, 0.0), maximum(reach - end, 0.0)
@@ -111,7 +116,17 @@ def gradient(start: Any, end: Any, reach: Any) -> Any:
 
 
 @compiled
-def meet(start: Any, u: Any, s: Any, span: Any, c: Any, reach: Any, d: Any, touching: Any, found: Any) -> Any:
+def meet(
+    start: Number,
+    u: Number,
+    s: Number,
+    span: Any,
+    c: Number,
+    reach: Number,
+    d: Number,
+    touching: Mask,
+    found: Number,
+) -> Any:
     """What a barrier does in a step to a speed ``u`` along its normal, which all else changes by ``s``.
 
     ``start`` is the height h₀ that the step begins at; the `Span` says how long it is, ``c`` is the strength
@@ -172,13 +187,13 @@ def meet(start: Any, u: Any, s: Any, span: Any, c: Any, reach: Any, d: Any, touc
 
 
 @compiled
-def slowed(slip: Any, limit: Any) -> Any:
+def slowed(slip: Vector, limit: Number) -> Any:
     """What friction takes from the velocity ``slip`` along a surface: ``limit`` of it, or all there is."""
     return times(minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0), slip)
 
 
 @compiled
-def coefficient(of: Any, none: Any) -> Any:
+def coefficient(of: Numbers, none: Number) -> Any:
     """The one number of friction or loss, or ``none`` if the scene has no such thing."""
     if of is not None:
         none = none + load(of, 0)
@@ -189,13 +204,13 @@ def coefficient(of: Any, none: Any) -> Any:
 
 
 @compiled
-def height(position: Any, planes: Any, k: Any) -> Any:
+def height(position: Vector, planes: Planes, k: int) -> Any:
     """Height above a plane [m]."""
     return dot(row(planes.normal, k), position) - load(planes.offset, k)
 
 
 @compiled
-def surfaces(planes: Any, bowl: Any) -> int:
+def surfaces(planes: Planes | None, bowl: HollowSphere | None) -> int:
     """How many there are: planes or a bowl."""
     count = 0
     if planes is not None:
@@ -206,7 +221,7 @@ def surfaces(planes: Any, bowl: Any) -> int:
 
 
 @compiled
-def strength_and_reach(planes: Any, bowl: Any) -> Any:
+def strength_and_reach(planes: Planes | None, bowl: HollowSphere | None) -> Any:
     """c [N·m²] and Δ [m] of all surfaces."""
     if planes is not None:
         return load(planes.strength, 0), planes.reach
@@ -216,7 +231,7 @@ def strength_and_reach(planes: Any, bowl: Any) -> Any:
 
 
 @compiled
-def facing(k: Any, begin: Any, end: Any, planes: Any, bowl: Any) -> Any:
+def facing(k: int, begin: Vector, end: Vector, planes: Planes | None, bowl: HollowSphere | None) -> Any:
     """The normal n̄ of surface ``k`` for a way, and the height at which that begins.
 
     n̄ · (end − begin) is exactly the difference of both heights: in a bowl, with d from its centre and r =
@@ -232,20 +247,20 @@ def facing(k: Any, begin: Any, end: Any, planes: Any, bowl: Any) -> Any:
 
 
 @compiled
-def standing(k: Any, position: Any, planes: Any, bowl: Any) -> Any:
+def standing(k: int, position: Any, planes: Planes | None, bowl: HollowSphere | None) -> Any:
     """The normal of surface ``k`` at a position, and the height there."""
     return facing(k, position, position, planes, bowl)
 
 
 @compiled
-def barrier_energy(h: Any, strength: Any, reach: Any) -> Any:
+def barrier_energy(h: Number, strength: Number, reach: Number) -> Any:
     """U(h) [J]."""
     depth = maximum(reach - h, 0.0)
     return strength * depth * depth / (h * reach * reach)
 
 
 @compiled
-def energy_at(position: Any, planes: Any, bowl: Any) -> Any:
+def energy_at(position: Vector, planes: Planes | None, bowl: HollowSphere | None) -> Any:
     """Energy of a free particle in the barriers of all surfaces [J]."""
     energy = 0.0 * position[0]
     if planes is not None:
@@ -260,7 +275,7 @@ def energy_at(position: Any, planes: Any, bowl: Any) -> Any:
 
 
 @compiled
-def contact_energy(x: Any, particles: Any, planes: Any, bowl: Any) -> Any:
+def contact_energy(x: Numbers, particles: Particles, planes: Planes | None, bowl: HollowSphere | None) -> Any:
     """Energy of the particles in the barriers of all surfaces [J]."""
     energy = 0.0 * load(x, (0, 0))
     for i in range(particles.mass.size):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
+from springgym.kinds import Ledger, Number
 from springgym.lanes import load, store
 
 WORK, DAMPING, CONTACT, FRICTION = range(4)
@@ -16,7 +17,7 @@ ENTRIES = 4
 
 
 @compiled
-def record(ledger: Any, entry: Any, energy: Any) -> None:
+def record(ledger: Ledger, entry: Any, energy: Number) -> None:
     """Add an energy [J] to an entry: `WORK` done by actuators, or lost to the other three."""
     if ledger is not None:
         store(ledger, entry, load(ledger, entry) + energy)

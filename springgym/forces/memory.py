@@ -9,15 +9,20 @@ is fresh.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces.actuators import drive_by
 from springgym.forces.ledger import ENTRIES
+from springgym.kinds import Ledger, Number, Numbers, Rows
 from springgym.lanes import load, select, store
 from springgym.vectors import choose, plus, row, set_row, times, vector
+
+if TYPE_CHECKING:
+    from springgym.forces.actuators import Drive
+
 
 PHASE, HELD, BEFORE, STEERED = 0, 1, 2, 2 + ENTRIES
 """Where in the marks are: 0 of a fresh copy, else 1 or 2 in turn, the direction of the dampers' sweep; the
@@ -48,7 +53,7 @@ def memory(particles: int, actuated: bool, blocks: Callable[..., np.ndarray]) ->
 
 
 @compiled
-def resume(x: Any, v: Any, ledger: Any, memory: Any) -> Any:
+def resume(x: Rows, v: Rows, ledger: Ledger, memory: Any) -> Any:
     """Go back to where the last node was reached; fresh copies stay where they are. Returns the phase."""
     phase = load(memory.marks, PHASE)
     fresh = phase < 0.5
@@ -62,7 +67,7 @@ def resume(x: Any, v: Any, ledger: Any, memory: Any) -> Any:
 
 
 @compiled
-def share_actions(b: Any, phase: Any, memory: Any, pushed: Any, drive: Any) -> None:
+def share_actions(b: Rows, phase: Any, memory: Any, pushed: Rows, drive: Drive | None) -> None:
     """Actions change at nodes: half of what the actuators give is as before, half as it is from now on."""
     fresh = phase < 0.5
     if pushed is not None:
@@ -77,7 +82,7 @@ def share_actions(b: Any, phase: Any, memory: Any, pushed: Any, drive: Any) -> N
 
 
 @compiled
-def steer(memory: Any, drive: Any) -> None:
+def steer(memory: Any, drive: Drive | None) -> None:
     """Let the drive do what it is asked to from now on."""
     if drive is not None:
         for axis in range(3):
@@ -85,7 +90,9 @@ def steer(memory: Any, drive: Any) -> None:
 
 
 @compiled
-def turn_drive(v: Any, force: Any, tau: Any, memory: Any, drive: Any, ledger: Any) -> None:
+def turn_drive(
+    v: Numbers, force: Numbers, tau: Number, memory: Any, drive: Drive | None, ledger: Ledger
+) -> None:
     """`move_drive`, as the node before and what is asked for now have it."""
     if drive is not None:
         acceleration = (
@@ -97,7 +104,7 @@ def turn_drive(v: Any, force: Any, tau: Any, memory: Any, drive: Any, ledger: An
 
 
 @compiled
-def remember(x: Any, b: Any, phase: Any, ledger: Any, memory: Any, pushed: Any) -> None:
+def remember(x: Rows, b: Rows, phase: Number, ledger: Ledger, memory: Any, pushed: Rows) -> None:
     """Keep how the node is reached at which the state is read."""
     store(memory.marks, PHASE, phase)
     for i in range(x.shape[0]):
@@ -110,7 +117,7 @@ def remember(x: Any, b: Any, phase: Any, ledger: Any, memory: Any, pushed: Any) 
 
 
 @compiled
-def halve(ledger: Any, memory: Any) -> None:
+def halve(ledger: Ledger, memory: Any) -> None:
     """Leave half of what the node entered in the ledger."""
     if ledger is not None:
         for entry in range(ENTRIES):
@@ -118,7 +125,7 @@ def halve(ledger: Any, memory: Any) -> None:
 
 
 @compiled
-def held(like: Any, memory: Any) -> Any:
+def held(like: Number, memory: Any) -> Any:
     """The energy [J] that contact holds beside its barriers; ``like`` is any value in all lanes."""
     if memory is None:
         return 0.0 * like

@@ -14,7 +14,7 @@ drift ended.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from springgym.compiling import compiled
 from springgym.forces import stored_energy
@@ -35,8 +35,16 @@ from springgym.forces.barrier import (
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
 from springgym.forces.memory import HELD, halve, turn_drive
 from springgym.forces.springs import damp
+from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, store
 from springgym.vectors import TINY, choose, dot, minus, plus, plus_scaled, row, set_row, times, unit, vector
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+    from springgym.forces.actuators import Thrust, Wrench
+    from springgym.forces.barrier import HollowSphere, Planes
+    from springgym.forces.springs import Dampers
+
 
 TURNS = 40
 """How often the surfaces that know of each other are taken in turn, at the most."""
@@ -86,7 +94,7 @@ class Given(NamedTuple):
 
 
 @compiled
-def turns(planes: Any, bowl: Any) -> int:
+def turns(planes: Planes | None, bowl: HollowSphere | None) -> int:
     """How often the surfaces are taken in turn: at right angles they do not know of each other."""
     if planes is not None and not planes.oblique:
         return 1
@@ -94,7 +102,7 @@ def turns(planes: Any, bowl: Any) -> int:
 
 
 @compiled
-def in_last_turn(turn: Any, k: Any, none: Any, pushes: Any, bowl: Any) -> Any:
+def in_last_turn(turn: Any, k: int, none: Any, pushes: Numbers, bowl: HollowSphere | None) -> Any:
     """Change of speed and bend by surface ``k`` in the last turn, of which `kept` begins."""
     if bowl is not None:
         return none, none
@@ -104,7 +112,7 @@ def in_last_turn(turn: Any, k: Any, none: Any, pushes: Any, bowl: Any) -> Any:
 
 
 @compiled
-def kept(given: Any, bowl: Any) -> Any:
+def kept(given: Vector, bowl: HollowSphere | None) -> Any:
     """What a turn begins with: in a bowl, of which the normal changes, with nothing."""
     if bowl is not None:
         return times(0.0, given)
@@ -112,7 +120,7 @@ def kept(given: Any, bowl: Any) -> Any:
 
 
 @compiled
-def near(begin: Any, free: Any, planes: Any, bowl: Any) -> Any:
+def near(begin: Vector, free: Vector, planes: Planes | None, bowl: HollowSphere | None) -> Any:
     """Where a way begins or ends within reach of a surface."""
     close = begin[0] < begin[0]
     if planes is not None:
@@ -129,7 +137,15 @@ def near(begin: Any, free: Any, planes: Any, bowl: Any) -> Any:
 
 @compiled
 def impulses(
-    i: Any, begin: Any, free: Any, speed: Any, smooth: Any, span: Any, found: Any, pushes: Any, terms: Any
+    i: int,
+    begin: Vector,
+    free: Vector,
+    speed: Vector,
+    smooth: Vector,
+    span: Any,
+    found: Any,
+    pushes: Numbers,
+    terms: Terms,
 ) -> Any:
     """What surfaces and friction give particle ``i`` at a node (`Given`).
 
@@ -191,7 +207,7 @@ def impulses(
 
 
 @compiled
-def lifted(place: Any, first: Any, last: Any, terms: Any) -> Any:
+def lifted(place: Vector, first: Any, last: Any, terms: Terms) -> Any:
     """How far a node is lifted [m] to be read: to half of the lower of the heights around it, or of Δ.
 
     Where a step is too coarse for an impact, the node is behind the surface though no way begins or ends
@@ -212,7 +228,7 @@ def lifted(place: Any, first: Any, last: Any, terms: Any) -> Any:
 
 
 @compiled
-def span_of(phase: Any, h: Any) -> Span:
+def span_of(phase: Number, h: Number) -> Span:
     """A fresh copy has no drift before its node."""
     out = 0.5 * h + 0.0 * phase
     lead = select(phase < 0.5, 0.0, out)
@@ -220,13 +236,15 @@ def span_of(phase: Any, h: Any) -> Span:
 
 
 @compiled
-def next_phase(phase: Any) -> Any:
+def next_phase(phase: Number) -> Any:
     """The dampers' sweeps take turns in direction."""
     return select((phase - 1.0) * (phase - 1.0) < 0.25, 2.0 + 0.0 * phase, 1.0)
 
 
 @compiled
-def act_and_damp(v: Any, b: Any, phase: Any, span: Any, direction: Any, ledger: Any, terms: Any) -> None:
+def act_and_damp(
+    v: Rows, b: Rows, phase: Number, span: Any, direction: Rows, ledger: Ledger, terms: Terms
+) -> None:
     """Let actuators and dampers act: a sweep of a whole step, or one of half of it before and one after.
 
     Copies of a block whose sweeps differ in direction have theirs one after the other. The second half of a
@@ -241,7 +259,9 @@ def act_and_damp(v: Any, b: Any, phase: Any, span: Any, direction: Any, ledger: 
 
 
 @compiled
-def relax_some(sweep: Any, v: Any, phase: Any, direction: Any, dampers: Any, ledger: Any, terms: Any) -> None:
+def relax_some(
+    sweep: Any, v: Rows, phase: Number, direction: Rows, dampers: Dampers | None, ledger: Ledger, terms: Terms
+) -> None:
     """Let the dampers act on the copies whose turn it is: before the actuators, after them, or fresh ones."""
     if dampers is not None:
         if dampers.paired:
@@ -255,7 +275,7 @@ def relax_some(sweep: Any, v: Any, phase: Any, direction: Any, dampers: Any, led
 
 
 @compiled
-def pushed(b: Any, i: Any, like: Any, wrench: Any, thrust: Any) -> Any:
+def pushed(b: Rows, i: int, like: Vector, wrench: Wrench | None, thrust: Thrust | None) -> Any:
     """The acceleration of particle ``i`` by actuators, if there are any."""
     if wrench is None and thrust is None:
         return times(0.0, like)
@@ -263,20 +283,20 @@ def pushed(b: Any, i: Any, like: Any, wrench: Any, thrust: Any) -> Any:
 
 
 @compiled
-def foreseen(dampers: Any) -> bool:
+def foreseen(dampers: Dampers | None) -> bool:
     """Whether it is to be known, before dampers act, what surfaces are going to give."""
     return dampers is not None
 
 
 @compiled
-def nothing_given(like: Any) -> Any:
+def nothing_given(like: Vector) -> Any:
     """As `Given`, where no surface is near."""
     nothing = times(0.0, like)
     return Given(nothing, nothing, nothing, nothing)
 
 
 @compiled
-def record_stray(ledger: Any, stray: Any, dampers: Any) -> None:
+def record_stray(ledger: Ledger, stray: Number, dampers: Dampers | None) -> None:
     """The work of what acted before the surfaces' share was known, by the change that they made to it."""
     if dampers is None:
         record(ledger, WORK, stray)
@@ -285,7 +305,7 @@ def record_stray(ledger: Any, stray: Any, dampers: Any) -> None:
 
 
 @compiled
-def record_swing(ledger: Any, swung: Any, thrown: Any, dampers: Any) -> None:
+def record_swing(ledger: Ledger, swung: Number, thrown: Number, dampers: Dampers | None) -> None:
     """What half of a node that acts in kicks lacks of half of its work: by all of them, and by actuators."""
     if dampers is None:
         record(ledger, WORK, -1.0 * swung)
@@ -295,7 +315,7 @@ def record_swing(ledger: Any, swung: Any, thrown: Any, dampers: Any) -> None:
 
 
 @compiled
-def bow(a: Any, bent: Any, bowed: Any, space: Any, ledger: Any, terms: Any) -> None:
+def bow(a: Rows, bent: Any, bowed: Number, space: Any, ledger: Ledger, terms: Terms) -> None:
     """Enter the springs' work on the bends of the last node: that of the mean force at both ends of the
     way."""
     if bent:
@@ -307,7 +327,16 @@ def bow(a: Any, bent: Any, bowed: Any, space: Any, ledger: Any, terms: Any) -> N
 
 @compiled
 def pass_node(
-    x: Any, v: Any, a: Any, b: Any, phase: Any, h: Any, last: Any, space: Any, ledger: Any, terms: Any
+    x: Rows,
+    v: Rows,
+    a: Rows,
+    b: Rows,
+    phase: Number,
+    h: Number,
+    last: Any,
+    space: Any,
+    ledger: Ledger,
+    terms: Terms,
 ) -> Any:
     """Let all act at a node: ``v`` changes from v₋ to v₊, and the way is bent; or, at the ``last``, is read.
 

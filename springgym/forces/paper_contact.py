@@ -10,13 +10,19 @@ angle α it lets a particle creep at about 2 τ g sin α.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from springgym.compiling import compiled
 from springgym.forces.barrier import height
 from springgym.forces.ledger import CONTACT, FRICTION, record
+from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.lanes import load, maximum, minimum, select, sqrt
 from springgym.vectors import TINY, add_row, dot, minus, plus, row, set_row, times, unit, vector
+
+if TYPE_CHECKING:
+    from springgym.forces import Particles
+    from springgym.forces.barrier import HollowSphere, Planes
+
 
 CLAMP = 0.1
 """Particles are kept above this share of Δ."""
@@ -33,16 +39,16 @@ class PaperLaw(NamedTuple):
 
 @compiled
 def add_paper_forces(
-    x: Any,
-    v: Any,
-    force: Any,
-    particles: Any,
-    planes: Any,
-    bowl: Any,
-    friction: Any,
+    x: Rows,
+    v: Rows,
+    force: Rows,
+    particles: Particles,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
+    friction: Numbers,
     law: Any,
-    ledger: Any,
-    weight: Any,
+    ledger: Ledger,
+    weight: Number,
 ) -> None:
     """Add the surfaces' forces [N] to ``force`` (N, 3).
 
@@ -62,7 +68,7 @@ def add_paper_forces(
 
 
 @compiled
-def above_bowl(position: Any, bowl: Any) -> Any:
+def above_bowl(position: Vector, bowl: HollowSphere) -> Any:
     """The normal towards a position in a bowl, and its height."""
     to_centre = minus(vector(bowl.centre), position)
     return unit(to_centre), bowl.radius - sqrt(dot(to_centre, to_centre) + TINY)
@@ -70,17 +76,17 @@ def above_bowl(position: Any, bowl: Any) -> Any:
 
 @compiled
 def add_paper_force(
-    i: Any,
-    n: Any,
-    h: Any,
-    v: Any,
-    force: Any,
-    particles: Any,
+    i: int,
+    n: Vector,
+    h: Number,
+    v: Rows,
+    force: Rows,
+    particles: Particles,
     surface: Any,
-    friction: Any,
+    friction: Numbers,
     law: Any,
-    ledger: Any,
-    weight: Any,
+    ledger: Ledger,
+    weight: Number,
 ) -> None:
     """Add the force on particle ``i`` at height ``h`` along the normal ``n`` of a surface."""
     c, velocity = load(surface.strength, 0), row(v, i)
@@ -99,7 +105,9 @@ def add_paper_force(
 
 
 @compiled
-def clamp(x: Any, v: Any, particles: Any, planes: Any, bowl: Any, law: Any) -> None:
+def clamp(
+    x: Rows, v: Rows, particles: Particles, planes: Planes | None, bowl: HollowSphere | None, law: Any
+) -> None:
     """Put particles that are too near a surface back to the least height, and stop them along its normal."""
     if law is not None:
         for i in range(particles.mass.size):
@@ -114,7 +122,7 @@ def clamp(x: Any, v: Any, particles: Any, planes: Any, bowl: Any, law: Any) -> N
 
 
 @compiled
-def clamp_one(x: Any, v: Any, i: Any, n: Any, missing: Any) -> None:
+def clamp_one(x: Rows, v: Rows, i: int, n: Vector, missing: Number) -> None:
     too_low = missing > 0.0
     set_row(x, i, plus(row(x, i), times(select(too_low, missing, 0.0), n)))
     set_row(v, i, minus(row(v, i), times(select(too_low, dot(n, row(v, i)), 0.0), n)))

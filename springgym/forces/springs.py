@@ -9,14 +9,18 @@ round-off.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces.ledger import DAMPING, WORK, record
+from springgym.kinds import Ledger, Mask, Number, Numbers, Rows
 from springgym.lanes import load, maximum, select, sqrt
 from springgym.vectors import TINY, add_scaled, dot, minus, plus, row, set_row, times
+
+if TYPE_CHECKING:
+    from springgym.forces.actuators import Drive
 
 
 class Springs(NamedTuple):
@@ -91,7 +95,14 @@ def interleaved(springs: np.ndarray, particles: int) -> np.ndarray:
 
 @compiled
 def add_spring_forces(
-    x: Any, v: Any, force: Any, direction: Any, springs: Any, dampers: Any, ledger: Any, weight: Any
+    x: Rows,
+    v: Rows,
+    force: Rows,
+    direction: Rows,
+    springs: Springs,
+    dampers: Dampers | None,
+    ledger: Ledger,
+    weight: Number,
 ) -> None:
     """Add the springs' forces [N] to ``force`` (N, 3).
 
@@ -120,7 +131,7 @@ def add_spring_forces(
 
 
 @compiled
-def spring_energy(x: Any, springs: Any) -> Any:
+def spring_energy(x: Rows, springs: Springs) -> Any:
     """Σ k (L − L₀)²/2 [J] and the largest |L/L₀ − 1|² [1]."""
     energy = 0.0 * load(x, (0, 0))
     largest = energy
@@ -136,7 +147,7 @@ def spring_energy(x: Any, springs: Any) -> Any:
 
 
 @compiled
-def longest_spring(x: Any, springs: Any) -> Any:
+def longest_spring(x: Numbers, springs: Springs) -> Any:
     """The largest L₀ [m]; 1 m without springs."""
     longest = 0.0 * load(x, (0, 0))
     if springs is None:
@@ -147,7 +158,9 @@ def longest_spring(x: Any, springs: Any) -> Any:
 
 
 @compiled
-def pull_jacobian(x: Any, v: Any, s: Any, in_x: Any, in_v: Any, springs: Any, dampers: Any) -> Any:
+def pull_jacobian(
+    x: Rows, v: Rows, s: Any, in_x: Number, in_v: Number, springs: Springs, dampers: Dampers | None
+) -> Any:
     """``in_x`` ∂f/∂d + ``in_v`` ∂f/∂w of the pull f of spring ``s``: three rows.
 
     With d = x_j − x_i, w = v_j − v_i, û = d/L and ḋ = û·w,
@@ -178,7 +191,7 @@ def pull_jacobian(x: Any, v: Any, s: Any, in_x: Any, in_v: Any, springs: Any, da
 
 
 @compiled
-def pull_on(x: Any, particle: Any, springs: Any) -> Any:
+def pull_on(x: Rows, particle: Any, springs: Springs) -> Any:
     """The springs' force [N] on one particle."""
     total = times(0.0, row(x, particle))
     for s in range(springs.first.size):
@@ -193,15 +206,15 @@ def pull_on(x: Any, particle: Any, springs: Any) -> Any:
 
 @compiled
 def damp(
-    v: Any,
-    direction: Any,
-    springs: Any,
-    dampers: Any,
-    drive: Any,
-    ledger: Any,
-    backward: Any,
-    whole: Any,
-    among: Any = None,
+    v: Rows,
+    direction: Rows,
+    springs: Springs,
+    dampers: Dampers | None,
+    drive: Drive | None,
+    ledger: Ledger,
+    backward: bool,
+    whole: bool,
+    among: Mask = None,
 ) -> None:
     """Let the relative speed along each spring decay, one after the other, for a ``whole`` step or for half.
 

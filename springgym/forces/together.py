@@ -13,7 +13,7 @@ energy in its barriers is entered for each of its bodies.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -42,8 +42,13 @@ from springgym.forces.pairs.friction import SWEEPS, TURNS, rub
 from springgym.forces.pairs.impulses import account, prepare, sweep, taper
 from springgym.forces.pairs.search import find
 from springgym.forces.pairs.terms import ENERGY, ENTRIES, IMPULSE, Room
+from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.lanes import Ragged, any_lane, bodies_of, load, of_body, select, store
 from springgym.vectors import dot, minus, plus, plus_scaled, row, set_row, times
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+    from springgym.forces.barrier import HollowSphere, Planes
 
 
 class Bodies(NamedTuple):
@@ -76,7 +81,7 @@ class Bodies(NamedTuple):
 
 
 @compiled
-def lean(x: Any, span: Any, found: Any, own: Any, terms: Any) -> None:
+def lean(x: Rows, span: Any, found: Any, own: Any, terms: Terms) -> None:
     """Let surfaces give a body's particles what follows from all else, and bodies' pushes among it."""
     arrived = terms.memory.arrived
     for i in range(x.shape[0]):
@@ -97,16 +102,16 @@ def lean(x: Any, span: Any, found: Any, own: Any, terms: Any) -> None:
 
 @compiled
 def lean_on(
-    i: Any,
-    place: Any,
-    start: Any,
-    soon: Any,
+    i: int,
+    place: Vector,
+    start: Vector,
+    soon: Vector,
     span: Any,
     found: Any,
-    pushes: Any,
-    terms: Any,
-    planes: Any,
-    bowl: Any,
+    pushes: Numbers,
+    terms: Terms,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
 ) -> Given:
     """What surfaces, if there are any, give particle ``i``; all else changes its velocity from ``start``
     to ``soon``."""
@@ -120,7 +125,9 @@ def lean_on(
 
 
 @compiled
-def touch(x: Any, w: Any, span: Any, count: Any, last: Any, particles: Any, work: Any, terms: Any) -> None:
+def touch(
+    x: Any, w: Any, span: Any, count: Number, last: Any, particles: Particles, work: Any, terms: Terms
+) -> None:
     """Find what surfaces and bodies give at a node, for good at the ``last`` time."""
     meets, room = terms.meets, work.room
     pairs = meets.pairs
@@ -142,7 +149,7 @@ def touch(x: Any, w: Any, span: Any, count: Any, last: Any, particles: Any, work
 
 
 @compiled
-def arrive(v: Any, span: Any, own: Any, memory: Any) -> None:
+def arrive(v: Rows, span: Any, own: Any, memory: Any) -> None:
     """Keep how a body's particles come, and kick them with what leads to the node."""
     for i in range(v.shape[0]):
         start = row(v, i)
@@ -153,7 +160,7 @@ def arrive(v: Any, span: Any, own: Any, memory: Any) -> None:
 
 
 @compiled
-def look_ahead(v: Any, span: Any, last: Any, own: Any, terms: Any) -> None:
+def look_ahead(v: Rows, span: Any, last: Any, own: Any, terms: Terms) -> None:
     """Find a body's velocities after the node, but for contact: as if there were no dampers, at first."""
     for i in range(v.shape[0]):
         soon = plus_scaled(minus(row(v, i), row(own.space.given, i)), span.out, row(own.a, i))
@@ -166,7 +173,7 @@ def look_ahead(v: Any, span: Any, last: Any, own: Any, terms: Any) -> None:
 
 
 @compiled
-def give_half(v: Any, own: Any) -> None:
+def give_half(v: Rows, own: Any) -> None:
     """Give half of what contact is going to give, as far as is known, before dampers act."""
     for i in range(v.shape[0]):
         total = plus(row(own.pairs, i), plus(row(own.change, i), row(own.rub, i)))
@@ -177,7 +184,7 @@ def give_half(v: Any, own: Any) -> None:
 
 @compiled
 def leave(
-    x: Any, v: Any, body: Any, span: Any, last: Any, ledger: Any, work: Any, own: Any, terms: Any
+    x: Rows, v: Rows, body: Any, span: Any, last: Any, ledger: Ledger, work: Any, own: Any, terms: Terms
 ) -> bool:
     """Let a body's particles go on, and enter what they lost; or, at the ``last`` node, read them.
 
@@ -245,7 +252,14 @@ def leave(
 
 @compiled
 def held_at(
-    place: Any, start: Any, after: Any, bend: Any, span: Any, terms: Any, planes: Any, bowl: Any
+    place: Vector,
+    start: Vector,
+    after: Vector,
+    bend: Vector,
+    span: Any,
+    terms: Terms,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
 ) -> Any:
     """What surfaces' barriers hold around a node beside what they hold where it is read, and its lift."""
     energy, lift = 0.0 * place[0], times(0.0, place)
@@ -259,7 +273,7 @@ def held_at(
 
 
 @compiled
-def enter(span: Any, ledger: Any, pairs: Any, room: Any) -> None:
+def enter(span: Any, ledger: Ledger, pairs: Any, room: Any) -> None:
     """Enter what pairs lost, half for each body; of the half node of a fresh copy, all that it lost."""
     for p in range(pairs.first.size):
         rubbed = load(room.spent, (p, 1))
@@ -271,7 +285,7 @@ def enter(span: Any, ledger: Any, pairs: Any, room: Any) -> None:
 
 
 @compiled
-def hold(pairs: Any, tally: Any, memory: Any) -> None:
+def hold(pairs: Any, tally: Numbers, memory: Any) -> None:
     """Let each body of a pair hold half of the energy in its barriers."""
     for p in range(pairs.first.size):
         half = 0.5 * load(tally, p * ENTRIES + ENERGY)
@@ -281,7 +295,9 @@ def hold(pairs: Any, tally: Any, memory: Any) -> None:
 
 
 @compiled
-def pass_together(x: Any, v: Any, phase: Any, h: Any, last: Any, ledger: Any, work: Any, terms: Any) -> bool:
+def pass_together(
+    x: Any, v: Any, phase: Number, h: Number, last: Any, ledger: Ledger, work: Any, terms: Any
+) -> bool:
     """Let all act on all bodies at a node: `springgym.forces.node.pass_node` where they collide.
 
     Whether a way was bent.
@@ -338,7 +354,7 @@ def pass_together(x: Any, v: Any, phase: Any, h: Any, last: Any, ledger: Any, wo
 
 
 @compiled
-def bow_together(bent: Any, ledger: Any, work: Any, terms: Any) -> None:
+def bow_together(bent: Any, ledger: Ledger, work: Any, terms: Terms) -> None:
     """`springgym.forces.node.bow` for all bodies."""
     if bent:
         for body in range(bodies_of(work.a)):

@@ -8,13 +8,20 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from springgym.blocks import at
 from springgym.checks import instance, shown
 from springgym.compiling import Inner, compiled, kernel
 from springgym.integrators.record import Integrator
+from springgym.kinds import Ledger, Numbers
 from springgym.lanes import bodies_of, of_body
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+
 
 METHODS = (
     "verlet",
@@ -103,7 +110,7 @@ def advance_kernel(
 
 @compiled
 def one_by_one(
-    integrate: Any, x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any
+    integrate: Any, x: Any, v: Any, ledger: Ledger, workspace: np.ndarray, h: Any, steps: int, terms: Terms
 ) -> None:
     """Take each body through all steps, by itself."""
     for body in range(bodies_of(x)):
@@ -120,7 +127,7 @@ def one_by_one(
 
 @compiled
 def at_once(
-    integrate: Any, x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any
+    integrate: Any, x: Any, v: Any, ledger: Ledger, workspace: np.ndarray, h: Any, steps: int, terms: Terms
 ) -> None:
     """Take all bodies through the steps together."""
     integrate(x, v, ledger, workspace, h, steps, terms)
@@ -134,19 +141,19 @@ def _kernel(
     def advance(
         x: Any,
         v: Any,
-        ledger: Any,
-        workspace: Any,
+        ledger: Ledger,
+        workspace: np.ndarray,
         first: Any,
         last: Any,
         h: Any,
-        steps: Any,
-        settles: Any,
-        terms: Any,
-        reads: Any,
+        steps: int,
+        settles: bool,
+        terms: Terms,
+        reads: bool,
         readout: Any,
-        space: Any,
-        pivot: Any,
-        markers: Any,
+        space: Numbers,
+        pivot: np.ndarray,
+        markers: np.ndarray,
     ) -> None:
         for block in range(first, last):
             xb, vb, entries, own = at(x, block), at(v, block), at(ledger, block), at(terms, block)

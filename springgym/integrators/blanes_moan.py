@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces import accelerate, actuate, drift
 from springgym.integrators.record import Integrator
 from springgym.integrators.splitting import kick_and_act
+from springgym.kinds import Ledger, Number, Rows
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+
 
 RECORD = Integrator(
     name="blanes_moan",
@@ -29,7 +36,9 @@ DRIFTS = (*A, 1 - 2 * sum(A), *A[::-1])
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+def integrate(
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+) -> None:
     """Twelve kicks with eleven drifts between; the last kick of a step is one with the next step's first.
 
     On the stability interval of the oscillator lie two needles, ω h within 0.0005 of 3.1419 and 0.0008 of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,8 +11,14 @@ from springgym.forces import derivative
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.springs import longest_spring
 from springgym.integrators.record import REJECTIONS, STEPS, Integrator
+from springgym.kinds import Ledger, Mask, Number, Numbers, Rows
 from springgym.lanes import any_lane, load, select, sqrt, store
 from springgym.vectors import choose, dot, plus, row, set_row, times
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+    from springgym.integrators.record import Control
+
 
 RECORD = Integrator(
     name="dopri5",
@@ -49,7 +55,9 @@ SHRINK, GROW, SAFETY, SMALLEST = 0.2, 5.0, 0.9, 1e-10
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+def integrate(
+    x: Any, v: Any, ledger: Ledger, workspace: np.ndarray, h: Any, steps: int, terms: Terms
+) -> None:
     """Go ``steps`` × h ahead in steps of at most h, each copy of the block in its own.
 
     Powers are integrated for the ledger by the same weights. The next step is 0.9 e_n^(−3/16) e_(n−1)^(1/16)
@@ -67,14 +75,14 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, t
 
 @compiled
 def advance(
-    x: Any,
-    v: Any,
-    ledger: Any,
+    x: Numbers,
+    v: Rows,
+    ledger: Ledger,
     power: Any,
-    workspace: Any,
-    control: Any,
-    steps: Any,
-    terms: Any,
+    workspace: np.ndarray,
+    control: Control,
+    steps: int,
+    terms: Terms,
 ) -> None:
     """`integrate` with the ``power`` of each stage, entry by entry, None if there is no ledger."""
     xs, vs, b = workspace[14], workspace[15], workspace[16]
@@ -125,7 +133,9 @@ def advance(
 
 
 @compiled
-def evaluate(x: Any, v: Any, stage: Any, workspace: Any, b: Any, power: Any, terms: Any) -> None:
+def evaluate(
+    x: Rows, v: Rows, stage: Number, workspace: np.ndarray, b: Rows, power: Numbers, terms: Terms
+) -> None:
     """Set the derivatives of v, ``workspace[stage]``, and x, ``workspace[7 + stage]``, and the power."""
     if power is None:
         derivative(x, v, workspace[stage], b, 1.0, None, terms)
@@ -138,7 +148,9 @@ def evaluate(x: Any, v: Any, stage: Any, workspace: Any, b: Any, power: Any, ter
 
 
 @compiled
-def error_norm(v: Any, vs: Any, tau: Any, length: Any, workspace: Any, control: Any) -> Any:
+def error_norm(
+    v: Rows, vs: Rows, tau: Number, length: Number, workspace: np.ndarray, control: Control
+) -> Any:
     """Root mean square errors of positions and velocities, in tolerances, added."""
     squares = 0.0 * tau
     speed, in_x, in_v = squares, squares, squares
@@ -158,15 +170,15 @@ def error_norm(v: Any, vs: Any, tau: Any, length: Any, workspace: Any, control: 
 
 @compiled
 def finish(
-    accepted: Any,
-    x: Any,
-    v: Any,
-    xs: Any,
-    vs: Any,
-    tau: Any,
-    workspace: Any,
-    ledger: Any,
-    power: Any,
+    accepted: Mask,
+    x: Rows,
+    v: Rows,
+    xs: Rows,
+    vs: Rows,
+    tau: Number,
+    workspace: np.ndarray,
+    ledger: Ledger,
+    power: Numbers,
 ) -> None:
     """Take the step in the copies that accept it; its last stage is the next step's first."""
     for i in range(x.shape[0]):

@@ -14,6 +14,7 @@ import numpy as np
 
 from springgym.blocks import aligned_zeros
 from springgym.compiling import compiled
+from springgym.kinds import Number, Rows, Vector
 from springgym.vectors import cross, dot, minus, plus, row, set_row, times
 
 
@@ -39,42 +40,42 @@ def envelope(count: int, springs: np.ndarray, dtype: Any) -> Envelope:
 
 
 @compiled
-def block(blocks: Any, n: Any) -> Any:
+def block(blocks: Rows, n: Number) -> Any:
     """Block ``n``: its three rows."""
     return row(blocks, 3 * n), row(blocks, 3 * n + 1), row(blocks, 3 * n + 2)
 
 
 @compiled
-def set_block(blocks: Any, n: Any, values: Any) -> None:
+def set_block(blocks: Rows, n: Number, values: Vector) -> None:
     set_row(blocks, 3 * n, values[0])
     set_row(blocks, 3 * n + 1, values[1])
     set_row(blocks, 3 * n + 2, values[2])
 
 
 @compiled
-def combine(u: Any, rows: Any) -> Any:
+def combine(u: Vector, rows: Vector) -> Any:
     """Row vector × matrix."""
     return plus(plus(times(u[0], rows[0]), times(u[1], rows[1])), times(u[2], rows[2]))
 
 
 @compiled
-def apply(rows: Any, u: Any) -> Any:
+def apply(rows: Vector, u: Vector) -> Any:
     """Matrix × vector."""
     return dot(rows[0], u), dot(rows[1], u), dot(rows[2], u)
 
 
 @compiled
-def multiply(rows: Any, others: Any) -> Any:
+def multiply(rows: Vector, others: Any) -> Any:
     return combine(rows[0], others), combine(rows[1], others), combine(rows[2], others)
 
 
 @compiled
-def add(rows: Any, others: Any) -> Any:
+def add(rows: Vector, others: Vector) -> Any:
     return plus(rows[0], others[0]), plus(rows[1], others[1]), plus(rows[2], others[2])
 
 
 @compiled
-def subtract(rows: Any, others: Any) -> Any:
+def subtract(rows: Vector, others: Vector) -> Any:
     return minus(rows[0], others[0]), minus(rows[1], others[1]), minus(rows[2], others[2])
 
 
@@ -120,7 +121,7 @@ def factorise(matrix: Any, skew: Any) -> None:
 
 
 @compiled
-def solve(matrix: Any, y: Any) -> None:
+def solve(matrix: Any, y: Rows) -> None:
     """Replace ``y`` (N, 3) by A⁻¹ y, A factorised."""
     first, start, lower, upper = matrix
     for i in range(first.size):

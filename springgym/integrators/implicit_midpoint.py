@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces import act, actuate
 from springgym.integrators.newton import copy_rows, record_losses, solve_stage
 from springgym.integrators.record import Integrator
+from springgym.kinds import Ledger, Rows
 from springgym.vectors import minus, plus, row, set_row, times
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+    from springgym.integrators.record import Control
+
 
 RECORD = Integrator(
     name="implicit_midpoint",
@@ -26,7 +34,9 @@ RECORD = Integrator(
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, control: Any, steps: Any, terms: Any) -> None:
+def integrate(
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, control: Control, steps: int, terms: Terms
+) -> None:
     """Implicit Euler for h/2, and as much again along the same derivative."""
     h = control.step
     space, matrix = workspace

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,33 +11,42 @@ from springgym.forces import accelerate_and_damp
 from springgym.forces.springs import longest_spring, pull_jacobian
 from springgym.integrators.envelope import add, block, factorise, set_block, solve, subtract
 from springgym.integrators.record import ITERATIONS
+from springgym.kinds import Ledger, Number, Rows
 from springgym.lanes import any_lane, load, select, store
 from springgym.vectors import choose, dot, minus, plus, row, set_row, times
+
+if TYPE_CHECKING:
+    from springgym.forces import Particles, Terms
+    from springgym.forces.springs import Dampers, Springs
+    from springgym.integrators.record import Control
+
 
 ITERATION_LIMIT = 25
 
 
 @compiled
 def record_losses(
-    x: Any,
-    v: Any,
-    a: Any,
-    weight: Any,
-    ledger: Any,
-    terms: Any,
+    x: Rows,
+    v: Rows,
+    a: Rows,
+    weight: Number,
+    ledger: Ledger,
+    terms: Terms,
 ) -> None:
     """Add ``weight`` [s] times the power lost at a state to the ledger."""
     record_damping(x, v, a, weight, ledger, terms, terms.dampers)
 
 
 @compiled
-def record_damping(x: Any, v: Any, a: Any, weight: Any, ledger: Any, terms: Any, dampers: Any) -> None:
+def record_damping(
+    x: Rows, v: Rows, a: Rows, weight: Number, ledger: Ledger, terms: Terms, dampers: Dampers | None
+) -> None:
     if dampers is not None and ledger is not None:
         accelerate_and_damp(x, v, a, weight, ledger, terms)
 
 
 @compiled
-def assemble(matrix: Any, x: Any, v: Any, tau: Any, terms: Any) -> None:
+def assemble(matrix: Any, x: Rows, v: Rows, tau: Number, terms: Terms) -> None:
     """Set the matrix to M − τ ∂F/∂v − τ² ∂F/∂x and factorise it; pinned particles are left to themselves."""
     particles = terms.particles
     nothing = 0.0 * load(x, (0, 0))
@@ -58,7 +67,13 @@ def assemble(matrix: Any, x: Any, v: Any, tau: Any, terms: Any) -> None:
 
 @compiled
 def subtract_jacobian(
-    matrix: Any, x: Any, v: Any, tau: Any, particles: Any, springs: Any, dampers: Any
+    matrix: Any,
+    x: Rows,
+    v: Rows,
+    tau: Number,
+    particles: Particles,
+    springs: Springs,
+    dampers: Dampers | None,
 ) -> None:
     """Subtract τ ∂F/∂v + τ² ∂F/∂x, F the forces of springs and dampers."""
     if springs is not None:
@@ -78,14 +93,14 @@ def subtract_jacobian(
 @compiled
 def solve_stage(
     x0: Any,
-    v0: Any,
-    x: Any,
-    v: Any,
-    tau: Any,
+    v0: Rows,
+    x: Rows,
+    v: Rows,
+    tau: Number,
     matrix: Any,
     space: Any,
-    control: Any,
-    terms: Any,
+    control: Control,
+    terms: Terms,
 ) -> None:
     """Find v = v₀ + τ a(x, v) with x = x₀ + τ v, from the v given, by Newton's method.
 
@@ -122,13 +137,13 @@ def solve_stage(
 
 
 @compiled
-def copy_rows(source: Any, target: Any) -> None:
+def copy_rows(source: Rows, target: Rows) -> None:
     for i in range(source.shape[0]):
         set_row(target, i, row(source, i))
 
 
 @compiled
-def move(x: Any, x0: Any, v: Any, tau: Any) -> None:
+def move(x: Rows, x0: Rows, v: Rows, tau: Number) -> None:
     """x = x₀ + τ v."""
     for i in range(x.shape[0]):
         set_row(x, i, plus(row(x0, i), times(tau, row(v, i))))

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces import accelerate, actuate, drift
 from springgym.integrators.record import Integrator
 from springgym.integrators.splitting import kick_and_act
+from springgym.kinds import Ledger, Number, Rows
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+
 
 RECORD = Integrator(
     name="pefrl",
@@ -27,7 +34,9 @@ KICKS = (0.5 - LAMBDA, LAMBDA, LAMBDA, 0.5 - LAMBDA)
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+def integrate(
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+) -> None:
     """Drifts ξ, χ, 1 − 2(χ + ξ), χ, ξ with kicks ½ − λ, λ, λ, ½ − λ between; neighbouring drifts are one."""
     a, b, direction = workspace[0], workspace[1], workspace[2]
     for n in range(4 * steps):

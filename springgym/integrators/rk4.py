@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces import derivative, settle
 from springgym.integrators.record import Integrator
+from springgym.kinds import Ledger, Number, Rows
 from springgym.vectors import add_scaled, plus, plus_scaled, row, set_row
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+
 
 RECORD = Integrator(
     name="rk4",
@@ -23,7 +30,9 @@ RECORD = Integrator(
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+def integrate(
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+) -> None:
     """Four derivatives a step, weighted 1, 2, 2, 1; the ledger's powers are integrated alike."""
     a, b = workspace[0], workspace[1]
     xs, vs, dx, dv = workspace[2], workspace[3], workspace[4], workspace[5]

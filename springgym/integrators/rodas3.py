@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +12,14 @@ from springgym.forces.springs import pull_jacobian
 from springgym.integrators.envelope import apply, solve
 from springgym.integrators.newton import assemble, record_losses
 from springgym.integrators.record import Integrator
+from springgym.kinds import Ledger, Number, Rows
 from springgym.lanes import load
 from springgym.vectors import add_row, minus, plus, row, set_row, times
+
+if TYPE_CHECKING:
+    from springgym.forces import Particles, Terms
+    from springgym.forces.springs import Dampers, Springs
+
 
 RECORD = Integrator(
     name="rodas3",
@@ -36,7 +42,9 @@ M = np.array([2, 0, 1, 1], float)
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+def integrate(
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+) -> None:
     """Stage i solves (1/(γh) − J) k_i = f(y + Σ A_ij k_j) + Σ (C_ij/h) k_j; then y gains Σ M_i k_i.
 
     With k = (p, q) and the stage's velocity and acceleration u and a this is
@@ -84,7 +92,7 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, t
 
 
 @compiled
-def weigh(u: Any, factor: Any, particles: Any) -> None:
+def weigh(u: Rows, factor: Number, particles: Particles) -> None:
     """u ← factor × M u."""
     for i in range(particles.mass.size):
         set_row(u, i, times(factor * load(particles.mass, i), row(u, i)))
@@ -92,14 +100,14 @@ def weigh(u: Any, factor: Any, particles: Any) -> None:
 
 @compiled
 def add_stiffness(
-    x: Any,
-    v: Any,
-    u: Any,
-    out: Any,
-    factor: Any,
-    particles: Any,
-    springs: Any,
-    dampers: Any,
+    x: Rows,
+    v: Rows,
+    u: Rows,
+    out: Rows,
+    factor: Number,
+    particles: Particles,
+    springs: Springs,
+    dampers: Dampers | None,
 ) -> None:
     """Add factor × ∂F/∂x u to the free particles of ``out``."""
     if springs is not None:

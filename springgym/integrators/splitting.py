@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from springgym.compiling import compiled
 from springgym.forces import act, kick
+from springgym.kinds import Ledger, Number, Rows
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+    from springgym.forces.actuators import Thrust, Wrench
 
 
 @compiled
-def kick_and_act(v: Any, a: Any, b: Any, tau: Any, ledger: Any, terms: Any) -> None:
+def kick_and_act(v: Rows, a: Any, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
     """Let forces ``a`` and actuators ``b`` act for ``tau`` seconds, at once: with half of the kick on either
     side the actuators' work is that of the exact flow, so that the ledger closes to the method's order."""
     kick_amid(v, a, b, tau, ledger, terms, terms.wrench, terms.thrust)
 
 
 @compiled
-def kick_amid(v: Any, a: Any, b: Any, tau: Any, ledger: Any, terms: Any, wrench: Any, thrust: Any) -> None:
+def kick_amid(
+    v: Rows,
+    a: Any,
+    b: Rows,
+    tau: Number,
+    ledger: Ledger,
+    terms: Terms,
+    wrench: Wrench | None,
+    thrust: Thrust | None,
+) -> None:
     if wrench is None and thrust is None:
         kick(v, a, tau)
         act(v, b, tau, ledger, terms)

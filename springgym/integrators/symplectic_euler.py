@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces import accelerate, act, actuate, drift, kick, relax
 from springgym.integrators.record import Integrator
+from springgym.kinds import Ledger, Number, Rows
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+
 
 RECORD = Integrator(
     name="symplectic_euler",
@@ -22,7 +29,9 @@ RECORD = Integrator(
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+def integrate(
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+) -> None:
     """Damp h/2, actuate h, damp h/2, kick h, all with the forces at x_n, then drift h."""
     a, b, direction = workspace[0], workspace[1], workspace[2]
     for _ in range(steps):

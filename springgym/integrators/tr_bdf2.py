@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces import accelerate_and_damp, act, actuate
@@ -12,7 +14,13 @@ from springgym.integrators.newton import (
     solve_stage,
 )
 from springgym.integrators.record import Integrator
+from springgym.kinds import Ledger, Rows
 from springgym.vectors import minus, plus, row, set_row, times
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+    from springgym.integrators.record import Control
+
 
 RECORD = Integrator(
     name="tr_bdf2",
@@ -40,7 +48,9 @@ FORWARD = 1 / (GAMMA * (2 - GAMMA))
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, control: Any, steps: Any, terms: Any) -> None:
+def integrate(
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, control: Control, steps: int, terms: Terms
+) -> None:
     """The trapezoidal rule for γ h, then the backward difference formula through both for (1 − γ) h."""
     h = control.step
     space, matrix = workspace

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces import accelerate, act, actuate, drift, kick, paired, relax
@@ -16,7 +18,12 @@ from springgym.forces.together import (
     resume_tally,
 )
 from springgym.integrators.record import Integrator
+from springgym.kinds import Ledger, Number, Rows
 from springgym.lanes import bodies_of, load, of_body
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+
 
 RECORD = Integrator(
     name="verlet",
@@ -34,7 +41,9 @@ RECORD = Integrator(
 
 
 @compiled
-def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+def integrate(
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+) -> None:
     """Damp h/2, kick h/2, drift h, kick h/2, damp h/2; the actuators act amid the damping.
 
     What loses or adds energy does so where velocities and positions are of the same time: half a kick
@@ -63,7 +72,7 @@ def integrate(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, t
 
 @compiled
 def integrate_among_surfaces(
-    x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
 ) -> None:
     """The same where there are surfaces: all acts at nodes, between drifts of h; see `springgym.forces.node`.
 
@@ -91,7 +100,9 @@ def integrate_among_surfaces(
 
 
 @compiled
-def integrate_together(x: Any, v: Any, ledger: Any, workspace: Any, h: Any, steps: Any, terms: Any) -> None:
+def integrate_together(
+    x: Any, v: Any, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+) -> None:
     """The same where bodies collide: all of them take each step together.
 
     ``x``, ``v`` and ``ledger`` are those of all bodies; ``workspace`` is of `springgym.forces.together`.

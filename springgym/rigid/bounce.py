@@ -20,6 +20,7 @@ from typing import Any
 
 from springgym.compiling import compiled
 from springgym.forces.barrier import decay_means
+from springgym.kinds import Mask, Number, Numbers
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
 
 CONVERGED = 5e-4
@@ -30,7 +31,7 @@ ITERATIONS = 40
 
 
 @compiled
-def squeeze(reached: Any, gain: Any, pull: Any, static: Any, inverse_start: Any) -> Any:
+def squeeze(reached: Number, gain: Number, pull: Number, static: Number, inverse_start: Number) -> Any:
     """The height h₁ > 0 with h₁ = reached + gain · J, and J = pull/(h₀ h₁) − static."""
     half = 0.5 * (reached - gain * static)
     product = gain * pull * inverse_start
@@ -41,14 +42,14 @@ def squeeze(reached: Any, gain: Any, pull: Any, static: Any, inverse_start: Any)
 
 
 @compiled
-def escape(linear: Any, square: Any, energy: Any) -> Any:
+def escape(linear: Number, square: Number, energy: Number) -> Any:
     """The J > 0 with linear · J + square · J² = energy."""
     root = sqrt(linear * linear + 4.0 * square * energy)
     return select(linear > 0.0, 2.0 * energy / (linear + root), (root - linear) / (2.0 * square))
 
 
 @compiled
-def response(impulse: Any, u: Any, damping: Any) -> Any:
+def response(impulse: Number, u: Number, damping: Numbers) -> Any:
     """What an impulse J per mass does to a speed ``u``.
 
     Returns
@@ -70,7 +71,9 @@ def rounds(damping: Any) -> int:
 
 
 @compiled
-def bounce(h: Any, u: Any, tau: Any, c: Any, reach: Any, damping: Any, touching: Any) -> Any:
+def bounce(
+    h: Number, u: Number, tau: Number, c: Number, reach: Number, damping: Numbers, touching: Mask
+) -> Any:
     """Move along a normal for ``tau`` seconds, from height ``h`` at speed ``u``.
 
     ``c`` is the strength per mass, ``damping`` d [s/m] or None. Lanes that are not ``touching`` get

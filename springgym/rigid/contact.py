@@ -19,16 +19,25 @@ function), then the flight is flown and its curvature put right, until that does
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces.barrier import surfaces
 from springgym.forces.ledger import CONTACT, FRICTION, record
+from springgym.kinds import Ledger, Number, Numbers, Vector
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
 from springgym.rigid.bounce import bounce
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
 from springgym.surfaces import NEAREST
 from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times, vector
+
+if TYPE_CHECKING:
+    from springgym.forces import Particles
+    from springgym.forces.barrier import HollowSphere, Planes
+    from springgym.rigid.motion import Rigid
+
 
 FLIGHTS = 12
 """How often the flight is flown with new impulses, at the most; what is left of the effect of its curvature
@@ -54,7 +63,7 @@ ARRAYS = 4
 
 
 @compiled
-def touch(i: Any, k: Any, pose: Any, rigid: Any, planes: Any, bowl: Any) -> Any:
+def touch(i: int, k: int, pose: Any, rigid: Rigid, planes: Planes | None, bowl: HollowSphere | None) -> Any:
     """Height of particle i above surface k, and the normal there in body coordinates.
 
     A pose is the position of the body's point and the principal axes, in world coordinates.
@@ -75,7 +84,7 @@ def touch(i: Any, k: Any, pose: Any, rigid: Any, planes: Any, bowl: Any) -> Any:
 
 
 @compiled
-def law(nothing: Any, planes: Any, bowl: Any) -> Any:
+def law(nothing: Number, planes: Planes | None, bowl: HollowSphere | None) -> Any:
     """Strength and reach of the barrier; ``nothing`` is a zero in every lane."""
     strength, reach = nothing, 0.0
     if planes is not None:
@@ -86,26 +95,33 @@ def law(nothing: Any, planes: Any, bowl: Any) -> Any:
 
 
 @compiled
-def ease(arm: Any, lightness: Any, rigid: Any) -> Any:
+def ease(arm: Vector, lightness: Number, rigid: Rigid) -> Any:
     """1/M + (r × n) · I⁻¹ (r × n): speed along n per impulse along n."""
     return lightness + dot(arm, angular_velocity(arm, rigid))
 
 
 @compiled
-def velocity_of(place: Any, motion: Any, rigid: Any) -> Any:
+def velocity_of(place: Vector, motion: Vector, rigid: Rigid) -> Any:
     """Velocity of a particle. A motion is velocity and angular momentum, both in body coordinates."""
     return plus(motion[0], cross(angular_velocity(motion[1], rigid), place))
 
 
 @compiled
-def pushed(motion: Any, place: Any, push: Any, lightness: Any) -> Any:
+def pushed(motion: Vector, place: Vector, push: Vector, lightness: Number) -> Any:
     """The motion after an impulse at a particle; ``lightness`` is 1/M, or 0 of a pinned body."""
     return plus(motion[0], times(lightness, push)), plus(motion[1], cross(place, push))
 
 
 @compiled
 def stick(
-    place: Any, n: Any, old: Any, limit: Any, motion: Any, active: Any, lightness: Any, rigid: Any
+    place: Vector,
+    n: Vector,
+    old: Vector,
+    limit: Number,
+    motion: Vector,
+    active: Any,
+    lightness: Number,
+    rigid: Rigid,
 ) -> Any:
     """Friction that stops a particle along a surface or, at its limit, works against its motion.
 
@@ -123,7 +139,13 @@ def stick(
 
 
 @compiled
-def start_over(workspace: Any, nothing: Any, particles: Any, planes: Any, bowl: Any) -> None:
+def start_over(
+    workspace: np.ndarray,
+    nothing: Vector,
+    particles: Particles,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
+) -> None:
     """Forget all impulses."""
     for k in range(surfaces(planes, bowl)):
         for i in range(particles.mass.size):
@@ -133,7 +155,13 @@ def start_over(workspace: Any, nothing: Any, particles: Any, planes: Any, bowl: 
 
 @compiled
 def approach(
-    workspace: Any, begin: Any, lightness: Any, rigid: Any, particles: Any, planes: Any, bowl: Any
+    workspace: np.ndarray,
+    begin: Vector,
+    lightness: Number,
+    rigid: Rigid,
+    particles: Particles,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
 ) -> None:
     """Set what the flight begins with: heights, normals and eases."""
     _, reach = law(0.0 * begin[0][0], planes, bowl)
@@ -150,15 +178,15 @@ def approach(
 
 @compiled
 def bend(
-    workspace: Any,
-    tau: Any,
+    workspace: np.ndarray,
+    tau: Number,
     end: Any,
-    motion: Any,
-    margin: Any,
-    rigid: Any,
-    particles: Any,
-    planes: Any,
-    bowl: Any,
+    motion: Vector,
+    margin: Number,
+    rigid: Rigid,
+    particles: Particles,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
 ) -> Any:
     """Set what the flight adds: curvatures and gaps, given the motion that it begins with.
 
@@ -182,13 +210,13 @@ def bend(
 @compiled
 def resume(
     motion: Any,
-    workspace: Any,
+    workspace: np.ndarray,
     margin: Any,
     lightness: Any,
-    rigid: Any,
-    particles: Any,
-    planes: Any,
-    bowl: Any,
+    rigid: Rigid,
+    particles: Particles,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
 ) -> Any:
     """The motion with the impulses of the step before, as a guess; they are dropped where none is near."""
     for k in range(surfaces(planes, bowl)):
@@ -208,17 +236,17 @@ def resume(
 
 @compiled
 def push_apart(
-    motion: Any,
-    tau: Any,
-    active: Any,
-    workspace: Any,
-    lightness: Any,
-    rigid: Any,
-    particles: Any,
-    planes: Any,
-    bowl: Any,
-    friction: Any,
-    damping: Any,
+    motion: Vector,
+    tau: Number,
+    active: Number,
+    workspace: np.ndarray,
+    lightness: Number,
+    rigid: Rigid,
+    particles: Particles,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
+    friction: Numbers,
+    damping: Numbers,
 ) -> Any:
     """Find J, s and the friction with s where ``active`` is 1; returns the motion with s and friction."""
     strength, reach = law(0.0 * active, planes, bowl)
@@ -264,18 +292,18 @@ def push_apart(
 
 @compiled
 def account(
-    before: Any,
-    motion: Any,
-    tau: Any,
-    ledger: Any,
-    workspace: Any,
+    before: Vector,
+    motion: Vector,
+    tau: Number,
+    ledger: Ledger,
+    workspace: np.ndarray,
     lightness: Any,
-    rigid: Any,
-    particles: Any,
-    planes: Any,
-    bowl: Any,
+    rigid: Rigid,
+    particles: Particles,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
     friction: Any,
-    damping: Any,
+    damping: Numbers,
 ) -> None:
     """Enter what was lost in contact, and by friction that acted just before s, on the motion ``before``.
 
@@ -308,23 +336,23 @@ def account(
 
 @compiled
 def slide(
-    q: Any,
-    spin: Any,
-    position: Any,
-    velocity: Any,
-    tau: Any,
+    q: Vector,
+    spin: Vector,
+    position: Vector,
+    velocity: Vector,
+    tau: Number,
     warm: Any,
-    ledger: Any,
-    workspace: Any,
+    ledger: Ledger,
+    workspace: np.ndarray,
     axes: Any,
-    lightness: Any,
-    rigid: Any,
-    asymmetry: Any,
-    particles: Any,
-    planes: Any,
-    bowl: Any,
-    friction: Any,
-    damping: Any,
+    lightness: Number,
+    rigid: Rigid,
+    asymmetry: Numbers,
+    particles: Particles,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
+    friction: Numbers,
+    damping: Numbers,
 ) -> Any:
     """Fly for ``tau`` seconds, with the impulses of surfaces.
 
@@ -402,20 +430,20 @@ def slide(
 
 @compiled
 def rub(
-    q: Any,
+    q: Vector,
     spin: Any,
     position: Any,
-    velocity: Any,
-    margin: Any,
-    ledger: Any,
-    workspace: Any,
+    velocity: Vector,
+    margin: Number,
+    ledger: Ledger,
+    workspace: np.ndarray,
     axes: Any,
-    lightness: Any,
-    rigid: Any,
-    particles: Any,
-    planes: Any,
-    bowl: Any,
-    friction: Any,
+    lightness: Number,
+    rigid: Rigid,
+    particles: Particles,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
+    friction: Numbers,
 ) -> Any:
     """Friction with the impulses J − s at the end of a flight; returns spin and velocity."""
     pose = (position, turned(axes, q))

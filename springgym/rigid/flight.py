@@ -14,27 +14,31 @@ doi:10.1063/1.474310.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from springgym.compiling import compiled
+from springgym.kinds import Number, Numbers, Vector
 from springgym.lanes import load
 from springgym.rigid.rotation import normalised, product, rotation_vector, sine_cosine, turn
 from springgym.vectors import dot, plus, times, vector
 
+if TYPE_CHECKING:
+    from springgym.rigid.motion import Rigid
+
 
 @compiled
-def combine(axes: Any, u: Any) -> Any:
+def combine(axes: Vector, u: Vector) -> Any:
     """Σ uₙ × axis n."""
     return plus(times(u[0], axes[0]), plus(times(u[1], axes[1]), times(u[2], axes[2])))
 
 
 @compiled
-def components(axes: Any, u: Any) -> Any:
+def components(axes: Vector, u: Vector) -> Any:
     return dot(axes[0], u), dot(axes[1], u), dot(axes[2], u)
 
 
 @compiled
-def turned(axes: Any, q: Any) -> Any:
+def turned(axes: Any, q: Vector) -> Any:
     """The principal axes in world coordinates, given those where ``q`` is the identity."""
     return (
         combine(axes, turn(q, (1.0, 0.0, 0.0))),
@@ -44,13 +48,13 @@ def turned(axes: Any, q: Any) -> Any:
 
 
 @compiled
-def angular_velocity(spin: Any, rigid: Any) -> Any:
+def angular_velocity(spin: Vector, rigid: Rigid) -> Any:
     moments = vector(rigid.moments)
     return spin[0] / moments[0], spin[1] / moments[1], spin[2] / moments[2]
 
 
 @compiled
-def twist_about_second(q: Any, spin: Any, tau: Any, asymmetry: Any) -> Any:
+def twist_about_second(q: Vector, spin: Vector, tau: Number, asymmetry: Numbers) -> Any:
     """The flow of ½(1/I₂ − 1/I₁) Π₂²."""
     s, c = sine_cosine(0.5 * tau * load(asymmetry, 0) * spin[1])
     turned = (
@@ -64,7 +68,7 @@ def twist_about_second(q: Any, spin: Any, tau: Any, asymmetry: Any) -> Any:
 
 
 @compiled
-def turn_freely(q: Any, spin: Any, tau: Any, rigid: Any) -> Any:
+def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> Any:
     """The free motion of a body whose first two moments are I₁."""
     slow = 1.0 / load(rigid.moments, 0)
     q = product(q, rotation_vector(spin, tau * slow))
@@ -80,7 +84,9 @@ def turn_freely(q: Any, spin: Any, tau: Any, rigid: Any) -> Any:
 
 
 @compiled
-def fly(q: Any, spin: Any, position: Any, velocity: Any, tau: Any, rigid: Any, asymmetry: Any) -> Any:
+def fly(
+    q: Vector, spin: Vector, position: Vector, velocity: Vector, tau: Number, rigid: Rigid, asymmetry: Numbers
+) -> Any:
     """Orientation, angular momentum (body coordinates) and position after ``tau`` seconds."""
     if asymmetry is not None:
         q, spin = twist_about_second(q, spin, 0.5 * tau, asymmetry)

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from springgym.blocks import at
 from springgym.compiling import compiled, kernel
 from springgym.forces.ledger import WORK, record
+from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.lanes import any_lane, bodies_of, load, of_body
 from springgym.rigid.contact import rub, slide
 from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
@@ -38,6 +39,11 @@ from springgym.vectors import (
     triad,
     vector,
 )
+
+if TYPE_CHECKING:
+    from springgym.forces import Particles, Terms
+    from springgym.forces.actuators import Thrust, Wrench
+    from springgym.forces.barrier import HollowSphere, Planes
 
 
 class Rigid(NamedTuple):
@@ -58,12 +64,12 @@ class Rigid(NamedTuple):
 
 
 @compiled
-def rows(matrix: Any) -> Any:
+def rows(matrix: Rows) -> Any:
     return row(matrix, 0), row(matrix, 1), row(matrix, 2)
 
 
 @compiled
-def orientation(x: Any, rigid: Any) -> Any:
+def orientation(x: Rows, rigid: Rigid) -> Any:
     """The principal axes in world coordinates: how the triad of the particles stands to that of the shape."""
     here = triad(x, rigid.markers)
     e1, e2, e3 = rows(rigid.triad)
@@ -76,18 +82,18 @@ def orientation(x: Any, rigid: Any) -> Any:
 
 @compiled
 def kick(
-    q: Any,
-    spin: Any,
-    velocity: Any,
-    tau: Any,
-    ledger: Any,
-    axes: Any,
-    total: Any,
-    centre: Any,
-    rigid: Any,
-    gravity: Any,
-    wrench: Any,
-    thrust: Any,
+    q: Vector,
+    spin: Vector,
+    velocity: Vector,
+    tau: Number,
+    ledger: Ledger,
+    axes: Vector,
+    total: Number,
+    centre: Vector,
+    rigid: Rigid,
+    gravity: Numbers,
+    wrench: Wrench | None,
+    thrust: Thrust | None,
 ) -> Any:
     """Let gravity and actuators act for ``tau`` seconds; the actuators' exact work goes to the ledger.
 
@@ -114,7 +120,9 @@ def kick(
 
 
 @compiled
-def load_of_actuators(q: Any, centre: Any, axes: Any, rigid: Any, wrench: Any, thrust: Any) -> Any:
+def load_of_actuators(
+    q: Vector, centre: Vector, axes: Vector, rigid: Rigid, wrench: Wrench | None, thrust: Thrust | None
+) -> Any:
     """Force [N] and torque [N·m] of the actuators about the body's point, in body coordinates."""
     force = times(0.0 * q[0], centre)
     torque = force
@@ -137,22 +145,22 @@ def load_of_actuators(q: Any, centre: Any, axes: Any, rigid: Any, wrench: Any, t
 
 @compiled
 def move(
-    x: Any,
-    v: Any,
-    ledger: Any,
-    workspace: Any,
-    h: Any,
-    steps: Any,
-    rigid: Any,
-    asymmetry: Any,
-    particles: Any,
+    x: Rows,
+    v: Rows,
+    ledger: Ledger,
+    workspace: np.ndarray,
+    h: Number,
+    steps: int,
+    rigid: Rigid,
+    asymmetry: Numbers,
+    particles: Particles,
     gravity: Any,
-    wrench: Any,
-    thrust: Any,
-    planes: Any,
-    bowl: Any,
-    friction: Any,
-    impact_damping: Any,
+    wrench: Wrench | None,
+    thrust: Thrust | None,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
+    friction: Numbers,
+    impact_damping: Numbers,
 ) -> None:
     """Take the particles of one block through ``steps`` steps; none only makes them rigid."""
     axes = orientation(x, rigid)
@@ -245,19 +253,19 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
     def advance(
         x: Any,
         v: Any,
-        ledger: Any,
-        workspace: Any,
+        ledger: Ledger,
+        workspace: np.ndarray,
         first: Any,
         last: Any,
         h: Any,
-        steps: Any,
-        settles: Any,
-        terms: Any,
-        reads: Any,
+        steps: int,
+        settles: bool,
+        terms: Terms,
+        reads: bool,
         readout: Any,
-        space: Any,
-        pivot: Any,
-        markers: Any,
+        space: Numbers,
+        pivot: np.ndarray,
+        markers: np.ndarray,
     ) -> None:
         for block in range(first, last):
             xb, vb, entries, all_terms = at(x, block), at(v, block), at(ledger, block), at(terms, block)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
+from springgym.kinds import Number, Vector
 from springgym.lanes import nearest, sqrt
 from springgym.vectors import TINY, cross, dot, plus, times
 
@@ -13,7 +14,7 @@ PI_LOW = 1.5099579909783765e-07
 
 
 @compiled
-def sine_cosine(angle: Any) -> Any:
+def sine_cosine(angle: Number) -> Any:
     """(sin, cos), or both negated: the half turns that are left out make no difference to a rotation.
 
     Reduced to |angle| ≤ π/2, by Taylor's series at half of it and the formulas for the double angle.
@@ -41,7 +42,7 @@ def sine_cosine(angle: Any) -> Any:
 
 
 @compiled
-def product(p: Any, q: Any) -> Any:
+def product(p: Vector, q: Vector) -> Any:
     """The rotation q, then p."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
@@ -52,13 +53,13 @@ def product(p: Any, q: Any) -> Any:
 
 
 @compiled
-def normalised(q: Any) -> Any:
+def normalised(q: Vector) -> Any:
     inverse = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return inverse * q[0], inverse * q[1], inverse * q[2], inverse * q[3]
 
 
 @compiled
-def turn(q: Any, u: Any) -> Any:
+def turn(q: Vector, u: Vector) -> Any:
     """A vector in world coordinates from body coordinates: u + 2 w a × u + 2 a × (a × u), q = (w, a)."""
     axis = (q[1], q[2], q[3])
     across = times(2.0, cross(axis, u))
@@ -66,13 +67,13 @@ def turn(q: Any, u: Any) -> Any:
 
 
 @compiled
-def turn_back(q: Any, u: Any) -> Any:
+def turn_back(q: Vector, u: Vector) -> Any:
     """A vector in body coordinates from world coordinates."""
     return turn((q[0], -q[1], -q[2], -q[3]), u)
 
 
 @compiled
-def rotation_vector(u: Any, scale: Any) -> Any:
+def rotation_vector(u: Vector, scale: Number) -> Any:
     """The rotation about ``u`` by the angle ``scale`` × |u|."""
     size = sqrt(dot(u, u) + TINY)
     sine, cosine = sine_cosine((0.5 * scale) * size)

@@ -21,6 +21,7 @@ from typing import Any
 
 from springgym.compiling import compiled
 from springgym.forces.pairs.terms import FAR, OVERFLOW, tell
+from springgym.kinds import Number, Numbers, Rows, Vector
 from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt, store
 from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times, unit
 
@@ -35,26 +36,26 @@ LEAST_SHARE = 1e-6
 
 
 @compiled
-def smooth(y: Any) -> Any:
+def smooth(y: Number) -> Any:
     """From 0 to 1 for y from 0 to 1, flat at both ends."""
     y = minimum(maximum(y, 0.0), 1.0)
     return y * y * (3.0 - 2.0 * y)
 
 
 @compiled
-def within(y: Any) -> Any:
+def within(y: Number) -> Any:
     """The nearest number from 0 to 1."""
     return minimum(maximum(y, 0.0), 1.0)
 
 
 @compiled
-def weighted(x: Any, i: Any, wi: Any, j: Any, wj: Any, k: Any, wk: Any) -> Any:
+def weighted(x: Rows, i: int, wi: Number, j: Any, wj: Number, k: int, wk: Number) -> Any:
     """The sum of three rows, each times a number."""
     return plus(plus(times(wi, row(x, i)), times(wj, row(x, j))), times(wk, row(x, k)))
 
 
 @compiled
-def on_sides(uu: Any, uw: Any, ww: Any, e: Any, f: Any) -> Any:
+def on_sides(uu: Number, uw: Number, ww: Number, e: Number, f: Number) -> Any:
     """Weights of the far corners in the point of a triangle's sides nearest to r.
 
     It is spanned by u and w, whose products are ``uu``, ``uw`` and ``ww``; ``e`` and ``f`` are u·r and w·r.
@@ -72,7 +73,17 @@ def on_sides(uu: Any, uw: Any, ww: Any, e: Any, f: Any) -> Any:
 
 @compiled
 def add_contact(
-    k: Any, p: Any, count: Any, i: Any, w: Any, n: Any, d: Any, share: Any, pairs: Any, room: Any, tally: Any
+    k: Number,
+    p: Number,
+    count: Any,
+    i: Vector,
+    w: Vector,
+    n: Vector,
+    d: Number,
+    share: Number,
+    pairs: Any,
+    room: Any,
+    tally: Numbers,
 ) -> Any:
     """Add a contact of particles i with weights w in the lanes where ``share`` is positive; the new count."""
     have = load(room.have, 0)
@@ -97,20 +108,20 @@ def add_contact(
 
 @compiled
 def vertex_faces(
-    k: Any,
-    p: Any,
-    i: Any,
+    k: Number,
+    p: Number,
+    i: int,
     first: Any,
     last: Any,
-    x: Any,
-    w: Any,
-    lead: Any,
-    near: Any,
-    radius: Any,
+    x: Rows,
+    w: Rows,
+    lead: Number,
+    near: Number,
+    radius: Number,
     triangles: Any,
     pairs: Any,
     room: Any,
-    tally: Any,
+    tally: Numbers,
 ) -> Any:
     """The contact of particle i with the nearest of the triangles ``first`` … ``last`` of those near.
 
@@ -185,21 +196,21 @@ def vertex_faces(
 
 @compiled
 def vertex_rods(
-    k: Any,
-    p: Any,
-    i: Any,
+    k: Number,
+    p: Number,
+    i: int,
     first: Any,
     last: Any,
-    x: Any,
-    w: Any,
-    lead: Any,
-    near: Any,
-    radius: Any,
+    x: Rows,
+    w: Rows,
+    lead: Number,
+    near: Number,
+    radius: Number,
     edges: Any,
     rods: Any,
     pairs: Any,
     room: Any,
-    tally: Any,
+    tally: Numbers,
 ) -> Any:
     """The contact of particle i with the nearest of the rods ``first`` … ``last`` of those near."""
     if rods is not None:
@@ -248,17 +259,17 @@ def vertex_rods(
 
 @compiled
 def ball_ball(
-    k: Any,
-    p: Any,
-    i: Any,
+    k: Number,
+    p: Number,
+    i: int,
     j: Any,
-    x: Any,
+    x: Rows,
     near: Any,
-    radius: Any,
+    radius: Number,
     balls: Any,
     pairs: Any,
     room: Any,
-    tally: Any,
+    tally: Numbers,
 ) -> Any:
     """The contact of two balls."""
     if balls is not None:
@@ -285,19 +296,19 @@ def ball_ball(
 
 @compiled
 def edge_edge(
-    k: Any,
-    p: Any,
+    k: Number,
+    p: Number,
     ends: Any,
-    start: Any,
-    a: Any,
-    x: Any,
-    w: Any,
-    lead: Any,
-    near: Any,
-    radius: Any,
+    start: Vector,
+    a: Vector,
+    x: Rows,
+    w: Rows,
+    lead: Number,
+    near: Number,
+    radius: Number,
     pairs: Any,
     room: Any,
-    tally: Any,
+    tally: Numbers,
 ) -> Any:
     """The contact of two edges or rods inside both; the first begins at ``start`` and goes along ``a``."""
     i, j, m, n = ends
@@ -342,7 +353,7 @@ def edge_edge(
 
 
 @compiled
-def edge_share(s: Any, t: Any, aa: Any, bb: Any, square: Any, p: Any, pairs: Any) -> Any:
+def edge_share(s: Number, t: Number, aa: Number, bb: Number, square: Number, p: Any, pairs: Any) -> Any:
     """Φ of two edges that meet at s and t, with |a|², |b|² and |a × b|²."""
     taper = 1.0 / (TAPER * pairs.reach[p])
     la, lb = sqrt(aa) * taper, sqrt(bb) * taper

@@ -13,10 +13,11 @@ pinned, nothing turns. Two balls alone never slip: points cannot roll, nor be he
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from springgym.compiling import compiled
 from springgym.forces.pairs.terms import FRICTION, spend, tell
+from springgym.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
 from springgym.vectors import (
     TINY,
@@ -31,6 +32,10 @@ from springgym.vectors import (
     times,
 )
 
+if TYPE_CHECKING:
+    from springgym.forces import Particles
+
+
 FIRM = 1e-6
 """Where K is less than this share of W, there is nothing to hold back."""
 
@@ -41,16 +46,16 @@ SWEEPS, TURNS = 2, 4
 
 @compiled
 def rub(
-    x: Any,
+    x: Rows,
     w: Any,
-    v: Any,
+    v: Rows,
     turn: Any,
-    count: Any,
-    particles: Any,
+    count: Number,
+    particles: Particles,
     pairs: Any,
-    friction: Any,
+    friction: Numbers,
     room: Any,
-    tally: Any,
+    tally: Numbers,
 ) -> None:
     """Hold back what slips, in two turns; in two more tell the loss, j times the mean of the slips before
     and after."""
@@ -77,7 +82,7 @@ def rub(
 
 
 @compiled
-def slipping(x: Any, v: Any, k: Any, particles: Any, room: Any) -> Any:
+def slipping(x: Rows, v: Rows, k: Number, particles: Particles, room: Any) -> Any:
     """How contact k slips, and what its particles turn about.
 
     Returns
@@ -119,7 +124,7 @@ def slipping(x: Any, v: Any, k: Any, particles: Any, room: Any) -> Any:
 
 
 @compiled
-def turning(about: Any, pins: Any, moment: Any) -> Any:
+def turning(about: Any, pins: Any, moment: Vector) -> Any:
     """The angular velocity of particles with a moment of momentum; with two of them pinned, none."""
     turn = times(0.0, moment)
     if pins < 2:
@@ -128,7 +133,9 @@ def turning(about: Any, pins: Any, moment: Any) -> Any:
 
 
 @compiled
-def held_back(slip: Any, about: Any, pins: Any, apart: Any, given: Any, limit: Any, inverse: Any) -> Any:
+def held_back(
+    slip: Vector, about: Any, pins: Any, apart: Vector, given: Vector, limit: Number, inverse: Number
+) -> Any:
     """The impulse that stops a slip, besides what was ``given``, or as much of it as friction can give."""
     along = times(1.0 / (sqrt(dot(slip, slip)) + TINY), slip)
     lever = cross(apart, along)
@@ -142,16 +149,16 @@ def held_back(slip: Any, about: Any, pins: Any, apart: Any, given: Any, limit: A
 
 @compiled
 def turn_with(
-    x: Any,
-    v: Any,
-    k: Any,
-    j: Any,
+    x: Rows,
+    v: Rows,
+    k: Number,
+    j: Vector,
     about: Any,
     pins: Any,
-    centre: Any,
-    apart: Any,
-    acts: Any,
-    particles: Any,
+    centre: Vector,
+    apart: Vector,
+    acts: Mask,
+    particles: Particles,
     room: Any,
 ) -> None:
     """Give contact k an impulse across its normal, and the turn that takes its torque back."""

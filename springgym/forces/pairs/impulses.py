@@ -17,7 +17,7 @@ than there is.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from springgym.compiling import compiled
 from springgym.forces.pairs.features import TAPER, smooth
@@ -35,8 +35,13 @@ from springgym.forces.pairs.terms import (
     spend,
     tell,
 )
+from springgym.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
 from springgym.vectors import TINY, choose, cross, dot, minus, plus, plus_scaled, row, set_row, times
+
+if TYPE_CHECKING:
+    from springgym.forces import Particles
+
 
 LOW = 0.02
 """What begins a step nearer than this share of Δ was missed before. It is taken as this near."""
@@ -46,7 +51,9 @@ QUICK = 0.2
 
 
 @compiled
-def prepare(w: Any, span: Any, count: Any, particles: Any, pairs: Any, room: Any, tally: Any) -> None:
+def prepare(
+    w: Rows, span: Any, count: Any, particles: Particles, pairs: Any, room: Any, tally: Numbers
+) -> None:
     """Find the speeds that contacts come with, and how much an impulse changes them."""
     for p in range(pairs.first.size):
         set_row(room.spent, p, (0.0, 0.0, 0.0))
@@ -67,7 +74,7 @@ def prepare(w: Any, span: Any, count: Any, particles: Any, pairs: Any, room: Any
 
 
 @compiled
-def speed(v: Any, k: Any, room: Any) -> Any:
+def speed(v: Rows, k: Number, room: Any) -> Any:
     """u of contact k."""
     u = times(load(room.weight, 4 * k), row(v, room.particles[k, 0]))
     for j in range(1, room.members[k]):
@@ -76,14 +83,16 @@ def speed(v: Any, k: Any, room: Any) -> Any:
 
 
 @compiled
-def give(v: Any, i: Any, s: Any, u: Any, on: Any) -> None:
+def give(v: Rows, i: int, s: Number, u: Vector, on: Mask) -> None:
     """Add s u to a velocity, in some lanes; the others are left as they are to the bit."""
     before = row(v, i)
     set_row(v, i, choose(on, plus_scaled(before, s, u), before))
 
 
 @compiled
-def sweep(v: Any, span: Any, count: Any, backward: Any, particles: Any, pairs: Any, room: Any) -> None:
+def sweep(
+    v: Rows, span: Any, count: Number, backward: bool, particles: Particles, pairs: Any, room: Any
+) -> None:
     """Solve one contact after another for its impulse, given all others' as they are by now."""
     for m in range(count):
         k = count - 1 - m if backward else m
@@ -108,16 +117,16 @@ def sweep(v: Any, span: Any, count: Any, backward: Any, particles: Any, pairs: A
 
 @compiled
 def solve(
-    k: Any,
+    k: int,
     p: Any,
-    start: Any,
-    free: Any,
+    start: Number,
+    free: Number,
     span: Any,
-    c: Any,
-    reach: Any,
-    inverse: Any,
-    meets: Any,
-    damping: Any,
+    c: Number,
+    reach: Number,
+    inverse: Number,
+    meets: Mask,
+    damping: Numbers,
     room: Any,
 ) -> Any:
     """The change of speed by contact k; what it loses is stored."""
@@ -129,7 +138,7 @@ def solve(
 
 
 @compiled
-def ends(v: Any, span: Any, k: Any, reach: Any, room: Any) -> Any:
+def ends(v: Rows, span: Any, k: Number, reach: Number, room: Any) -> Any:
     """The heights of contact k when the step begins and when it ends."""
     d = load(room.distance, k)
     first = maximum(d - span.lead * load(room.before, k), LOW * reach)
@@ -137,7 +146,9 @@ def ends(v: Any, span: Any, k: Any, reach: Any, room: Any) -> Any:
 
 
 @compiled
-def taper(x: Any, v: Any, span: Any, count: Any, particles: Any, pairs: Any, room: Any, edges: Any) -> None:
+def taper(
+    x: Rows, v: Rows, span: Any, count: Any, particles: Particles, pairs: Any, room: Any, edges: Any
+) -> None:
     """Let the force of the gradient of Φ act, where edges meet."""
     if edges is not None:
         for k in range(count):
@@ -156,7 +167,7 @@ def taper(x: Any, v: Any, span: Any, count: Any, particles: Any, pairs: Any, roo
 
 @compiled
 def push_along_gradient(
-    x: Any, v: Any, span: Any, k: Any, mean: Any, on: Any, particles: Any, pairs: Any, room: Any
+    x: Rows, v: Rows, span: Any, k: int, mean: Number, on: Mask, particles: Particles, pairs: Any, room: Any
 ) -> None:
     """Give contact k, whose energy is ``mean`` per Φ, what the gradient of Φ gives.
 
@@ -200,14 +211,14 @@ def push_along_gradient(
 
 
 @compiled
-def steepness(y: Any) -> Any:
+def steepness(y: Number) -> Any:
     """The slope of `smooth`."""
     y = minimum(maximum(y, 0.0), 1.0)
     return 6.0 * y * (1.0 - y)
 
 
 @compiled
-def account(v: Any, span: Any, count: Any, pairs: Any, room: Any, tally: Any) -> None:
+def account(v: Rows, span: Any, count: Any, pairs: Any, room: Any, tally: Numbers) -> None:
     """Tell what the contacts did at this node."""
     if tally is not None:
         for p in range(pairs.first.size):

@@ -15,6 +15,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
+from springgym.kinds import Number
 from springgym.lanes import any_lane, maximum, minimum, select, sqrt
 
 ROUNDS = 30
@@ -28,7 +29,7 @@ LEAST = 1e-6
 
 
 @compiled
-def positive_root(square: Any, linear: Any, product: Any) -> Any:
+def positive_root(square: Number, linear: Number, product: Number) -> Any:
     """The smallest h > 0 with square h² + linear h = product, for product > 0, without cancellation."""
     root = sqrt(maximum(linear * linear + 4.0 * square * product, 0.0))
     rising = linear > 0.0
@@ -37,7 +38,7 @@ def positive_root(square: Any, linear: Any, product: Any) -> Any:
 
 
 @compiled
-def meet(start: Any, free: Any, span: Any, c: Any, reach: Any) -> Any:
+def meet(start: Number, free: Number, span: Any, c: Number, reach: Number) -> Any:
     """The change of speed [m/s] by a barrier without loss.
 
     ``start`` is the height h₀ [m], ``free`` the height a, of which at least one must be less than ``reach``;
@@ -85,14 +86,14 @@ def meet(start: Any, free: Any, span: Any, c: Any, reach: Any) -> Any:
 
 
 @compiled
-def energy(height: Any, c: Any, reach: Any) -> Any:
+def energy(height: Number, c: Number, reach: Number) -> Any:
     """U of the barrier, cut off at ``reach``."""
     depth = maximum(reach - height, 0.0)
     return c * depth * depth / (maximum(height, LEAST * reach) * (reach * reach))
 
 
 @compiled
-def mean_force(start: Any, end: Any, reach: Any) -> Any:
+def mean_force(start: Number, end: Number, reach: Number) -> Any:
     """F̄ and its slope in the height at the end, both per c."""
     flat = 1.0 / (reach * reach)
     a, b = select(start < reach, 1.0 / start, 0.0), select(end < reach, 1.0 / end, 0.0)
@@ -107,7 +108,7 @@ def mean_force(start: Any, end: Any, reach: Any) -> Any:
 
 
 @compiled
-def meet_losing(start: Any, free: Any, span: Any, c: Any, reach: Any, damping: Any) -> Any:
+def meet_losing(start: Number, free: Number, span: Any, c: Number, reach: Number, damping: Number) -> Any:
     """The change of speed [m/s] by a barrier with loss δ [s/m], and the energy lost per mass [m²/s²].
 
     The other arguments are those of `meet`. Loss pushes more on what comes, and less on what leaves: the end

@@ -13,6 +13,7 @@ from typing import Any
 from springgym.compiling import compiled
 from springgym.forces.pairs.features import ball_ball, edge_edge, vertex_faces, vertex_rods
 from springgym.forces.pairs.terms import FAR
+from springgym.kinds import Number, Numbers, Rows, Vector
 from springgym.lanes import any_lane, load, maximum, minimum, sqrt, store
 from springgym.vectors import TINY, cross, dot, minus, plus, row, set_row, times
 
@@ -27,17 +28,17 @@ MARGIN = 1.001
 
 
 @compiled
-def larger(u: Any, w: Any) -> Any:
+def larger(u: Vector, w: Vector) -> Any:
     return maximum(u[0], w[0]), maximum(u[1], w[1]), maximum(u[2], w[2])
 
 
 @compiled
-def smaller(u: Any, w: Any) -> Any:
+def smaller(u: Vector, w: Vector) -> Any:
     return minimum(u[0], w[0]), minimum(u[1], w[1]), minimum(u[2], w[2])
 
 
 @compiled
-def surround(x: Any, w: Any, shapes: Any, room: Any) -> None:
+def surround(x: Rows, w: Rows, shapes: Any, room: Any) -> None:
     """Find the boxes around all bodies and their velocities."""
     for body in range(shapes.radius.size):
         first, last = shapes.start[0, body], shapes.start[0, body + 1]
@@ -55,20 +56,20 @@ def surround(x: Any, w: Any, shapes: Any, room: Any) -> None:
 
 
 @compiled
-def widest(low: Any, high: Any, a: Any, b: Any) -> Any:
+def widest(low: Rows, high: Rows, a: Any, b: Any) -> Any:
     """For each axis, the largest difference of what lies in the boxes of two bodies."""
     return larger(minus(row(high, a), row(low, b)), minus(row(high, b), row(low, a)))
 
 
 @compiled
-def outside(low: Any, high: Any, body: Any, room: Any) -> Any:
+def outside(low: Vector, high: Vector, body: Any, room: Any) -> Any:
     """How far a box is outside that of a body, along the axis of its largest gap."""
     gap = larger(minus(low, row(room.high, body)), minus(row(room.low, body), high))
     return maximum(maximum(gap[0], gap[1]), gap[2])
 
 
 @compiled
-def find(x: Any, w: Any, span: Any, pairs: Any, room: Any, tally: Any) -> int:
+def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any, tally: Numbers) -> int:
     """List the contacts of all pairs, with velocities ``w`` (N, 3) before the node; how many there are.
 
     ``span`` is the time of the node.
@@ -105,7 +106,7 @@ def find(x: Any, w: Any, span: Any, pairs: Any, room: Any, tally: Any) -> int:
 
 
 @compiled
-def slab(x: Any, a: Any, b: Any, shapes: Any, room: Any) -> Any:
+def slab(x: Rows, a: Number, b: Number, shapes: Any, room: Any) -> Any:
     """Place the vertices of two bodies along the line of the middles of their boxes.
 
     Returns
@@ -131,10 +132,10 @@ def slab(x: Any, a: Any, b: Any, shapes: Any, room: Any) -> Any:
 
 @compiled
 def collect(
-    x: Any,
+    x: Rows,
     near: Any,
-    last: Any,
-    first: Any,
+    last: Number,
+    first: Number,
     a: Any,
     b: Any,
     shapes: Any,
@@ -179,18 +180,18 @@ def collect(
 
 @compiled
 def compare(
-    x: Any,
-    w: Any,
-    lead: Any,
-    p: Any,
-    near: Any,
-    radius: Any,
-    count: Any,
+    x: Rows,
+    w: Rows,
+    lead: Number,
+    p: Number,
+    near: Number,
+    radius: Number,
+    count: Number,
     pairs: Any,
     triangles: Any,
     edges: Any,
     room: Any,
-    tally: Any,
+    tally: Numbers,
 ) -> int:
     """List the contacts of a pair behind ``count`` others; ``lead`` is the time since the step began."""
     shapes, ends = pairs.shapes, room.ends

@@ -10,6 +10,7 @@ import numpy as np
 from springgym.blocks import aligned_zeros
 from springgym.collisions import Meeting, Shape
 from springgym.compiling import compiled
+from springgym.kinds import Number, Numbers
 from springgym.lanes import load, store
 
 FAR = 1e9
@@ -171,13 +172,13 @@ class Meets(NamedTuple):
 
 
 @compiled
-def spend(room: Any, pair: Any, kind: Any, energy: Any) -> None:
+def spend(room: Any, pair: Any, kind: Any, energy: Number) -> None:
     """Add to what a pair spent at this node: 0 damping, 1 friction, 2 given by its barriers [J]."""
     store(room.spent, (pair, kind), load(room.spent, (pair, kind)) + energy)
 
 
 @compiled
-def tell(tally: Any, pair: Any, entry: Any, value: Any) -> None:
+def tell(tally: Numbers, pair: Number, entry: Number, value: Number) -> None:
     """Add to an entry of a pair; a tally of None keeps none."""
     if tally is not None:
         n = pair * ENTRIES + entry

@@ -1,0 +1,26 @@
+"""What compiled functions take, in names for the reader: Numba finds the types itself, call by call.
+
+One source serves one copy and a block of them (`springgym.lanes`): a number is a float, or one of each copy.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+Number: TypeAlias = Any
+"""A number, or one of each copy of a block."""
+
+Mask: TypeAlias = Any
+"""True or false, or one of it for each copy of a block."""
+
+Vector: TypeAlias = Any
+"""A tuple of numbers: x, y, z; or w, x, y, z of a quaternion."""
+
+Numbers: TypeAlias = Any
+"""An array of numbers: `load` and `store` take one."""
+
+Rows: TypeAlias = Any
+"""An array (N, 3) of numbers, a row a particle or spring: `row` and `set_row` take a `Vector`."""
+
+Ledger: TypeAlias = Any
+"""The `Numbers` of `springgym.forces.ledger`, or None."""
