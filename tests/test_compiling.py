@@ -285,7 +285,7 @@ def test_kernels_neither_count_references_nor_allocate(
     """Of all that a step runs, nothing counts references to arrays, which would cost as much as physics."""
     monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path))  # what comes from the cache has no assembly
     simulator = Simulator(Scene(cube(), pinned=(0,), wrench=WrenchActuator()))
-    simulator._advance = integrators._kernel.__wrapped__(verlet.integrate, read)
+    simulator._advance = integrators._kernel.__wrapped__(verlet.integrate, integrators.one_by_one, read)
     before = simulator.positions
     simulator.advance(3)
     assert not np.array_equal(simulator.positions, before)
@@ -302,6 +302,29 @@ def test_inner_functions_refuse_python() -> None:
     Simulator(Scene(cube(), pinned=(0,), wrench=WrenchActuator())).advance()
     with pytest.raises(TypeError, match="plus is compiled for kernels only"):
         plus((1.0, 2.0, 3.0), (1.0, 2.0, 3.0))
+
+
+@pytest.mark.parametrize("lacking", [False, True])
+def test_inner_functions_are_lowered_as_far_as_numba_lets_us(
+    lacking: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They stop short of machine code of their own; a Numba that does not know how makes it, to no use."""
+    monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path))  # what comes from the cache compiles nothing
+    if lacking:
+        monkeypatch.setitem(sys.modules, "numba.core.typed_passes", None)
+        monkeypatch.setattr(compiling, "INLINED", compiling._inlined())
+
+    @compiled
+    def twice(a: float) -> float:
+        return 2.0 * a
+
+    @kernel
+    def fourfold(a: float) -> float:
+        return twice(twice(a))
+
+    assert fourfold(3.0) == 12.0
+    (inner,) = twice.overloads.values()
+    assert (inner.library._compiled_object is not None) == lacking
 
 
 LATE = """
