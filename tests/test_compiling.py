@@ -323,8 +323,10 @@ def test_inner_functions_are_lowered_as_far_as_numba_lets_us(
         return twice(twice(a))
 
     assert fourfold(3.0) == 12.0
+    assert ("pipeline_class" in compiling.INLINED) != lacking
     (inner,) = twice.overloads.values()
-    assert (inner.library._compiled_object is not None) == lacking
+    passes = inner.metadata["pipeline_times"]["nopython"]
+    assert any("native_lowering" in name for name in passes) == lacking
 
 
 LATE = """
