@@ -5,6 +5,7 @@
 ``versions.json``      Python, packages, processor and git revision it was made with
 ``agent.npz``          the newest agent: arrays of numbers and nothing else
 ``metrics.csv``        the learning curve, drawn in ``learning_curve.png``
+``progress.csv``       what the agent reached without noise, at every checkpoint
 ``tensorboard/``       everything Stable-Baselines3 logs
 ``evaluation.json``    the finished agent beside the baselines, on held-out seeds
 ``episode.gif``        one held-out episode of the finished agent

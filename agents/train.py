@@ -91,6 +91,13 @@ COLUMNS = (
     "success_rate",
 )
 
+PROGRESS = ("timesteps", "seconds", "return_per_step", "success_rate")
+"""The columns of progress.csv: what the agent reaches that acts without noise."""
+PLAYED = 20
+"""Episodes that it plays at each checkpoint,"""
+PROGRESS_SEED = 2 * HELD_OUT_SEED
+"""from this seed upwards: neither those of training nor those of the evaluation."""
+
 
 # ---------------------------------------------------------------- environment and algorithm
 
@@ -347,10 +354,11 @@ class Recorder(BaseCallback):
         self.seconds = 0.0
         self.row_at = self.checkpoint_at = self.steps = self.episodes = 0
         self.reward = 0.0
+        self.progress: list[tuple[int, float, float, float | None]] = []
 
     def state(self) -> dict[str, Any]:
         """What the rows still to come depend on."""
-        names = ("seconds", "row_at", "steps", "episodes", "reward")
+        names = ("seconds", "row_at", "steps", "episodes", "reward", "progress")
         return {name: getattr(self, name) for name in names}
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -415,6 +423,7 @@ class Recorder(BaseCallback):
         if self.num_timesteps - self.row_at >= self.config.log_every:
             self.write_row()
         if self.num_timesteps - self.checkpoint_at >= self.config.checkpoint_every:
+            self.play()
             save_checkpoint(self.run, self.env, self.model, self)
             self.checkpoint_at = self.num_timesteps
 
@@ -422,7 +431,24 @@ class Recorder(BaseCallback):
         self.seconds = self.clock() - self.started
         if self.steps:
             self.write_row()
+        self.play()
         save_checkpoint(self.run, self.env, self.model, self)
+
+    def play(self) -> None:
+        """See what the agent reaches without noise; that is no part of the training's seconds."""
+        began = self.clock()
+        save_agent(self.run.agent, self.model)
+        task = task_kwargs(self.config)
+        played = evaluate(str(self.run.folder), self.run.env_id, task, PLAYED, PROGRESS_SEED)
+        reached = played.return_per_step, played.success_rate
+        self.progress.append((self.num_timesteps, round(self.seconds, 2), *reached))
+        self.write_progress()
+        self.started += self.clock() - began
+
+    def write_progress(self) -> None:
+        """Write progress.csv."""
+        lines = [",".join("" if cell is None else str(cell) for cell in row) for row in self.progress]
+        write_atomically(self.run.folder / "progress.csv", "\n".join([",".join(PROGRESS), *lines]) + "\n")
 
     def write_row(self) -> None:
         """Append a row and start the next one."""
@@ -443,8 +469,9 @@ class Recorder(BaseCallback):
         self.logger.record("rollout/reward_per_step", reward_per_step)
         self.model.dump_logs()
         shown = {"reward/step": f"{reward_per_step:.3f}"}
-        if successes:
-            shown["success"] = f"{100 * success_rate:.0f} %"
+        reached = self.progress[-1][-1] if self.progress else None
+        if reached is not None:
+            shown["success"] = f"{100 * reached:.0f} %"
         self.bar.set_postfix(shown, refresh=False)
         self.row_at, self.steps, self.episodes, self.reward = self.num_timesteps, 0, 0, 0.0
 
@@ -456,6 +483,10 @@ def plot_learning_curve(run: Run, end: int, evaluations: Sequence[Evaluation]) -
     """Draw metrics.csv, and what the agent after ``end`` steps and the baselines reach, as a PNG."""
     with open(run.folder / "metrics.csv", newline="") as file:
         rows = list(csv.DictReader(file))
+    progress: list[dict[str, str]] = []
+    if (run.folder / "progress.csv").exists():
+        with open(run.folder / "progress.csv", newline="") as file:
+            progress = list(csv.DictReader(file))
 
     def curve(column: str, scale: float = 1.0) -> tuple[list[int], list[float]]:
         given = [row for row in rows if row[column]]
@@ -469,13 +500,20 @@ def plot_learning_curve(run: Run, end: int, evaluations: Sequence[Evaluation]) -
         2, 1, figsize=(7, 6), sharex=True, layout="constrained", height_ratios=(3, 2)
     )
     top.plot(*curve("reward_per_step"), color="C0", alpha=0.3, lw=1)
-    top.plot(*curve("return_per_step"), color="C0", label="while training")
+    top.plot(*curve("return_per_step"), color="C0", alpha=0.5, label="with the noise of training")
     top.plot(end, trained.return_per_step, "o", color="C0", clip_on=False, label="trained")
     for i, baseline in enumerate(baselines, start=1):
         top.axhline(baseline.return_per_step, color=f"C{i}", ls="--", label=baseline.agent)
     top.set(ylabel="return per step", title=f"{run.env_id}, {run.algo.upper()}, seed {run.seed}")
+    for axes, column, scale in (
+        (top, "return_per_step", 1.0),
+        (bottom, "success_rate", 100.0),
+    ):
+        if any(row[column] for row in progress):
+            steps = [int(row["timesteps"]) for row in progress]
+            axes.plot(steps, [scale * float(row[column]) for row in progress], "C0.-", label="without noise")
     top.legend()
-    bottom.plot(*curve("success_rate", 100))
+    bottom.plot(*curve("success_rate", 100), color="C0", alpha=0.3)
     if trained.success_rate is not None:
         bottom.plot(end, 100 * trained.success_rate, "o", color="C0", clip_on=False)
     bottom.set(xlabel="environment steps", ylabel="success, %", xlim=(0, None), ylim=(-5, 105))
@@ -585,6 +623,7 @@ def resume(options: argparse.Namespace) -> int:
                 )
             write_config(run)
         recorder.drop_rows_after(model.num_timesteps)
+        recorder.write_progress()
         save_agent(run.agent, model)
         return finish(run, env, model, recorder, options.episodes)
 

@@ -32,9 +32,9 @@ def start(folder, *options, algo="ppo", env_id="toy_env:Toy-v0"):
     return [env_id, "--algo", algo, "--run", str(folder), *config, *options]
 
 
-def rows(folder):
-    """metrics.csv without the clock."""
-    with open(folder / "metrics.csv", newline="") as file:
+def rows(folder, name="metrics.csv"):
+    """A table of a run without the clock."""
+    with open(folder / name, newline="") as file:
         return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(file)]
 
 
@@ -54,6 +54,8 @@ def weights(folder):
 
 def assert_same_run(folder, reference):
     assert rows(folder) == rows(reference)
+    progress = rows(folder, "progress.csv")  # which has a row at each end, too
+    assert all(row in progress for row in rows(reference, "progress.csv"))
     (steps, ours), (steps2, theirs) = weights(folder), weights(reference)
     assert steps == steps2
     assert ours.keys() == theirs.keys()
@@ -86,6 +88,15 @@ def test_a_run_learns_and_leaves_everything(finished):
     assert run.config.learning_rate == 3e-3
     assert PPO.load(finished / "model.zip").num_timesteps == 12288
     assert not list(finished.glob("*.tmp*"))
+
+
+def test_a_run_tells_what_its_agent_reaches_without_noise(finished):
+    """At every checkpoint and at the end, on episodes that neither training nor evaluation has."""
+    first, *_, last = rows(finished, "progress.csv")
+    assert int(last["timesteps"]) == 12288
+    assert float(last["success_rate"]) > 0.9 > float(first["success_rate"])
+    again = train.evaluate(str(finished), "toy_env:Toy-v0", {}, train.PLAYED, train.PROGRESS_SEED)
+    assert again.return_per_step == float(last["return_per_step"])
 
 
 def test_tensorboard_has_each_row_once(finished):
