@@ -20,6 +20,7 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "agents"))
 
+from learning_time import shown as times  # noqa: E402
 from scores import interquartile_mean, interval, profile  # noqa: E402
 
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
@@ -29,6 +30,8 @@ ALGORITHMS = ("zero", "random", "classical", "linear", "ppo", "sac", "tqc", "cro
 TRAINED = ALGORITHMS[3:]
 SEEDS = 3
 """Of every task at the least, for an interval."""
+TIMES = HERE / "learning_time.json"
+"""What ``agents/learning_time.py`` measured."""
 CARDS = HERE.parent / "agents" / "trained"
 TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 TIERS = {
@@ -55,6 +58,14 @@ python agents/watch.py --pretrained SpringTop-v0 --out top.gif
 
 The audit plays the same episodes with a quarter of the step, by another method and by the rigid twin, and
 tells what of the return per step is lost: whether the agent lives on errors of the simulation.
+"""
+TIME = """## Time to learn
+
+Until PPO with the configuration that ships succeeds in 90 % of 20 held-out episodes, which is asked every
+32,768 steps: what of the seconds of one core is physics, what the policy, and what learning. By
+`python agents/learning_time.py --json docs/learning_time.json`, on {cpu}.
+
+{table}
 """
 METHOD = """## How it was made
 
@@ -134,6 +145,12 @@ def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
     return lines
 
 
+def table_of_times(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """What learning takes, see ``agents/learning_time.py``."""
+    cpus = ", ".join(sorted({row["cpu"] for row in rows}))
+    return [TIME.format(table=times(rows), cpu=cpus)]
+
+
 def table_of_agents() -> list[str]:
     """The agents of the repository, see ``agents/publish.py``."""
     lines = [
@@ -181,6 +198,7 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
         *table_of_costs(rows),
         "",
         "![Share of the runs above each success rate](figures/baselines.svg)\n",
+        *(table_of_times(read(TIMES)) if TIMES.exists() else []),
         AGENTS,
         *table_of_agents(),
         "",

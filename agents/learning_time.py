@@ -1,0 +1,147 @@
+"""How long PPO takes to learn each task, and what of that is physics, what the policy, and what learning.
+
+    python agents/learning_time.py                  # every task of configs/ppo.yaml
+    python agents/learning_time.py SpringTop-v0 --seed 1 --json docs/learning_time.json
+
+Trains as train.py does, until the agent succeeds in 90 % of 20 held-out episodes without noise, which is
+asked at every checkpoint, or until its budget is spent. Seconds are those of one processor core, and so do
+not depend on what else the machine does; evaluating, and compiling the simulation, are not counted. Physics
+is the native step of the batch; the rest of a rollout is the policy and Stable-Baselines3.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from config import CONFIG_FOLDER, MENDABLE, Config, load_config, whole
+from runs import HELD_OUT_SEED, Run, create_run, versions, write_atomically
+from tqdm import tqdm
+from train import Recorder, make_logger, make_training_env, native_env, new_model
+
+from springgym.cli import guarded
+from springgym.strict_yaml import read_yaml
+
+ENOUGH = 0.9
+"""Share of the episodes that succeed."""
+
+
+class Stopwatch(Recorder):
+    """Takes the time of rollouts and of the native steps in them, and ends the training."""
+
+    clock = staticmethod(time.process_time)
+
+    def __init__(self, run: Run, env: Any) -> None:
+        super().__init__(run, env)
+        self.rollouts = self.physics = 0.0
+        native = native_env(env)
+        step = native.step
+
+        def timed(actions: Any) -> Any:
+            began = self.clock()
+            result = step(actions)
+            self.physics += self.clock() - began
+            return result
+
+        native.step = timed
+
+    @property
+    def learned(self) -> bool:
+        """Whether the agent succeeds often enough."""
+        return bool(self.progress) and (self.progress[-1][-1] or 0.0) >= ENOUGH
+
+    def _on_rollout_start(self) -> None:
+        super()._on_rollout_start()
+        self.rollout_at = self.clock()
+
+    def _on_rollout_end(self) -> None:
+        self.rollouts += self.clock() - self.rollout_at
+
+    def _on_step(self) -> bool:
+        return super()._on_step() and not self.learned
+
+
+def measure(env_id: str, seed: int, config: Config) -> dict[str, Any]:
+    """Train on one task until it is learned."""
+    with tempfile.TemporaryDirectory() as folder:
+        run = create_run(Run(Path(folder), "ppo", env_id, seed, config))
+        env = make_training_env(run)
+        env.reset()
+        env.step_async(np.stack([env.action_space.sample()] * env.num_envs))  # compiles
+        env.step_wait()
+        model = new_model(run, env)
+        model.set_logger(make_logger(run, 0))
+        watch = Stopwatch(run, env)
+        watch.drop_rows_after(0)
+        total = run.config.total_timesteps
+        with tqdm(desc=env_id, total=total, unit="step", unit_scale=True, mininterval=0.5) as watch.bar:
+            model.learn(total, watch, log_interval=None)  # type: ignore[arg-type]
+        env.close()
+    steps, seconds, _, success = next(
+        (row for row in watch.progress if (row[-1] or 0.0) >= ENOUGH), watch.progress[-1]
+    )
+    return {
+        "task": env_id,
+        "seed": seed,
+        "learned": (success or 0.0) >= ENOUGH,
+        "steps": steps,
+        "seconds": seconds,
+        "physics": round(watch.physics, 2),
+        "policy": round(watch.rollouts - watch.physics, 2),
+        "learning": round(seconds - watch.rollouts, 2),
+        "cpu": versions()["cpu"],
+    }
+
+
+def shown(rows: Sequence[dict[str, Any]]) -> str:
+    """The rows as a table in Markdown."""
+    lines = ["| task | steps to 90 % | seconds | physics | policy | learning |", "|---|---|---|---|---|---|"]
+    for row in rows:
+        more = "" if row["learned"] else "more than "
+        lines.append(
+            f"| `{row['task']}` | {more}{row['steps']:,} | {more}{row['seconds']:.0f} | "
+            f"{row['physics']:.0f} | {row['policy']:.0f} | {row['learning']:.0f} |"
+        )
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("tasks", nargs="*", help="environment ids (those of configs/ppo.yaml)")
+    parser.add_argument("--config", type=Path, default=CONFIG_FOLDER / "ppo.yaml", help="hyperparameters")
+    parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), default=0)
+    parser.add_argument("--json", type=Path, help="write the rows here, over those of the same tasks")
+    options = parser.parse_args(arguments)
+    torch.set_num_threads(1)
+    return guarded("learning_time.py", lambda: _measure_all(options), MENDABLE)
+
+
+def _measure_all(options: argparse.Namespace) -> int:
+    tasks = options.tasks or list(read_yaml(options.config).value)
+    configs = {task: load_config("ppo", task, (), options.config) for task in tasks}
+    known: dict[tuple[str, int], dict[str, Any]] = {}
+    if options.json and options.json.exists():
+        rows = json.loads(options.json.read_text(encoding="utf-8"))
+        known = {(row["task"], row["seed"]): row for row in rows}
+    for task, config in configs.items():
+        known[task, options.seed] = measure(task, options.seed, config)
+        if options.json:
+            lines = ",\n".join(json.dumps(row) for row in known.values())
+            write_atomically(options.json, f"[\n{lines}\n]\n")
+    print(shown([known[task, options.seed] for task in tasks]))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,24 @@
+"""How long learning takes, and what of it is what."""
+
+import json
+
+import learning_time
+from conftest import HERE
+
+
+def test_learning_ends_where_the_task_is_learned_and_is_told_apart(tmp_path, capsys):
+    """What is physics, what the policy and what learning adds up to the seconds."""
+    path = tmp_path / "rows.json"
+    arguments = ["toy_env:Toy-v0", "--config", str(HERE / "toy_ppo.yaml"), "--json", str(path)]
+    assert learning_time.main(arguments) == 0
+    (row,) = json.loads(path.read_text())
+    assert row["learned"]
+    assert 0 < row["steps"] <= 12288
+    assert abs(row["physics"] + row["policy"] + row["learning"] - row["seconds"]) < 0.05
+    assert min(row["physics"], row["policy"], row["learning"]) > 0
+    assert f"| {row['steps']:,} |" in capsys.readouterr().out
+
+
+def test_a_task_that_is_not_there_is_named_before_anything_is_trained(capsys):
+    assert learning_time.main(["SpringTop-v9"]) == 2
+    assert "SpringTop-v9" in capsys.readouterr().err
