@@ -97,19 +97,23 @@ def test_a_page_of_classical_control(tmp_path, capsys):
     """The same episode as in a film."""
     pytest.importorskip("viser")
     path = tmp_path / "top.html"
-    assert watch.main(["classical", "--env", "SpringTop-v0", "--out", str(path)]) == 0
+    short = ["--set", "max_episode_steps=12"]
+    assert watch.main(["classical", "--env", "SpringTop-v0", "--out", str(path), *short]) == 0
     assert f"wrote {path}" in capsys.readouterr().out
     assert "__VISER_EMBED_DATA__" in path.read_text(encoding="utf-8")
-    motion = watch.played(watch.watched("classical", "SpringTop-v0", {}), 5)
+    options = {"max_episode_steps": 12}
+    motion = watch.played(watch.watched("classical", "SpringTop-v0", options), 5)
     assert motion.title == "SpringTop-v0: classical control"
-    env, policy = watch.make_watched("classical", "SpringTop-v0", {}, "rgb_array")
-    assert len(list(watch.play_episode(env, policy, 5))) - 1 == round(motion.times[-1] / 0.02)
+    env, policy = watch.make_watched("classical", "SpringTop-v0", options, "rgb_array")
+    assert len(list(watch.play_episode(env, policy, 5))) - 1 == round(motion.times[-1] / 0.02) == 12
+    np.testing.assert_array_equal(env.unwrapped.episodes.particles[0][0], motion.positions[-1])
 
 
 def test_the_browser_shows_episodes_of_the_agent(right, monkeypatch, capsys):
     shown = []
     monkeypatch.setattr(watch.view, "show", shown.append)
-    assert watch.main(["zero", "--env", "SpringTop-v0", "--seed", "7", "--browser"]) == 0
+    arguments = ["zero", "--env", "SpringTop-v0", "--set", "max_episode_steps=5"]
+    assert watch.main([*arguments, "--seed", "7", "--browser"]) == 0
     (subject,) = shown
     assert subject.names[0] == "seed 7"
     assert subject.make("seed 7", {}).title == "SpringTop-v0: no action"
