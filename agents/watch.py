@@ -1,6 +1,7 @@
-"""Watch an agent: in a window, until it is closed or Ctrl-C is pressed, or as a GIF or MP4.
+"""Watch an agent: in a window, or in the browser, until Ctrl-C is pressed, or as a GIF, an MP4 or a page.
 
     python agents/watch.py runs/SpringTop-v0-ppo-0
+    python agents/watch.py classical --env SpringTop-v0 --browser
     python agents/watch.py --pretrained SpringTop-v0
     python agents/watch.py classical --env SpringTop-v0 --out top.gif --set action=impulse
 
@@ -23,25 +24,39 @@ from evaluate import LAST_SEED, find_task, trained_kwargs, trained_on
 from runs import HELD_OUT_SEED, load_policy, pretrained
 
 import springgym  # noqa: F401  (registers the environments)
+from springgym import view
 from springgym.cli import guarded, whole_file
 from springgym.envs.agent import Policy
+from springgym.view.episodes import Agent, episodes, played
 
 #: Frames per second of a GIF at most; browsers show many more at the wrong speed.
 GIF_FPS = 25
+PAGE = ".html"
+NAMES = {"zero": "no action", "random": "random actions", "classical": "classical control"}
+
+
+def watched(agent: str, env_id: str, env_kwargs: Mapping[str, Any]) -> Agent:
+    """A trained agent or a baseline, with the keyword arguments of the environment it acts in."""
+    run = trained_on(agent, env_id)
+    kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_kwargs)
+
+    def policy(env: gym.Env) -> Policy:
+        if run:
+            return load_policy(run, env.observation_space, env.action_space)
+        return make_controller(agent, env_id, env_kwargs, env.action_space)
+
+    return Agent(run.folder.name if run else NAMES.get(agent, agent), env_id, kwargs, policy)
 
 
 def make_watched(
     agent: str, env_id: str, env_kwargs: Mapping[str, Any], render_mode: str
 ) -> tuple[gym.Env, Policy]:
     """One environment and the agent that acts in it."""
-    run = trained_on(agent, env_id)
-    kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_kwargs)
+    chosen = watched(agent, env_id, env_kwargs)
     with making(env_id):
-        env = gym.make(env_id, render_mode=render_mode, **kwargs)
+        env = gym.make(env_id, render_mode=render_mode, **chosen.env_kwargs)
     try:
-        if run:
-            return env, load_policy(run, env.observation_space, env.action_space)
-        return env, make_controller(agent, env_id, env_kwargs, env.action_space)
+        return env, chosen.policy(env)
     except BaseException:
         env.close()
         raise
@@ -100,7 +115,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--pretrained", metavar="ID", help="the repository's agent of an environment")
     parser.add_argument("--env", help="environment id, where no run folder tells it")
     parser.add_argument("--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED)
-    parser.add_argument("--out", type=Path, help="write this .gif or .mp4 and open no window")
+    parser.add_argument(
+        "--out", type=Path, help="write this film (.gif, .mp4) or page (.html), and open no window"
+    )
+    parser.add_argument("--browser", action="store_true", help="show it in the browser, to turn and slow")
     parser.add_argument(
         "--set",
         dest="overrides",
@@ -113,18 +131,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if bool(options.agent) == bool(options.pretrained):
         parser.error("name an agent, or --pretrained and an environment id")
-    if options.out and options.out.suffix.lower() not in (".gif", ".mp4"):
-        parser.error(f"--out {options.out}: the name must end in .gif or .mp4")
+    if options.out and options.browser:
+        parser.error("--out writes a file and --browser shows the agent: one of them")
+    if options.out and options.out.suffix.lower() not in (".gif", ".mp4", PAGE):
+        parser.error(f"--out {options.out}: the name must end in .gif, .mp4 or {PAGE}")
     if options.out and not options.out.absolute().parent.is_dir():
         parser.error(f"--out {options.out}: there is no folder {options.out.absolute().parent}")
-    return guarded("watch.py", lambda: _watch(options), MENDABLE)
+    paged = options.browser or (options.out and options.out.suffix.lower() == PAGE)
+    mendable = (*MENDABLE, ValueError, ImportError) if paged else MENDABLE  # what the view refuses
+    return guarded("watch.py", lambda: _watch(options), mendable, "view")
 
 
 def _watch(options: argparse.Namespace) -> int:
     agent = options.agent or str(pretrained(options.pretrained))
     env_id, env_kwargs = find_task([agent], options.env, options.overrides)
+    if options.browser:
+        view.show(episodes(watched(agent, env_id, env_kwargs), options.seed))
+        return 0
     if options.out:
-        record(agent, env_id, env_kwargs, options.out, options.seed)
+        if options.out.suffix.lower() == PAGE:
+            view.save_page(played(watched(agent, env_id, env_kwargs), options.seed), options.out)
+        else:
+            record(agent, env_id, env_kwargs, options.out, options.seed)
         print(f"wrote {options.out}")
         return 0
     env, policy = make_watched(agent, env_id, env_kwargs, "human")

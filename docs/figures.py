@@ -44,13 +44,9 @@ INK = (52, 60, 76)
 def classical(env_id: str) -> Agent:
     """The classical controller of an environment."""
     sys.path.insert(0, str(HERE.parent / "agents"))
-    from controllers import controller_env_kwargs, make_controller
+    from watch import watched
 
-    options = controller_env_kwargs("classical", {})
-    name = "classical control"
-    return Agent(
-        name, env_id, options, lambda env: make_controller("classical", env_id, options, env.action_space)
-    )
+    return watched("classical", env_id, {})
 
 
 def accuracy(folder: Path, args: argparse.Namespace) -> None:

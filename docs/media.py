@@ -13,7 +13,6 @@ from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import gymnasium as gym
 import imageio_ffmpeg
 import numpy as np
 
@@ -69,22 +68,11 @@ def rows(checks: Iterable[Check]) -> list[list[str]]:
 def environment(env_id: str, folder: Path) -> None:
     """ID.mp4: an episode under the classical controller, in real time."""
     sys.path.insert(0, str(HERE.parent / "agents"))
-    from controllers import controller_env_kwargs, make_controller
+    from watch import make_watched, play_episode
 
-    options = controller_env_kwargs("classical", {})
-    env = gym.make(env_id, render_mode="rgb_array", **options)
-    control = make_controller("classical", env_id, options, env.action_space)
+    env, control = make_watched("classical", env_id, {}, "rgb_array")
     rate = 1 / env.unwrapped.episodes.task.period  # type: ignore[attr-defined]
-
-    def frames() -> Iterable[np.ndarray]:
-        observation, _ = env.reset(seed=SEED)
-        over = False
-        while not over:
-            yield env.render()  # type: ignore[misc]
-            observation, _, terminated, truncated, _ = env.step(control(observation[None])[0])
-            over = terminated or truncated
-
-    write(islice(frames(), round(SECONDS * rate)), folder / f"{env_id}.mp4", rate)
+    write(islice(play_episode(env, control, SEED), round(SECONDS * rate)), folder / f"{env_id}.mp4", rate)
     env.close()
 
 

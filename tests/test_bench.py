@@ -51,7 +51,7 @@ def test_section_to_json_and_figure(
 
     def sizes(rounds: int) -> list[Row]:
         """Two sizes."""
-        cases = [stepping({"ring": 12, "copies": n}, scene, copies=n, facts=error(scene)) for n in (1, 8)]
+        cases = [Case({"ring": 12, "copies": n}, lambda n=n: sum(range(1000)), 1e3 * n) for n in (1, 8)]
         return [row._replace(facts={"ns_a_spring": 1.0}) for row in measured(cases, rounds, "steps/s", 1e-3)]
 
     def against(rounds: int) -> list[Row]:
@@ -136,6 +136,7 @@ def test_error_falls_with_the_square_of_the_step() -> None:
     assert coarse / fine == pytest.approx(4.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_rounding_is_that_of_single_precision() -> None:
     found = rounding(paper_top(), step=PAPER_STEP)
     assert 6e-8 < found["rounding_after_1_s"] < 1e-4

@@ -15,14 +15,32 @@ from springgym.integrators import integrator
 from springgym.integrators.record import refusal
 from springgym.scene import Scene
 from springgym.simulator import PAPER_STEP, Simulator
-from springgym.surfaces import Bowl
+from springgym.surfaces import Bowl, floor
 
 FEATURES = all_features()
 PLAIN, STANDING = FEATURES["damping"].off, FEATURES["friction"].off
-FLOATING = FEATURES["plane out of reach"].off
+FLOATING, ALOFT = FEATURES["plane out of reach"].off, FEATURES["plane"].off
 STEPS = 200
 
-ABSENT_AND_IDLE: dict[str, tuple[Scene, Scene, dict[str, Any], dict[str, Any]]] = {
+Pair = tuple[Scene, Scene, dict[str, Any], dict[str, Any]]
+RUBBING: dict[str, Any] = {"varying": ("friction", "restitution")}
+NOTHING = PLAIN.with_(
+    gravity=(0.0, 0.0, 0.0),
+    **{name: getattr(FEATURES[name].on, name) for name in ("wrench", "thrust", "drive")},
+)
+AT_ONCE: dict[str, Pair] = {
+    "without surfaces": (
+        FEATURES["gravity"].off,
+        NOTHING,
+        {"varying": ("masses", "stiffness", "lengths", "gravity", "damping"), "ledger": True},
+        {"damping": PLAIN.body.damping},
+    ),
+    "a floor out of reach": (ALOFT, ALOFT.with_(surfaces=(floor(-1e3),)), RUBBING, {"friction": 0.5}),
+    "on a floor": (STANDING, STANDING, RUBBING, {"friction": 0.0, "restitution": 1.0}),
+}
+"""Many features at once; each alone is left to slow runs, as each is compiled for itself."""
+
+ABSENT_AND_IDLE: dict[str, Pair] = AT_ONCE | {
     "gravity": (FEATURES["gravity"].off, PLAIN.with_(gravity=(0.0, 0.0, 0.0)), {}, {}),
     "damping": (PLAIN, PLAIN, {"varying": ("damping",)}, {"damping": PLAIN.body.damping}),
     "wrench": (*FEATURES["wrench"][:2], {}, {}),
@@ -52,8 +70,15 @@ def moved(scene: Scene, method: str, values: dict[str, Any] | None = None, **opt
 HALVED = [("wrench", "pefrl"), ("thrust", "pefrl")]
 """Splitting methods kick in two halves about what actuators do: two roundings in place of one."""
 
+
+def case(name: str, method: str) -> Any:
+    """Parameters of a test, left to slow runs where other cases are compiled for the same."""
+    quick = (name in AT_ONCE and method == "verlet") or (name, method) == HALVED[0]
+    return pytest.param(name, method, marks=[] if quick else [pytest.mark.slow])
+
+
 CASES = [
-    pytest.param(name, method, marks=[pytest.mark.slow] if method != "verlet" else [])
+    case(name, method)
     for method in ("verlet", "rk4", "pefrl")
     for name, (_, on, options, _) in ABSENT_AND_IDLE.items()
     if refusal(integrator(method), on, options.get("varying", ())) is None and (name, method) not in HALVED
@@ -68,10 +93,10 @@ def test_idle_is_absent_to_the_bit(name: str, method: str) -> None:
     assert np.abs(without[0] - off.positions).max() > 0.01
 
 
-@pytest.mark.parametrize(("name", "method"), HALVED)
+@pytest.mark.parametrize(("name", "method"), [case(*each) for each in HALVED])
 def test_idle_is_absent_but_for_rounding(name: str, method: str) -> None:
-    off, on, *_ = ABSENT_AND_IDLE[name]
-    np.testing.assert_allclose(moved(on, method), moved(off, method), rtol=0, atol=1e-10)
+    off, on, options, values = ABSENT_AND_IDLE[name]
+    np.testing.assert_allclose(moved(on, method, values, **options), moved(off, method), rtol=0, atol=1e-10)
 
 
 def test_bits_tell_features_apart() -> None:

@@ -12,10 +12,13 @@ from springgym.bodies.motion import InitialState
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, PaperContact, Plane, floor
+from tests.forces.test_contact import VARYING
 
 CUBE = cube(damping=0.0)
 STRENGTH, REACH = 0.05, 0.02
 G = 9.81
+RUBBING = ("friction", "restitution")
+"""What varies in most of these scenes: so their contact is compiled once, and μ = 0 or e = 1 is a number."""
 
 
 def contact(friction: float = 0.0, restitution: float = 1.0) -> Contact:
@@ -54,7 +57,7 @@ def throw(
 ) -> Simulator:
     scene = Scene(stone(), began.positions[0], began.velocities[0], surfaces=surfaces, contact=how)
     copies = len(began.positions)
-    simulator = Simulator(scene, dynamics="rigid", step=step, copies=copies, **options)
+    simulator = Simulator(scene, dynamics="rigid", step=step, copies=copies, varying=RUBBING, **options)
     simulator.place(*began)
     return simulator
 
@@ -130,7 +133,7 @@ def on_floor(positions: np.ndarray, velocity: tuple[float, ...], how: Contact, s
     gravity = (G * np.sin(slope), 0.0, -G * np.cos(slope))
     velocities = np.broadcast_to(velocity, positions.shape)
     scene = Scene(CUBE, positions, velocities, gravity=gravity, surfaces=(floor(),), contact=how)
-    return Simulator(scene, dynamics="rigid", step=step)
+    return Simulator(scene, dynamics="rigid", step=step, varying=RUBBING)
 
 
 @pytest.mark.parametrize("restitution", [0.01, 0.3, 0.7, 1.0])
@@ -144,7 +147,7 @@ def test_a_cube_that_falls_flat_rebounds_with_the_restitution(restitution: float
         surfaces=(floor(),),
         contact=contact(0.5, restitution),
     )
-    simulator = Simulator(scene, dynamics="rigid", step=5e-4)
+    simulator = Simulator(scene, dynamics="rigid", step=5e-4, varying=RUBBING)
     simulator.advance(800, check=False)
     velocity = simulator.velocities[0]
     np.testing.assert_allclose(velocity[:, 2], restitution, atol=1e-3)
@@ -194,7 +197,8 @@ def test_springs_that_bounce_with_friction_approach_their_twin() -> None:
         began = start(body, omega=(2, -3, 1), tilt=1.0, roll=0.5, position=(0, 0, 0.5), velocity=(1, 0.5, 0))
         scene = Scene(body, *began, surfaces=(floor(),), contact=contact(0.6, 0.5))
         h = 2e-4 / np.ceil(2e-4 * np.sqrt(stiffness) * 2)
-        both = Simulator(scene, step=h), Simulator(scene, dynamics="rigid", step=5e-5)
+        springs = Simulator(scene, step=h, varying=VARYING)
+        both = springs, Simulator(scene, dynamics="rigid", step=5e-5, varying=RUBBING)
         for simulator in both:
             simulator.advance(round(0.35 / simulator.step), check=False)
             assert simulator.measure().friction_loss[0] > 0.5
@@ -224,7 +228,7 @@ def test_every_copy_has_the_bits_of_a_single_one_through_bounces_and_rest() -> N
 
 def test_methods_and_laws_without_meaning_are_refused_and_the_default_has_one() -> None:
     scene = Scene(CUBE, CUBE.positions + np.array([0, 0, 1]), surfaces=(floor(),))
-    assert Simulator(scene, dynamics="rigid").integrator.name == "verlet"
+    assert Simulator(scene, dynamics="rigid", varying=RUBBING).integrator.name == "verlet"
     with pytest.raises(ValueError, match="back in time"):
         Simulator(scene, dynamics="rigid", integrator="suzuki")
     with pytest.raises(ValueError, match="the paper's contact"):

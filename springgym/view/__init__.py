@@ -54,35 +54,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do what the arguments ask for; the exit status."""
-    if args.save is not None:
-        _check_saved(args.save)
-    subject = _subject(args)
-    if args.save is not None:
-        save_page(subject.make(subject.names[0], {}), args.save)
-        print(f"wrote {args.save}")
+    if args.save is None:
+        show(_subject(args), args.port, browser=not args.no_browser)
         return 0
-    server = _server(args.port)
+    _check_saved(args.save)
+    subject = _subject(args)
+    save_page(subject.make(subject.names[0], {}), args.save)
+    print(f"wrote {args.save}")
+    return 0
+
+
+def show(subject: Subject, port: int = PORT, browser: bool = True) -> None:
+    """Serve a page, print its address and, unless told not to, open it, until Ctrl-C is pressed."""
+    server = _server(port)
     try:
         page = Page(server, subject)
         address = f"http://127.0.0.1:{server.get_port()}"
         print(f"{subject.names[0]}: {address} (Ctrl-C ends)", flush=True)
-        if not args.no_browser:
+        if browser:
             webbrowser.open(address)
         page.run()
     except KeyboardInterrupt:
         print()
     finally:
         _end(server)
-    return 0
 
 
 def _subject(args: argparse.Namespace) -> Subject:
     """What the arguments name."""
     if args.agent is None and "-v" not in args.what:
         return scenes(args.what)
-    from springgym.view.episodes import episodes
+    from springgym.view.episodes import episodes, find_agent
 
-    return episodes(args.what, args.agent, args.seed)
+    return episodes(find_agent(args.agent, args.what), args.seed)
 
 
 def scenes(first: str) -> Subject:

@@ -44,13 +44,12 @@ class Run:
     config: dict[str, Any]
 
 
-def episodes(env_id: str, agent: str | None, first: int) -> Subject:
-    """Episodes of an agent from consecutive seeds, see `find_agent`."""
-    chosen = find_agent(agent, env_id)
+def episodes(agent: Agent, first: int) -> Subject:
+    """Episodes of an agent from consecutive seeds."""
     names = [f"seed {first + n}" for n in range(SEEDS)]
 
     def make(name: str, changes: Changes) -> Motion:
-        return played(chosen, int(name.split()[1]))
+        return played(agent, int(name.split()[1]))
 
     return Subject("episode", names, make, lambda name: ())
 
@@ -75,6 +74,11 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
         return Agent("no action", env_id, {}, _zero)
     if agent == "random":
         return Agent("random actions", env_id, {}, _random)
+    if agent == "classical":
+        raise ValueError(
+            "classical control is not in the package but in the repository's folder agents/; there, "
+            f"python agents/watch.py classical --env {env_id} --browser  shows it"
+        )
     folder = Path(agent)
     if not (folder / "config.yaml").is_file():
         raise ValueError(f"agent {agent!r} is no run folder, which has a config.yaml, nor zero or random")

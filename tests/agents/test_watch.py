@@ -93,6 +93,36 @@ def test_window_is_drawn_once_a_step_until_it_is_closed(monkeypatch):
     assert not pygame.display.get_init()
 
 
+def test_a_page_of_classical_control(tmp_path, capsys):
+    """The same episode as in a film."""
+    pytest.importorskip("viser")
+    path = tmp_path / "top.html"
+    short = ["--set", "max_episode_steps=12"]
+    assert watch.main(["classical", "--env", "SpringTop-v0", "--out", str(path), *short]) == 0
+    assert f"wrote {path}" in capsys.readouterr().out
+    assert "__VISER_EMBED_DATA__" in path.read_text(encoding="utf-8")
+    options = {"max_episode_steps": 12}
+    motion = watch.played(watch.watched("classical", "SpringTop-v0", options), 5)
+    assert motion.title == "SpringTop-v0: classical control"
+    env, policy = watch.make_watched("classical", "SpringTop-v0", options, "rgb_array")
+    assert len(list(watch.play_episode(env, policy, 5))) - 1 == round(motion.times[-1] / 0.02) == 12
+    np.testing.assert_array_equal(env.unwrapped.episodes.particles[0][0], motion.positions[-1])
+
+
+def test_the_browser_shows_episodes_of_the_agent(right, monkeypatch, capsys):
+    shown = []
+    monkeypatch.setattr(watch.view, "show", shown.append)
+    arguments = ["zero", "--env", "SpringTop-v0", "--set", "max_episode_steps=5"]
+    assert watch.main([*arguments, "--seed", "7", "--browser"]) == 0
+    (subject,) = shown
+    assert subject.names[0] == "seed 7"
+    assert subject.make("seed 7", {}).title == "SpringTop-v0: no action"
+    with pytest.raises(SystemExit):
+        watch.main(["zero", "--env", "SpringTop-v0", "--browser", "--out", "top.gif"])
+    assert watch.main(["classical", "--env", "Toy-v0", "--out", "toy.html"]) == 2
+    assert "Toy-v0 is no environment of springgym's" in capsys.readouterr().err
+
+
 def test_agent_must_be_known(capsys):
     assert watch.main(["clasical", "--env", "Toy-v0", "--out", "toy.gif"]) == 2
     assert "unknown controller 'clasical'" in capsys.readouterr().err
@@ -104,4 +134,4 @@ def test_agent_must_be_known(capsys):
     assert "SpringTop-v9: " in capsys.readouterr().err
     with pytest.raises(SystemExit):
         watch.main(["zero", "--env", "Toy-v0", "--out", "toy.avi"])
-    assert "--out toy.avi: the name must end in .gif or .mp4" in capsys.readouterr().err
+    assert "--out toy.avi: the name must end in .gif, .mp4 or .html" in capsys.readouterr().err

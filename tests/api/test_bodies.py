@@ -35,7 +35,7 @@ from springgym.materials import MATERIALS, Grain, Material
 from springgym.theory.top import HeavyTop
 from tests.api.values import KINDS, NUMBERS, Door, arguments, arrays, attempt, door
 
-CUBE, TOP = cube(), top(ring=5)
+CUBE, TOP, LARGE = cube(), top(ring=5), top(ring=300)
 TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
 
 DOORS: list[Door] = [
@@ -87,7 +87,7 @@ DOORS: list[Door] = [
 
 def wrong_for(right: Any) -> list[Any]:
     """What an argument could be given in place of what is right."""
-    held = [CUBE, [CUBE], [CUBE, CUBE], (CUBE, top(ring=300)), {0: 0.0}, {0: np.nan}, {99: 1.0}, {0.5: 1.0}]
+    held = [CUBE, [CUBE], [CUBE, CUBE], (CUBE, LARGE), {0: 0.0}, {0: np.nan}, {99: 1.0}, {0.5: 1.0}]
     held += [{"tip": 3}, {"tip": ()}, {"tip": (9,)}, {"tip": (-1,)}, {3: (3,)}, {"tip": (0.5,)}]
     held += [(0, 1), (0, 0), (-1,), (99,), (0.5,), (True,), [True] * 4, [False] * 8]
     held += [(0, 1, 2), (0, 0, 1), (3, 2, 1)]

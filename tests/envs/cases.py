@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
@@ -35,17 +35,26 @@ CASES = [
 ]
 
 
-def each_case(quick: Callable[[int], bool] = lambda twin: False) -> pytest.MarkDecorator:
+QUICK = ("SpringTop-v0", "SpringDetumble-v0", "SpringRope-v0", "SpringTumble-v0")
+"""Of these, on a pin, free, driven, among surfaces, what takes long to compile is tested always."""
+
+
+def quick_ids(ids: Sequence[str] = IDS) -> list[Any]:
+    """Parameters of a test: environments, those that are not quick left to slow runs."""
+    return [pytest.param(env_id, marks=() if env_id in QUICK else pytest.mark.slow) for env_id in ids]
+
+
+def each_case(quick: bool = False) -> pytest.MarkDecorator:
     """Run a test on every case.
 
-    Compiling takes long for rigid twins: they are left to slow runs but for the n-th of an environment,
-    counted from 0, where ``quick(n)``.
+    Compiling takes long for rigid twins: they are left to slow runs but, if ``quick``, for the first of each
+    of `QUICK`.
     """
     params, twins = [], Counter[str]()
     for env_id, options in CASES:
         marks = ()
         if options["dynamics"] == "rigid":
-            marks = () if quick(twins[env_id]) else (pytest.mark.slow,)
+            marks = () if quick and env_id in QUICK and not twins[env_id] else (pytest.mark.slow,)
             twins[env_id] += 1
         params.append(pytest.param(env_id, options, marks=marks, id="-".join((env_id, *options.values()))))
     return pytest.mark.parametrize(("env_id", "options"), params)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 import gymnasium as gym
@@ -16,9 +17,17 @@ from gymnasium.vector import AutoresetMode
 import springgym
 from springgym.envs.base import frame_rate
 from springgym.envs.task import Task
-from tests.envs.cases import IDS, each_id, make, make_vec, task_type
+from tests.envs.cases import IDS, each_id, make, make_vec, quick_ids, task_type
+from tests.envs.test_contract import answered
 
-REACH = {"masses": np.array([0.9, 1.1]), "actuator": (np.float32(0.5), 1)}
+RANDOMIZED = pytest.mark.parametrize("env_id", quick_ids())
+"""Each is compiled anew for what may vary in it."""
+
+
+def ranges(env_id: str) -> dict[str, Any]:
+    """Of all factors, as numbers of many kinds."""
+    kinds = {"masses": np.array([0.9, 1.1]), "actuator": (np.float32(0.5), 1)}
+    return answered(env_id) | kinds
 
 
 @each_id
@@ -56,8 +65,16 @@ def test_gymnasiums_class_is_a_direct_base(env_id: str, suffix: str) -> None:
 
 
 @each_id
-@pytest.mark.parametrize("ranges", [None, REACH], ids=["", "randomized"])
-def test_info_has_the_same_keys_after_a_reset_and_a_step(env_id: str, ranges: Any) -> None:
+def test_info_has_the_same_keys_after_a_reset_and_a_step(env_id: str) -> None:
+    same_keys(env_id, None)
+
+
+@RANDOMIZED
+def test_info_has_the_same_keys_of_a_randomised_episode(env_id: str) -> None:
+    same_keys(env_id, ranges(env_id))
+
+
+def same_keys(env_id: str, ranges: Any) -> None:
     env = make(env_id, randomize=ranges)
     _, first = env.reset(seed=0)
     *_, later = env.step(env.action_space.sample())
@@ -85,14 +102,13 @@ def test_metrics_of_the_start(env_id: str) -> None:
 
 
 ARGUMENTS: dict[str, dict[str, Any]] = {
-    env_id: {"dtype": np.float64, "randomize": REACH, "observation": "frame"} for env_id in IDS
+    env_id: {"dtype": np.float64, "randomize": ranges(env_id), "observation": "frame"} for env_id in IDS
 }
 ARGUMENTS["SpringTop-v0"] |= {"body": {"scaled": {0: np.float64(1.1)}}, "hard": True}
 
 
-@each_id
-def test_specs_survive_json(env_id: str) -> None:
-    """Whatever types the arguments were of: what is made of the text lives the same life, to the bit."""
+def through_json(env_id: str) -> Iterator[tuple[Any, Any]]:
+    """An environment and a batch, each with what is made of its spec as text."""
     for made in (
         make(env_id, **ARGUMENTS[env_id]),
         gym.make_vec(
@@ -107,6 +123,18 @@ def test_specs_survive_json(env_id: str) -> None:
         assert spec == made.spec
         again = gym.make(spec) if isinstance(made, gym.Env) else gym.make_vec(spec)
         assert again.spec == spec
+        yield made, again
+
+
+@each_id
+def test_specs_survive_json(env_id: str) -> None:
+    """Whatever types the arguments were of."""
+    assert len(list(through_json(env_id))) == 2
+
+
+@RANDOMIZED
+def test_what_is_made_of_a_spec_lives_the_same_life(env_id: str) -> None:
+    for made, again in through_json(env_id):
         action = made.action_space.sample()
         for env in (made, again):
             env.reset(seed=4)

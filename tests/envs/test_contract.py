@@ -20,10 +20,10 @@ from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import scales
-from tests.envs.cases import IDS, TWINLESS, each_case, each_id, make, make_vec, task_type
+from tests.envs.cases import IDS, TWINLESS, each_case, each_id, make, make_vec, quick_ids, task_type
 
 
-@each_case(quick=lambda twin: twin == 0)
+@each_case(quick=True)
 def test_checkers(env_id: str, options: dict[str, Any]) -> None:
     """Gymnasium's and SB3's checkers find nothing; pytest turns warnings into errors."""
     check_env(make(env_id, render_mode="rgb_array", **options).unwrapped)
@@ -309,7 +309,7 @@ def answered(env_id: str) -> dict[str, tuple[float, float]]:
     return {name: (0.9, 1.2) for name in RANDOMIZABLE if not absent.get(name)}
 
 
-@each_id
+@pytest.mark.parametrize("env_id", quick_ids())
 def test_randomisation(env_id: str) -> None:
     """Factors are drawn per copy and episode from its seed, reported, and settable."""
     ranges = answered(env_id)
@@ -337,7 +337,7 @@ def test_randomised_native_equals_sync(env_id: str) -> None:
     assert compare_with_sync(env_id, "SameStep", 60, 2, randomize=answered(env_id)) > 0
 
 
-@each_id
+@pytest.mark.parametrize("env_id", quick_ids())
 def test_randomised_copy_is_another_scene(env_id: str) -> None:
     """A copy with one factor off 1 moves, to the bit, as the scene with that parameter; one with all at 1,
     as if nothing could vary."""

@@ -14,9 +14,11 @@ from springgym.bodies import cube
 from springgym.bodies.distances import rms_distance, rms_distances
 from springgym.scene import Scene
 from springgym.simulator import Simulator
+from tests.envs.test_contract import answered
 
 NATIVE = "vector_entry_point"
-RANDOM = {"masses": (0.8, 1.2), "stiffness": (0.8, 1.2), "damping": (0.5, 1.5), "scale": (0.9, 1.1)}
+RANDOM = {name: reach for name, reach in answered("SpringTop-v0").items() if name != "actuator"}
+"""What other tests compile, too."""
 
 
 def batch(copies: int = 3, **options: Any) -> Any:
@@ -54,18 +56,19 @@ def test_it_is_the_distance_from_finer_steps(randomize: dict[str, Any] | None) -
     envs = batch(error=True, randomize=randomize)
     episodes = envs.unwrapped.episodes
     simulator, task = episodes.simulator, episodes.task
-    varying = {"masses", "stiffness", "damping", "lengths"} if randomize else ()
+    varying = {"masses", "stiffness", "damping", "lengths", "gravity"} if randomize else ()
     exact = Simulator(task.scene, copies=3, step=simulator.step / 16, varying=varying)
     envs.reset(seed=2)
     body = task.scene.body
     for n, factors in enumerate(episodes.factors if randomize else ()):
-        masses, stiffness, damping, scale = factors
+        by = dict(zip(RANDOM, factors, strict=True))
         exact.vary(
             [n],
-            masses=masses * body.masses,
-            stiffness=stiffness * body.stiffness,
-            damping=damping * body.damping,
-            lengths=scale * body.lengths,
+            masses=by["masses"] * body.masses,
+            stiffness=by["stiffness"] * body.stiffness,
+            damping=by["damping"] * body.damping,
+            lengths=by["scale"] * body.lengths,
+            gravity=by["gravity"] * np.array(task.scene.gravity),
         )
     for action in actions(4, 3, 3):
         exact.place(simulator.positions, simulator.velocities)

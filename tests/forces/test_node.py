@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import cube, rigid_velocities, rotation
-from springgym.scene import Placed, Scene, ThrustActuator, WrenchActuator
+from springgym.scene import Placed, Scene, WrenchActuator
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, Plane, floor, scales
 from tests.forces.test_contact import REACH, VARYING, WEIGHTLESS, beads, thrown_cube
@@ -19,22 +19,23 @@ BOWL = (Bowl((0.0, 0.0, 1.5), 1.6),)
 RAMP = (floor(), Plane((0.6, 0, 0), (-0.6, 0, 0.8)))
 
 
-def fallen(surfaces: Any, copies: int = 3, **options: Any) -> Simulator:
+ALIKE: Any = {"varying": VARYING}
+"""So that these cubes are compiled once, with those of the tests of contact."""
+
+
+def fallen(surfaces: Any, copies: int = 3, wrench: WrenchActuator | None = None, **options: Any) -> Simulator:
     """Cubes with dampers that fall onto surfaces with friction and loss, each thrown in its own way."""
     body = cube(damping=5.0, stiffness=1e4)
     positions = (body.positions - body.centre) * 0.3 @ rotation([1, 2, 0.5], 0.7).T + [0, 0, 0.5]
     body = body.with_(positions=positions, lengths=0.3 * body.lengths)
     how = Contact(friction=0.4, restitution=0.5, strength=0.05, reach=0.02)
-    scene = Scene(
-        body, positions, surfaces=surfaces, contact=how, wrench=WrenchActuator(), thrust=ThrustActuator((0,))
-    )
+    scene = Scene(body, positions, surfaces=surfaces, contact=how, wrench=wrench)
     simulator = Simulator(scene, step=1e-3, copies=copies, **options)
     pace = 1 + 0.3 * np.arange(copies)[:, None, None]
     simulator.place(
         positions + np.zeros((copies, 1, 1)),
         pace * (rigid_velocities(positions, [1, 3, 2], [0, 0, 0.5]) - [0, 0, 2.0]),
     )
-    simulator.actuate(torque=[0.1, 0.2, 0.3], thrust=[[0.5, 0.0, 1.0]])
     return simulator
 
 
@@ -50,7 +51,7 @@ def bits(simulator: Simulator) -> list[bytes]:
 @pytest.mark.parametrize("surfaces", [(floor(),), RAMP, BOWL], ids=["floor", "ramp", "bowl"])
 def test_one_call_is_many_to_the_bit(surfaces: Any) -> None:
     """Odd and even parts, read amid impacts: the next call makes the node anew as it was."""
-    one, many = fallen(surfaces), fallen(surfaces)
+    one, many = fallen(surfaces, **ALIKE), fallen(surfaces, **ALIKE)
     one.advance(600)
     for steps in [1, 2, 3, 50, 7] * 9 + [33]:
         many.advance(steps, read=True)
@@ -61,7 +62,7 @@ def test_one_call_is_many_to_the_bit(surfaces: Any) -> None:
 def test_a_copy_placed_amid_the_steps_of_others_is_as_one_alone() -> None:
     """The directions of dampers' sweeps, and where nodes begin, are each copy's own."""
     for before in (3, 4):
-        batch, alone = fallen((floor(),), 20), fallen((floor(),), 1)
+        batch, alone = fallen((floor(),), 20, **ALIKE), fallen((floor(),), 1, **ALIKE)
         batch.advance(before)
         batch.place(alone.positions, alone.velocities, [7])
         alone.advance(400)
@@ -73,13 +74,13 @@ def test_a_copy_placed_amid_the_steps_of_others_is_as_one_alone() -> None:
 
 
 def test_state_and_pickle_return_to_mid_impact_to_the_bit() -> None:
-    simulator = fallen((floor(),), threads=2)
+    simulator = fallen((floor(),), threads=2, **ALIKE)
     while not (simulator.measure().contact > 0).any():
         simulator.advance(1)
     state, twin = simulator.state(), pickle.loads(pickle.dumps(simulator))
     simulator.advance(101)
     twin.advance(101)
-    again = fallen((floor(),))
+    again = fallen((floor(),), **ALIKE)
     again.restore(state)
     again.advance(101)
     assert bits(simulator) == bits(twin) == bits(again)
@@ -92,9 +93,10 @@ def test_several_bodies_are_each_as_alone_to_the_bit() -> None:
     how = Contact(friction=0.4, restitution=0.5)
     velocities = [np.tile([0, 0, -speed], (8, 1)) for speed in (1.0, 2.0)]
     placed = [Placed(body, positions, v, name=f"cube {n}") for n, v in enumerate(velocities)]
-    both = Simulator(Scene(bodies=tuple(placed), surfaces=(floor(),), contact=how), step=2e-4)
+    both = Simulator(Scene(bodies=tuple(placed), surfaces=(floor(),), contact=how), step=2e-4, **ALIKE)
     each = [
-        Simulator(Scene(body, positions, v, surfaces=(floor(),), contact=how), step=2e-4) for v in velocities
+        Simulator(Scene(body, positions, v, surfaces=(floor(),), contact=how), step=2e-4, **ALIKE)
+        for v in velocities
     ]
     for simulator in (both, *each):
         for _ in range(200):
@@ -195,14 +197,14 @@ def test_actions_change_at_nodes_half_and_half() -> None:
     """Far above a floor the centre moves as forces that change from call to call have it, and work is
     theirs."""
     draw = np.random.default_rng(5)
-    simulator = fallen((floor(),), 1)
+    simulator = fallen((floor(),), 1, WrenchActuator())
     simulator.place(simulator.positions + np.array([0, 0, 50.0]), simulator.velocities)
     mass, seconds, work = simulator.scene.body.mass, 3 * simulator.step, 0.0
     found = simulator.measure()
     centre, velocity = found.centre[0], found.centre_velocity[0]
     for _ in range(50):
         force = draw.normal(size=3)
-        simulator.actuate(force=force, torque=np.zeros(3), thrust=np.zeros((1, 3)))
+        simulator.actuate(force=force, torque=np.zeros(3))
         simulator.advance(3)
         acceleration = force / mass + [0, 0, -9.81]
         way = seconds * velocity + 0.5 * seconds**2 * acceleration

@@ -14,6 +14,7 @@ from springgym.scene import Scene
 from springgym.simulator import PAPER_STEP, Simulator
 from springgym.surfaces import Bowl, Contact, PaperContact, Surface, floor, incline
 from springgym.theory import contact as theory
+from tests.forces.test_contact import beads as default_beads
 
 C, REACH, G = 1.0, 0.02, 9.81
 BEAD = Body("bead", np.zeros((1, 3)), [1.0], np.zeros((0, 2)), 1.0, 0.0)  # type: ignore[arg-type]
@@ -31,13 +32,14 @@ def beads(
     """Single particles of 1 kg, a copy each, by the paper's method or with another step of rk4."""
     law = PaperContact(**{"strength": C, "reach": REACH, **how})  # type: ignore[arg-type]
     scene = Scene(BEAD, positions[:1], gravity=gravity, surfaces=(surface or floor(),), contact=law)
-    options: Any = {"copies": len(positions), "varying": ("friction",)}
+    options: Any = {"copies": max(2, len(positions)), "varying": ("friction",)}
     simulator = (
         Simulator(scene, integrator="rk4", step=step, **options)
         if step
         else Simulator.paper(scene, **options)
     )
-    simulator.place(np.asarray(positions, float)[:, None], np.asarray(velocities, float)[:, None])
+    where, speed = (np.asarray(rows, float)[:, None] for rows in (positions, velocities))
+    simulator.place(where, speed, np.arange(len(positions)))
     return simulator
 
 
@@ -114,9 +116,8 @@ def test_friction_creeps_where_it_should_hold() -> None:
     moved = np.linalg.norm(simulator.positions[0, 0] - start)
     assert moved == pytest.approx(2 * PAPER_STEP * G * math.sin(angle) * simulator.time[0], rel=0.01)
 
-    default = Simulator(
-        simulator.scene.with_(contact=Contact(friction=friction, strength=C, reach=REACH)), step=PAPER_STEP
-    )
+    how = Contact(friction=friction, strength=C, reach=REACH)
+    default = default_beads([start], [[0, 0, 0]], how, (slope,), step=PAPER_STEP)
     default.advance(2000)
     assert np.linalg.norm(default.positions[0, 0] - start) < 1e-9
 
@@ -130,9 +131,8 @@ def test_clamp_creates_energy_where_the_default_keeps_it(
     height: float, strength: float, reach: float, growth: float
 ) -> None:
     paper = beads([[0, 0, height]], [[0, 0, 0]], strength=strength, reach=reach)
-    default = Simulator(
-        paper.scene.with_(contact=Contact(strength=strength, reach=reach)), step=PAPER_STEP, copies=1
-    )
+    how = Contact(strength=strength, reach=reach)
+    default = default_beads([[0, 0, height]], [[0, 0, 0]], how, step=PAPER_STEP)
     start = default.measure().energy[0]
     worst = 0.0
     for _ in range(200):

@@ -13,6 +13,11 @@ from springgym.simulator import SimulationDivergedError
 from tests.integrators.problems import simulator, tetrahedron
 
 COPIES, STEPS = 11, 200
+QUICK = ("verlet", "pefrl", "dopri5", "implicit_euler", "rodas3")
+"""One of each kind, explicit and implicit, of steps given and chosen: a batch compiles for seconds."""
+each_method = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in METHODS]
+)
 
 
 def batch(name: str, copies: Any, threads: int = 1, spoilt: int | None = None, **options: Any) -> tuple:
@@ -34,7 +39,7 @@ def batch(name: str, copies: Any, threads: int = 1, spoilt: int | None = None, *
     return made.positions, made.velocities, energies, counts
 
 
-@pytest.mark.parametrize("name", METHODS)
+@each_method
 def test_batch_equals_single(name: str) -> None:
     options: dict[str, Any] = {"tolerance": (1e-10, 1e-10)} if integrator(name).controlled else {}
     together = batch(name, range(COPIES), **options)
@@ -52,7 +57,7 @@ def test_batch_equals_single(name: str) -> None:
         assert np.ptp(counts, axis=0).max() > 5  # the copies did not march in step
 
 
-@pytest.mark.parametrize("name", METHODS)
+@each_method
 def test_diverging_copy_leaves_others_alone(name: str) -> None:
     whole, spoilt = batch(name, range(COPIES)), batch(name, range(COPIES), spoilt=3)
     others = np.arange(COPIES) != 3

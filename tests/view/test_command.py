@@ -10,7 +10,7 @@ pytest.importorskip("viser")
 
 def test_a_page_is_saved_and_holds_what_it_needs(tmp_path, capsys):
     path = tmp_path / "page.html"
-    assert main(["view", "block-holds", "--save", str(path)]) == 0
+    assert main(["view", "top", "--save", str(path)]) == 0
     printed, warned = capsys.readouterr()
     assert printed == f"wrote {path}\n"
     assert not warned
@@ -32,6 +32,7 @@ def test_an_episode_is_saved(tmp_path):
         (["top", "--save", "page.gif"], "page.gif: the name of a saved page must end in .html or .viser"),
         (["top", "--save", "nowhere/page.html"], "there is no folder"),
         (["SpringTop-v0", "--agent", "nobody"], "agent 'nobody' is no run folder"),
+        (["SpringTop-v0", "--agent", "classical"], "agents/watch.py classical --env SpringTop-v0 --browser"),
         (["CartPole-v1"], "CartPole-v1 is no environment of springgym's"),
         (["SpringTpo-v0"], "SpringTop"),
     ],
@@ -44,7 +45,7 @@ def test_what_cannot_be_shown_is_told(arguments, message, capsys, tmp_path, monk
 
 def test_steps_of_a_file_give_way_to_stiffer_bodies():
     """The bungee's file has a step that springs ten times as stiff would not bear."""
-    soft = view.simulated("bouncing-ball-lossy", {("contact", "restitution"): 0.5})
+    soft = view.simulated("bungee", {("body", "end_mass"): 60.0})
     stiff = view.simulated("bungee", {("body", "stiffness"): 2e5})
     assert soft.times[-1] > 1
     assert stiff.strain.max() < 0.2
