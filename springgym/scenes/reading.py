@@ -32,6 +32,7 @@ from springgym.bodies.motion import InitialState
 from springgym.bodies.precession import heavy_top
 from springgym.checks import shown
 from springgym.collisions import Collisions, Pair
+from springgym.collisions.meeting import ALL
 from springgym.integrators import METHODS
 from springgym.materials import Material
 from springgym.scene import GRAVITY, Placed, Scene
@@ -429,7 +430,7 @@ def _met(
 
 def _collisions(tree: Tree) -> Collisions:
     """Which bodies meet: "all", "none", how all do, or a list of pairs, each with its ``contact`` or not."""
-    given = tree.value.get("collisions")
+    given = tree.value.get("collisions", ALL)
     if given is None or given == "none":
         return None
     if isinstance(given, dict):
@@ -442,11 +443,11 @@ def _collisions(tree: Tree) -> Collisions:
             return Pair(first, second, how)
 
         return tuple(build(pair, tree, ("collisions", str(n)), n=str(n)) for n in range(len(given)))
-    if given != "all":
+    if given != ALL:
         raise _error(
             tree, ("collisions",), f"expected all, none, a contact or a list of pairs, got {shown(given)}"
         )
-    return "all"
+    return ALL
 
 
 # --- Starts -----------------------------------------------------------------------------------------
