@@ -358,9 +358,10 @@ class Simulator:
             Which.
         values
             ``masses`` (k, N), ``stiffness``, ``damping``, ``lengths`` (k, S), ``gravity`` (k, 3),
-            ``friction``, ``restitution`` (at the contact's impact speed), ``strength`` (k,) of the surfaces;
-            or without the k, for all of these copies. N and S count particles and springs of all bodies, one
-            after another; of several bodies, ``strength`` is (k, bodies).
+            ``friction``, ``restitution`` (at the contact's impact speed) (k,) of the surfaces, and of bodies
+            that collide as the scene's contact says, ``strength`` (k,) of the surfaces; or without the k, for
+            all of these copies. N and S count particles and springs of all bodies, one after another; of
+            several bodies, ``strength`` is (k, bodies).
 
         Raises
         ------
@@ -393,6 +394,7 @@ class Simulator:
         ]
         for packed, own, of in zip(self._packed, given, follows, strict=True):
             packing.vary(packed, index, self.step, own, of)
+        packing.vary_pairs(self._terms.meets, self.scene, index, given[0])
 
     def actuate(self, **values: Any) -> None:
         """Set what the scene's actuators do until further notice.
