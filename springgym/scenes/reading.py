@@ -13,6 +13,7 @@ import numpy as np
 
 from springgym.bodies import (
     Body,
+    ball,
     box,
     cube,
     from_mesh,
@@ -36,7 +37,7 @@ from springgym.collisions.meeting import ALL
 from springgym.integrators import METHODS
 from springgym.materials import Material
 from springgym.scene import GRAVITY, Placed, Scene
-from springgym.scenes.checks import CHECKS
+from springgym.scenes.checks import CHECKS, of_all
 from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
 from springgym.surfaces import Bowl, Contact, PaperContact, Plane, Surface, floor, incline, scales
@@ -160,6 +161,8 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
         )
         if bodies is None:
             return whole
+        together = of_all(scene, checks)
+        each = tuple(name for name in checks if name not in together)
         parts = tuple(
             replace(
                 whole,
@@ -168,11 +171,11 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
                 stretched=one.stretched,
                 trace=None,
                 plot="rotation",
-                checks=(*checks, *one.checks),
+                checks=(*each, *one.checks),
             )
             for part, one in zip(scene.parts, begun, strict=True)
         )
-        return replace(whole, checks=(), parts=parts)
+        return replace(whole, checks=tuple(together), parts=parts)
 
     return build(plan, tree)
 
@@ -328,6 +331,7 @@ KINDS: dict[str, Callable[..., Body]] = {
     "cube": cube,
     "box": box,
     "rope": rope,
+    "ball": ball,
     "points": from_points,
     "mesh": _mesh,
     "net": _net,

@@ -54,7 +54,7 @@ def test_all_collide_unless_said_otherwise() -> None:
     assert met.contact.friction == 0.3
     for second, place in ((CUBE, (0.9, 0, 0)), (SHEET, (3, 0, 0))):
         bodies = (apart[0], put(second, place, "b"))
-        with pytest.raises(ValueError, match="'b' .*collisions=None"):
+        with pytest.raises(ValueError, match=r"'b' .*collisions=None"):
             Scene(bodies=bodies)
         assert not Scene(bodies=bodies, collisions=None).meetings
 
