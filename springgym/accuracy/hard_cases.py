@@ -864,6 +864,7 @@ def parted(simulator: Simulator, speed: float) -> Outcome:
     "128 of any orientation and spin: P and L to 1e-13 of their size, none missed, none inside the other "
     "after, H − (h²/8) Σ m |a|² to 2e-3 in 99 of 100",
     "a corner that bodies take for heavier than it is, by 1e-9",
+    slow=True,
 )
 def random_impacts(broken: bool) -> Outcome:
     copies, speed, random = 128, 2.0, np.random.default_rng(1)
@@ -913,6 +914,7 @@ def shadow_energy(simulator: Simulator) -> np.ndarray:
     "crossed edges of two cubes at 10 m/s",
     "eight ways: they part, P and L to 1e-12, energy to 5 %, no corner inside",
     "edges do not meet",
+    slow=True,
 )
 def crossed_edges(broken: bool) -> Outcome:
     offsets = [(0.3 * math.cos(n), 0.3 * math.sin(n)) for n in range(8)]
@@ -926,6 +928,7 @@ def crossed_edges(broken: bool) -> Outcome:
     "a corner into a corner, flush faces",
     "at 5 m/s, and offset by up to 1e-3 m: they part, P and L to 1e-12, energy to 5 %, no corner inside",
     "corners meet no faces",
+    slow=True,
 )
 def corners_and_faces(broken: bool) -> Outcome:
     offsets = [(0.0, 0.0), (1e-6, 0.0), (1e-4, -1e-5), (1e-3, 1e-3)]

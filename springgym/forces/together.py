@@ -125,6 +125,17 @@ def lean_on(
 
 
 @compiled
+def leans(turn: int, count: Number, planes: Any, bowl: Any, friction: Numbers) -> bool:
+    """Whether surfaces have a turn: the last one always, as it sums up; others if something changed."""
+    last = turn == TURNS - 1
+    if planes is None and bowl is None:
+        return last
+    if friction is None and turn == SWEEPS:
+        return False
+    return last or (turn < TURNS and count > 0)
+
+
+@compiled
 def touch(
     x: Any, w: Any, span: Any, count: Number, last: Any, particles: Particles, work: Any, terms: Terms
 ) -> None:
@@ -134,7 +145,7 @@ def touch(
     found = FOUND if last else FORESEEN
     v = work.velocity.values
     for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
-        if turn < TURNS and (count > 0 or turn == TURNS - 1):
+        if leans(turn, count, terms.planes, terms.bowl, pairs.friction):
             for body in range(bodies_of(x)):
                 lean(of_body(x, body), span, found, of_body(work, body), of_body(terms, body))
         if turn < 2:

@@ -26,10 +26,8 @@ def test_what_collides() -> None:
 
 
 @pytest.mark.parametrize("dtype", [pytest.param(np.float64, id="64"), pytest.param(np.float32, id="32")])
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=() if name == "newtons-cradle" else pytest.mark.slow) for name in COLLIDING],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COLLIDING)
 def test_batch_threads_and_single(name: str, dtype: Any) -> None:
     """Restored from halfway, too; and nothing is missed, left out or too fast."""
     plan = load(name)
