@@ -129,9 +129,20 @@ def _shared(scene: Scene, options: Options) -> Terms:
     if scene.gravity is not None:
         gravity = options.parameter({"gravity"}, np.array(scene.gravity, float))
     if not surfaces:
-        if unused := varying & {"friction", "restitution", "strength"}:
-            raise ValueError(f"{sorted(unused)[0]!r} cannot vary: the scene has no surfaces")
-        return Terms(None, gravity=gravity, own=tuple(own) or None)  # type: ignore[arg-type]
+        of_pairs = {"friction", "restitution"} if any(_as_the_scene_says(scene)) else set()
+        if unused := varying & {"friction", "restitution", "strength"} - of_pairs:
+            raise ValueError(
+                f"{sorted(unused)[0]!r} cannot vary: the scene has no surfaces"
+                + ("" if unused == {"strength"} else ", and no bodies that collide as its contact says")
+            )
+        kept = {name: options.blocks(1) for name in varying & of_pairs}  # that they vary is asked of these
+        return Terms(
+            None,  # type: ignore[arg-type]
+            gravity=gravity,
+            friction=kept.get("friction"),
+            impact_damping=kept.get("restitution"),
+            own=tuple(own) or None,
+        )
     planes = bowl = friction = damping = law = None
     nothing = np.zeros(1)
     if isinstance(surfaces[0], Bowl):
@@ -220,14 +231,19 @@ def _meets(scene: Scene, options: Options) -> Meets | None:
     """The pairs of a scene's bodies that collide, and their tally; None if none do."""
     if not scene.meetings:
         return None
-    pairs = pack_pairs(scene)
+    pairs = pack_pairs(scene, options)
     tally, before = (options.blocks(len(scene.meetings) * ENTRIES) for _ in range(2))
     meets = Meets(pairs, tally, before)
     empty_tally(meets, slice(None))
     return meets
 
 
-def pack_pairs(scene: Scene) -> Pairs:
+def _as_the_scene_says(scene: Scene) -> list[bool]:
+    """Which pairs meet by the scene's contact, and vary with it."""
+    return [met.contact is scene.contact for met in scene.meetings]
+
+
+def pack_pairs(scene: Scene, options: Options) -> Pairs:
     """The pairs of a scene's bodies that collide."""
     met = scene.meetings
     bodies = [placed.body for placed in scene.bodies]
@@ -237,14 +253,17 @@ def pack_pairs(scene: Scene) -> Pairs:
     damping = np.concatenate(
         [impact_damping([of.contact.restitution], of.contact.impact_speed) for of in met]
     )
+    varying = options.varying if any(_as_the_scene_says(scene)) else frozenset()
+    rubs = frictions.any() or "friction" in varying
+    loses = any(of.contact.restitution < 1 for of in met) or "restitution" in varying
     return Pairs(
         first=np.array([of.first for of in met]),
         second=np.array([of.second for of in met]),
         reach=np.array([of.reach for of in met]),
         parallel=np.array([parallel(of, shapes, places) for of in met]),
         strength=np.array([of.strength for of in met]),
-        friction=frictions if frictions.any() else None,
-        damping=damping if any(of.contact.restitution < 1 for of in met) else None,
+        friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
+        damping=options.parameter({"restitution"} & varying, damping) if loses else None,
         shapes=packed_shapes(shapes, [own.start for own in scene.slices]),
         most=most_contacts(met, shapes)[0],
     )
@@ -404,6 +423,23 @@ def renew(packed: Packed, index: np.ndarray) -> None:
     """Let some copies (k,) begin anew from where they are and how they move."""
     if packed.terms.memory:
         set_copies(packed.terms.memory.marks, index, 0.0)
+
+
+def vary_pairs(meets: Meets | None, scene: Scene, index: np.ndarray, given: Mapping[str, np.ndarray]) -> None:
+    """Set how bodies that meet as the scene's contact says do so in some copies (k,), from values (k,)."""
+    contact = scene.contact
+    if meets is None or not isinstance(contact, Contact) or not any(_as_the_scene_says(scene)):
+        return
+    of = np.array(_as_the_scene_says(scene))
+    for name, array in (("friction", meets.pairs.friction), ("restitution", meets.pairs.damping)):
+        if name in given and array is not None:
+            value = given[name]
+            if name == "restitution":
+                each, copy = np.unique(value, return_inverse=True)
+                value = impact_damping(each, contact.impact_speed)[copy]
+            rows = get_copies(array, index)
+            rows[:, of] = value[:, None]
+            set_copies(array, index, rows)
 
 
 def vary(

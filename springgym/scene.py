@@ -13,7 +13,7 @@ import numpy as np
 from springgym.bodies import Body
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
 from springgym.collisions import Collisions, Meeting, check_apart, meetings, shape
-from springgym.collisions.meeting import Named
+from springgym.collisions.meeting import ALL, Named
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
 from springgym.surfaces import (
@@ -219,7 +219,7 @@ class Scene(ReadOnly):
         Several bodies, in place of ``body`` and what belongs to it; of one, its `Placed`.
     collisions
         Which bodies meet each other, and how: "all", as ``contact`` says; all, by a `Contact` given here; a
-        tuple of `Pair`; or None for bodies that pass through each other.
+        tuple of `Pair`; or None for bodies that pass through each other, each as if it were alone.
 
     Raises
     ------
@@ -242,7 +242,7 @@ class Scene(ReadOnly):
     contact: Contact | PaperContact = field(default_factory=Contact)
     bodies: tuple[Placed, ...] = ()
     forces: tuple[Any, ...] = ()
-    collisions: Collisions = None
+    collisions: Collisions = ALL
 
     def __post_init__(self) -> None:
         bodies = self._placed()

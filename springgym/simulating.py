@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -124,8 +124,29 @@ def _bar(name: str) -> Callable[[Iterable[int]], Iterable[int]]:
 
 
 def _summary(recording: Recording) -> str:
+    m = recording.measures
+    lost = float(m.damping_loss[-1] + m.contact_loss[-1] + m.friction_loss[-1])
+    return "\n".join([_whole(recording, lost), *_between(recording)])
+
+
+def _between(recording: Recording) -> Iterator[str]:
+    """What happened between bodies that met, a line a pair."""
+    scene, pairs = recording.plan.scene, recording.pairs
+    for n, met in enumerate(scene.meetings):
+        names = " and ".join(scene.bodies[body].name for body in met[:2])
+        wrong = {
+            "found too late": pairs.misses[-1, n],
+            "too fast": pairs.too_fast[-1, n],
+            "left out": pairs.overflow[-1, n],
+        }
+        counts = "".join(f", {count:.0f} {what}" for what, count in wrong.items() if count)
+        if pairs.impulse[-1, n] > 0 or counts:
+            lost = pairs.contact_loss[-1, n] + pairs.friction_loss[-1, n]
+            yield f"{names}: impulse {pairs.impulse[-1, n]:.4g} N·s, lost {lost:.3g} J{counts}"
+
+
+def _whole(recording: Recording, lost: float) -> str:
     plan, m = recording.plan, recording.measures
-    lost = m.damping_loss[-1] + m.contact_loss[-1] + m.friction_loss[-1]
     return (
         f"{plan.name}: {plan.title}\n{recording.simulator}\n"
         f"{recording.times[-1]:g} s: largest strain {m.strain.max():.3g}, "
@@ -146,6 +167,7 @@ def save_trace(recording: Recording, path: Path) -> None:
             velocities=recording.velocities,
             masses=scene.masses,
             springs=scene.springs,
+            **{f"pairs_{name}": of for name, of in recording.pairs._asdict().items()},
             **energies,
         )
         return

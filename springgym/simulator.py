@@ -39,7 +39,8 @@ STRAIN_LIMIT = 0.5
 FLOAT = np.dtype(np.float64)
 
 WORTH_A_THREAD = 10_000
-"""Springs × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms) pays."""
+"""Springs and pairs of bodies × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms)
+pays."""
 
 OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.memory")
 """Arrays of `Simulator._changing` that hold what happens in a step, or happened in the last."""
@@ -154,7 +155,7 @@ class Simulator:
         self._space = aligned_zeros((len(shares), *room), self._x.dtype)
         self._pivot = stacked([placed.pivot for placed in scene.bodies])
         self._markers = stacked([np.array(placed.body.markers, np.uint32) for placed in scene.bodies])
-        self._springs = len(scene.springs)
+        self._busy = len(scene.springs) + len(scene.meetings)
         options = Options(self.integrator, self.step, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
         self._workspace = packing.workspaces(
@@ -358,9 +359,10 @@ class Simulator:
             Which.
         values
             ``masses`` (k, N), ``stiffness``, ``damping``, ``lengths`` (k, S), ``gravity`` (k, 3),
-            ``friction``, ``restitution`` (at the contact's impact speed), ``strength`` (k,) of the surfaces;
-            or without the k, for all of these copies. N and S count particles and springs of all bodies, one
-            after another; of several bodies, ``strength`` is (k, bodies).
+            ``friction``, ``restitution`` (at the contact's impact speed) (k,) of the surfaces, and of bodies
+            that collide as the scene's contact says, ``strength`` (k,) of the surfaces; or without the k, for
+            all of these copies. N and S count particles and springs of all bodies, one after another; of
+            several bodies, ``strength`` is (k, bodies).
 
         Raises
         ------
@@ -393,6 +395,7 @@ class Simulator:
         ]
         for packed, own, of in zip(self._packed, given, follows, strict=True):
             packing.vary(packed, index, self.step, own, of)
+        packing.vary_pairs(self._terms.meets, self.scene, index, given[0])
 
     def actuate(self, **values: Any) -> None:
         """Set what the scene's actuators do until further notice.
@@ -636,7 +639,7 @@ class Simulator:
         """`_run` all blocks, on several threads where that pays; then what else is to be done with them."""
         blocks = self._x.shape[0]
         threads = min(self.threads, blocks)
-        if threads == 1 or blocks * max(steps, 1) * self._springs < WORTH_A_THREAD:
+        if threads == 1 or blocks * max(steps, 1) * self._busy < WORTH_A_THREAD:
             self._run(0, 0, blocks, steps, settles, reads)
             if then is not None:
                 then(0, self.copies)

@@ -19,12 +19,13 @@ import numpy as np
 
 from springgym import theory
 from springgym.blocks import numbers
-from springgym.bodies import Body, box, cube, rope, start, top
+from springgym.bodies import Body, ball, box, cube, rope, rotation, start, top
 from springgym.bodies.elasticity import spring_force_and_jacobian
+from springgym.collisions import distance
 from springgym.forces.springs import Decay, decay
-from springgym.scene import GRAVITY, Scene
+from springgym.scene import GRAVITY, Placed, Scene
 from springgym.simulator import SimulationDivergedError, Simulator
-from springgym.surfaces import Contact, Plane, floor, incline
+from springgym.surfaces import Bowl, Contact, Plane, floor, incline
 
 NONE = (0.0, 0.0, 0.0)
 """No gravity, by the same compiled code as with it."""
@@ -783,6 +784,239 @@ def degenerate(broken: bool) -> Outcome:
     return Outcome(
         f"{len(passed)} of {len(inputs)} refused{': not ' + ', '.join(missing) if missing else ''}",
         not missing,
+    )
+
+
+# --- Bodies that collide ------------------------------------------------------------------------------
+
+LEFT, RIGHT = slice(0, 8), slice(8, 16)
+"""The particles of two cubes."""
+
+EDGE_UP, EDGE_ASIDE = rotation((0, 0, 1), math.pi / 4), rotation((0, 1, 0), math.pi / 4)
+CORNER = rotation((0, 1, 0), math.atan(math.sqrt(0.5))) @ EDGE_UP
+"""Turns of a cube by which an upright edge, one along y, and a corner point to ±x."""
+
+
+def two_cubes(copies: int) -> Simulator:
+    """Undamped cubes of 1 m that collide without loss, far apart."""
+    body = cube(damping=0.0)
+    bodies = (Placed(body, name="left"), Placed(body, np.add(body.positions, (4.0, 0.0, 0.0)), name="right"))
+    return Simulator(Scene(bodies=bodies, gravity=NONE), copies=copies)
+
+
+def momenta(simulator: Simulator) -> np.ndarray:
+    """Momentum and angular momentum about the origin, (copies, 6)."""
+    m, x, v = simulator.scene.masses[:, None], simulator.positions, simulator.velocities
+    return np.concatenate([(m * v).sum(axis=1), (m * np.cross(x, v)).sum(axis=1)], axis=1)
+
+
+def deepest(simulator: Simulator) -> float:
+    """How deep a corner or an edge of one of two cubes is in the other [m], in any copy: 0 if apart."""
+    x, body = simulator.positions, simulator.scene.bodies[0].body
+    depth = 0.0
+    for own, other in ((LEFT, RIGHT), (RIGHT, LEFT)):
+        faces = x[:, other][:, body.triangles]
+        inside = -float(distance.point_surface(x[:, own], faces).min())
+        depth = max(depth, inside, float(distance.pierced(x[:, own][:, body.edges], faces).max()))
+    return depth
+
+
+def leave_out(simulator: Simulator, *kinds: int) -> None:
+    """Let its bodies collide without their vertices (0), faces (1) or edges (2)."""
+    for kind in kinds:
+        terms(simulator).meets.pairs.shapes.start[kind] = 0
+
+
+def thrown(rows: list[tuple[np.ndarray, np.ndarray, tuple[float, float]]], speed: float) -> Simulator:
+    """Cubes turned in ways and offset across x, 3 cm apart, that approach each other along x."""
+    simulator = two_cubes(len(rows))
+    body = simulator.scene.bodies[0].body
+    x = np.zeros((len(rows), 16, 3))
+    for n, (left, right, aside) in enumerate(rows):
+        x[n, LEFT], x[n, RIGHT] = body.positions @ left.T, body.positions @ right.T
+        gap = 0.03 + x[n, LEFT, 0].max() - x[n, RIGHT, 0].min()
+        x[n, RIGHT] += (gap, *aside)
+    v = np.zeros_like(x)
+    v[:, LEFT, 0], v[:, RIGHT, 0] = speed / 2, -speed / 2
+    simulator.place(x, v)
+    return simulator
+
+
+def parted(simulator: Simulator, speed: float) -> Outcome:
+    """What becomes of cubes thrown at each other: they part, with all they brought."""
+    kept, energy = momenta(simulator), simulator.measure().energy
+    depth = 0.0
+    for _ in range(60):
+        simulator.advance(math.ceil(0.2 / speed / 60 / simulator.step), check=False)
+        depth = max(depth, deepest(simulator))
+    told = simulator.pairs()
+    moved = float(np.abs(momenta(simulator) - kept).max())
+    gained = float(np.abs(simulator.measure().energy / energy - 1).max())
+    wrong = int(told.misses.sum() + told.touching.sum())
+    hit = bool((told.impulse > 0.5 * speed).all())
+    return Outcome(
+        f"P and L {moved:.0e}, energy {gained:.1e}, {depth:.2g} m deep, {wrong} missed or still touching",
+        bool(hit and moved < 1e-12 * speed and gained < 0.05 and depth == 0 and not wrong),
+    )
+
+
+@case(
+    "random impacts of two cubes at 2 m/s",
+    "128 of any orientation and spin: P and L to 1e-13 of their size, none missed, none inside the other "
+    "after, H − (h²/8) Σ m |a|² to 2e-3 in 99 of 100",
+    "a corner that bodies take for heavier than it is, by 1e-9",
+    slow=True,
+)
+def random_impacts(broken: bool) -> Outcome:
+    copies, speed, random = 128, 2.0, np.random.default_rng(1)
+    simulator = two_cubes(copies)
+    body, radius = simulator.scene.bodies[0].body, math.sqrt(0.75)
+    way, side = random.normal(size=(2, copies, 3))
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    side -= (side * way).sum(axis=1)[:, None] * way
+    side *= 0.5 * radius * random.random((copies, 1)) / np.linalg.norm(side, axis=1)[:, None]
+    x, v = np.zeros((2, copies, 16, 3))
+    for own, sign in ((LEFT, 1), (RIGHT, -1)):
+        turns = [rotation(random.normal(size=3), random.uniform(0, math.pi)) for _ in range(copies)]
+        arm = np.array([body.positions @ turn.T for turn in turns])
+        spin = speed / radius * random.uniform(-1, 1, size=(copies, 1, 3))
+        x[:, own] = arm + sign * (1.03 * radius * way + 0.5 * side)[:, None]
+        v[:, own] = np.cross(spin, arm) - (0.5 * sign * speed * way)[:, None]
+    simulator.place(x, v)
+    if broken:
+        terms(simulator).particles.inverse_mass.values[3] *= 1 - 1e-9
+    kept, energy = momenta(simulator), shadow_energy(simulator)
+    simulator.advance(math.ceil(2.2 * body.size / speed / simulator.step), check=False)
+    told = simulator.pairs()
+    hit = told.impulse[:, 0] > 0
+    size = float(np.abs(kept).max())
+    moved = float(np.abs(momenta(simulator) - kept).max()) / size
+    gained = np.abs(shadow_energy(simulator) / energy - 1)[hit & ~told.touching[:, 0]]
+    worst, missed, depth = float(np.quantile(gained, 0.99)), int(told.misses.sum()), deepest(simulator)
+    return Outcome(
+        f"{int(hit.sum())} hits, P and L {moved:.0e}, energy {worst:.1e}, {missed} missed, "
+        f"{depth:.2g} m deep",
+        bool(hit.sum() > 100 and moved < 1e-13 and worst < 2e-3 and not missed and depth == 0),
+    )
+
+
+def shadow_energy(simulator: Simulator) -> np.ndarray:
+    """What Verlet keeps of two cubes apart: H − (h²/8) Σ m |a|² [J], (copies,)."""
+    x, body = simulator.positions, simulator.scene.bodies[0].body
+    swing = np.zeros(len(x))
+    for own in (LEFT, RIGHT):
+        for n, row in enumerate(x[:, own]):
+            force, _ = spring_force_and_jacobian(body, row)
+            swing[n] += float((force.reshape(-1, 3) ** 2 / body.masses[:, None]).sum())
+    return np.asarray(simulator.measure().energy - simulator.step**2 / 8 * swing)
+
+
+@case(
+    "crossed edges of two cubes at 10 m/s",
+    "eight ways: they part, P and L to 1e-12, energy to 5 %, no corner inside",
+    "edges do not meet",
+    slow=True,
+)
+def crossed_edges(broken: bool) -> Outcome:
+    offsets = [(0.3 * math.cos(n), 0.3 * math.sin(n)) for n in range(8)]
+    simulator = thrown([(EDGE_UP, EDGE_ASIDE, offset) for offset in offsets], 10.0)
+    if broken:
+        leave_out(simulator, 2)
+    return parted(simulator, 10.0)
+
+
+@case(
+    "a corner into a corner, flush faces",
+    "at 5 m/s, and offset by up to 1e-3 m: they part, P and L to 1e-12, energy to 5 %, no corner inside",
+    "corners meet no faces",
+    slow=True,
+)
+def corners_and_faces(broken: bool) -> Outcome:
+    offsets = [(0.0, 0.0), (1e-6, 0.0), (1e-4, -1e-5), (1e-3, 1e-3)]
+    rows = [(turn, turn, offset) for turn in (CORNER, np.eye(3)) for offset in offsets]
+    simulator = thrown(rows, 5.0)
+    if broken:
+        leave_out(simulator, 1)
+    return parted(simulator, 5.0)
+
+
+@case(
+    "a stack of three at rest for 60 s, pulled aside by a twentieth of its weight",
+    "still a stack; after 20 s: no faster than 1e-6 m/s, no farther than 1e-5 m, energy lost < 1e-5 J",
+    "bodies that do not rub",
+    slow=True,
+)
+def stack_at_rest(broken: bool) -> Outcome:
+    body = cube(0.5, damping=100.0)
+    bodies = tuple(
+        Placed(body, np.add(body.positions, (0.0, 0.0, 0.2562 + 0.5085 * n)), name=f"{n}") for n in range(3)
+    )
+    scene = Scene(
+        bodies=bodies,
+        gravity=(9.81 / 20, 0.0, -9.81),
+        surfaces=(floor(),),
+        contact=Contact(friction=0.5, restitution=0.5),
+    )
+    simulator = Simulator(scene)
+    if broken:
+        terms(simulator).meets.pairs.friction[:] = 0.0
+    simulator.advance(math.ceil(20 / simulator.step), check=False)
+    x, first = simulator.positions, simulator.measure()
+    fastest = 0.0
+    for _ in range(60):
+        simulator.advance(math.ceil(1 / simulator.step), check=False)
+        fastest = max(fastest, float(np.abs(simulator.velocities).max()))
+    last = simulator.measure()
+    lost = sum(
+        abs(float(getattr(last, name)[0] - getattr(first, name)[0]))
+        for name in ("damping_loss", "contact_loss", "friction_loss")
+    )
+    crept = float(np.abs(simulator.positions - x).max())
+    moved = float(np.abs(simulator.positions - scene.positions).max())
+    return Outcome(
+        f"{moved:.2g} m from its start; {fastest:.0e} m/s, {crept:.0e} m, {lost:.0e} J",
+        moved < 0.03 and fastest < 1e-6 and crept < 1e-5 and lost < 1e-5,
+    )
+
+
+@case(
+    "20 cubes and balls dropped into a bowl",
+    "after 6 s all lie in it: none missed or left out, no two in each other, the balance of energy within "
+    "1 % of what was lost",
+    "bodies a million times softer than they are to each other",
+    slow=True,
+)
+def heap(broken: bool) -> Outcome:
+    random = np.random.default_rng(6)
+    stone, marble = cube(0.3, 1.0, damping=40.0), ball(0.15)
+    bodies = []
+    for n in range(20):
+        body = marble if n % 4 == 3 else stone
+        place = np.array([0.6 * (n % 2) - 0.3, 0.6 * (n // 2 % 2) - 0.3, 0.6 + 0.6 * (n // 4)])
+        turned = body.positions @ rotation(random.normal(size=3), random.uniform(0, math.pi)).T
+        bodies.append(Placed(body, turned + place + 0.02 * random.normal(size=3), name=f"{n}"))
+    law = Contact(friction=0.3, restitution=0.4, strength=0.5 * 1e5 * 0.005**3, reach=0.005)
+    scene = Scene(bodies=tuple(bodies), surfaces=(Bowl((0.0, 0.0, 2.0), 2.0),), contact=law)
+    simulator = Simulator(scene, step=Simulator(scene).step / 4)
+    if broken:
+        terms(simulator).meets.pairs.strength[:] *= 1e-6
+    first = simulator.measure()
+    simulator.advance(math.ceil(6 / simulator.step), check=False)
+    last, told = simulator.measure(), simulator.pairs()
+    try:
+        scene.check_start(simulator.positions, 0 * simulator.velocities)
+        apart = True
+    except ValueError:
+        apart = False
+    lost = float(first.energy[0] - last.energy[0])
+    share = abs(float(last.balance[0] - first.balance[0])) / lost
+    wrong = int(told.misses.sum() + told.overflow.sum())
+    far = float(np.linalg.norm(simulator.positions[0, :, :2], axis=1).max())
+    return Outcome(
+        f"{int(told.touching.sum())} pairs touch, {wrong} missed or left out, "
+        f"{'apart' if apart else 'in each other'}, balance {share:.1e} of {lost:.0f} J, "
+        f"{far:.2f} m from the middle",
+        bool(apart and not wrong and share < 0.01 and far < 1.8 and told.touching.sum() >= 10),
     )
 
 

@@ -1,5 +1,6 @@
 """Bodies of point masses and springs. Nothing here knows of time."""
 
+from springgym.bodies.ball import ball
 from springgym.bodies.body import Body
 from springgym.bodies.cube import box, cube
 from springgym.bodies.equilibrium import relative_equilibrium, stretched_shapes
@@ -15,6 +16,7 @@ from springgym.bodies.top import top
 __all__ = [
     "Body",
     "InitialState",
+    "ball",
     "box",
     "cube",
     "from_mesh",

@@ -15,6 +15,7 @@ def rope(
     end_mass: float = 70.0,
     stiffness: float = 1e5,
     damping: float = 100.0,
+    radius: float = 0.0,
 ) -> Body:
     """A chain of particles from the origin straight down, the last one heavy: floppy on purpose.
 
@@ -30,6 +31,8 @@ def rope(
         Of each bead, of the weight [kg].
     stiffness, damping
         k [N/m], c [kg/s] of each of the ``beads`` − 1 springs.
+    radius
+        By which it meets other bodies and surfaces [m], see `Body`.
 
     Raises
     ------
@@ -52,4 +55,5 @@ def rope(
         markers=(last, 0, 0),
         parts={"top": (0,), "beads": tuple(range(last)), "weight": (last,)},
         floppy=True,
+        radius=radius,
     )

@@ -64,7 +64,8 @@ def check_apart(
             raise ValueError(
                 f"bodies {names[0]!r} and {names[1]!r} start {where}{of}, by "
                 f"{called[int(apart[row].argmin())]}; they must be at least {least:g} m apart, and are "
-                f"free of each other from {reach:g} m"
+                f"free of each other from {reach:g} m. Move one, or say collisions=None to let bodies pass "
+                "through each other"
             )
 
 

@@ -125,6 +125,17 @@ def lean_on(
 
 
 @compiled
+def leans(turn: int, count: Number, planes: Any, bowl: Any, friction: Numbers) -> bool:
+    """Whether surfaces have a turn: the last one always, as it sums up; others if something changed."""
+    last = turn == TURNS - 1
+    if planes is None and bowl is None:
+        return last
+    if friction is None and turn == SWEEPS:
+        return False
+    return last or (turn < TURNS and count > 0)
+
+
+@compiled
 def touch(
     x: Any, w: Any, span: Any, count: Number, last: Any, particles: Particles, work: Any, terms: Terms
 ) -> None:
@@ -134,7 +145,7 @@ def touch(
     found = FOUND if last else FORESEEN
     v = work.velocity.values
     for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
-        if turn < TURNS and (count > 0 or turn == TURNS - 1):
+        if leans(turn, count, terms.planes, terms.bowl, pairs.friction):
             for body in range(bodies_of(x)):
                 lean(of_body(x, body), span, found, of_body(work, body), of_body(terms, body))
         if turn < 2:
@@ -157,6 +168,21 @@ def arrive(v: Rows, span: Any, own: Any, memory: Any) -> None:
         set_row(v, i, plus_scaled(start, span.lead, row(own.a, i)))
         set_row(own.space.given, i, (0.0, 0.0, 0.0))
         set_row(own.pairs, i, (0.0, 0.0, 0.0))
+
+
+@compiled
+def unmet(contacts: Number, last: Any, planes: Any, bowl: Any) -> bool:
+    """Whether nothing touches anything at a node, so that it is two kicks; the last one is read, too."""
+    if planes is None and bowl is None:
+        return contacts == 0 and not last
+    return False
+
+
+@compiled
+def kick_on(v: Rows, time: Number, a: Rows) -> None:
+    """Kick a body's particles; a sum with zero is never −0, as where contacts of other copies add theirs."""
+    for i in range(v.shape[0]):
+        set_row(v, i, plus(plus_scaled(row(v, i), time, row(a, i)), (0.0, 0.0, 0.0)))
 
 
 @compiled
@@ -306,9 +332,14 @@ def pass_together(
     every, w = terms.particles, terms.memory.arrived.values
     particles = Particles(every.mass.values, every.inverse_mass.values, every.free.values)
     count = bodies_of(x)
+    contacts = find(x.values, v.values, span, meets.pairs, room, meets.tally)
+    alone = unmet(contacts, last, terms.planes, terms.bowl)
     for body in range(count):
-        arrive(of_body(v, body), span, of_body(work, body), of_body(terms.memory, body))
-    contacts = find(x.values, w, span, meets.pairs, room, meets.tally)
+        own = of_body(work, body)
+        if alone:
+            kick_on(of_body(v, body), span.lead, own.a)
+        else:
+            arrive(of_body(v, body), span, own, of_body(terms.memory, body))
     prepare(w, span, contacts, particles, meets.pairs, room, meets.tally)
     for part in range(2):
         if part == 1:
@@ -324,6 +355,8 @@ def pass_together(
                     of_body(ledger, body),
                     own,
                 )
+        if alone:
+            continue
         if part == 1 or foreseen(terms.dampers):
             for body in range(count):
                 look_ahead(of_body(v, body), span, part == 1, of_body(work, body), of_body(terms, body))
@@ -332,6 +365,10 @@ def pass_together(
             for body in range(count):
                 give_half(of_body(v, body), of_body(work, body))
     account(work.velocity.values, span, contacts, meets.pairs, room, meets.tally)
+    if alone:
+        for body in range(count):
+            kick_on(of_body(v, body), span.out, of_body(work, body).a)
+        return False
     enter(span, ledger, meets.pairs, room)
     bent = False
     for body in range(count):

@@ -51,6 +51,7 @@ def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Ite
         opacity,
         two_sided=whole < 1.0,
         edges=look.edges[(opacity[look.edges[:, [0, 2]]] == 1.0).all(axis=1)],
+        solids=look.solids,
     )
     radii = np.asarray(look.radii)
     pixels, depth = canvas.image(x)
@@ -96,10 +97,13 @@ def mesh(
     opacity: ArrayLike = 1.0,
     two_sided: ArrayLike = False,
     edges: NDArray[np.intp] | None = None,
+    solids: NDArray[np.intp] | None = None,
 ) -> list[Item]:
     """Lit triangles (T, 3, 3): the faces turned to the eye, and those that are two-sided, (T,) or all.
 
-    ``edges`` (`Look.edges`) are outlined where they are sharp or bound the silhouette.
+    ``edges`` (`Look.edges`) are outlined where they are sharp or bound the silhouette. Of several ``solids``
+    (`Look.solids`) one is painted whole before the next: what lies on a large face may be farther than its
+    middle.
     """
     if not len(corners):
         return []
@@ -114,6 +118,8 @@ def mesh(
     middle = depth.mean(axis=1)
     seen = np.isfinite(pixels).all((1, 2)) & (size[:, 0] > 0.0)
     seen &= (facing > 0.0) | np.asarray(two_sided)
+    if solids is not None and len(solids) and solids.max() > 0:
+        middle = one_by_one(solids, corners, normal, middle, pixels, np.asarray(canvas.camera.eye))
     alpha = np.rint(255 * np.broadcast_to(opacity, len(corners))).astype(int).tolist()
     items: list[Item] = [
         (middle[i], partial(canvas.polygon, pixels[i], paint[i], alpha[i])) for i in np.flatnonzero(seen)
@@ -128,6 +134,61 @@ def mesh(
         for i in np.flatnonzero(drawn & np.isfinite(ends).all((1, 2))):
             items.append((near[i], partial(canvas.line, ends[i], 1.1 * OVERSAMPLE, dark[i])))
     return items
+
+
+def one_by_one(
+    solids: NDArray[np.intp], corners: Array, normal: Array, middle: Array, pixels: Array, eye: Array
+) -> Array:
+    """Depths (T,) by which each solid is painted whole, those behind others first.
+
+    One of two that are apart is in front if a face of either parts them and the eye is on its side; where no
+    face does, and where more than two hide each other in turn, the nearer one is.
+    """
+    count = int(solids.max()) + 1
+    own = [np.flatnonzero(solids == n) for n in range(count)]
+    points = [corners[of].reshape(-1, 3) for of in own]
+    far = np.array([middle[of].mean() for of in own])
+    low = np.array([pixels[of].min(axis=(0, 1)) for of in own])
+    high = np.array([pixels[of].max(axis=(0, 1)) for of in own])
+    behind = np.zeros((count, count), bool)  # [n, m]: n is painted before m
+    for n in range(count):
+        for m in range(n):
+            if (low[n] <= high[m]).all() and (low[m] <= high[n]).all():
+                back = is_behind(n, m, own, points, corners, normal, eye)
+                behind[n, m] = far[n] >= far[m] if back is None else back
+                behind[m, n] = not behind[n, m]
+    left, depth, key = list(range(count)), middle.copy(), np.inf
+    while left:
+        free = [n for n in left if not behind[left, n].any()] or left
+        n = max(free, key=lambda n: far[n])
+        left.remove(n)
+        key = min(far[n], key - 1e-6 * abs(key)) if np.isfinite(key) else far[n]
+        depth[own[n]] = key + 1e-9 * (middle[own[n]] - far[n])
+    return depth
+
+
+def is_behind(
+    n: int,
+    m: int,
+    own: list[NDArray[np.intp]],
+    points: list[Array],
+    corners: Array,
+    normal: Array,
+    eye: Array,
+) -> bool | None:
+    """Whether solid n lies behind m, by the face of either that parts them most; None if none does."""
+    best, found = 0.0, None
+    for one, other in ((n, m), (m, n)):
+        on = corners[own[one], 0]
+        size = float(np.ptp(points[one], axis=0).max())
+        apart = ((points[other][None] - on[:, None]) * normal[own[one], None]).sum(axis=2).min(axis=1)
+        face = int(np.argmax(apart))
+        share = float(apart[face]) / size + 0.02  # what touches may be a little in the other's plane
+        if share > best:
+            best = share
+            outside = float((eye - on[face]) @ normal[own[one][face]]) > 0.0
+            found = outside == (one == n)
+    return found
 
 
 def rod(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
+from itertools import cycle
 from os import PathLike
 from typing import Any
 
@@ -12,7 +14,7 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.rendering import Camera, Look, Marks, Renderer, Scenery, save_video, two_tone
-from springgym.rendering.look import AMBER, BLUE, INK, IVORY, STEEL, TEAL, together
+from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, ORANGE, STEEL, TEAL, Color, together
 from springgym.scene import Scene
 from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import Recording
@@ -26,6 +28,8 @@ TURN_A_FRAME = 1.05
 """[rad] The eye cannot follow a body that turns by more from frame to frame."""
 FAR = 8.0
 """Bodies that go farther than so many times their size are followed by the camera."""
+BALLS = (BLUE, ORANGE, TEAL, AMBER, GREEN)
+"""Colours of round bodies in turn."""
 CALM = 0.5
 """Seconds over which the camera's way is smoothed."""
 
@@ -182,14 +186,17 @@ def look(scene: Scene, trace: int | None) -> Look:
     if len(scene.bodies) == 1:
         return _look(scene.body, trace)
     bodies = [placed.body for placed in scene.bodies]
-    return together([_look(body, None) for body in bodies], [len(body.masses) for body in bodies], trace)
+    looks = [_look(body, None, color) for body, color in zip(bodies, cycle(BALLS))]  # endless
+    return together(looks, [len(body.masses) for body in bodies], trace)
 
 
-def _look(body: Body, trace: int | None) -> Look:
+def _look(body: Body, trace: int | None, color: Color = BLUE) -> Look:
     size = float(np.ptp(body.positions, axis=0).max())
     drawn = {"top": _top, "gyroscope": _gyroscope, "rope": _rope}.get(body.name)
     if drawn is None:
         drawn = _faces if len(body.triangles) else _balls
+    if body.radius > 0:
+        drawn = partial(_round, color=color)
     return Look(springs=body.springs, trace=trace, **drawn(body, size if size > 0 else 0.5))
 
 
@@ -200,6 +207,17 @@ def _faces(body: Body, size: float) -> dict[str, Any]:
 def _balls(body: Body, size: float) -> dict[str, Any]:
     radii = np.full(len(body.masses), 0.06 * size)
     return {"bars": body.springs, "bar_radius": 0.015 * size, "radii": radii, "ball_colors": BLUE}
+
+
+def _round(body: Body, size: float, color: Color) -> dict[str, Any]:
+    """As thick as others meet it."""
+    return {
+        "bars": body.springs,
+        "bar_radius": body.radius,
+        "bar_colors": color,
+        "radii": np.full(len(body.masses), body.radius),
+        "ball_colors": color,
+    }
 
 
 def _top(body: Body, size: float) -> dict[str, Any]:

@@ -57,4 +57,4 @@ class Plan:
     """names in `springgym.scenes.checks.CHECKS`"""
     view: View
     parts: tuple[Plan, ...] = ()
-    """of several bodies, what is checked of each by itself"""
+    """of several bodies, what is checked of each by itself; ``checks`` are of all together"""

@@ -422,9 +422,11 @@ def rotation(recording: Recording, figure: Figure) -> None:
 
 
 def bodies(recording: Recording, figure: Figure) -> None:
-    """The bodies at the end; the height of each one's centre of mass, how fast each turns, the energies."""
-    t, scene = recording.times, recording.plan.scene
-    grid = figure.add_gridspec(3, 2, width_ratios=(1, 1.05))
+    """The bodies at the end; the height of each one's centre of mass, how fast each turns, the energies; of
+    those that collide, what they gave each other.
+    """
+    t, scene, met = recording.times, recording.plan.scene, recording.plan.scene.meetings
+    grid = figure.add_gridspec(4 if met else 3, 2, width_ratios=(1, 1.05))
     end = len(t) - 1
     _picture(recording, figure, grid[:, 0], (5.0, 5.2), [end], f"at {t[-1]:g} s")
     high = _panel(figure, grid[0, 1], "height of the centres of mass", "", "[m]")
@@ -438,8 +440,14 @@ def bodies(recording: Recording, figure: Figure) -> None:
         low, top = axes.get_ylim()
         if top - low < 0.02 * abs(top):  # what stays is shown as staying
             axes.set_ylim(0, 1.15 * top)
-    _legend(high)
-    _energies(recording, figure, grid[2, 1])
+    if len(scene.bodies) <= len(OF_BODIES):
+        _legend(high)
+    if met:
+        given = _panel(figure, grid[2, 1], "impulse from body to body, so far", "", "[N·s]")
+        for n in np.flatnonzero(recording.pairs.impulse[-1] > 0):
+            given.plot(t, recording.pairs.impulse[:, n], color=OF_BODIES[met[n].first % len(OF_BODIES)])
+        given.margins(x=0)
+    _energies(recording, figure, grid[-1, 1])
 
 
 def ringing(recording: Recording, figure: Figure) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from springgym.bodies import (
     Body,
+    ball,
     box,
     cube,
     from_mesh,
@@ -32,10 +33,11 @@ from springgym.bodies.motion import InitialState
 from springgym.bodies.precession import heavy_top
 from springgym.checks import shown
 from springgym.collisions import Collisions, Pair
+from springgym.collisions.meeting import ALL
 from springgym.integrators import METHODS
 from springgym.materials import Material
 from springgym.scene import GRAVITY, Placed, Scene
-from springgym.scenes.checks import CHECKS
+from springgym.scenes.checks import CHECKS, of_all
 from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
 from springgym.surfaces import Bowl, Contact, PaperContact, Plane, Surface, floor, incline, scales
@@ -159,6 +161,8 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
         )
         if bodies is None:
             return whole
+        together = of_all(scene, checks)
+        each = tuple(name for name in checks if name not in together)
         parts = tuple(
             replace(
                 whole,
@@ -167,11 +171,11 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
                 stretched=one.stretched,
                 trace=None,
                 plot="rotation",
-                checks=(*checks, *one.checks),
+                checks=(*each, *one.checks),
             )
             for part, one in zip(scene.parts, begun, strict=True)
         )
-        return replace(whole, checks=(), parts=parts)
+        return replace(whole, checks=tuple(together), parts=parts)
 
     return build(plan, tree)
 
@@ -327,6 +331,7 @@ KINDS: dict[str, Callable[..., Body]] = {
     "cube": cube,
     "box": box,
     "rope": rope,
+    "ball": ball,
     "points": from_points,
     "mesh": _mesh,
     "net": _net,
@@ -429,7 +434,7 @@ def _met(
 
 def _collisions(tree: Tree) -> Collisions:
     """Which bodies meet: "all", "none", how all do, or a list of pairs, each with its ``contact`` or not."""
-    given = tree.value.get("collisions")
+    given = tree.value.get("collisions", ALL)
     if given is None or given == "none":
         return None
     if isinstance(given, dict):
@@ -442,11 +447,11 @@ def _collisions(tree: Tree) -> Collisions:
             return Pair(first, second, how)
 
         return tuple(build(pair, tree, ("collisions", str(n)), n=str(n)) for n in range(len(given)))
-    if given != "all":
+    if given != ALL:
         raise _error(
             tree, ("collisions",), f"expected all, none, a contact or a list of pairs, got {shown(given)}"
         )
-    return "all"
+    return ALL
 
 
 # --- Starts -----------------------------------------------------------------------------------------

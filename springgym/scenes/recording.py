@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from springgym.forces.pairs import PairReadings
 from springgym.integrators.record import Integrator
 from springgym.measures import SIZE, Measures, view
 from springgym.scenes.plan import Plan
@@ -41,6 +42,8 @@ class Recording:
     """of all bodies together, of shape (T,) or (T, 3)"""
     bodies: tuple[Measures, ...]
     """of each body"""
+    pairs: PairReadings
+    """of bodies that collide, since the start, (T, pairs) in the order of `Scene.meetings`"""
     complete: bool
     """whether it was not interrupted"""
 
@@ -59,6 +62,7 @@ class Recording:
                 velocities=self.velocities[:, own],
                 measures=m,
                 bodies=(m,),
+                pairs=PairReadings(*(of[:, :0] for of in self.pairs)),
             )
             for part, scene, own, m in each
         )
@@ -100,6 +104,7 @@ def record(
     rows = np.zeros((count, SIZE))
     several = len(plan.scene.bodies) > 1
     each = np.zeros((count, len(plan.scene.bodies), SIZE)) if several else rows[:, None]
+    told: list[PairReadings] = []
     floppy = any(placed.body.floppy for placed in plan.scene.bodies)
     done = 0
     try:
@@ -110,6 +115,7 @@ def record(
             read = simulator.readout
             rows[n], positions[n], velocities[n] = read.rows[0], read.positions[0], read.velocities[0]
             each[n] = read.bodies[0]
+            told.append(simulator.pairs())
             if not np.isfinite(velocities[n]).all():
                 raise SimulationDivergedError(f"{plan.name} diverged before t = {simulator.time[0]:g} s")
             done = n + 1
@@ -126,6 +132,7 @@ def record(
         velocities=velocities[:done],
         measures=view(rows[:done]),
         bodies=tuple(view(each[:done, n]) for n in range(each.shape[1])),
+        pairs=PairReadings(*(np.concatenate(of) for of in zip(*told[:done], strict=True))),
         complete=done == count,
     )
 

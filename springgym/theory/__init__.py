@@ -10,12 +10,13 @@ NumPy alone; functions that need SciPy say so and import it when called.
 `pendulum`     physical pendulum at any amplitude; the cube hung from a vertex
 `rope`         hanging chain of beads and springs: statics, swing, bounce, catenary
 `contact`      inverse-square floor, restitution, Coulomb friction
+`dominoes`     the wave in a row of falling dominoes
 `oscillation`  damped oscillator, spin-stretched pair, spin-down of implicit Euler
 `solid`        elastic solids: inertia, free vibration, growth under spin (Rayleigh-Ritz)
 `frames`       Euler angles to frames, and particles carried by a frame
 =============  ==================================================================================
 """
 
-from springgym.theory import contact, frames, free_body, oscillation, pendulum, rope, solid, top
+from springgym.theory import contact, dominoes, frames, free_body, oscillation, pendulum, rope, solid, top
 
-__all__ = ["contact", "frames", "free_body", "oscillation", "pendulum", "rope", "solid", "top"]
+__all__ = ["contact", "dominoes", "frames", "free_body", "oscillation", "pendulum", "rope", "solid", "top"]

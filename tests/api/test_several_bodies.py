@@ -28,7 +28,7 @@ def tops(body: Body) -> Scene:
         x, v = start(body, tilt=tilt, spin=spin, position=(aside, 0, 0), pinned=(TIP,))
         actuators = {"wrench": WrenchActuator(), "thrust": ThrustActuator((0, 1))}
         placed.append(Placed(body, x, v, pinned=(TIP,), name=name, **actuators))
-    return Scene(bodies=tuple(placed))
+    return Scene(bodies=tuple(placed), collisions=None)
 
 
 def zoo() -> Scene:
@@ -50,6 +50,7 @@ def zoo() -> Scene:
         ),
         surfaces=(floor(),),
         contact=Contact(friction=0.3, restitution=0.7),
+        collisions=None,
     )
 
 
@@ -137,7 +138,7 @@ def test_bodies_in_a_bowl_and_of_the_paper_s_contact_are_scenes_of_one() -> None
 def test_measures_of_all_bodies_are_sums_of_those_of_each() -> None:
     left, right = tops(TOP).bodies
     loose = replace(right, pinned=(), name="loose")
-    simulator = assert_each_as_alone(Scene(bodies=(left, loose)), (300,), copies=3)
+    simulator = assert_each_as_alone(Scene(bodies=(left, loose), collisions=None), (300,), copies=3)
     whole, each = simulator.measure(), [simulator.measure(placed.name) for placed in simulator.scene.bodies]
     for name in ("kinetic", "gravity", "elastic", "contact", "momentum", "work", "energy", "balance"):
         total = sum(getattr(m, name) for m in each)
@@ -236,7 +237,7 @@ def test_one_body_is_the_short_form() -> None:
             "body 'left': pinned particle 13",
         ),
         (
-            lambda: Simulator(Scene(bodies=(Placed(TOP), Placed(rope()))), dynamics="rigid"),
+            lambda: Simulator(Scene(bodies=(Placed(TOP), Placed(rope())), collisions=None), dynamics="rigid"),
             ValueError,
             "body 'rope' is meant to change shape",
         ),

@@ -34,7 +34,7 @@ class Stepped:
     ) -> None:
         self.scene = scene if lean or scene.gravity else scene.with_(gravity=(0.0, 0.0, 0.0))
         varying = ("damping", "friction", "restitution") if scene.surfaces else ("damping",)
-        whole = lambda scene: with_all_features(pack_pairs(scene))  # noqa: E731
+        whole = lambda *given: with_all_features(pack_pairs(*given))  # noqa: E731
         with mock.patch.object(packing, "pack_pairs", pack_pairs if lean else whole):
             self.simulator = Simulator(
                 self.scene,

@@ -47,6 +47,18 @@ def test_defaults() -> None:
     assert (met.first, met.second, met.strength) == (0, 1, 2.0)
 
 
+def test_all_collide_unless_said_otherwise() -> None:
+    """By the scene's contact; the refusal of a start or a body says how to let them pass."""
+    apart = (put(CUBE, (0, 0, 0), "a"), put(CUBE, (3, 0, 0), "b"))
+    (met,) = Scene(bodies=apart, contact=Contact(friction=0.3)).meetings
+    assert met.contact.friction == 0.3
+    for second, place in ((CUBE, (0.9, 0, 0)), (SHEET, (3, 0, 0))):
+        bodies = (apart[0], put(second, place, "b"))
+        with pytest.raises(ValueError, match=r"'b' .*collisions=None"):
+            Scene(bodies=bodies)
+        assert not Scene(bodies=bodies, collisions=None).meetings
+
+
 def test_which_pairs() -> None:
     """All pairs of which a body can move; bodies that are held throughout do not meet each other."""
     held = tuple(range(8))
@@ -199,7 +211,7 @@ contact: {friction: 0.3}
 @pytest.mark.parametrize(
     ("line", "friction"),
     [
-        ("", None),
+        ("", 0.3),
         ("collisions: none", None),
         ("collisions: all", 0.3),
         ("collisions: {friction: 0.5, restitution: 0.8}", 0.5),

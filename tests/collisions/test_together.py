@@ -179,6 +179,29 @@ def test_copies_do_not_know_of_each_other() -> None:
         assert same(one, 0, many, n), n
 
 
+def test_how_bodies_meet_varies_copy_by_copy() -> None:
+    """Friction and restitution of the scene's contact; a contact of their own stays."""
+    scene, x, v = impacts_on_floor(3)
+    mu, e = np.array([0.0, 0.3, 0.6]), np.array([1.0, 0.7, 0.4])
+    many = Stepped(scene, copies=3).simulator
+    many.vary(None, friction=mu, restitution=e)
+    many.place(x, v)
+    many.advance(900)
+    told = many.pairs()
+    assert (told.impulse > 0).all()
+    assert told.friction_loss[0, 0] == 0 == told.contact_loss[0, 0]
+    assert (told.friction_loss[1:] > 0).all()
+    assert (told.contact_loss[1:] > 0).all()
+    for n in range(3):
+        one = Stepped(scene.with_(contact=Contact(friction=mu[n], restitution=e[n])), copies=1).simulator
+        one.place(x[n], v[n])
+        one.advance(900)
+        assert same(one, 0, many, n), n
+    own = Stepped(scene.with_(collisions=Contact(friction=0.2)), copies=3).simulator
+    own.vary(None, friction=mu)
+    assert own._terms.meets.pairs.friction.tolist() == [0.2]
+
+
 def test_calls_of_any_length() -> None:
     """a steps and b are a + b, read or not; copied, pickled and restored simulators go on alike."""
     scene, x, v = impacts_on_floor(2)

@@ -5,6 +5,7 @@ Drift h/2, all impulses, drift h/2: for tests that fail without that part. With 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from springgym.forces.pairs.search import find
 from springgym.forces.pairs.terms import ENTRIES, GAP, Pairs, Span
 from springgym.forces.springs import Dampers, Decay, Springs, decay
 from springgym.lanes import load, minimum, sqrt
-from springgym.packing import pack_pairs, pack_room
+from springgym.packing import Options, pack_pairs, pack_room
 from springgym.scene import Scene
 from springgym.stability import automatic_step
 from springgym.vectors import TINY, dot, minus, plus_scaled, row, set_row, times
@@ -142,7 +143,8 @@ class World:
             Dampers(damping, half, half, True) if damping.any() or not lean else None,
             gravity=None if scene.gravity is None and lean else np.array(scene.gravity or (0, 0, 0), float),
         )
-        self.pairs = pack_pairs(scene)
+        blocks = partial(block_array, copies, dtype=dtype)
+        self.pairs = pack_pairs(scene, Options(_verlet(), self.step, frozenset(), blocks))
         if not lean:
             self.pairs = with_all_features(self.pairs)
         self._room = pack_room(scene, self.pairs, self._x.dtype)

@@ -454,3 +454,24 @@ def test_sectors_look_the_same_after_a_whole_turn_alone(count):
     colors = two_tone(count)
     for turned in range(1, count):
         assert (np.roll(colors, turned, axis=0) != colors).any()
+
+
+def test_what_lies_on_a_large_face_is_seen_whole():
+    """A block on the near end of a slab, whose middle is nearer to the eye than that of the block's side."""
+    corners = np.array([(i, j, k) for k in (1, -1) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))], float)
+    faces = [(0, 1, 2, 3), (4, 7, 6, 5), (4, 5, 1, 0), (7, 3, 2, 6), (5, 6, 2, 1), (4, 0, 3, 7)]
+    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
+    camera = Camera(eye=(0.0, -6.0, 4.0), target=(0.0, 0.0, 0.0), fov=0.6)
+    slab, block = corners * (1, 1, 0.1), corners * 0.15
+    for place in ((0.0, 0.7, 0.25), (0.5, 0.0, 0.25), (0.0, -0.7, 0.25), (0.0, 0.7, -0.25)):
+        at = [block + place, slab]
+        for order in (1, -1):  # whichever is named first
+            look = Look(
+                triangles=np.concatenate([triangles, triangles + 8]),
+                triangle_colors=np.repeat([RED, BLUE][::order], 12, axis=0),
+            )
+            assert look.solids.tolist() == [0] * 12 + [1] * 12
+            picture = draw(look, np.concatenate(at[::order]), camera=camera)
+            low, high = np.array([0.0, -0.15, -0.12]), np.array([0.0, -0.15, 0.12])  # of its side
+            seen = [strongest(pixel(picture, np.add(place, spot), camera)) for spot in (low, high)]
+            assert seen == ([0, 0] if place[2] > 0 else [2, 2]), place

@@ -12,9 +12,10 @@ OFTEN = {
     *("sleeping-top", "waking-top", "cube-pendulum", "cube-pendulum-high", "irregular-pendulum"),
     *("rope-hanging", "rope-swing", "bungee", "sliding-block", "block-holds", "block-slides"),
     *("cube-drop", "irregular-fall", "top-with-friction"),
+    *("balls-head-on", "balls-oblique", "newtons-cradle"),
     *("beech-top", "rubber-top", "ringing-rubber-top", "steel-rope", "nylon-rope"),
 }
-"""Scenes that take two compiled variants in all; the others are for long runs."""
+"""Scenes that take three compiled variants in all; the others are for long runs."""
 
 
 @cache

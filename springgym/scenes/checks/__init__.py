@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+from springgym.scene import Scene
 from springgym.scenes.checks.basis import Check
 from springgym.scenes.checks.contact import (
     bounces,
@@ -25,8 +26,21 @@ from springgym.scenes.checks.swings import (
     rope_swing,
     small_swings,
 )
+from springgym.scenes.checks.together import (
+    bowl_turning,
+    counted,
+    cradle,
+    draped,
+    exchange,
+    slab,
+    stacked,
+    wave,
+)
 from springgym.scenes.checks.tops import nutation, sleep, steady_precession
 from springgym.scenes.recording import Recording
+
+TOGETHER = (bowl_turning, counted, cradle, draped, exchange, slab, stacked, wave)
+"""Checks of all bodies that collide."""
 
 CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
     function.__name__: function
@@ -58,25 +72,27 @@ CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
         straight_fall,
         twin,
         wobble,
+        *TOGETHER,
     )
 }
 
 
+def of_all(scene: Scene, names: Sequence[str]) -> list[str]:
+    """Which of the checks are of all bodies together: where they collide, none keeps its own energy."""
+    together = {function.__name__ for function in TOGETHER}
+    if scene.meetings:
+        together |= {"energy", "momentum"}
+    return [name for name in names if name in together]
+
+
 def check(recording: Recording) -> list[Check]:
-    """All that a scene file asks to check, of several bodies one after another.
+    """All that a scene file asks to check, of several bodies together and then one after another.
 
     Raises
     ------
     ValueError
         Naming the check that has nothing to say of such a scene.
     """
-    if recording.plan.parts:
-        each = zip(recording.plan.scene.bodies, recording.parts, strict=True)
-        return [
-            result._replace(quantity=f"{placed.name}: {result.quantity}")
-            for placed, part in each
-            for result in check(part)
-        ]
     fitting(recording.plan)
     found: list[Check] = []
     for name in recording.plan.checks:
@@ -84,7 +100,14 @@ def check(recording: Recording) -> list[Check]:
             found += CHECKS[name](recording)
         except (ValueError, ArithmeticError, LookupError) as error:
             raise ValueError(f"check {name!r} does not fit scene {recording.plan.name!r}: {error}") from error
+    if recording.plan.parts:
+        each = zip(recording.plan.scene.bodies, recording.parts, strict=True)
+        found += [
+            result._replace(quantity=f"{placed.name}: {result.quantity}")
+            for placed, part in each
+            for result in check(part)
+        ]
     return found
 
 
-__all__ = ["CHECKS", "Check", "check", "fitting"]
+__all__ = ["CHECKS", "Check", "check", "fitting", "of_all"]

@@ -54,14 +54,18 @@ def momentum(recording: Recording) -> list[Check]:
     m, scene = recording.measures, recording.plan.scene
     steps = recording.times[-1] / recording.step
     size = np.linalg.norm(m.angular_momentum, axis=1).max()
+    mass = float(scene.masses.sum())
+    if len(scene.bodies) > 1:  # each comes with an angular momentum, which may be opposite to another's
+        arm = recording.positions - m.centre[:, None]
+        size = (scene.masses * np.linalg.norm(np.cross(arm, recording.velocities), axis=2)).sum(axis=1).max()
     if scene.pinned:
         change = float(np.abs(np.diff(m.angular_momentum[[0, -1], 2]))[0])
         return [Check("change of L_z", 0.0, change, 1e-15 * steps * size, "kg·m²/s")]
     change = float(np.linalg.norm(m.angular_momentum - m.angular_momentum[0], axis=1).max())
     checks = [Check("change of L", 0.0, change, 1e-15 * steps * size, "kg·m²/s")]
     pull = np.zeros(3) if scene.gravity is None else np.array(scene.gravity)
-    fallen = m.momentum[0] + scene.body.mass * np.outer(recording.times, pull)
-    size = scene.body.mass * np.linalg.norm(recording.velocities, axis=2).max()
+    fallen = m.momentum[0] + mass * np.outer(recording.times, pull)
+    size = mass * np.linalg.norm(recording.velocities, axis=2).max()
     change = float(np.linalg.norm(m.momentum - fallen, axis=1).max())
     return [*checks, Check("change of P", 0.0, change, 1e-15 * steps * size, "kg·m/s")]
 
@@ -73,29 +77,30 @@ def energy(recording: Recording) -> list[Check]:
     Integration, 2nd ed., IX.3) to higher order; so H varies as much as that term does. Losses are found
     from speeds between two kicks, which shake what vibrates at ω by a share of (ω h)²/8.
     """
-    body, x, v = recording.plan.scene.body, recording.positions, recording.velocities
-    first, second = body.springs.T
+    scene, x, v = recording.plan.scene, recording.positions, recording.velocities
+    stiffness, rest = scene.of_bodies("stiffness"), scene.of_bodies("lengths")
+    first, second = scene.springs.T
     apart, rate = x[:, second] - x[:, first], v[:, second] - v[:, first]
     length = np.linalg.norm(apart, axis=2)
     along = np.einsum("tsi,tsi->ts", apart, rate) / length
-    tension = body.stiffness * (length - body.lengths)
-    bent = body.stiffness * along**2 + tension / length * ((rate**2).sum(axis=2) - along**2)
+    tension = stiffness * (length - rest)
+    bent = stiffness * along**2 + tension / length * ((rate**2).sum(axis=2) - along**2)
     force = np.zeros_like(x)
     pull = (tension / length)[..., None] * apart
-    for s, (i, j) in enumerate(body.springs):
+    for s, (i, j) in enumerate(scene.springs):
         force[:, i] += pull[:, s]
         force[:, j] -= pull[:, s]
-    if recording.plan.scene.gravity is not None:
-        force += body.masses[:, None] * np.array(recording.plan.scene.gravity)
-    force[:, list(recording.plan.scene.pinned)] = 0.0
-    term = bent.sum(axis=1) / 12 - ((force**2).sum(axis=2) / body.masses).sum(axis=1) / 24
+    if scene.gravity is not None:
+        force += scene.masses[:, None] * np.array(scene.gravity)
+    force[:, list(scene.pins)] = 0.0
+    term = bent.sum(axis=1) / 12 - ((force**2).sum(axis=2) / scene.masses).sum(axis=1) / 24
     drift = float(np.abs(recording.measures.balance - recording.measures.balance[0]).max())
     scale = float(np.abs(recording.measures.kinetic).max())
     rounded = 1e-15 * scale * recording.times[-1] / recording.step
-    if recording.plan.scene.surfaces:
+    if scene.surfaces or scene.meetings:
         rounded += 1e-8 * scale  # contact solves its equation to 1e-10, in each step of an impact
     tolerance = 2 * recording.step**2 * float(np.abs(term - term[0]).max()) + rounded
-    shaken = (highest_frequency(recording.plan.scene) * recording.step) ** 2 / 8
+    shaken = (highest_frequency(scene) * recording.step) ** 2 / 8
     m = recording.measures
     lost = m.damping_loss + m.contact_loss + m.friction_loss
     tolerance += shaken * min(float(m.damping_loss.max()), float(np.abs(lost).max()))

@@ -191,11 +191,88 @@ def _cable(plan: Plan) -> None:
         raise ValueError(f"body {plan.scene.body.name!r} is no rope made of a material")
 
 
+def _collide(plan: Plan) -> None:
+    if not plan.scene.meetings:
+        raise ValueError("no bodies collide")
+
+
+def _apart(plan: Plan) -> None:
+    _collide(plan)
+    if plan.scene.surfaces or plan.scene.pins or any(plan.scene.gravity or (0.0,)):
+        raise ValueError("the bodies are not free: there is gravity, a surface or a pin")
+
+
+def _balls(plan: Plan) -> None:
+    _apart(plan)
+    if any(len(placed.body.masses) != 1 for placed in plan.scene.bodies):
+        raise ValueError("it is of balls, and a body has several particles")
+
+
+def _two(plan: Plan) -> None:
+    _balls(plan)
+    if len(plan.scene.bodies) != 2:
+        raise ValueError(f"it is of two balls, and there are {len(plan.scene.bodies)}")
+
+
+def _row(plan: Plan) -> None:
+    _balls(plan)
+    if len({placed.body.mass for placed in plan.scene.bodies}) > 1:
+        raise ValueError("the balls are of different masses")
+    if any(met.contact.restitution < 1 for met in plan.scene.meetings):
+        raise ValueError("the balls lose energy to restitution")
+
+
+def _one_held(plan: Plan) -> None:
+    _collide(plan)
+    if len(plan.scene.bodies) != 2 or sum(bool(placed.pinned) for placed in plan.scene.bodies) != 1:
+        raise ValueError("it is of two bodies, one of them pinned")
+
+
+def _slab(plan: Plan) -> None:
+    _one_held(plan)
+    _gravity(plan)
+    held = next(placed for placed in plan.scene.bodies if placed.pinned)
+    if not held.body.oriented:
+        raise ValueError(f"body {held.name!r} shows no slope: its markers lie on a line")
+
+
+def _draped(plan: Plan) -> None:
+    _one_held(plan)
+    _gravity(plan)
+    cord = next(placed.body for placed in plan.scene.bodies if not placed.pinned)
+    chain = np.column_stack([np.arange(len(cord.masses) - 1), np.arange(1, len(cord.masses))])
+    if len(cord.masses) < 2 or not np.array_equal(cord.springs, chain):
+        raise ValueError(f"body {cord.name!r} is no rope: a chain of springs")
+
+
+def _dominoes(plan: Plan) -> None:
+    _collide(plan)
+    _level(plan)
+    _gravity(plan)
+    if len(plan.scene.bodies) < 12:
+        raise ValueError(f"it is of a row of 12 bodies or more, and there are {len(plan.scene.bodies)}")
+    if any(met.contact.friction > 0 for met in plan.scene.meetings):
+        raise ValueError("there is friction between the dominoes, which its theory leaves out")
+
+
+def _smooth_bowl(plan: Plan) -> None:
+    _bowl(plan)
+    _gravity(plan)
+    _ice(plan)
+    if plan.scene.pins:
+        raise ValueError("a particle is pinned")
+
+
 NEEDS: dict[str, tuple[Need, ...]] = {
     "bounces": (_particle, _ground, _dropped, _gravity),
     "bungee": (_rope, _gravity),
+    "bowl_turning": (_smooth_bowl,),
     "cable": (_cable, _rope, _gravity),
     "bowl_period": (_particle, _bowl, _gravity),
+    "counted": (_collide,),
+    "cradle": (_row,),
+    "draped": (_draped,),
+    "exchange": (_two,),
     "flips": (_free, _flips),
     "nutation": (_top,),
     "pendulum": (_pinned, _gravity),
@@ -206,16 +283,19 @@ NEEDS: dict[str, tuple[Need, ...]] = {
     "rope_modes": (_rope, _gravity),
     "rope_stretch": (_rope, _gravity),
     "rope_swing": (_rope, _gravity),
+    "slab": (_slab,),
     "sleep": (_top,),
     "slope": (_slope, _gravity),
     "small_swings": (_pinned, _gravity),
     "solid_inertia": (_solid,),
     "spin_gap": (_solid, _top),
     "spun_length": (_pair, _free),
+    "stacked": (_collide, _gravity),
     "steady_precession": (_top,),
     "stopping": (_level, _friction, _moves, _gravity),
     "straight_fall": (_level, _ice, _gravity),
     "twin": (_trace, _rigid),
+    "wave": (_dominoes,),
     "wobble": (_solid, _free, _symmetric, _moves),
 }
 """By the name of a check; the others mean something for every scene."""

@@ -1,0 +1,225 @@
+"""Bodies that collide: what all of them do together, against theory."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from springgym.collisions import Meeting
+from springgym.scenes.checks.basis import Check, slack
+from springgym.scenes.recording import Recording
+from springgym.surfaces import Bowl
+from springgym.theory import contact as theory
+from springgym.theory import dominoes
+from springgym.theory.rope import tensions
+
+TOPPLED = 0.01
+"""[rad] A domino that leans by this much has been hit."""
+
+SETTLED = 8
+"""Dominoes behind the first from which on the speed of the wave is taken: before, it depends on the push."""
+
+
+def _met(recording: Recording) -> Meeting:
+    return recording.plan.scene.meetings[0]
+
+
+def _gravity(recording: Recording) -> float:
+    return float(np.linalg.norm(recording.plan.scene.gravity or 0.0))
+
+
+def _late(recording: Recording) -> np.ndarray:
+    """The last tenth of the states, two at the least."""
+    return np.arange(min(int(0.9 * len(recording.times)), len(recording.times) - 2), len(recording.times))
+
+
+def counted(recording: Recording) -> list[Check]:
+    """Contacts that were found too late, were too fast or had no room: none."""
+    pairs = recording.pairs
+    wrong = sum(float(of[-1].sum()) for of in (pairs.misses, pairs.too_fast, pairs.overflow))
+    return [Check("contacts too late, too fast or left out", 0.0, wrong, 0.5, "")]
+
+
+def exchange(recording: Recording) -> list[Check]:
+    """Speeds of two balls that met: along the line of their centres (1 + e)/2 of it is exchanged.
+
+    They are like hard ones of a distance from that of their surfaces to Δ more, and turn on the way in steps
+    that are off by (v h/Δ)².
+    """
+    scene, met = recording.plan.scene, _met(recording)
+    masses = [scene.bodies[n].body.mass for n in (met.first, met.second)]
+    start = [recording.bodies[n] for n in (met.first, met.second)]
+    radius = sum(scene.bodies[n].body.radius for n in (met.first, met.second))
+    x, v = (getattr(start[0], name)[0] - getattr(start[1], name)[0] for name in ("centre", "centre_velocity"))
+    speed = float(np.linalg.norm(v))
+    restitution = theory.restitution_at(
+        speed, theory.damping_for_restitution(met.contact.restitution, met.contact.impact_speed)
+    )
+    way = v / speed
+    aside = x - (x @ way) * way
+    ends = []
+    for distance in (radius, radius + met.reach):
+        normal = aside - math.sqrt(distance**2 - float(aside @ aside)) * way
+        normal = normal / distance
+        given = -(1 + restitution) / (1 / masses[0] + 1 / masses[1]) * float(v @ normal)
+        ends.append(
+            [
+                start[0].centre_velocity[0] + given / masses[0] * normal,
+                start[1].centre_velocity[0] - given / masses[1] * normal,
+            ]
+        )
+    off = speed * (speed * recording.step / met.reach) ** 2 * float(np.linalg.norm(aside)) / radius
+    rounded = 1e-13 * speed * recording.times[-1] / recording.step
+    checks = []
+    for n, body in enumerate((met.first, met.second)):
+        low, high = (float(np.linalg.norm(end[n])) for end in ends)
+        measured = float(np.linalg.norm(recording.bodies[body].centre_velocity[-1]))
+        by = abs(high - low) / 2 + off + rounded
+        name = scene.bodies[body].name
+        checks.append(Check(f"{name}: speed afterwards", (low + high) / 2, measured, by, "m/s"))
+    return checks
+
+
+def cradle(recording: Recording) -> list[Check]:
+    """Balls in a row: equal ones exchange their velocities whenever two meet, so that these change places."""
+    scene = recording.plan.scene
+    along = int(np.argmax(np.ptp([m.centre[0] for m in recording.bodies], axis=0)))
+    order = np.argsort([m.centre[0, along] for m in recording.bodies])
+    before = sorted(float(m.centre_velocity[0, along]) for m in recording.bodies)
+    by = 1e-13 * max(map(abs, before)) * recording.times[-1] / recording.step
+    return [
+        Check(
+            f"{scene.bodies[n].name}: speed afterwards",
+            speed,
+            float(recording.bodies[n].centre_velocity[-1, along]),
+            by,
+            "m/s",
+        )
+        for n, speed in zip(order.tolist(), before, strict=True)
+    ]
+
+
+def slab(recording: Recording) -> list[Check]:
+    """Whether a body on a slab that is held stays, or how it slides, as on a slope."""
+    scene, met = recording.plan.scene, _met(recording)
+    held, free = sorted((met.first, met.second), key=lambda n: not scene.bodies[n].pinned)
+    up = recording.bodies[held].axis[0]
+    angle = math.acos(float(up[2]))
+    down = np.cross(np.cross(up, (0.0, 0.0, -1.0)), up)
+    down = down / np.linalg.norm(down)
+    centre = recording.bodies[free].centre
+    way = (centre - centre[0]) @ down
+    late = recording.times > 0.5 * recording.times[-1]
+    if theory.holds(angle, met.contact.friction):
+        creep = float(np.abs(way[late] - way[late][0]).max())
+        return [Check("way in the second half", 0.0, creep, 1e-6, "m")]
+    g = _gravity(recording)
+    expected = theory.slope_acceleration(angle, met.contact.friction, g)
+    enough = late.sum() > 3
+    measured = 2 * float(np.polyfit(recording.times[late], way[late], 2)[0]) if enough else math.nan
+    by = slack(recording, math.sqrt(g / scene.bodies[free].body.size))
+    return [Check("acceleration", expected, measured, by * g, "m/s²")]
+
+
+def stacked(recording: Recording) -> list[Check]:
+    """What each pair of a stack at rest carries: the weight of all that is above."""
+    scene, late = recording.plan.scene, _late(recording)
+    high = [float(m.centre[-1, 2]) for m in recording.bodies]
+    time = float(np.ptp(recording.times[late]))
+    impulse = recording.pairs.impulse[late]
+    # what does not balance the weight moves the bodies: m Δv in that time
+    moved = max(float(np.ptp(m.momentum[late, 2])) for m in recording.bodies) / time
+    checks = []
+    for n, met in enumerate(scene.meetings):
+        if recording.pairs.touching[-1, n]:
+            upper = max(high[met.first], high[met.second])
+            weight = _gravity(recording) * sum(
+                placed.body.mass for placed, z in zip(scene.bodies, high, strict=True) if z >= upper
+            )
+            name = " on ".join(
+                scene.bodies[body].name for body in sorted(met[:2], key=lambda body: -high[body])
+            )
+            measured = float(impulse[-1, n] - impulse[0, n]) / time
+            checks.append(Check(f"force of {name}", weight, measured, moved + 1e-3 * weight, "N"))
+    speed = float(np.linalg.norm(recording.velocities[late], axis=2).max())
+    left = 2 * _gravity(recording) * recording.step
+    return [*checks, Check("largest speed at rest", 0.0, speed, left, "m/s")]
+
+
+def draped(recording: Recording) -> list[Check]:
+    """The tension of a rope where it leaves what it lies over: the weight that hangs below.
+
+    Its ends go on swinging a little, which is the error of that; what lies in the middle rests.
+    """
+    scene, met = recording.plan.scene, _met(recording)
+    over, cord = sorted((met.first, met.second), key=lambda n: not scene.bodies[n].pinned)
+    body, own = scene.bodies[cord].body, scene.slices[cord]
+    late = _late(recording)
+    x = recording.positions[late][:, own]
+    low = float(recording.positions[-1, scene.slices[over], 2].max())
+    lengths = np.linalg.norm(np.diff(x, axis=1), axis=2).mean(axis=0)
+    pull = body.stiffness * (lengths - body.lengths)
+    hangs = x[..., 2].max(axis=0) < low
+    checks = []
+    for name, order in (("first", slice(None)), ("last", slice(None, None, -1))):
+        count = int(np.argmin(hangs[order]))  # particles that hang at this end
+        masses = body.masses[order][:count]
+        expected = float(tensions(masses[::-1], _gravity(recording))[0]) if count else math.nan
+        measured = float(pull[order][count - 1]) if count else math.nan
+        checks.append(Check(f"tension at its {name} end", expected, measured, 0.05 * expected, "N"))
+    middle = recording.positions[
+        recording.times > 0.5 * recording.times[-1], own.start + len(body.masses) // 2
+    ]
+    moved = float(np.ptp(middle, axis=0).max(initial=0.0))
+    return [*checks, Check("way of its middle in the second half", 0.0, moved, 1e-3, "m")]
+
+
+def wave(recording: Recording) -> list[Check]:
+    """Speed of the wave in a row of dominoes, by the theory of van Leeuwen, see `springgym.theory.dominoes`.
+
+    Contact acts from Δ on, as if dominoes were as much thicker, and spaces narrower; half of it is taken.
+    Restitution e keeps a share e² of what the impacts of theory lose; states are told in intervals.
+    """
+    scene = recording.plan.scene
+    tilts = [np.arccos(np.clip(np.einsum("ti,i->t", m.axis, m.axis[0]), -1, 1)) for m in recording.bodies]
+    first = min(range(len(tilts)), key=lambda n: float(recording.bodies[n].centre[0, 0]))
+    body = scene.bodies[first].body
+    thickness, _, height = np.ptp(body.positions, axis=0)
+    pitch = float(np.diff(sorted(m.centre[0, 0] for m in recording.bodies)).mean())
+    order = np.argsort([m.centre[0, 0] for m in recording.bodies])[1:]
+    edge = np.array([thickness / 2, 0.0, -height / 2])
+    inertia = float(body.inertia(body.centre + edge)[1, 1]) / body.mass
+    start = float(recording.bodies[first].angular_velocity[0, 1])
+    reach, g = _met(recording).reach, _gravity(recording)
+    speeds = []
+    for more in (0.0, reach, 0.5 * reach):
+        hits = dominoes.impacts(
+            len(order), height, thickness + more, pitch - thickness - more, inertia, start, g
+        )
+        speeds.append(pitch * (len(order) - 1 - SETTLED) / float(hits[-1] - hits[SETTLED]))
+    when = []
+    for n in order:
+        leans = tilts[n] > TOPPLED
+        when.append(float(recording.times[int(np.argmax(leans))]) if leans.any() else math.nan)
+    time = when[-1] - when[SETTLED]
+    measured = pitch * (len(order) - 1 - SETTLED) / time
+    share = _met(recording).contact.restitution ** 2 / 2 + float(recording.times[1]) / time
+    by = abs(speeds[1] - speeds[0]) / 2 + share * speeds[2]
+    return [Check("speed of the wave", speeds[2], measured, by, "m/s")]
+
+
+def bowl_turning(recording: Recording) -> list[Check]:
+    """In a bowl without friction nothing turns bodies about the upright line through its centre.
+
+    A way that the bowl bends in a step is off by (ω h)² of it.
+    """
+    scene = recording.plan.scene
+    bowl = next(surface for surface in scene.surfaces if isinstance(surface, Bowl))
+    arm = recording.positions - np.array(bowl.centre)
+    each = scene.masses[:, None] * np.cross(arm, recording.velocities)
+    about = each[..., 2].sum(axis=1)
+    size = float(np.abs(each[..., 2]).sum(axis=1).max())
+    rate = max(float(np.linalg.norm(m.angular_velocity, axis=1).max()) for m in recording.bodies)
+    by = (rate * recording.step) ** 2 * size
+    return [Check("change of L_z", 0.0, float(np.ptp(about)), by, "kg·m²/s")]
