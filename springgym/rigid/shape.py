@@ -112,7 +112,7 @@ cube that falls flat with a restitution of 0 would rebound with up to 0.1."""
 
 UNDERSTOOD = {
     *("body", "positions", "velocities", "pinned", "gravity"),
-    *("wrench", "thrust", "drive", "surfaces", "contact", "bodies"),
+    *("wrench", "thrust", "drive", "surfaces", "contact", "bodies", "collisions"),
 }
 """Fields of a scene that rigid dynamics takes notice of."""
 
