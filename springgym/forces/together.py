@@ -125,11 +125,14 @@ def lean_on(
 
 
 @compiled
-def leans(turn: int, count: Number, planes: Any, bowl: Any, friction: Numbers) -> bool:
-    """Whether surfaces have a turn: the last one always, as it sums up; others if something changed."""
+def leans(turn: int, count: Number, planes: Any, bowl: Any, friction: Numbers, dampers: Any) -> bool:
+    """Whether surfaces have a turn: the last one always, as it sums up, others if something changed.
+
+    Without surfaces there is the first one, too, if what was foreseen for the dampers is to begin with.
+    """
     last = turn == TURNS - 1
     if planes is None and bowl is None:
-        return last
+        return last or (turn == 0 and count > 0 and foreseen(dampers))
     if friction is None and turn == SWEEPS:
         return False
     return last or (turn < TURNS and count > 0)
@@ -145,7 +148,7 @@ def touch(
     found = FOUND if last else FORESEEN
     v = work.velocity.values
     for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
-        if leans(turn, count, terms.planes, terms.bowl, pairs.friction):
+        if leans(turn, count, terms.planes, terms.bowl, pairs.friction, terms.dampers):
             for body in range(bodies_of(x)):
                 lean(of_body(x, body), span, found, of_body(work, body), of_body(terms, body))
         if turn < 2:
