@@ -2,17 +2,18 @@
 
 python docs/environments.py           # docs/environments.md and a page each in docs/environments/
 python docs/environments.py --pages   # only the latter: nothing is measured
-python docs/environments.py --error   # only the part on error=True is measured anew
+python docs/environments.py --error SpringTumble-v0   # only the errors of some are measured anew
 """
 
 from __future__ import annotations
 
+import argparse
 import ast
 import inspect
 import platform
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import date
 from importlib import import_module
 from pathlib import Path
@@ -146,9 +147,12 @@ def references(task: Task, step: float) -> tuple[Simulator, ...]:
     return exact, Simulator(scene, integrator="rk4", step=step / 128)
 
 
+ERRORS = "## Error of a control period\n"
+
+
 def table_of_errors() -> list[str]:
     lines = [
-        "## Error of a control period\n",
+        ERRORS,
         "What the default step costs in accuracy: the largest distance of a particle, after one control "
         "period with a random action, from where the reference takes it, as a share of the body's size. The "
         f"first {STEPS} control periods, or those until it ends, of {EPISODES} episodes. The reference is "
@@ -158,7 +162,12 @@ def table_of_errors() -> list[str]:
         "| environment | step h | median error | largest error | references apart |",
         "|---|---|---|---|---|",
     ]
-    for row in ENVIRONMENTS:
+    return lines + rows_of_errors(ENVIRONMENTS)
+
+
+def rows_of_errors(environments: Iterable[Row]) -> list[str]:
+    lines = []
+    for row in environments:
         step, median, largest, doubt = error_per_step(row.id, EPISODES, STEPS, references)
         lines.append(f"| `{row.id}` | {step * 1e3:.3g} ms | {median:.1e} | {largest:.1e} | {doubt:.0e} |")
     return lines
@@ -167,7 +176,6 @@ def table_of_errors() -> list[str]:
 # --- What error=True says of it ---------------------------------------------------------------------
 
 ESTIMATED = "## The error, while it runs\n"
-AFTER = "\nMeasured "
 
 EXAMPLE = """`error=True` has every control period repeated from the same state in steps of half the length.
 `info["step_error"]` then says how far the particles are from where exact steps would have taken them: root
@@ -215,7 +223,12 @@ def table_of_estimates() -> list[str]:
         "| environment | arguments | median error | estimate / error | middle 90 % |",
         "|---|---|---|---|---|",
     ]
-    for row, options in _estimated():
+    return lines + rows_of_estimates(ENVIRONMENTS)
+
+
+def rows_of_estimates(environments: Iterable[Row]) -> list[str]:
+    lines = []
+    for row, options in _estimated(environments):
         said, true = estimates(row.id, EPISODES, STEPS, exact(**options), **options)
         ratio = said / true
         low, middle, high = np.quantile(ratio, (0.05, 0.5, 0.95))
@@ -226,15 +239,37 @@ def table_of_estimates() -> list[str]:
     return lines
 
 
-def _estimated() -> Iterator[tuple[Row, dict[str, Any]]]:
+def _estimated(environments: Iterable[Row]) -> Iterator[tuple[Row, dict[str, Any]]]:
     """What is estimated: each environment, the first also in other ways, and rigid bodies on a floor."""
-    for n, row in enumerate(ENVIRONMENTS):
+    for row in environments:
         yield row, {}
-        if n == 0:
+        if row is ENVIRONMENTS[0]:
             yield row, {"dtype": "float32"}
             yield row, {"integrator": "rk4"}
-        if n == 0 or row.id == "SpringTumble-v0":
+        if row is ENVIRONMENTS[0] or row.id == "SpringTumble-v0":
             yield row, {"dynamics": "rigid"}
+
+
+def errors_renewed(measured: str, ids: Sequence[str]) -> str:
+    """What was measured, with the errors of some environments measured anew."""
+    chosen = [row for row in ENVIRONMENTS if row.id in ids]
+    before, errors, after = measured.partition(ERRORS)
+    of_periods, estimated, of_estimates = after.partition(ESTIMATED)
+    of_periods = _with_rows(of_periods, rows_of_errors(chosen))
+    of_estimates = _with_rows(of_estimates, rows_of_estimates(chosen))
+    told = f"Errors of {', '.join(row.id for row in chosen)} measured anew {date.today()}.\n"
+    of_estimates = re.sub(r"(\nMeasured [^\n]*\n)(?:Errors of [^\n]*\n)?", rf"\1{told}", of_estimates)
+    return "".join((before, errors, of_periods, estimated, of_estimates))
+
+
+def _with_rows(section: str, rows: Sequence[str]) -> str:
+    """A section whose table has new rows in place of those of the same environments, in their order."""
+    named, new = {row.split("|")[1] for row in rows}, iter(rows)
+    lines = [
+        next(new) if line.startswith("|") and line.split("|")[1] in named else line
+        for line in section.split("\n")
+    ]
+    return "\n".join(lines)
 
 
 # --- The page ---------------------------------------------------------------------------------------
@@ -359,14 +394,24 @@ gymnasium.register("Hover-v0", entry_point=hover, max_episode_steps=200)
 
 def main() -> None:
     """Write the pages; measure, unless told not to."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    only = parser.add_mutually_exclusive_group()
+    only.add_argument("--pages", action="store_true", help="measure nothing")
+    only.add_argument(
+        "--error",
+        nargs="+",
+        metavar="ID",
+        choices=[row.id for row in ENVIRONMENTS],
+        help="their errors alone",
+    )
+    options = parser.parse_args()
     write_pages()
-    if "--pages" in sys.argv[1:]:
+    if options.pages or options.error:
         measured = MEASURED + PAGE.read_text(encoding="utf-8").partition(MEASURED)[2]
-    elif "--error" in sys.argv[1:]:
-        measured = MEASURED + PAGE.read_text(encoding="utf-8").partition(MEASURED)[2]
-        before, _, after = measured.rpartition(AFTER)
-        before = before.partition(ESTIMATED)[0].rstrip()
-        measured = "\n".join([before, "", *table_of_estimates(), AFTER + after])
+        if options.error:
+            measured = errors_renewed(measured, options.error)
     else:
         measured = measure()
     front = [

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 import gymnasium as gym
+import numpy as np
 import pytest
 
 from springgym.envs.sb3 import make_sb3
@@ -40,6 +41,28 @@ def test_what_the_page_says_of_all_environments_is_current() -> None:
     writer, page = page_writer(), (DOCS / "environments.md").read_text(encoding="utf-8")
     for part in (writer.RANDOMISATION, writer.PROMISES, writer.OWN_SCENES):
         assert part in page
+
+
+def test_errors_of_some_environments_can_be_measured_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rows of these change, in both tables, and a line says so; no other line does, however often."""
+    writer, page = page_writer(), (DOCS / "environments.md").read_text(encoding="utf-8")
+    monkeypatch.setattr(writer, "error_per_step", lambda *_: (1.0, 2.0, 3.0, 4.0))
+    monkeypatch.setattr(writer, "estimates", lambda *_, **__: (np.full(9, 2.0), np.full(9, 4.0)))
+    before = [line for line in page.splitlines() if not line.startswith("Errors of ")]
+    once = writer.errors_renewed(page, ["SpringTumble-v0"])
+    assert writer.errors_renewed(once, ["SpringTumble-v0"]) == once
+    after = once.splitlines()
+    changed = [(old, new) for old, new in zip(before, after, strict=False) if old != new]
+    rows = [
+        new for old, new in changed if new.startswith("| `SpringTumble-v0` |") and old.startswith(new[:19])
+    ]
+    assert len(rows) == 3
+    assert sum("| 2.0e+00 | 3.0e+00 |" in row for row in rows) == 1
+    assert sum("| 0.500 |" in row for row in rows) == 2
+    assert [line for line in after if line.startswith("Errors of ")] == [
+        f"Errors of SpringTumble-v0 measured anew {writer.date.today()}."
+    ]
+    assert len(after) == len(before) + 1
 
 
 def test_scene_of_the_page_is_made_as_it_says() -> None:
