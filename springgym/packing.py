@@ -205,7 +205,8 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
     actuators = _actuators(part, scene, options.blocks)
     kept = None
     if options.method.meets_surfaces and (part.surfaces or scene.meetings) and not twin:
-        kept = memory(count, bool(actuators), options.blocks)
+        foresees = dampers is not None and not scene.meetings
+        kept = memory(count, bool(actuators), foresees, options.blocks)
     terms = shared._replace(
         particles=Particles(
             parameter({"masses"}, body.masses),

@@ -32,7 +32,7 @@ from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, 
 from springgym.kinds import Ledger, Number, Numbers, Rows
 from springgym.lanes import load
 from springgym.own_forces import OfBody, add_own_forces, own_energy
-from springgym.vectors import add_row, add_scaled, dot, row, set_row, times, vector
+from springgym.vectors import add_row, add_scaled, dot, plus_scaled, row, set_row, times, vector
 
 
 class Particles(NamedTuple):
@@ -81,10 +81,16 @@ def accelerate(x: Rows, a: Rows, direction: Rows, terms: Terms) -> None:
 
     ``direction`` (springs, 3) receives the springs' unit vectors if there are dampers.
     """
-    set_weights(a, terms.particles, terms.gravity)
-    add_spring_forces(x, None, a, direction, terms.springs, terms.dampers, None, 0.0)
-    add_own_forces(x, a, terms.own, terms.body)
+    set_forces(x, a, direction, terms)
     divide_by_mass(a, terms.particles)
+
+
+@compiled
+def set_forces(x: Rows, force: Rows, direction: Rows, terms: Terms) -> None:
+    """Set ``force`` (N, 3) to the forces [N] of which `accelerate` finds the accelerations."""
+    set_weights(force, terms.particles, terms.gravity)
+    add_spring_forces(x, None, force, direction, terms.springs, terms.dampers, None, 0.0)
+    add_own_forces(x, force, terms.own, terms.body)
 
 
 @compiled
@@ -130,6 +136,27 @@ def divide_by_mass(force: Rows, particles: Particles) -> None:
     """Turn forces (N, 3) into accelerations."""
     for i in range(particles.mass.size):
         set_row(force, i, times(load(particles.inverse_mass, i), row(force, i)))
+
+
+@compiled
+def divide_and_kick(force: Rows, v: Rows, kicked: Rows, tau: Number, particles: Particles) -> None:
+    """`divide_by_mass`, and set ``kicked`` to ``v`` after these accelerations have acted for ``tau`` seconds.
+
+    Both at once, as what is in a register need not be read again.
+    """
+    for i in range(v.shape[0]):
+        acceleration = times(load(particles.inverse_mass, i), row(force, i))
+        set_row(force, i, acceleration)
+        set_row(kicked, i, plus_scaled(row(v, i), tau, acceleration))
+
+
+@compiled
+def kick_and_drift(x: Rows, v: Rows, a: Rows, h: Number) -> None:
+    """`kick` for h/2, then `drift` for h, at once."""
+    for i in range(x.shape[0]):
+        after = plus_scaled(row(v, i), 0.5 * h, row(a, i))
+        set_row(v, i, after)
+        add_row(x, i, times(h, after))
 
 
 @compiled

@@ -41,14 +41,21 @@ class Memory(NamedTuple):
     """(N, 3) where the node is [m], if it was lifted to be read"""
     pushed: np.ndarray | None
     """(N, 3) what the actuators gave there [m/s²]; None without any"""
+    given: np.ndarray | None
+    """(N, 3) half of what contact was foreseen to give there [m/s]; None without dampers, or where it is
+    found anew"""
     marks: np.ndarray
     """(`MARKS`,)"""
 
 
-def memory(particles: int, actuated: bool, blocks: Callable[..., np.ndarray]) -> Memory:
+def memory(particles: int, actuated: bool, foresees: bool, blocks: Callable[..., np.ndarray]) -> Memory:
     """That of fresh copies of a body."""
     return Memory(
-        blocks(particles, 3), blocks(particles, 3), blocks(particles, 3) if actuated else None, blocks(MARKS)
+        arrived=blocks(particles, 3),
+        place=blocks(particles, 3),
+        pushed=blocks(particles, 3) if actuated else None,
+        given=blocks(particles, 3) if foresees else None,
+        marks=blocks(MARKS),
     )
 
 
@@ -114,6 +121,25 @@ def remember(x: Rows, b: Rows, phase: Number, ledger: Ledger, memory: Any, pushe
     if ledger is not None:
         for entry in range(ENTRIES):
             store(memory.marks, BEFORE + entry, load(ledger, entry))
+
+
+@compiled
+def recall(phase: Number, given: Rows, foreseen: Rows | None) -> None:
+    """Foresee for the last node, which is made anew, what was foreseen; fresh copies foresee nothing."""
+    if foreseen is not None:
+        for i in range(foreseen.shape[0]):
+            set_row(given, i, choose(phase < 0.5, (0.0, 0.0, 0.0), row(foreseen, i)))
+
+
+@compiled
+def keep_foreseen(among: tuple[int, int], given: Rows, foreseen: Rows | None) -> None:
+    """Keep what is foreseen for the last node: something for the particles ``among`` which some touched."""
+    if foreseen is not None:
+        for i in range(foreseen.shape[0]):
+            if among[0] <= i < among[1]:
+                set_row(foreseen, i, row(given, i))
+            else:
+                set_row(foreseen, i, (0.0, 0.0, 0.0))
 
 
 @compiled

@@ -20,7 +20,6 @@ from springgym.compiling import compiled
 from springgym.forces import stored_energy
 from springgym.forces.actuators import push
 from springgym.forces.barrier import (
-    FORESEEN,
     FOUND,
     coefficient,
     energy_at,
@@ -51,6 +50,11 @@ TURNS = 40
 
 AGREED = 1e-9
 """Change of the way by the last turn, as a share of Δ, at which they agree."""
+
+
+ALMOST = 1.1
+"""Share of Δ below which a surface is near: where a way ends out of it, the next begins out of Δ, whatever is
+rounded."""
 
 
 class Span(NamedTuple):
@@ -121,16 +125,16 @@ def kept(given: Vector, bowl: HollowSphere | None) -> Any:
 
 @compiled
 def near(begin: Vector, free: Vector, planes: Planes | None, bowl: HollowSphere | None) -> Any:
-    """Where a way begins or ends within reach of a surface."""
+    """Where a way begins or ends within reach of a surface, or almost: by `ALMOST`."""
     close = begin[0] < begin[0]
     if planes is not None:
-        lowest = height(begin, planes, 0)
-        for k in range(planes.offset.size):
+        lowest = minimum(height(begin, planes, 0), height(free, planes, 0))
+        for k in range(1, planes.offset.size):
             lowest = minimum(lowest, minimum(height(begin, planes, k), height(free, planes, k)))
-        close = lowest < planes.reach
+        close = lowest < ALMOST * planes.reach
     if bowl is not None:
         first, last = minus(begin, vector(bowl.centre)), minus(free, vector(bowl.centre))
-        inner = bowl.radius - bowl.reach
+        inner = bowl.radius - ALMOST * bowl.reach
         close = maximum(dot(first, first), dot(last, last)) > inner * inner
     return close
 
@@ -271,7 +275,10 @@ def relax_some(
             among = off * off < 0.25
         if any_lane(among):
             whole = not dampers.paired and sweep < 2
-            damp(v, direction, terms.springs, dampers, terms.drive, ledger, sweep == 0, whole, among)
+            if any_lane(select(among, 0.0, 1.0 + 0.0 * phase) > 0.5):
+                damp(v, direction, terms.springs, dampers, terms.drive, ledger, sweep == 0, whole, among)
+            else:
+                damp(v, direction, terms.springs, dampers, terms.drive, ledger, sweep == 0, whole)
 
 
 @compiled
@@ -315,139 +322,160 @@ def record_swing(ledger: Ledger, swung: Number, thrown: Number, dampers: Dampers
 
 
 @compiled
-def bow(a: Rows, bent: Any, bowed: Number, space: Any, ledger: Ledger, terms: Terms) -> None:
-    """Enter the springs' work on the bends of the last node: that of the mean force at both ends of the
-    way."""
-    if bent:
-        for i in range(terms.particles.mass.size):
-            mass = load(terms.particles.mass, i)
-            bowed = bowed + 0.5 * mass * dot(row(a, i), row(space.bends, i))
-        record(ledger, CONTACT, bowed)
+def bow(a: Rows, among: tuple[int, int], space: Any, ledger: Ledger, terms: Terms) -> None:
+    """Enter the springs' work on the bends of the last node by the force at this end of the way: half of
+    it."""
+    bowed = 0.0 * load(a, (0, 0))
+    for i in range(among[0], among[1]):
+        mass = load(terms.particles.mass, i)
+        bowed = bowed + 0.5 * mass * dot(row(a, i), row(space.bends, i))
+    record(ledger, CONTACT, bowed)
+
+
+@compiled
+def give_half(w: Rows, among: tuple[int, int], space: Any, dampers: Dampers | None) -> None:
+    """Give the particles ``among`` which some were touched what is foreseen."""
+    if foreseen(dampers):
+        for i in range(among[0], among[1]):
+            set_row(w, i, plus(row(w, i), row(space.given, i)))
+
+
+@compiled
+def take_back(
+    v: Rows, w: Rows, a: Rows, span: Span, among: tuple[int, int], space: Any, ledger: Ledger, terms: Terms
+) -> None:
+    """Take that back, when all but the surfaces have acted, and enter its product with what they did."""
+    if foreseen(terms.dampers):
+        stray = 0.0 * span.out
+        for i in range(among[0], among[1]):
+            half = row(space.given, i)
+            now = minus(row(w, i), half)
+            set_row(w, i, now)
+            others = minus(now, plus_scaled(row(v, i), span.lead, row(a, i)))
+            stray = stray - load(terms.particles.mass, i) * dot(others, half)
+        record_stray(ledger, stray, terms.dampers)
 
 
 @compiled
 def pass_node(
     x: Rows,
     v: Rows,
+    w: Rows,
     a: Rows,
     b: Rows,
     phase: Number,
     h: Number,
     last: Any,
+    among: tuple[int, int],
     space: Any,
     ledger: Ledger,
     terms: Terms,
 ) -> Any:
-    """Let all act at a node: ``v`` changes from v₋ to v₊, and the way is bent; or, at the ``last``, is read.
+    """Let all act at a node, and go on to the next: ``v`` changes from v₋ to v₊; or, at the ``last``, read it.
 
-    ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators. In this order: a
-    kick of what leads to the node, half of what surfaces are going to give, actuators and dampers, the rest
-    of what surfaces give, a kick of h/2. Dampers must see the mean velocity, with what surfaces do to it,
-    else rest looks like stretching; so surfaces are asked twice, first as if there were no dampers.
+    ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators; ``w`` (N, 3) is v₋
+    after the kick by ``a`` that leads to the node. There follow, in this order: half of what surfaces are
+    foreseen to give, actuators and dampers, what surfaces give less that half, a kick of h/2. Dampers must
+    see the mean velocity, with what surfaces do to it, else rest looks like stretching. What is foreseen is
+    that a surface gives as much as at the last node.
 
-    Contacts of several particles are to be found where surfaces are: all of them in turn, with ``smooth``
-    less what is their own, the heights half a step before and after being those of v₋ and v₊.
+    Before, surfaces were near the particles ``among`` which the first and the one behind the last are given.
+    The way of the others to the node ends where that from the last node did, out of reach.
 
-    Returns whether a way was bent, and the energy [J] of that which belongs to the next node.
+    Returns among which particles surfaces are near now, and whether a way was bent.
     """
     particles, memory = terms.particles, terms.memory
-    arrived, span = memory.arrived, span_of(phase, h)
-    none = 0.0 * phase
+    span = span_of(phase, h)
     # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
-    lossy = select(span.lead > 0.0, coefficient(terms.impact_damping, none), 1.0) > 0.0
-    stray, lost, rubbed, bowed, held = none, none, none, none, none
-    swung, thrown = none, none
-    bent, raised = False, False
-    for part in range(2):
-        found = FORESEEN
-        if part == 1:
-            found = FOUND
-            act_and_damp(v, b, phase, span, space.direction, ledger, terms)
+    lossy = select(span.lead > 0.0, coefficient(terms.impact_damping, 0.0 * phase), 1.0) > 0.0
+    share = span.out / span.whole
+    give_half(w, among, space, terms.dampers)
+    act_and_damp(w, b, phase, span, space.direction, ledger, terms)
+    take_back(v, w, a, span, among, space, ledger, terms)
+    if last:
         for i in range(v.shape[0]):
-            place, now, acceleration = row(x, i), row(v, i), row(a, i)
-            start, half, kicked, free = now, times(0.0, now), now, particles.free[i]
-            if part == 0:
-                set_row(arrived, i, start)
-                kicked = plus_scaled(start, span.lead, acceleration)
-                set_row(v, i, kicked)
-                if not foreseen(terms.dampers):
-                    continue
-                soon = plus_scaled(kicked, span.out, acceleration)
-                soon = plus_scaled(soon, span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
-            else:
-                start = row(arrived, i)
-                soon = plus_scaled(now, span.out, acceleration)
-                kicked = plus_scaled(start, span.lead, acceleration)
-                if foreseen(terms.dampers):
-                    half = row(space.given, i)
-                    soon = plus_scaled(minus(now, half), span.out, acceleration)
-                    kicked = plus(kicked, half)
-            begin = plus_scaled(place, -1.0 * span.lead, start)
-            end = plus_scaled(place, span.out, soon)
-            touched = free and any_lane(near(begin, end, terms.planes, terms.bowl))
-            if not (last or touched or any_lane(dot(half, half) > 0.0)):
-                if part == 0:
-                    set_row(space.given, i, half)
-                else:
-                    set_row(v, i, soon)
-                    set_row(space.bends, i, half)
-                continue
-            change, rub, bend, force = nothing_given(start)
-            if touched:
-                smooth = minus(soon, start)
-                change, rub, bend, force = impulses(
-                    i, begin, end, start, smooth, span, found, space.pushes, terms
-                )
-            total = plus(change, rub)
-            if part == 0:
-                half = times(0.5, total)
-                set_row(space.given, i, half)
-                set_row(v, i, plus(kicked, half))
-            else:
-                after = plus(soon, total)
-                mass = load(particles.mass, i)
-                others = minus(now, kicked)
-                if free:
-                    if touched or any_lane(dot(half, half) > 0.0):
-                        stray = stray + mass * dot(others, minus(times(0.5, total), half))
-                        mean = plus_scaled(start, span.lead, acceleration)
-                        mean = plus_scaled(mean, 0.5, plus(others, total))
-                        way = plus(plus_scaled(times(span.lead, start), span.out, after), bend)
-                        gone = mass * (dot(force, way) / span.whole - dot(change, mean))
-                        lost = lost + select(lossy, gone, 0.0)
-                        rubbed = rubbed - mass * dot(rub, mean)
-                        bowed = bowed + 0.5 * mass * dot(acceleration, bend)
-                        if any_lane(dot(bend, bend) > 0.0):
-                            bent = True
-                        set_row(x, i, plus(place, bend))
-                    if last:
-                        given = times(span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
-                        thrown = thrown + mass * dot(given, given)
-                        swung = swung + mass * dot(others, others)
-                        held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
-                        finish = plus(plus_scaled(place, span.out, after), bend)
-                        lift = lifted(place, begin, finish, terms)
-                        held = held + 0.5 * energy_at(begin, terms.planes, terms.bowl)
-                        held = held + 0.5 * energy_at(finish, terms.planes, terms.bowl)
-                        held = held - energy_at(plus(place, lift), terms.planes, terms.bowl)
-                        if any_lane(dot(lift, lift) > 0.0):
-                            raised = True
-                        set_row(x, i, plus(place, lift))
-                if last:
-                    set_row(v, i, times(0.5, plus(start, after)))
-                else:
-                    set_row(v, i, after)
-                    set_row(space.bends, i, bend)
-    record_stray(ledger, stray, terms.dampers)
-    record(ledger, CONTACT, lost)
-    record(ledger, FRICTION, rubbed)
+            set_row(memory.arrived, i, row(v, i))
+    tau = 0.0 if last else h
+    first, behind, bent = v.shape[0], 0, False
+    for i in range(v.shape[0]):
+        place, now, acceleration = row(x, i), row(w, i), row(a, i)
+        soon = plus_scaled(now, span.out, acceleration)
+        end = plus_scaled(place, span.out, soon)
+        begin = end
+        if among[0] <= i < among[1]:
+            begin = plus_scaled(place, -1.0 * span.lead, row(v, i))
+        if not (particles.free[i] and any_lane(near(begin, end, terms.planes, terms.bowl))):
+            set_row(v, i, soon)
+            set_row(x, i, plus_scaled(place, tau, soon))
+            if first < i or last:
+                set_row(space.given, i, (0.0, 0.0, 0.0))
+                set_row(space.bends, i, (0.0, 0.0, 0.0))
+            continue
+        first, behind = min(first, i), i + 1
+        start = row(v, i)
+        begin = plus_scaled(place, -1.0 * span.lead, start)
+        smooth = minus(soon, start)
+        change, rub, bend, force = impulses(i, begin, end, start, smooth, span, FOUND, space.pushes, terms)
+        total = plus(change, rub)
+        after = plus(soon, total)
+        mass = load(particles.mass, i)
+        kicked = plus_scaled(start, span.lead, acceleration)
+        others = minus(now, kicked)
+        record_stray(ledger, 0.5 * mass * dot(others, total), terms.dampers)
+        mean = plus_scaled(kicked, 0.5, plus(others, total))
+        way = plus(plus_scaled(times(span.lead, start), span.out, after), bend)
+        gone = mass * (dot(force, way) / span.whole - dot(change, mean))
+        record(ledger, CONTACT, select(lossy, gone, 0.0))
+        record(ledger, FRICTION, -1.0 * mass * dot(rub, mean))
+        set_row(v, i, after)
+        set_row(space.bends, i, bend)
+        if not last:
+            record(ledger, CONTACT, 0.5 * mass * dot(acceleration, bend))
+            if any_lane(dot(bend, bend) > 0.0):
+                bent = True
+            set_row(x, i, plus_scaled(plus(place, bend), h, after))
+            if foreseen(terms.dampers):
+                set_row(space.given, i, times(share, total))
     if last:
         halve(ledger, memory)
-        record_swing(ledger, 0.125 * swung, 0.125 * thrown, terms.dampers)
-        if raised:
-            weight, elastic, _ = stored_energy(memory.place, terms)
-            held = held + (weight + elastic)
-            weight, elastic, _ = stored_energy(x, terms)
-            held = held - (weight + elastic)
-        store(memory.marks, HELD, held)
-    return bent, bowed
+        read_amid(x, v, w, a, b, span, space, ledger, terms)
+    return (first, behind), bent
+
+
+@compiled
+def read_amid(
+    x: Rows, v: Rows, w: Rows, a: Rows, b: Rows, span: Span, space: Any, ledger: Ledger, terms: Terms
+) -> None:
+    """Read a node that is passed but for the drift after it: lift it, take the mean velocity, enter what half
+    of it lacks, and keep what contact holds."""
+    particles, memory = terms.particles, terms.memory
+    none = 0.0 * span.out
+    held, swung, thrown = none, none, none
+    raised = False
+    for i in range(v.shape[0]):
+        place, start, after, bend = row(x, i), row(memory.arrived, i), row(v, i), row(space.bends, i)
+        set_row(v, i, times(0.5, plus(start, after)))
+        if particles.free[i]:
+            now, acceleration, mass = row(w, i), row(a, i), load(particles.mass, i)
+            total = minus(after, plus_scaled(now, span.out, acceleration))
+            others = minus(now, plus_scaled(start, span.lead, acceleration))
+            given = times(span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
+            thrown = thrown + mass * dot(given, given)
+            swung = swung + mass * dot(others, others)
+            held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
+            begin = plus_scaled(place, -1.0 * span.lead, start)
+            finish = plus(plus_scaled(place, span.out, after), bend)
+            lift = lifted(place, begin, finish, terms)
+            held = held + 0.5 * energy_at(begin, terms.planes, terms.bowl)
+            held = held + 0.5 * energy_at(finish, terms.planes, terms.bowl)
+            held = held - energy_at(plus(place, lift), terms.planes, terms.bowl)
+            if any_lane(dot(lift, lift) > 0.0):
+                raised = True
+            set_row(x, i, plus(place, lift))
+    record_swing(ledger, 0.125 * swung, 0.125 * thrown, terms.dampers)
+    if raised:
+        weight, elastic, _ = stored_energy(memory.place, terms)
+        held = held + (weight + elastic)
+        weight, elastic, _ = stored_energy(x, terms)
+        held = held - (weight + elastic)
+    store(memory.marks, HELD, held)

@@ -398,8 +398,9 @@ def bow_together(bent: Any, ledger: Ledger, work: Any, terms: Terms) -> None:
     """`springgym.forces.node.bow` for all bodies."""
     if bent:
         for body in range(bodies_of(work.a)):
-            own = of_body(work, body)
-            bow(own.a, bent, load(work.bowed, body), own.space, of_body(ledger, body), of_body(terms, body))
+            own, entries = of_body(work, body), of_body(ledger, body)
+            record(entries, CONTACT, load(work.bowed, body))
+            bow(own.a, (0, own.a.shape[0]), own.space, entries, of_body(terms, body))
 
 
 # --- The tally ------------------------------------------------------------------------------------------

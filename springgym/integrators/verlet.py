@@ -7,9 +7,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from springgym.compiling import compiled
-from springgym.forces import accelerate, act, actuate, drift, kick, paired, relax
-from springgym.forces.memory import PHASE, remember, resume, share_actions, steer
-from springgym.forces.node import Space, bow, next_phase, pass_node
+from springgym.forces import (
+    accelerate,
+    act,
+    actuate,
+    divide_and_kick,
+    drift,
+    kick_and_drift,
+    paired,
+    relax,
+    set_forces,
+)
+from springgym.forces.memory import (
+    PHASE,
+    keep_foreseen,
+    recall,
+    remember,
+    resume,
+    share_actions,
+    steer,
+)
+from springgym.forces.node import Space, bow, next_phase, pass_node, span_of
 from springgym.forces.together import (
     bow_together,
     halve_tally,
@@ -33,7 +51,7 @@ RECORD = Integrator(
     real_limit=float("inf"),
     symplectic=True,
     negative_substeps=False,
-    workspace=6,
+    workspace=7,
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
     meets_bodies=True,
     meets_surfaces=True,
@@ -54,20 +72,19 @@ def integrate(
     a, b, direction = workspace[0], workspace[1], workspace[2]
     pair = paired(terms.dampers)
     for n in range(steps + 1):
-        accelerate(x, a, direction, terms)
+        set_forces(x, a, direction, terms)
         actuate(x, b, terms)
         inner = 0 < n < steps
         whole = inner and not pair
+        divide_and_kick(a, v, v, 0.5 * h if n > 0 else 0.0, terms.particles)
         if n > 0:
-            kick(v, a, 0.5 * h)
             if not whole or n % 2 == 1:
                 relax(v, direction, True, whole, ledger, terms)
         act(v, b, h if inner else 0.5 * h, ledger, terms)
         if n < steps:
             if not whole or n % 2 == 0:
                 relax(v, direction, False, whole, ledger, terms)
-            kick(v, a, 0.5 * h)
-            drift(x, v, h)
+            kick_and_drift(x, v, a, h)
 
 
 @compiled
@@ -80,23 +97,25 @@ def integrate_among_surfaces(
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
     space = Space(direction, workspace[3], workspace[4], workspace[5])
-    memory = terms.memory
+    memory, w = terms.memory, workspace[6]
     phase = resume(x, v, ledger, memory)
-    bent, bowed = False, 0.0 * phase
+    recall(phase, space.given, memory.given)
+    among, bent = (0, x.shape[0]), False
     for n in range(steps + 1):
-        accelerate(x, a, direction, terms)
+        set_forces(x, a, direction, terms)
         actuate(x, b, terms)
-        bow(a, bent, bowed, space, ledger, terms)
+        divide_and_kick(a, v, w, span_of(phase, h).lead, terms.particles)
+        if bent:
+            bow(a, among, space, ledger, terms)
         if n == 0:
             share_actions(b, phase, memory, memory.pushed, terms.drive)
         else:
             steer(memory, terms.drive)
         if n == steps:
             remember(x, b, phase, ledger, memory, memory.pushed)
-        bent, bowed = pass_node(x, v, a, b, phase, h, n == steps, space, ledger, terms)
-        if n < steps:
-            phase = next_phase(phase)
-            drift(x, v, h)
+            keep_foreseen(among, space.given, memory.given)
+        among, bent = pass_node(x, v, w, a, b, phase, h, n == steps, among, space, ledger, terms)
+        phase = next_phase(phase)
 
 
 @compiled
