@@ -164,7 +164,12 @@ class Episodes:
                 f"{method.name} needs steps of {automatic:.3g} s on this body{ranges}, more than "
                 f"{MOST_STEPS:,} to a control period of {period:g} s: {_fastest(scene, kind)}"
             )
-        return period / math.ceil(period / automatic - 1e-9)
+        steps = math.ceil(period / automatic - 1e-9)
+        # Among surfaces sweeps of dampers take turns in direction: after an even number, copies that began in
+        # different periods agree on it, and a block needs one sweep for all.
+        if scene.surfaces and not kind.rigid:
+            steps += steps % 2
+        return period / steps
 
     # --- Episodes ---------------------------------------------------------------------------------
 

@@ -37,9 +37,9 @@ LEAST = 1e-6
 ROUNDS = 60
 """Most rounds of Newton's method for a height: some ten where it need not halve its bracket."""
 
-FOUND, FORESEEN = 1e-7, 1e-3
+FOUND, CLOSE, FORESEEN = 1e-7, 1e-4, 1e-3
 """Change of a height, as a share of it, at which Newton's method, which squares the error each time, has it;
-and where the dampers are not known yet."""
+with loss, where what is entered follows from what is found; and where the dampers are not known yet."""
 
 
 class Planes(NamedTuple):
@@ -150,14 +150,16 @@ def meet(
     # Without loss, what begins inside ends at the root of a quadratic.
     gain = (0.5 * tau * tau) * c * follow
     end = positive_root(gain * flat - free, gain / start)
-    beyond = start + positive_root(start - free, gain * energy)
     inside = start < reach
-    guess = select(inside, select(end > reach, beyond, end), minimum(end, reach))
+    guess = select(inside, end, minimum(end, reach))
+    if any_lane(guess > reach):
+        guess = select(guess > reach, start + positive_root(start - free, gain * energy), guess)
     low = maximum(start + tau * (u + 0.5 * minimum(s, 0.0)), 0.0)
-    fastest = maximum(u, -u) + maximum(s, -s) + sqrt(2.0 * c * energy)
-    high = select(inside, reach + 2.0 * tau * fastest, reach)
+    # √(2 c U) is what the barrier gives at the most, and 2 τ √q ≤ τ² q/Δ + Δ.
+    farthest = 2.0 * tau * (maximum(u, -u) + maximum(s, -s)) + tau * tau * c * energy * (2.0 / reach)
+    high = select(inside, 2.0 * reach + farthest, reach)
     guess = minimum(maximum(guess, low), high)
-    enough = found + 16 * epsilon(u)
+    enough = select(d > 0.0, max(found, CLOSE) + 0.0 * u, found) + 16 * epsilon(u)
     active = select(slack, 0.0, select(touching, 1.0 + 0.0 * u, 0.0))
     for _ in range(ROUNDS):
         here = maximum(guess, least)

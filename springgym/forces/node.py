@@ -35,7 +35,7 @@ from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
 from springgym.forces.memory import HELD, halve, turn_drive
 from springgym.forces.springs import damp
 from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
-from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, store
+from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt, store
 from springgym.vectors import TINY, choose, dot, minus, plus, plus_scaled, row, set_row, times, unit, vector
 
 if TYPE_CHECKING:
@@ -116,6 +116,23 @@ def in_last_turn(turn: Any, k: int, none: Any, pushes: Numbers, bowl: HollowSphe
 
 
 @compiled
+def squared(n: Vector, bowl: HollowSphere | None) -> Any:
+    """The square of a normal, and 1 over it: 1 of planes."""
+    if bowl is not None:
+        square = dot(n, n) + TINY
+        return square, 1.0 / square
+    return 1.0, 1.0
+
+
+@compiled
+def upright(n: Vector, inverse_square: Number, bowl: HollowSphere | None) -> Any:
+    """A normal as a unit vector, which those of planes are."""
+    if bowl is not None:
+        return times(sqrt(inverse_square), n)
+    return n
+
+
+@compiled
 def kept(given: Vector, bowl: HollowSphere | None) -> Any:
     """What a turn begins with: in a bowl, of which the normal changes, with nothing."""
     if bowl is not None:
@@ -173,7 +190,7 @@ def impulses(
         end = plus(plus_scaled(free, span.out, plus(given, rub)), bend)
         for k in range(surfaces(terms.planes, terms.bowl)):
             n, start = facing(k, begin, end, terms.planes, terms.bowl)
-            square = dot(n, n) + TINY
+            square, inverse_square = squared(n, terms.bowl)
             own, curve = in_last_turn(turn, k, nothing[0], pushes, terms.bowl)
             others = plus(smooth, plus(plus_scaled(now, -1.0 * own, n), rub))
             u, s = dot(n, speed), dot(n, others)
@@ -184,21 +201,25 @@ def impulses(
                 bent = bent - (dot(n, curved) - curve)  # by the others
                 gain, bent = select(touching, gain, 0.0), select(touching, bent, 0.0)
                 impulse = select(touching, impulse, 0.0)
-                one = select(touching, 1.0 + nothing[0], 0.0)
-                across = minus(n, times(dot(n, first), first))
-                across = unit(across)
-                left = minus(left, times(one * dot(across, left), across))
-                first = choose(touched > 0.0, first, times(one, across))
-                touched = touched + one
-                pressed = pressed + maximum(gain, 0.0)
-            now = plus_scaled(now, (gain - own) / square, n)
-            curved = plus_scaled(curved, (bent - curve) / square, n)
-            pressing = plus_scaled(pressing, impulse / square, n)
+                if terms.friction is not None:
+                    one = select(touching, 1.0 + nothing[0], 0.0)
+                    across = plus(nothing, upright(n, inverse_square, terms.bowl))
+                    if k > 0:
+                        across = unit(minus(across, times(dot(across, first), first)))
+                    left = minus(left, times(one * dot(across, left), across))
+                    first = choose(touched > 0.0, first, times(one, across))
+                    touched = touched + one
+                    pressed = pressed + maximum(gain, 0.0)
+            now = plus_scaled(now, (gain - own) * inverse_square, n)
+            curved = plus_scaled(curved, (bent - curve) * inverse_square, n)
+            pressing = plus_scaled(pressing, impulse * inverse_square, n)
             going = active > 0.5
             store(pushes, (k, 0), select(going, gain, own))
             store(pushes, (k, 1), select(going, bent, curve))
-        left = choose(touched > 2.0, nothing, left)
-        rubbing = times(-1.0, slowed(left, mu * pressed))
+        rubbing = nothing
+        if terms.friction is not None:
+            left = choose(touched > 2.0, nothing, left)
+            rubbing = times(-1.0, slowed(left, mu * pressed))
         going = active > 0.5
         more = minus(now, given)
         far = span.whole * span.whole * dot(more, more) > enough * enough
@@ -388,7 +409,8 @@ def pass_node(
     span = span_of(phase, h)
     # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
     lossy = select(span.lead > 0.0, coefficient(terms.impact_damping, 0.0 * phase), 1.0) > 0.0
-    share = span.out / span.whole
+    inverse = 1.0 / span.whole
+    share = span.out * inverse
     give_half(w, among, space, terms.dampers)
     act_and_damp(w, b, phase, span, space.direction, ledger, terms)
     take_back(v, w, a, span, among, space, ledger, terms)
@@ -424,7 +446,7 @@ def pass_node(
         record_stray(ledger, 0.5 * mass * dot(others, total), terms.dampers)
         mean = plus_scaled(kicked, 0.5, plus(others, total))
         way = plus(plus_scaled(times(span.lead, start), span.out, after), bend)
-        gone = mass * (dot(force, way) / span.whole - dot(change, mean))
+        gone = mass * (inverse * dot(force, way) - dot(change, mean))
         record(ledger, CONTACT, select(lossy, gone, 0.0))
         record(ledger, FRICTION, -1.0 * mass * dot(rub, mean))
         set_row(v, i, after)
