@@ -116,12 +116,13 @@ def in_last_turn(turn: Any, k: int, none: Any, pushes: Numbers, bowl: HollowSphe
 
 
 @compiled
-def squared(n: Vector, bowl: HollowSphere | None) -> Any:
-    """The square of a normal, and 1 over it: 1 of planes."""
+def squared(n: Vector, one: Number, bowl: HollowSphere | None) -> Any:
+    """The square of a normal, and 1 over it: ``one`` of planes."""
+    square, inverse = one, one
     if bowl is not None:
         square = dot(n, n) + TINY
-        return square, 1.0 / square
-    return 1.0, 1.0
+        inverse = 1.0 / square
+    return square, inverse
 
 
 @compiled
@@ -190,7 +191,7 @@ def impulses(
         end = plus(plus_scaled(free, span.out, plus(given, rub)), bend)
         for k in range(surfaces(terms.planes, terms.bowl)):
             n, start = facing(k, begin, end, terms.planes, terms.bowl)
-            square, inverse_square = squared(n, terms.bowl)
+            square, inverse_square = squared(n, 1.0 + nothing[0], terms.bowl)
             own, curve = in_last_turn(turn, k, nothing[0], pushes, terms.bowl)
             others = plus(smooth, plus(plus_scaled(now, -1.0 * own, n), rub))
             u, s = dot(n, speed), dot(n, others)
@@ -392,7 +393,7 @@ def pass_node(
     ledger: Ledger,
     terms: Terms,
 ) -> Any:
-    """Let all act at a node, and go on to the next: ``v`` changes from v₋ to v₊; or, at the ``last``, read it.
+    """Let all act at a node, and go on to the next; or, at the ``last``, read it. ``v`` changes from v₋ to v₊.
 
     ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators; ``w`` (N, 3) is v₋
     after the kick by ``a`` that leads to the node. There follow, in this order: half of what surfaces are
@@ -400,8 +401,8 @@ def pass_node(
     see the mean velocity, with what surfaces do to it, else rest looks like stretching. What is foreseen is
     that a surface gives as much as at the last node.
 
-    Before, surfaces were near the particles ``among`` which the first and the one behind the last are given.
-    The way of the others to the node ends where that from the last node did, out of reach.
+    ``among`` says near which particles surfaces were before: the first of them, and the one behind the last.
+    The way of the others begins where that of the last node ended, out of reach.
 
     Returns among which particles surfaces are near now, and whether a way was bent.
     """
@@ -428,7 +429,7 @@ def pass_node(
             begin = plus_scaled(place, -1.0 * span.lead, row(v, i))
         if not (particles.free[i] and any_lane(near(begin, end, terms.planes, terms.bowl))):
             set_row(v, i, soon)
-            set_row(x, i, plus_scaled(place, tau, soon))
+            set_row(x, i, plus(place, times(tau, soon)))
             if first < i or last:
                 set_row(space.given, i, (0.0, 0.0, 0.0))
                 set_row(space.bends, i, (0.0, 0.0, 0.0))
@@ -455,7 +456,7 @@ def pass_node(
             record(ledger, CONTACT, 0.5 * mass * dot(acceleration, bend))
             if any_lane(dot(bend, bend) > 0.0):
                 bent = True
-            set_row(x, i, plus_scaled(plus(place, bend), h, after))
+            set_row(x, i, plus(plus(place, bend), times(tau, after)))
             if foreseen(terms.dampers):
                 set_row(space.given, i, times(share, total))
     if last:

@@ -77,9 +77,8 @@ def integrate(
         inner = 0 < n < steps
         whole = inner and not pair
         divide_and_kick(a, v, v, 0.5 * h if n > 0 else 0.0, terms.particles)
-        if n > 0:
-            if not whole or n % 2 == 1:
-                relax(v, direction, True, whole, ledger, terms)
+        if n > 0 and (not whole or n % 2 == 1):
+            relax(v, direction, True, whole, ledger, terms)
         act(v, b, h if inner else 0.5 * h, ledger, terms)
         if n < steps:
             if not whole or n % 2 == 0:
