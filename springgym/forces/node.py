@@ -393,7 +393,7 @@ def pass_node(
     ledger: Ledger,
     terms: Terms,
 ) -> Any:
-    """Let all act at a node, and go on to the next; or, at the ``last``, read it. ``v`` changes from v₋ to v₊.
+    """Let all act at a node, and go on to the next; or, at the ``last``, read it; ``v`` goes from v₋ to v₊.
 
     ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators; ``w`` (N, 3) is v₋
     after the kick by ``a`` that leads to the node. There follow, in this order: half of what surfaces are
