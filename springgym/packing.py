@@ -205,8 +205,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
     actuators = _actuators(part, scene, options.blocks)
     kept = None
     if options.method.meets_surfaces and (part.surfaces or scene.meetings) and not twin:
-        foresees = dampers is not None and not scene.meetings
-        kept = memory(count, bool(actuators), foresees, options.blocks)
+        kept = memory(count, bool(actuators), dampers is not None, options.blocks)
     terms = shared._replace(
         particles=Particles(
             parameter({"masses"}, body.masses),

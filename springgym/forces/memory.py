@@ -42,8 +42,7 @@ class Memory(NamedTuple):
     pushed: np.ndarray | None
     """(N, 3) what the actuators gave there [m/s²]; None without any"""
     given: np.ndarray | None
-    """(N, 3) half of what contact was foreseen to give there [m/s]; None without dampers, or where it is
-    found anew"""
+    """(N, 3) half of what surfaces were foreseen to give there [m/s]; None without dampers"""
     marks: np.ndarray
     """(`MARKS`,)"""
 

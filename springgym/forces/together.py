@@ -163,13 +163,14 @@ def touch(
 
 
 @compiled
-def arrive(v: Rows, span: Any, own: Any, memory: Any) -> None:
+def arrive(v: Rows, span: Any, own: Any, foresees: bool, memory: Any) -> None:
     """Keep how a body's particles come, and kick them with what leads to the node."""
     for i in range(v.shape[0]):
         start = row(v, i)
         set_row(memory.arrived, i, start)
         set_row(v, i, plus_scaled(start, span.lead, row(own.a, i)))
-        set_row(own.space.given, i, (0.0, 0.0, 0.0))
+        if not foresees:
+            set_row(own.space.given, i, (0.0, 0.0, 0.0))
         set_row(own.pairs, i, (0.0, 0.0, 0.0))
 
 
@@ -192,7 +193,10 @@ def kick_on(v: Rows, time: Number, a: Rows) -> None:
 def look_ahead(v: Rows, span: Any, last: Any, own: Any, terms: Terms) -> None:
     """Find a body's velocities after the node, but for contact: as if there were no dampers, at first."""
     for i in range(v.shape[0]):
-        soon = plus_scaled(minus(row(v, i), row(own.space.given, i)), span.out, row(own.a, i))
+        now = row(v, i)
+        if last:
+            now = minus(now, row(own.space.given, i))
+        soon = plus_scaled(now, span.out, row(own.a, i))
         if not last:
             force = pushed(own.b, i, soon, terms.wrench, terms.thrust)
             soon = plus_scaled(soon, span.whole, force)
@@ -203,10 +207,10 @@ def look_ahead(v: Rows, span: Any, last: Any, own: Any, terms: Terms) -> None:
 
 @compiled
 def give_half(v: Rows, own: Any) -> None:
-    """Give half of what contact is going to give, as far as is known, before dampers act."""
+    """Give half of what contact is going to give, as far as is known, before dampers act: what surfaces gave
+    at the last node, and what bodies give as if there were no dampers."""
     for i in range(v.shape[0]):
-        total = plus(row(own.pairs, i), plus(row(own.change, i), row(own.rub, i)))
-        half = times(0.5, total)
+        half = plus(row(own.space.given, i), times(0.5, row(own.pairs, i)))
         set_row(own.space.given, i, half)
         set_row(v, i, plus(row(v, i), half))
 
@@ -221,6 +225,7 @@ def leave(
     """
     particles, memory = terms.particles, terms.memory
     none = 0.0 * load(memory.marks, PHASE)
+    share = span.out * (1.0 / span.whole)
     fresh = span.lead <= 0.0
     lossy = select(fresh, 1.0, coefficient(terms.impact_damping, none)) > 0.0
     stray, lost, rubbed, bowed, held = none, none, none, none, none
@@ -263,6 +268,7 @@ def leave(
         else:
             set_row(v, i, after)
             set_row(own.space.bends, i, bend)
+            set_row(own.space.given, i, times(share, plus(change, slowed)))
     store(work.bowed, body, bowed)
     record_stray(ledger, stray, terms.dampers)
     record(ledger, CONTACT, lost)
@@ -342,7 +348,7 @@ def pass_together(
         if alone:
             kick_on(of_body(v, body), span.lead, own.a)
         else:
-            arrive(of_body(v, body), span, own, of_body(terms.memory, body))
+            arrive(of_body(v, body), span, own, foreseen(terms.dampers), of_body(terms.memory, body))
     prepare(w, span, contacts, particles, meets.pairs, room, meets.tally)
     for part in range(2):
         if part == 1:
@@ -360,7 +366,7 @@ def pass_together(
                 )
         if alone:
             continue
-        if part == 1 or foreseen(terms.dampers):
+        if part == 1 or (foreseen(terms.dampers) and contacts > 0):
             for body in range(count):
                 look_ahead(of_body(v, body), span, part == 1, of_body(work, body), of_body(terms, body))
             touch(x, w, span, contacts, part == 1, particles, work, terms)

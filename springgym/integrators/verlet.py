@@ -128,7 +128,9 @@ def integrate_together(
     bodies = bodies_of(x)
     phase = load(of_body(terms.memory, 0).marks, PHASE)
     for body in range(bodies):
-        resume(of_body(x, body), of_body(v, body), of_body(ledger, body), of_body(terms.memory, body))
+        kept = of_body(terms.memory, body)
+        resume(of_body(x, body), of_body(v, body), of_body(ledger, body), kept)
+        recall(phase, of_body(workspace.space.given, body), kept.given)
     resume_tally(phase, terms.meets)
     bent = False
     for n in range(steps + 1):
@@ -146,6 +148,7 @@ def integrate_together(
             if n == steps:
                 entries = of_body(ledger, body)
                 remember(of_body(x, body), work.b, phase, entries, own.memory, own.memory.pushed)
+                keep_foreseen((0, work.b.shape[0]), work.space.given, own.memory.given)
         if n == steps:
             remember_tally(terms.meets)
         bent = pass_together(x, v, phase, h, n == steps, ledger, workspace, terms)
