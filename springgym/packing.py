@@ -204,7 +204,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
             bowl = bowl and bowl._replace(radius=bowl.radius - body.radius)
     actuators = _actuators(part, scene, options.blocks)
     kept = None
-    if options.method.meets_surfaces and (part.surfaces or scene.meetings) and not twin:
+    if options.method.meets_surfaces and (part.surfaces or scene.meetings):
         kept = memory(count, bool(actuators), options.blocks)
     terms = shared._replace(
         particles=Particles(
