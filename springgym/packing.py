@@ -204,8 +204,9 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
             bowl = bowl and bowl._replace(radius=bowl.radius - body.radius)
     actuators = _actuators(part, scene, options.blocks)
     kept = None
-    if options.method.meets_surfaces and (part.surfaces or scene.meetings) and not twin:
-        kept = memory(count, bool(actuators), dampers is not None, options.blocks)
+    if options.method.meets_surfaces and (part.surfaces or scene.meetings):
+        foresees = dampers is not None and not twin
+        kept = memory(count, bool(actuators), foresees, options.blocks)
     terms = shared._replace(
         particles=Particles(
             parameter({"masses"}, body.masses),

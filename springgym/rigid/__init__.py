@@ -14,7 +14,7 @@ import numpy as np
 
 from springgym.blocks import set_copies
 from springgym.integrators.record import Integrator
-from springgym.rigid.contact import ARRAYS, SURFACES
+from springgym.rigid.contact import LOADS
 from springgym.rigid.motion import Rigid, kernel_reading
 from springgym.rigid.shape import (
     LEAST_RESTITUTION,
@@ -73,7 +73,7 @@ def _method(name: str, order: int, limit: float, half: tuple[float, ...], citati
         real_limit=math.inf,
         symplectic=True,
         negative_substeps=min(stages) < 0,
-        workspace=ARRAYS * SURFACES,
+        workspace=LOADS + 1,
         citation=citation,
         meets_surfaces=min(stages) > 0,
     )

@@ -1,497 +1,409 @@
-"""Contact of the rigid body: the barrier law of the particles (`springgym.rigid.bounce`), joined.
+"""Contact of the rigid body: the node of a step, as particles that springs hold together pass it.
 
-In a flight of τ seconds each particle near a surface receives an impulse J along the normal: the share s
-where the flight begins and the rest where it ends; between them the body flies freely. The particle gives
-way along n by the ease A = 1/M + (r × n) · I⁻¹ (r × n) per impulse. What remains is its motion along the
-normal,
+The body flies freely for half a step, receives the impulses of gravity, actuators, surfaces and friction, and
+flies freely for the other half (`springgym.forces.node`). A particle near a surface gives way along the
+normal n by the ease A = 1/M + (r × n) · I⁻¹ (r × n) per impulse: to the law of surfaces
+(`springgym.forces.barrier.meet`) it is a particle of mass 1/A, which all else gives what gravity, actuators
+and the impulses at the other particles do to its speed. Its way is that of the flights, curved as they are.
+The impulse acts at the arm r that makes the mean velocity along n the way over the time: its work is then
+that of the barrier to rounding. Friction stops what slides, or takes μ times the push from it.
 
-    h₁ = h₀ + τ (u + A s),    u = n · v + (curvature of the flight)/τ, without its own s,
-
-in which `bounce` finds J and s, as for a particle of mass 1/A: the law is the same, and so is that nothing
-gets through. Friction p acts with either impulse: it stops the particle's motion along the surface if the
-size it needs is within μ times that impulse, else it is that, against the motion. So what rests stays
-where it is.
-
-All particles act on each other through the motion of the body. They are taken one after the other until
-none changes (Gauss and Seidel; without friction and loss, the solution is the minimum of a convex
-function), then the flight is flown and its curvature put right, until that does not change either.
+All particles act on each other through the motion of the body. They are taken one after the other, and the
+flight is flown anew, until neither changes (Gauss and Seidel).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from springgym.compiling import compiled
-from springgym.forces.barrier import surfaces
-from springgym.forces.ledger import CONTACT, FRICTION, record
-from springgym.kinds import Ledger, Number, Numbers, Vector
-from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
-from springgym.rigid.bounce import bounce
-from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
-from springgym.surfaces import NEAREST
-from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times, vector
+from springgym.forces.barrier import (
+    FOUND,
+    coefficient,
+    energy_at,
+    facing,
+    meet,
+    standing,
+    strength_and_reach,
+    surfaces,
+)
+from springgym.forces.ledger import CONTACT, FRICTION, WORK, record
+from springgym.forces.memory import HELD, halve
+from springgym.forces.node import lifted
+from springgym.kinds import Ledger, Number, Rows, Vector
+from springgym.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, store
+from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
+from springgym.rigid.kick import load_of_actuators, weight
+from springgym.rigid.rotation import product, rotation_vector
+from springgym.vectors import TINY, choose, cross, dot, minus, plus, plus_scaled, row, set_row, times
 
 if TYPE_CHECKING:
-    from springgym.forces import Particles
-    from springgym.forces.barrier import HollowSphere, Planes
-    from springgym.rigid.motion import Rigid
+    from springgym.forces.actuators import Thrust, Wrench
+    from springgym.rigid.motion import Solid
 
 
-FLIGHTS = 12
-"""How often the flight is flown with new impulses, at the most; what is left of the effect of its curvature
-shrinks by the angle turned in it each time."""
-
-FLAT = 1e-5
-"""Change of the curvature, as a share of Δ, at which it is right."""
-
-SWEEPS = 6
+SWEEPS = 12
 """How often the particles are taken in turn, at the most. Where that is too seldom, the next step goes on
 from there: what stays in touch finds its balance over some steps."""
 
-CONVERGED = 1e-4
-"""Change of the particles' speeds, relative to what J gives, at which the impulses are found."""
+AGREED = 1e-6
+"""Change of the particles' ways by the last sweep, as a share of Δ, at which the impulses are found."""
 
 SURFACES = 7
 """How many surfaces there may be. For each the workspace has `ARRAYS` arrays, a row a particle:"""
 
-PUSH, RUB, NORMAL, GAP = range(4)
-"""(J, s, A), friction, n, (h₀ and curvature of the flight, least height − Δ); what is not near has J = 0."""
+PUSH, RUB, NORMAL, ARM = range(4)
+"""(impulse [N·s], bend [m·kg], J/A [N·s]) along n; friction [N·s], n and the arm of both, in body axes."""
 
 ARRAYS = 4
 
+LOADS = ARRAYS * SURFACES
+"""The array behind them has force and torque of the actuators as its first rows."""
 
-@compiled
-def touch(i: int, k: int, pose: Any, rigid: Rigid, planes: Planes | None, bowl: HollowSphere | None) -> Any:
-    """Height of particle i above surface k, and the normal there in body coordinates.
 
-    A pose is the position of the body's point and the principal axes, in world coordinates.
+class Node(NamedTuple):
+    """A node, and what all but the surfaces makes of it.
+
+    A motion is a velocity and an angular momentum, both in body coordinates.
     """
-    position, axes = pose
-    place = row(rigid.shape, i)
-    normal = times(0.0, position)
-    height = normal[0]
-    if planes is not None:
-        normal = components(axes, row(planes.normal, k))
-        height = dot(row(planes.normal, k), position) - load(planes.offset, k) + dot(normal, place)
-    if bowl is not None:
-        here = plus(components(axes, minus(position, vector(bowl.centre))), place)
-        distance = sqrt(dot(here, here) + TINY)
-        normal = times(-1.0 / distance, here)
-        height = bowl.radius - distance
-    return height, normal
+
+    span: Any
+    """its time (`springgym.forces.node.Span`)"""
+    begin: State
+    """half a step before"""
+    state: State
+    """with which it is reached"""
+    axes: Any
+    """the principal axes there, in world coordinates"""
+    before: Any
+    """the motion with which it is reached"""
+    rate: Any
+    """change of motion by gravity [1/s]"""
+    thrown: Any
+    """change of motion by actuators"""
+    soon: Any
+    """the motion behind it without surfaces"""
+    falling: Any
+    """the velocity behind it without surfaces and actuators, in world coordinates [m/s]"""
+
+
+# --- Motions ------------------------------------------------------------------------------------------
 
 
 @compiled
-def law(nothing: Number, planes: Planes | None, bowl: HollowSphere | None) -> Any:
-    """Strength and reach of the barrier; ``nothing`` is a zero in every lane."""
-    strength, reach = nothing, 0.0
-    if planes is not None:
-        strength, reach = nothing + load(planes.strength, 0), planes.reach
-    if bowl is not None:
-        strength, reach = nothing + load(bowl.strength, 0), bowl.reach
-    return strength, reach
+def velocity_of(place: Vector, motion: Any, solid: Solid) -> Any:
+    """Velocity of a particle."""
+    return plus(motion[0], cross(angular_velocity(motion[1], solid.rigid), place))
 
 
 @compiled
-def ease(arm: Vector, lightness: Number, rigid: Rigid) -> Any:
-    """1/M + (r × n) · I⁻¹ (r × n): speed along n per impulse along n."""
-    return lightness + dot(arm, angular_velocity(arm, rigid))
+def pushed(motion: Any, place: Vector, push: Vector, solid: Solid) -> Any:
+    """The motion after an impulse at a particle."""
+    return plus_scaled(motion[0], solid.lightness, push), plus(motion[1], cross(place, push))
 
 
 @compiled
-def velocity_of(place: Vector, motion: Vector, rigid: Rigid) -> Any:
-    """Velocity of a particle. A motion is velocity and angular momentum, both in body coordinates."""
-    return plus(motion[0], cross(angular_velocity(motion[1], rigid), place))
+def sum_of(one: Any, scale: Any, other: Any) -> Any:
+    """A motion, and ``scale`` times another."""
+    return plus_scaled(one[0], scale, other[0]), plus_scaled(one[1], scale, other[1])
 
 
 @compiled
-def pushed(motion: Vector, place: Vector, push: Vector, lightness: Number) -> Any:
-    """The motion after an impulse at a particle; ``lightness`` is 1/M, or 0 of a pinned body."""
-    return plus(motion[0], times(lightness, push)), plus(motion[1], cross(place, push))
+def product_of(one: Any, other: Any, solid: Solid) -> Any:
+    """Of two motions: twice the kinetic energy of one is its product with itself [J]."""
+    turning = dot(one[1], angular_velocity(other[1], solid.rigid))
+    return solid.total * dot(one[0], other[0]) + turning
 
 
 @compiled
-def stick(
-    place: Vector,
-    n: Vector,
-    old: Vector,
-    limit: Number,
-    motion: Vector,
-    active: Any,
-    lightness: Number,
-    rigid: Rigid,
+def ease(arm: Vector, n: Vector, solid: Solid) -> Any:
+    """Speed along n per impulse along n, for n of any length [1/kg]."""
+    lever = cross(arm, n)
+    return solid.lightness * dot(n, n) + dot(lever, angular_velocity(lever, solid.rigid)) + TINY
+
+
+# --- Surfaces -----------------------------------------------------------------------------------------
+
+
+@compiled
+def place_of(i: int, state: State, axes: Any, solid: Solid) -> Any:
+    """Position of a particle."""
+    return plus(state.position, combine(axes, row(solid.rigid.shape, i)))
+
+
+@compiled
+def clearance(state: State, solid: Solid) -> Any:
+    """The least height of a particle above a surface, less Δ [m]."""
+    particles, planes, bowl = solid.terms.particles, solid.terms.planes, solid.terms.bowl
+    _, reach = strength_and_reach(planes, bowl)
+    axes = turned(solid.axes, state.q)
+    least = 1.0 + 0.0 * state.q[0]
+    for i in range(particles.mass.size):
+        if particles.free[i]:
+            place = place_of(i, state, axes, solid)
+            for k in range(surfaces(planes, bowl)):
+                _, h = standing(k, place, planes, bowl)
+                least = minimum(least, h - reach)
+    return least
+
+
+@compiled
+def energy_in_barriers(state: State, solid: Solid) -> Any:
+    """Energy of the particles in the barriers of all surfaces [J]."""
+    particles = solid.terms.particles
+    axes = turned(solid.axes, state.q)
+    energy = 0.0 * state.q[0]
+    for i in range(particles.mass.size):
+        if particles.free[i]:
+            place = place_of(i, state, axes, solid)
+            energy = energy + energy_at(place, solid.terms.planes, solid.terms.bowl)
+    return energy
+
+
+@compiled
+def guessed(given: Any, known: Any, workspace: np.ndarray, solid: Solid) -> Any:
+    """What the impulses of the node before change, where they are ``known``; there are none elsewhere."""
+    nothing = times(0.0, given[0])
+    for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
+        for i in range(solid.terms.particles.mass.size):
+            impulse, _, _ = row(workspace[ARRAYS * k + PUSH], i)
+            impulse = select(known, impulse, 0.0)
+            held = choose(known, row(workspace[ARRAYS * k + RUB], i), nothing)
+            n = choose(known, row(workspace[ARRAYS * k + NORMAL], i), nothing)
+            arm = choose(known, row(workspace[ARRAYS * k + ARM], i), nothing)
+            set_row(workspace[ARRAYS * k + PUSH], i, (impulse, nothing[0], nothing[0]))
+            set_row(workspace[ARRAYS * k + RUB], i, held)
+            set_row(workspace[ARRAYS * k + NORMAL], i, n)
+            set_row(workspace[ARRAYS * k + ARM], i, arm)
+            given = pushed(given, arm, plus_scaled(held, impulse, n), solid)
+    return given
+
+
+@compiled
+def meet_surfaces(node: Node, known: Any, active: Number, workspace: np.ndarray, solid: Solid) -> Any:
+    """What surfaces and friction change where ``active`` is 1: motion, and place (`leave`)."""
+    _, reach = strength_and_reach(solid.terms.planes, solid.terms.bowl)
+    nothing = times(0.0, node.before[0])
+    bends = (nothing, nothing)
+    given = guessed(bends, known, workspace, solid)
+    enough = (AGREED + 64 * epsilon(nothing[0])) * reach
+    start = turned(solid.axes, node.begin.q)
+    for _ in range(SWEEPS):
+        end = leave(node, given, bends, solid)
+        finish = turned(solid.axes, end.q)
+        after, bent, changed = sum_of(node.soon, 1.0, given), bends, nothing[0]
+        for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
+            for i in range(solid.terms.particles.mass.size):
+                if solid.terms.particles.free[i]:
+                    way = (place_of(i, node.begin, start, solid), place_of(i, end, finish, solid))
+                    found = (given, bends, after, bent)
+                    rows = workspace[ARRAYS * k : ARRAYS * (k + 1)]
+                    given, bends, change = touch(i, k, way, found, active > 0.5, node, rows, solid)
+                    changed = maximum(changed, change)
+        active = select(changed > enough, active, 0.0)
+        if not any_lane(active > 0.5):
+            break
+    return given, bends
+
+
+@compiled
+def straight(n: Vector, arm: Vector, node: Node, after: Any, bends: Any, solid: Solid) -> Any:
+    """The way along n of a particle that flies straight, with its velocities at the node."""
+    way = node.span.lead * dot(n, velocity_of(arm, node.before, solid))
+    way = way + node.span.out * dot(n, velocity_of(arm, after, solid))
+    return way + dot(n, velocity_of(arm, bends, solid))
+
+
+@compiled
+def touch(
+    i: int, k: int, way: Any, found: Any, going: Any, node: Node, workspace: np.ndarray, solid: Solid
 ) -> Any:
+    """Find anew what surface ``k`` gives particle ``i``.
+
+    ``way`` is where the particle is at both ends of the flights; ``found`` are the changes of motion and
+    place so far, the motion that the second flight began with, and the change of place. Returns both
+    changes, and that of the particle's way [m].
+    """
+    given, bends, after, bent = found
+    planes, bowl, span = solid.terms.planes, solid.terms.bowl, node.span
+    strength, reach = strength_and_reach(planes, bowl)
+    normal, start = facing(k, way[0], way[1], planes, bowl)
+    own, held = row(workspace[PUSH], i), row(workspace[RUB], i)
+    gone = dot(normal, minus(way[1], way[0]))
+    near = minimum(minimum(start, start + gone) - reach, -1.0 * own[0])
+    if not any_lane(near < 0.0):
+        return given, bends, 0.0 * start
+    n = components(node.axes, normal)
+    # Where the way along n is exactly that of the mean velocity: the work is then that of the barrier.
+    arm = minus(times(0.5, plus(way[0], way[1])), node.state.position)
+    arm = components(node.axes, arm)
+    curve = gone - straight(n, arm, node, after, bent, solid)
+    lever = cross(n, angular_velocity(plus(node.before[1], after[1]), solid.rigid))
+    lever = times(0.5 * span.whole, lever)
+    arm = plus_scaled(arm, curve / (dot(lever, lever) + (curve / reach) * (curve / reach) + TINY), lever)
+    a = ease(arm, n, solid)
+    old, at = row(workspace[NORMAL], i), row(workspace[ARM], i)
+    others = pushed(given, at, times(-1.0, plus_scaled(held, own[0], old)), solid)
+    rub = minus(held, times(dot(n, held) / (dot(n, n) + TINY), n))
+    others = pushed(others, arm, rub, solid)
+    u = dot(n, velocity_of(arm, node.before, solid))
+    s = dot(n, velocity_of(arm, sum_of(node.soon, 1.0, others), solid)) - u
+    u = u + (gone - straight(n, arm, node, after, bent, solid)) / span.whole
+    touching = maximum(near, minimum(start, start + (span.whole * u + span.out * s)) - reach) < 0.0
+    none = 0.0 * u
+    nothing = (none, none, none)
+    d, mu = coefficient(solid.terms.impact_damping, none), coefficient(solid.terms.friction, none)
+    gain, bend, impulse = meet(start, u, s, span, strength * a, reach, d, touching, FOUND)
+    aside = pushed(bends, at, times(-1.0 * own[1], old), solid)
+    bend = bend - dot(n, velocity_of(arm, aside, solid))
+    push = choose(touching, times(1.0 / a, (gain, bend, impulse)), nothing)
+    others = pushed(others, arm, times(push[0], n), solid)
+    aside = pushed(aside, arm, times(push[1], n), solid)
+    rub, others, slowed = stick(n, arm, rub, mu * maximum(push[0], 0.0), others, node, solid)
+    change = span.whole * (slowed + a * maximum(push[0] - own[0], own[0] - push[0]))
+    change = select(going, change, 0.0)
+    given = choose(going, others[0], given[0]), choose(going, others[1], given[1])
+    bends = choose(going, aside[0], bends[0]), choose(going, aside[1], bends[1])
+    set_row(workspace[PUSH], i, choose(going, push, own))
+    set_row(workspace[RUB], i, choose(going, choose(touching, rub, nothing), held))
+    set_row(workspace[NORMAL], i, choose(going, n, old))
+    set_row(workspace[ARM], i, choose(going, arm, at))
+    return given, bends, change
+
+
+@compiled
+def stick(n: Vector, arm: Vector, old: Vector, limit: Number, given: Any, node: Node, solid: Solid) -> Any:
     """Friction that stops a particle along a surface or, at its limit, works against its motion.
 
-    ``old`` is the friction that is in the motion already. Returns the new one, the motion, and the change
-    of speed.
+    ``old`` is the friction that is in the motion already. Returns the new one, the change of motion, and that
+    of the particle's speed.
     """
-    slip = velocity_of(place, motion, rigid)
-    slip = minus(slip, times(dot(n, slip), n))
-    along = times(1.0 / sqrt(dot(slip, slip) + TINY), slip)
-    a = ease(cross(place, along), lightness, rigid) + TINY
+    slip = velocity_of(arm, sum_of(node.soon, 1.0, given), solid)
+    slip = minus(slip, times(dot(n, slip) / (dot(n, n) + TINY), n))
+    a = ease(arm, times(1.0 / sqrt(dot(slip, slip) + TINY), slip), solid)
     new = minus(old, times(1.0 / a, slip))
     new = times(minimum(limit / sqrt(dot(new, new) + TINY), 1.0), new)
-    change = choose(active > 0.5, minus(new, old), times(0.0, old))
-    return plus(old, change), pushed(motion, place, change, lightness), a * sqrt(dot(change, change))
+    change = minus(new, old)
+    return new, pushed(given, arm, change, solid), a * sqrt(dot(change, change))
+
+
+# --- The node -----------------------------------------------------------------------------------------
 
 
 @compiled
-def start_over(
-    workspace: np.ndarray,
-    nothing: Vector,
-    particles: Particles,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
-) -> None:
-    """Forget all impulses."""
-    for k in range(surfaces(planes, bowl)):
-        for i in range(particles.mass.size):
-            set_row(workspace[ARRAYS * k + PUSH], i, nothing)
-            set_row(workspace[ARRAYS * k + RUB], i, nothing)
+def set_loads(b: Rows, q: Vector, solid: Solid, wrench: Wrench | None, thrust: Thrust | None) -> None:
+    """Set the first rows of ``b`` to force and torque of the actuators, in body coordinates."""
+    if wrench is not None or thrust is not None:
+        force, torque = load_of_actuators(q, solid, wrench, thrust)
+        set_row(b, 0, force)
+        set_row(b, 1, torque)
 
 
 @compiled
-def approach(
-    workspace: np.ndarray,
-    begin: Vector,
-    lightness: Number,
-    rigid: Rigid,
-    particles: Particles,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
-) -> None:
-    """Set what the flight begins with: heights, normals and eases."""
-    _, reach = law(0.0 * begin[0][0], planes, bowl)
-    for k in range(surfaces(planes, bowl)):
-        for i in range(particles.mass.size):
-            h, n = touch(i, k, begin, rigid, planes, bowl)
-            h = select(h > 0.0, h, NEAREST * reach)  # thrown behind by a flight that bent too much
-            impulse, share, _ = row(workspace[ARRAYS * k + PUSH], i)
-            a = ease(cross(row(rigid.shape, i), n), lightness, rigid)
-            set_row(workspace[ARRAYS * k + PUSH], i, (impulse, share, a))
-            set_row(workspace[ARRAYS * k + NORMAL], i, n)
-            set_row(workspace[ARRAYS * k + GAP], i, (h, h, h))
+def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust: Thrust | None) -> Any:
+    """The change of motion by actuators in ``tau`` seconds."""
+    nothing = times(0.0 * tau, solid.centre)
+    if wrench is None and thrust is None:
+        return nothing, nothing
+    return plus_scaled(nothing, tau * solid.lightness, row(b, 0)), plus_scaled(nothing, tau, row(b, 1))
 
 
 @compiled
-def bend(
-    workspace: np.ndarray,
-    tau: Number,
-    end: Any,
-    motion: Vector,
-    margin: Number,
-    rigid: Rigid,
-    particles: Particles,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
-) -> Any:
-    """Set what the flight adds: curvatures and gaps, given the motion that it begins with.
+def reach_node(begin: State, state: State, span: Any, b: Rows, solid: Solid) -> Any:
+    """A `Node`; ``b`` is of `set_loads`."""
+    axes = turned(solid.axes, state.q)
+    before = (components(axes, state.velocity), state.spin)
+    twist, push = weight(state.q, 1.0, solid.terms.gravity, solid)
+    rate = (times(solid.lightness, components(axes, push)), twist)
+    thrown = thrown_by(b, span.whole, solid, solid.terms.wrench, solid.terms.thrust)
+    soon = sum_of(sum_of(before, span.whole, rate), 1.0, thrown)
+    falling = plus_scaled(state.velocity, span.whole * solid.lightness, push)
+    return Node(span, begin, state, axes, before, rate, thrown, soon, falling)
 
-    Returns the largest change of the curvatures of what is near.
+
+@compiled
+def leave(node: Node, given: Any, bends: Any, solid: Solid) -> Any:
+    """The state half a step later, where surfaces change the motion by ``given`` and the place by ``bends``.
+
+    A change of place is given as the velocity and angular momentum that would do it in a second.
     """
-    _, reach = law(0.0 * margin, planes, bowl)
-    changed = 0.0 * margin
-    for k in range(surfaces(planes, bowl)):
-        for i in range(particles.mass.size):
-            ahead, _ = touch(i, k, end, rigid, planes, bowl)
-            n = row(workspace[ARRAYS * k + NORMAL], i)
-            h, before, _ = row(workspace[ARRAYS * k + GAP], i)
-            curvature = ahead - h - tau * dot(n, velocity_of(row(rigid.shape, i), motion, rigid))
-            gap = select(margin < 0.0, minimum(h, ahead) - reach, 1.0)
-            set_row(workspace[ARRAYS * k + GAP], i, (h, curvature, gap))
-            change = maximum(curvature - before, before - curvature)
-            changed = maximum(changed, select(gap < 0.0, change, 0.0))
-    return changed
+    q, _, position, _ = node.state
+    q = product(q, rotation_vector(angular_velocity(bends[1], solid.rigid), 1.0))
+    position = plus(position, combine(node.axes, bends[0]))
+    velocity = plus(node.falling, combine(node.axes, plus(node.thrown[0], given[0])))
+    state = State(q, plus(node.soon[1], given[1]), position, velocity)
+    return fly(state, node.span.out, solid.rigid, solid.asymmetry)
 
 
 @compiled
-def resume(
-    motion: Any,
-    workspace: np.ndarray,
-    margin: Any,
-    lightness: Any,
-    rigid: Rigid,
-    particles: Particles,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
-) -> Any:
-    """The motion with the impulses of the step before, as a guess; they are dropped where none is near."""
-    for k in range(surfaces(planes, bowl)):
-        for i in range(particles.mass.size):
-            impulse, share, a = row(workspace[ARRAYS * k + PUSH], i)
-            if any_lane(impulse > 0.0):
-                near = margin < 0.0
-                impulse, share = select(near, impulse, 0.0), select(near, share, 0.0)
-                held = row(workspace[ARRAYS * k + RUB], i)
-                held = choose(near, held, times(0.0, held))
-                set_row(workspace[ARRAYS * k + PUSH], i, (impulse, share, a))
-                set_row(workspace[ARRAYS * k + RUB], i, held)
-                push = plus(held, times(share, row(workspace[ARRAYS * k + NORMAL], i)))
-                motion = pushed(motion, row(rigid.shape, i), push, lightness)
-    return motion
+def pass_node(node: Node, near: Any, last: Any, ledger: Ledger, workspace: np.ndarray, solid: Solid) -> Any:
+    """Let all act at a node.
+
+    ``near`` is the `clearance` half a step before, and a number: 1 where surfaces were near at the last
+    node. Returns the state half a step later, ``near`` there, and the change of motion by surfaces.
+    """
+    nothing = times(0.0, node.before[0])
+    given, bends = (nothing, nothing), (nothing, nothing)
+    end = leave(node, given, bends, solid)
+    ahead = clearance(end, solid)
+    active = select(minimum(near[0], ahead) < 0.0, 1.0 + nothing[0], 0.0)
+    middle = sum_of(sum_of(node.before, node.span.lead, node.rate), 0.5, node.thrown)
+    if any_lane(active > 0.5):
+        given, bends = meet_surfaces(node, active * near[1] > 0.5, active, workspace, solid)
+        end = leave(node, given, bends, solid)
+        ahead = clearance(end, solid)
+        middle = sum_of(middle, 0.5, given)
+        record_losses(node, given, bends, middle, ledger, workspace, solid)
+        if not last:
+            record(ledger, CONTACT, product_of(node.rate, bends, solid))
+    record(ledger, WORK, product_of(node.thrown, middle, solid))
+    return end, (ahead, active), given
 
 
 @compiled
-def push_apart(
-    motion: Vector,
-    tau: Number,
-    active: Number,
-    workspace: np.ndarray,
-    lightness: Number,
-    rigid: Rigid,
-    particles: Particles,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
-    friction: Numbers,
-    damping: Numbers,
-) -> Any:
-    """Find J, s and the friction with s where ``active`` is 1; returns the motion with s and friction."""
-    strength, reach = law(0.0 * active, planes, bowl)
-    for _ in range(SWEEPS):
-        changed, fastest = 0.0 * active, 0.0 * active
-        for k in range(surfaces(planes, bowl)):
-            for i in range(particles.mass.size):
-                impulse, share, a = row(workspace[ARRAYS * k + PUSH], i)
-                h, curvature, gap = row(workspace[ARRAYS * k + GAP], i)
-                near = minimum(gap, -impulse)
-                if particles.free[i] and any_lane(near < 0.0):
-                    place = row(rigid.shape, i)
-                    n = row(workspace[ARRAYS * k + NORMAL], i)
-                    u = dot(n, velocity_of(place, motion, rigid)) - a * share + curvature / tau
-                    touching = maximum(near, minimum(h, h + tau * u) - reach) < 0.0
-                    displacement, change, _ = bounce(h, u, tau, strength * a, reach, damping, touching)
-                    total = select(touching, change / a, 0.0)
-                    early = select(total > 0.0, (displacement / tau - u) / a, 0.0)
-                    total = select(active > 0.5, total, impulse)
-                    early = select(active > 0.5, early, share)
-                    set_row(workspace[ARRAYS * k + PUSH], i, (total, early, a))
-                    motion = pushed(motion, place, times(early - share, n), lightness)
-                    changed = maximum(changed, a * maximum(early - share, share - early))
-                    fastest = maximum(fastest, a * total)
-                    if friction is not None:
-                        held, motion, change = stick(
-                            place,
-                            n,
-                            row(workspace[ARRAYS * k + RUB], i),
-                            load(friction, 0) * early,
-                            motion,
-                            active,
-                            lightness,
-                            rigid,
-                        )
-                        set_row(workspace[ARRAYS * k + RUB], i, held)
-                        changed = maximum(changed, change)
-        active = select(changed > CONVERGED * fastest, active, 0.0)
-        if not any_lane(active > 0.5):
-            break
-    return motion
-
-
-@compiled
-def account(
-    before: Vector,
-    motion: Vector,
-    tau: Number,
-    ledger: Ledger,
-    workspace: np.ndarray,
-    lightness: Any,
-    rigid: Rigid,
-    particles: Particles,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
-    friction: Any,
-    damping: Numbers,
+def record_losses(
+    node: Node, given: Any, bends: Any, middle: Any, ledger: Ledger, workspace: np.ndarray, solid: Solid
 ) -> None:
-    """Enter what was lost in contact, and by friction that acted just before s, on the motion ``before``.
-
-    In this order s and J − s do the work of J over the flight that `bounce` has.
-    """
-    rubbed = before
-    if friction is not None:
-        for k in range(surfaces(planes, bowl)):
-            for i in range(particles.mass.size):
-                push = row(workspace[ARRAYS * k + RUB], i)
-                rubbed = pushed(rubbed, row(rigid.shape, i), push, lightness)
-    strength, reach = law(0.0 * tau * before[0][0], planes, bowl)
-    for k in range(surfaces(planes, bowl)):
-        for i in range(particles.mass.size):
-            impulse, share, a = row(workspace[ARRAYS * k + PUSH], i)
-            h, curvature, gap = row(workspace[ARRAYS * k + GAP], i)
-            near = minimum(gap, -impulse)
-            if particles.free[i] and any_lane(near < 0.0):
-                place = row(rigid.shape, i)
-                if damping is not None:
-                    n = row(workspace[ARRAYS * k + NORMAL], i)
-                    u = dot(n, velocity_of(place, motion, rigid)) - a * share + curvature / tau
-                    touching = maximum(near, minimum(h, h + tau * u) - reach) < 0.0
-                    _, _, loss = bounce(h, u, tau, strength * a, reach, damping, touching)
-                    record(ledger, CONTACT, select(touching, loss / a, 0.0))
-                if friction is not None:
-                    mean = plus(velocity_of(place, before, rigid), velocity_of(place, rubbed, rigid))
-                    record(ledger, FRICTION, -0.5 * dot(row(workspace[ARRAYS * k + RUB], i), mean))
+    """Enter what contact and friction took; ``middle`` is the mean motion at the node."""
+    span, none = node.span, 0.0 * node.before[0][0]
+    after = sum_of(node.soon, 1.0, given)
+    lost, rubbed = none, none
+    # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
+    lossy = select(span.lead > 0.0, coefficient(solid.terms.impact_damping, none), 1.0) > 0.0
+    for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
+        for i in range(solid.terms.particles.mass.size):
+            impulse, _, force = row(workspace[ARRAYS * k + PUSH], i)
+            if any_lane(force > 0.0):
+                n, arm = row(workspace[ARRAYS * k + NORMAL], i), row(workspace[ARRAYS * k + ARM], i)
+                way = straight(n, arm, node, after, bends, solid)
+                mean = velocity_of(arm, middle, solid)
+                lost = lost + select(lossy, force * way / span.whole - impulse * dot(n, mean), 0.0)
+                rubbed = rubbed - dot(row(workspace[ARRAYS * k + RUB], i), mean)
+    record(ledger, CONTACT, lost)
+    record(ledger, FRICTION, rubbed)
 
 
 @compiled
-def slide(
-    q: Vector,
-    spin: Vector,
-    position: Vector,
-    velocity: Vector,
-    tau: Number,
-    warm: Any,
-    ledger: Ledger,
-    workspace: np.ndarray,
-    axes: Any,
-    lightness: Number,
-    rigid: Rigid,
-    asymmetry: Numbers,
-    particles: Particles,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
-    friction: Numbers,
-    damping: Numbers,
-) -> Any:
-    """Fly for ``tau`` seconds, with the impulses of surfaces.
-
-    If ``warm``, the workspace has those of the step before. Returns q, spin, position, velocity, and a
-    number that is negative where surfaces are near.
-    """
-    begin = (position, turned(axes, q))
-    q_end, spin_end, position_end = fly(q, spin, position, velocity, tau, rigid, asymmetry)
-    end = (position_end, turned(axes, q_end))
-    _, reach = law(0.0 * spin[0], planes, bowl)
-    margin = 1.0 + 0.0 * spin[0]
-    for k in range(surfaces(planes, bowl)):
-        for i in range(particles.mass.size):
-            if particles.free[i]:
-                h, _ = touch(i, k, begin, rigid, planes, bowl)
-                ahead, _ = touch(i, k, end, rigid, planes, bowl)
-                margin = minimum(margin, minimum(h, ahead) - reach)
-    if any_lane(margin < 0.0):
-        if not warm:
-            start_over(workspace, times(0.0, spin), particles, planes, bowl)
-        before = (components(begin[1], velocity), spin)
-        approach(workspace, begin, lightness, rigid, particles, planes, bowl)
-        bend(workspace, tau, end, before, margin, rigid, particles, planes, bowl)
-        motion = resume(before, workspace, margin, lightness, rigid, particles, planes, bowl)
-        active = select(margin < 0.0, 1.0 + 0.0 * margin, 0.0)
-        for flight in range(FLIGHTS):
-            if flight > 0:
-                changed = bend(workspace, tau, end, motion, margin, rigid, particles, planes, bowl)
-                active = select(changed > FLAT * reach, active, 0.0)
-                if not any_lane(active > 0.5):
-                    break
-            motion = push_apart(
-                motion,
-                tau,
-                active,
-                workspace,
-                lightness,
-                rigid,
-                particles,
-                planes,
-                bowl,
-                friction,
-                damping,
-            )
-            # What is not near keeps its velocity to the bit.
-            velocity = choose(margin < 0.0, combine(begin[1], motion[0]), velocity)
-            q_end, spin_end, position_end = fly(q, motion[1], position, velocity, tau, rigid, asymmetry)
-            end = (position_end, turned(axes, q_end))
-        if ledger is not None:
-            account(
-                before,
-                motion,
-                tau,
-                ledger,
-                workspace,
-                lightness,
-                rigid,
-                particles,
-                planes,
-                bowl,
-                friction,
-                damping,
-            )
-        motion = (components(end[1], velocity), spin_end)
-        for k in range(surfaces(planes, bowl)):
-            for i in range(particles.mass.size):
-                impulse, share, _ = row(workspace[ARRAYS * k + PUSH], i)
-                if any_lane(impulse > 0.0):
-                    _, n = touch(i, k, end, rigid, planes, bowl)
-                    motion = pushed(motion, row(rigid.shape, i), times(impulse - share, n), lightness)
-        velocity = choose(margin < 0.0, combine(end[1], motion[0]), velocity)
-        spin_end = motion[1]
-    return q_end, spin_end, position_end, velocity, margin
-
-
-@compiled
-def rub(
-    q: Vector,
-    spin: Any,
-    position: Any,
-    velocity: Vector,
-    margin: Number,
-    ledger: Ledger,
-    workspace: np.ndarray,
-    axes: Any,
-    lightness: Number,
-    rigid: Rigid,
-    particles: Particles,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
-    friction: Numbers,
-) -> Any:
-    """Friction with the impulses J − s at the end of a flight; returns spin and velocity."""
-    pose = (position, turned(axes, q))
-    before = (components(pose[1], velocity), spin)
-    motion = before
-    for k in range(surfaces(planes, bowl)):
-        for i in range(particles.mass.size):
-            impulse, share, _ = row(workspace[ARRAYS * k + PUSH], i)
-            if any_lane(impulse > 0.0):
-                # The friction that the flight began with is a good guess.
-                place = row(rigid.shape, i)
-                _, n = touch(i, k, pose, rigid, planes, bowl)
-                held = row(workspace[ARRAYS * k + RUB], i)
-                held = minus(held, times(dot(n, held), n))
-                limit = load(friction, 0) * (impulse - share)
-                held = times(minimum(limit / sqrt(dot(held, held) + TINY), 1.0), held)
-                set_row(workspace[ARRAYS * k + RUB], i, held)
-                set_row(workspace[ARRAYS * k + NORMAL], i, n)
-                motion = pushed(motion, place, held, lightness)
-    active = select(margin < 0.0, 1.0 + 0.0 * margin, 0.0)
-    for _ in range(SWEEPS):
-        changed, fastest = 0.0 * margin, 0.0 * margin
-        for k in range(surfaces(planes, bowl)):
-            for i in range(particles.mass.size):
-                impulse, share, a = row(workspace[ARRAYS * k + PUSH], i)
-                if any_lane(impulse > 0.0):
-                    held, motion, change = stick(
-                        row(rigid.shape, i),
-                        row(workspace[ARRAYS * k + NORMAL], i),
-                        row(workspace[ARRAYS * k + RUB], i),
-                        load(friction, 0) * (impulse - share),
-                        motion,
-                        active,
-                        lightness,
-                        rigid,
-                    )
-                    set_row(workspace[ARRAYS * k + RUB], i, held)
-                    changed = maximum(changed, change)
-                    fastest = maximum(fastest, a * impulse)
-        active = select(changed > CONVERGED * fastest, active, 0.0)
-        if not any_lane(active > 0.5):
-            break
-    if ledger is not None:
-        for k in range(surfaces(planes, bowl)):
-            for i in range(particles.mass.size):
-                impulse, _, _ = row(workspace[ARRAYS * k + PUSH], i)
-                if any_lane(impulse > 0.0):
-                    place = row(rigid.shape, i)
-                    mean = plus(velocity_of(place, before, rigid), velocity_of(place, motion, rigid))
-                    record(ledger, FRICTION, -0.5 * dot(row(workspace[ARRAYS * k + RUB], i), mean))
-    return motion[1], choose(margin < 0.0, combine(pose[1], motion[0]), velocity)
+def read_node(node: Node, end: State, given: Any, ledger: Ledger, solid: Solid) -> Any:
+    """The state amid a node, where it is read; half of the node's entries are left in the ledger."""
+    memory, terms = solid.terms.memory, solid.terms
+    halve(ledger, memory)
+    record(ledger, WORK, -0.125 * product_of(node.thrown, node.thrown, solid))
+    held = 0.125 * product_of(given, sum_of(given, 2.0, node.thrown), solid)
+    state, shown = node.state, node.state.position
+    begun, ended = turned(solid.axes, node.begin.q), turned(solid.axes, end.q)
+    for i in range(terms.particles.mass.size):
+        if terms.particles.free[i]:
+            place = plus(shown, combine(node.axes, row(solid.rigid.shape, i)))
+            first, final = place_of(i, node.begin, begun, solid), place_of(i, end, ended, solid)
+            lift = lifted(place, first, final, terms)
+            shown = choose(solid.lightness + 0.0 * shown[0] > 0.0, plus(shown, lift), shown)
+    _, push = weight(state.q, 1.0, terms.gravity, solid)
+    held = held + dot(push, minus(shown, state.position))
+    spin = times(0.5, plus(state.spin, plus(node.soon[1], given[1])))
+    read = State(state.q, spin, shown, times(0.5, plus(state.velocity, end.velocity)))
+    held = held + 0.5 * (energy_in_barriers(node.begin, solid) + energy_in_barriers(end, solid))
+    store(memory.marks, HELD, held - energy_in_barriers(read, solid))
+    return read

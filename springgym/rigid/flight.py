@@ -14,7 +14,7 @@ doi:10.1063/1.474310.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from springgym.compiling import compiled
 from springgym.kinds import Number, Numbers, Vector
@@ -24,6 +24,19 @@ from springgym.vectors import dot, plus, times, vector
 
 if TYPE_CHECKING:
     from springgym.rigid.motion import Rigid
+
+
+class State(NamedTuple):
+    """Where a rigid body is and how it moves."""
+
+    q: Any
+    """the orientation, from where the body began"""
+    spin: Any
+    """angular momentum about the body's point, in body coordinates [kg·m²/s]"""
+    position: Any
+    """of that point, the pin or the centre of mass [m]"""
+    velocity: Any
+    """[m/s]"""
 
 
 @compiled
@@ -84,13 +97,12 @@ def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> Any:
 
 
 @compiled
-def fly(
-    q: Vector, spin: Vector, position: Vector, velocity: Vector, tau: Number, rigid: Rigid, asymmetry: Numbers
-) -> Any:
-    """Orientation, angular momentum (body coordinates) and position after ``tau`` seconds."""
+def fly(state: State, tau: Number, rigid: Rigid, asymmetry: Numbers) -> Any:
+    """The state after ``tau`` seconds."""
+    q, spin, position, velocity = state
     if asymmetry is not None:
         q, spin = twist_about_second(q, spin, 0.5 * tau, asymmetry)
     q, spin = turn_freely(q, spin, tau, rigid)
     if asymmetry is not None:
         q, spin = twist_about_second(q, spin, 0.5 * tau, asymmetry)
-    return q, spin, plus(position, times(tau, velocity))
+    return State(q, spin, plus(position, times(tau, velocity)), velocity)

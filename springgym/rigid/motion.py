@@ -4,7 +4,8 @@ A kernel reads position, orientation and momenta off the particles, moves the on
 the particles to it; nothing else is kept, so whatever reads particles reads a rigid body too.
 
 The step is a symmetric splitting: kick h/2, flight h, kick h/2. Kicks change the momenta by gravity and
-actuators, flights are free (`springgym.rigid.flight`) or touch surfaces (`springgym.rigid.contact`).
+actuators (`springgym.rigid.kick`), flights are free (`springgym.rigid.flight`). Where there are surfaces it
+is flight h/2, node, flight h/2 (`springgym.rigid.contact`).
 Higher orders compose such steps (`springgym.rigid.METHODS`).
 
 Source: Hairer, Lubich & Wanner, Geometric Numerical Integration, sec. V.3 and VII.5.
@@ -20,30 +21,18 @@ import numpy as np
 
 from springgym.blocks import at
 from springgym.compiling import compiled, kernel
-from springgym.forces.ledger import WORK, record
-from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
-from springgym.lanes import any_lane, bodies_of, load, of_body
-from springgym.rigid.contact import rub, slide
-from springgym.rigid.flight import angular_velocity, combine, components, fly, turned
-from springgym.rigid.rotation import turn, turn_back
-from springgym.vectors import (
-    angular_momentum,
-    cross,
-    dot,
-    mass_centre,
-    minus,
-    plus,
-    row,
-    set_row,
-    times,
-    triad,
-    vector,
-)
+from springgym.forces.memory import PHASE, remember, resume, share_actions
+from springgym.forces.node import span_of
+from springgym.kinds import Ledger, Number, Numbers, Rows
+from springgym.lanes import bodies_of, load, of_body
+from springgym.rigid.contact import LOADS, clearance, pass_node, reach_node, read_node, set_loads
+from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
+from springgym.rigid.kick import kick, rows
+from springgym.vectors import angular_momentum, cross, mass_centre, plus, row, set_row, triad
 
 if TYPE_CHECKING:
-    from springgym.forces import Particles, Terms
-    from springgym.forces.actuators import Thrust, Wrench
-    from springgym.forces.barrier import HollowSphere, Planes
+    from springgym.forces import Terms
+    from springgym.forces.memory import Memory
 
 
 class Rigid(NamedTuple):
@@ -63,9 +52,22 @@ class Rigid(NamedTuple):
     """(stages,) the composition: shares of the step that its second-order steps take"""
 
 
-@compiled
-def rows(matrix: Rows) -> Any:
-    return row(matrix, 0), row(matrix, 1), row(matrix, 2)
+class Solid(NamedTuple):
+    """A body in a call, as its steps take it."""
+
+    rigid: Rigid
+    asymmetry: Any
+    """1/I₂ − 1/I₁ [1/(kg·m²)], (1,), or None"""
+    axes: Any
+    """the principal axes in world coordinates where `State.q` is the identity"""
+    centre: Any
+    """of mass, in body coordinates [m]"""
+    total: Any
+    """mass [kg]"""
+    lightness: Any
+    """1/mass [1/kg], or 0 of a pinned body"""
+    terms: Terms
+    """what acts on it"""
 
 
 @compiled
@@ -81,66 +83,15 @@ def orientation(x: Rows, rigid: Rigid) -> Any:
 
 
 @compiled
-def kick(
-    q: Vector,
-    spin: Vector,
-    velocity: Vector,
-    tau: Number,
-    ledger: Ledger,
-    axes: Vector,
-    total: Number,
-    centre: Vector,
-    rigid: Rigid,
-    gravity: Numbers,
-    wrench: Wrench | None,
-    thrust: Thrust | None,
-) -> Any:
-    """Let gravity and actuators act for ``tau`` seconds; the actuators' exact work goes to the ledger.
-
-    It is the mean of the velocity before and after, times what they push.
-    ``axes`` are the principal axes in world coordinates where ``q`` is the identity.
-    """
-    twist, push = times(0.0, spin), times(0.0, velocity)
-    if gravity is not None:
-        if rigid.pivot < 0:
-            push = plus(push, times(tau * total, vector(gravity)))
-        else:
-            down = turn_back(q, components(axes, vector(gravity)))
-            twist = times(tau * total, cross(centre, down))
-    if wrench is not None or thrust is not None:
-        force, torque = load_of_actuators(q, centre, axes, rigid, wrench, thrust)
-        torque = times(tau, torque)
-        twist = plus(twist, torque)
-        if rigid.pivot < 0:
-            force = times(tau, combine(axes, turn(q, force)))
-            push = plus(push, force)
-            record(ledger, WORK, dot(plus(velocity, times(0.5 / total, push)), force))
-        record(ledger, WORK, dot(angular_velocity(plus(spin, times(0.5, twist)), rigid), torque))
-    return plus(spin, twist), plus(velocity, times(1.0 / total, push))
-
-
-@compiled
-def load_of_actuators(
-    q: Vector, centre: Vector, axes: Vector, rigid: Rigid, wrench: Wrench | None, thrust: Thrust | None
-) -> Any:
-    """Force [N] and torque [N·m] of the actuators about the body's point, in body coordinates."""
-    force = times(0.0 * q[0], centre)
-    torque = force
-    body = rows(rigid.triad)
-    if wrench is not None:
-        e3 = body[2]
-        force = turn_back(q, components(axes, vector(wrench.force)))
-        torque = turn_back(q, components(axes, vector(wrench.torque)))
-        torque = minus(torque, times((1.0 - wrench.axial) * dot(torque, e3), e3))
-        torque = plus(torque, combine(body, vector(wrench.body_torque)))
-        torque = plus(torque, cross(centre, force))
-    if thrust is not None:
-        for n in range(thrust.particle.size):
-            thrown = row(thrust.force, n)
-            local = combine(body, thrown) if thrust.turns else turn_back(q, components(axes, thrown))
-            force = plus(force, local)
-            torque = plus(torque, cross(row(rigid.shape, thrust.particle[n]), local))
-    return force, torque
+def set_particles(x: Rows, v: Rows, state: State, solid: Solid) -> None:
+    """Set the particles to where a rigid body has them."""
+    _, spin, position, velocity = state
+    now = turned(solid.axes, state.q)
+    omega = combine(now, angular_velocity(spin, solid.rigid))
+    for i in range(solid.terms.particles.mass.size):
+        r = combine(now, row(solid.rigid.shape, i))
+        set_row(x, i, plus(position, r))
+        set_row(v, i, plus(velocity, cross(omega, r)))
 
 
 @compiled
@@ -153,92 +104,96 @@ def move(
     steps: int,
     rigid: Rigid,
     asymmetry: Numbers,
-    particles: Particles,
-    gravity: Any,
-    wrench: Wrench | None,
-    thrust: Thrust | None,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
-    friction: Numbers,
-    impact_damping: Numbers,
+    terms: Terms,
 ) -> None:
     """Take the particles of one block through ``steps`` steps; none only makes them rigid."""
+    go_back(x, v, ledger, steps, terms.memory)
     axes = orientation(x, rigid)
+    mass = terms.particles.mass
     zero = 0.0 * load(x, (0, 0))
-    q = (1.0 + zero, zero, zero, zero)
     if rigid.pivot >= 0:
         position = row(x, rigid.pivot)
         velocity = (zero, zero, zero)
     else:
-        position = mass_centre(x, particles.mass)
-        velocity = mass_centre(v, particles.mass)
-    spin = components(axes, angular_momentum(x, v, particles.mass, position))
-    centre = mass_centre(rigid.shape, particles.mass)
-    total = load(particles.mass, 0)
-    for i in range(1, particles.mass.size):
-        total = total + load(particles.mass, i)
+        position = mass_centre(x, mass)
+        velocity = mass_centre(v, mass)
+    spin = components(axes, angular_momentum(x, v, mass, position))
+    centre = mass_centre(rigid.shape, mass)
+    total = load(mass, 0)
+    for i in range(1, mass.size):
+        total = total + load(mass, i)
     lightness = 1.0 / total
     if rigid.pivot >= 0:
         lightness = 0.0 * lightness
-    act = (axes, total, centre, rigid, gravity, wrench, thrust)
-    if planes is not None or bowl is not None:
-        near = False
-        for _ in range(steps):
-            spin, velocity = kick(q, spin, velocity, 0.5 * h, ledger, *act)
-            q, spin, position, velocity, margin = slide(
-                q,
-                spin,
-                position,
-                velocity,
-                h,
-                near,
-                ledger,
-                workspace,
-                axes,
-                lightness,
-                rigid,
-                asymmetry,
-                particles,
-                planes,
-                bowl,
-                friction,
-                impact_damping,
-            )
-            near = any_lane(margin < 0.0)
-            spin, velocity = kick(q, spin, velocity, 0.5 * h, ledger, *act)
-            if friction is not None and near:
-                spin, velocity = rub(
-                    q,
-                    spin,
-                    position,
-                    velocity,
-                    margin,
-                    ledger,
-                    workspace,
-                    axes,
-                    lightness,
-                    rigid,
-                    particles,
-                    planes,
-                    bowl,
-                    friction,
-                )
+    solid = Solid(rigid, asymmetry, axes, centre, total, lightness, terms)
+    state = State((1.0 + zero, zero, zero, zero), spin, position, velocity)
+    state = take(x, state, ledger, workspace, h, steps, solid, terms.memory)
+    set_particles(x, v, state, solid)
+
+
+@compiled
+def go_back(x: Rows, v: Rows, ledger: Ledger, steps: int, memory: Memory | None) -> None:
+    """Where there are surfaces, go back to where the last node was reached, if there are steps to take."""
+    if memory is not None and steps > 0:
+        resume(x, v, ledger, memory)
+
+
+@compiled
+def take(
+    x: Rows,
+    state: State,
+    ledger: Ledger,
+    workspace: np.ndarray,
+    h: Number,
+    steps: int,
+    solid: Solid,
+    memory: Memory | None,
+) -> Any:
+    """Take ``steps`` steps, through nodes where there are surfaces; returns the state that is to be read."""
+    wrench, thrust = solid.terms.wrench, solid.terms.thrust
+    if memory is not None:
+        if steps > 0:
+            state = take_among_surfaces(x, state, ledger, workspace, h, steps, solid)
     else:
+        rigid, asymmetry = solid.rigid, solid.asymmetry
         last = steps * rigid.stages.size
         before = 0.0
         for n in range(last + 1):
             ahead = h * rigid.stages[n % rigid.stages.size] if n < last else 0.0
             if last > 0:
-                spin, velocity = kick(q, spin, velocity, 0.5 * (before + ahead), ledger, *act)
+                state = kick(state, 0.5 * (before + ahead), ledger, solid, wrench, thrust)
             if n < last:
-                q, spin, position = fly(q, spin, position, velocity, ahead, rigid, asymmetry)
+                state = fly(state, ahead, rigid, asymmetry)
             before = ahead
-    now = turned(axes, q)
-    omega = combine(now, angular_velocity(spin, rigid))
-    for i in range(particles.mass.size):
-        r = combine(now, row(rigid.shape, i))
-        set_row(x, i, plus(position, r))
-        set_row(v, i, plus(velocity, cross(omega, r)))
+    return state
+
+
+@compiled
+def take_among_surfaces(
+    x: Rows, state: State, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, solid: Solid
+) -> Any:
+    """Take steps through nodes, the last of which the next call makes anew (`springgym.rigid.contact`)."""
+    memory = solid.terms.memory
+    b = workspace[LOADS]
+    phase = load(memory.marks, PHASE)
+    span = span_of(phase, h)
+    begin = fly(state, -1.0 * span.lead, solid.rigid, solid.asymmetry)
+    near = (clearance(begin, solid), 0.0 * phase)
+    read = state
+    for n in range(steps + 1):
+        set_loads(b, state.q, solid, solid.terms.wrench, solid.terms.thrust)
+        if n == 0:
+            share_actions(b, phase, memory, memory.pushed, None)
+        if n == steps:
+            set_particles(x, memory.arrived, state, solid)
+            remember(x, b, 1.0 + 0.0 * phase, ledger, memory, memory.pushed)
+        node = reach_node(begin, state, span, b, solid)
+        end, near, given = pass_node(node, near, n == steps, ledger, workspace, solid)
+        if n == steps:
+            read = read_node(node, end, given, ledger, solid)
+        span = span_of(1.0 + 0.0 * phase, h)
+        begin, state = end, fly(end, span.out, solid.rigid, solid.asymmetry)
+    return read
 
 
 @cache
@@ -281,14 +236,7 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
                         steps,
                         rigid,
                         asymmetry,
-                        own.particles,
-                        own.gravity,
-                        own.wrench,
-                        own.thrust,
-                        own.planes,
-                        own.bowl,
-                        own.friction,
-                        own.impact_damping,
+                        own,
                     )
             if reads:
                 read(block, xb, vb, entries, readout, space, pivot, markers, all_terms[2])
