@@ -128,15 +128,15 @@ def test_nothing_gets_through_at_20_m_per_s_and_100_rad_per_s_in_a_corner_of_thr
     assert (simulator.measure().energy < 1.1 * first).all()
 
 
-def test_energy_error_in_a_bowl_shrinks_with_the_step() -> None:
+def test_energy_is_kept_in_a_bowl_at_either_step() -> None:
     bowl = (Bowl((0, 0, 1.5), 1.5),)
     began = thrown(8, 3.0, 1.0)
     coarse, low = worst_balance(throw(began, contact(), 1e-3, bowl), 2.0)
     fine, _ = worst_balance(throw(began, contact(), 2.5e-4, bowl), 2.0)
     assert (low > 0).all()
     assert (low < REACH / 2).all()
-    assert coarse.max() < 1e-2
-    assert fine.max() < coarse.max() / 6
+    assert coarse.max() < 1e-6  # what is left is how far the sweeps agree
+    assert fine.max() < 1e-6
 
 
 # --- Restitution and friction -------------------------------------------------------------------------

@@ -119,7 +119,7 @@ def integrate_among_surfaces(
 
 @compiled
 def integrate_together(
-    x: Any, v: Any, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+    x: Any, v: Any, ledger: Ledger, workspace: Any, h: Number, steps: int, terms: Terms
 ) -> None:
     """The same where bodies collide: all of them take each step together.
 

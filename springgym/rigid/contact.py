@@ -44,11 +44,11 @@ if TYPE_CHECKING:
     from springgym.rigid.motion import Solid
 
 
-SWEEPS = 12
+SWEEPS = 40
 """How often the particles are taken in turn, at the most. Where that is too seldom, the next step goes on
 from there: what stays in touch finds its balance over some steps."""
 
-AGREED = 1e-6
+AGREED = 1e-9
 """Change of the particles' ways by the last sweep, as a share of Δ, at which the impulses are found."""
 
 SURFACES = 7
