@@ -101,8 +101,8 @@ def advance_kernel(
     Bodies that collide take each step ``together``, others one after another take all.
 
     If the kernel is called with ``reads``, it then reads them off by ``read``, a compiled function like
-    `springgym.measures.read`. Only kernels of rigid bodies make use of ``settles``: springs need not be put into
-    shape.
+    `springgym.measures.read`. Only kernels of rigid bodies make use of ``settles``: springs need not be put
+    into shape.
     """
     if together:
         return _kernel(_method(name, "integrate_together")[1], at_once, read)
