@@ -154,8 +154,14 @@ def simulate(which: range, dtype: Any, integrator: str, threads: int = 1) -> lis
     return [simulator.positions, simulator.velocities, *simulator.measure()]
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
+@pytest.mark.parametrize(
+    ("integrator", "dtype"),
+    [
+        *(("verlet", dtype) for dtype in DTYPES),
+        ("rk4", np.float64),
+        pytest.param("rk4", np.float32, marks=pytest.mark.slow),
+    ],
+)
 def test_widths_and_threads_give_the_same_bits(integrator: str, dtype: Any) -> None:
     """Copies alone, in one block, in several, on one thread and two: the same to the last bit."""
     batch = simulate(range(COPIES), dtype, integrator)

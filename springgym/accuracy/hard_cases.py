@@ -181,6 +181,7 @@ def stiffness_range(broken: bool) -> Outcome:
     "rope, 0.1 and 0.01 kg beads under 70 kg",
     "stretch of every spring at rest is the weight below it over k, to 1e-6",
     "force along u, not û: k times the length",
+    slow=True,
 )
 def heavy_rope(broken: bool) -> Outcome:
     worst = 0.0

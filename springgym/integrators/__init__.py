@@ -100,8 +100,9 @@ def advance_kernel(
     The one for scenes with ``surfaces`` is another where these take code that others should not wait for.
     Bodies that collide take each step ``together``, others one after another take all.
 
-    If ``reads``, it then reads them off, by a compiled function like `springgym.measures.read`. Only rigid
-    bodies make use of ``settles``: springs need not be put into shape.
+    If the kernel is called with ``reads``, it then reads them off by ``read``, a compiled function like
+    `springgym.measures.read`. Only kernels of rigid bodies make use of ``settles``: springs need not be put
+    into shape.
     """
     if together:
         return _kernel(_method(name, "integrate_together")[1], at_once, read)

@@ -337,7 +337,7 @@ def test_plot_of_a_plucked_rope_shows_the_pluck():
     assert max(np.ptp(line.get_xdata()) for line in side.get_lines()) > 0.2 * shown
 
 
-@pytest.mark.parametrize("name", ["sliding-block", "cube-drop", "rope-swing", "bowl-ball"])
+@pytest.mark.parametrize("name", marked(["sliding-block", "cube-drop", "rope-swing", "bowl-ball"]))
 def test_poses_are_apart_wherever_the_body_is_slow_or_comes_again(name):
     recording = recorded(name)
     moments = poses(recording, 0.3, 8)
