@@ -267,6 +267,79 @@ def _corner_arms() -> np.ndarray:
     return (body.positions[:4] - body.centre) @ axes(body.positions, body.markers)
 
 
+def balance_torque(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringBalance: the tilt that gives the ball the acceleration it should have, and torques to that tilt.
+
+    On a slope the ball slides with g n; of the place, −ω²r is wanted, of its error −9 e − 5 e'. The torque is
+    I₁ (60 n×n* − 12 ω⊥), I₁ = 0.11 kg·m², and carries the plate, Mgl n×z, and the ball, m g r×z.
+    """
+    seen = task.seen(observations)
+    place, away = seen["place"], np.zeros((len(observations), 1))
+    rate = _dot(seen["place_velocity"], seen["place_velocity"]) / np.maximum(_dot(place, place), 1e-6)
+    falling = seen["velocity"] - seen["place_velocity"]
+    wanted = np.clip((-rate * place - 9.0 * seen["offset"] - 5.0 * falling) / G, -0.25, 0.25)
+    error = np.hstack([seen["axis"] - wanted, away])
+    carried = np.hstack([1.84 * seen["axis"] + 0.2 * G * (place + seen["offset"]), away])
+    torque = np.cross(carried + 0.11 * 60.0 * error, UP)[:, :2] - 0.11 * 12.0 * seen["turning"]
+    return _saturated(torque, task.limits)
+
+
+def shove_push(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringShove: push the box along its own axes, one after the other, beside its middle to turn it back.
+
+    In the axes of the box: the ball goes around it to the face from which it is to be pushed, the present one
+    as long as that serves, and to a place on it 0.25 m a radian off the middle. Its force is 8 kg/s times
+    what its velocity lacks, and what friction takes.
+    """
+    seen = task.seen(observations)
+    rows = np.arange(len(observations))
+    cosine, sine = seen["heading"].T
+    heading = np.arctan2(sine, cosine)
+    turn = np.stack([np.stack([cosine, sine], axis=1), np.stack([-sine, cosine], axis=1)], axis=1)
+    lacking = -np.einsum("nij,nj->ni", turn, seen["place"])
+    velocity = np.einsum("nij,nj->ni", turn, seen["pusher_velocity"])
+    at = seen["beside"]
+    here = np.abs(at).argmax(axis=1)
+    serves = (np.abs(lacking[rows, here]) > 0.02) & (at[rows, here] * lacking[rows, here] < 0)
+    along = np.where(serves, here, np.abs(lacking).argmax(axis=1))
+    side = -np.sign(lacking[rows, along])
+    across = 1 - along
+    beside = np.clip(-0.25 * heading * side * np.where(along == 0, 1, -1), -0.1, 0.1)
+    face = np.where(along == 0, np.where(side > 0, 0.0, np.pi), side * np.pi / 2)
+    bearing = np.arctan2(at[:, 1], at[:, 0])
+    around = (face - bearing + np.pi) % (2 * np.pi) - np.pi
+    ahead = bearing + np.clip(around, -0.6, 0.6)
+    way = 0.4 * np.stack([np.cos(ahead), np.sin(ahead)], axis=1) - at
+    wanted = 0.9 * way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 0.1)
+    gap, off = side * at[rows, along] - 0.27, beside - at[rows, across]
+    aligned = np.exp(-((off / 0.04) ** 2))
+    speed = np.clip(2.0 * (np.abs(lacking[rows, along]) - 0.02), 0.08, 0.4)
+    closing = np.zeros_like(at)
+    closing[rows, along] = side * (-speed * aligned + 3.0 * (0.03 - gap) * (1 - aligned))
+    closing[rows, across] = np.clip(5.0 * off, -0.5, 0.5)
+    near = np.abs(around) < 0.75
+    wanted[near] = closing[near]
+    done = (np.abs(lacking).max(axis=1) < 0.03) & (np.abs(heading) < 0.12)
+    wanted[done] = 0.0
+    size = np.maximum(np.linalg.norm(wanted, axis=1, keepdims=True), 0.02)
+    force = 8.0 * (wanted - velocity) + 4.0 * wanted / size
+    pushing = near & (gap < 0.03) & ~done
+    force[rows, along] -= side * 4.0 * pushing * aligned
+    return _saturated(np.einsum("nji,nj->ni", turn, force), task.limits)
+
+
+def duel_push(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringDuel: 40 N towards where the other top will be in 0.1 s, and 40 N a metre back to the middle.
+
+    5 ω₃ z×n rights the top: a push F moves the crown by (h − l) z×F over the angular momentum I₃ω₃.
+    """
+    seen = task.seen(observations)
+    way = seen["other_centre"] + 0.1 * seen["other_velocity"]
+    attack = 40.0 * way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-3)
+    upright = 5.0 * seen["spin"] * np.stack([-seen["axis"][:, 1], seen["axis"][:, 0]], axis=1)
+    return _saturated(attack - 40.0 * seen["centre"] + upright, task.limits)
+
+
 def _dot(u: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Scalar products (n, 1) of rows (n, 3)."""
     return np.sum(u * w, axis=1, keepdims=True)
@@ -286,6 +359,9 @@ CLASSICAL: dict[str, dict[str, Controller]] = {
     "SpringRope-v0": {"trolley": rope_trolley},
     "SpringTumble-v0": {"wrench": tumble_wrench, "impulses": tumble_impulses},
     "SpringFreeTop-v0": {"push": free_top_push},
+    "SpringBalance-v0": {"torque": balance_torque},
+    "SpringShove-v0": {"push": shove_push},
+    "SpringDuel-v0": {"push": duel_push},
 }
 
 

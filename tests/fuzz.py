@@ -55,6 +55,9 @@ VARIANTS: dict[str, tuple[dict[str, Any], ...]] = {
     "SpringRope-v0": ({"hard": True}, {"body": {"beads": 5}}),
     "SpringTumble-v0": ({"hard": True}, {"friction": 0.3}),
     "SpringFreeTop-v0": ({"hard": True}, {"surface": "bowl"}, {"friction": 0.1}),
+    "SpringBalance-v0": ({"hard": True}, {"restitution": 0.8}),
+    "SpringShove-v0": ({"hard": True}, {"friction": 0.3}),
+    "SpringDuel-v0": ({"opponent": "still"}, {"opponent": "strong"}),
 }
 """Arguments beside the usual ones."""
 

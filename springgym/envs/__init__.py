@@ -1,1 +1,32 @@
 """The environments, one file each; `springgym.registration` has the table of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+PARALLEL = ("SpringDuel-v0",)
+"""Environments of several agents."""
+
+
+def parallel(env_id: str, **options: Any) -> Any:
+    """Make an environment of several agents, a `ParallelEnv` of PettingZoo: it needs the extra ``parallel``.
+
+    Parameters
+    ----------
+    env_id
+        One of `PARALLEL`.
+    options
+        See `springgym.envs.players.ParallelDuel`.
+
+    Raises
+    ------
+    ImportError
+        Without PettingZoo.
+    ValueError
+        If the environment is not one of several agents.
+    """
+    if env_id not in PARALLEL:
+        raise ValueError(f"env_id is {env_id!r}; of several agents there is {', '.join(PARALLEL)}")
+    from springgym.envs.players import ParallelDuel
+
+    return ParallelDuel(**options)

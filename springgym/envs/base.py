@@ -19,7 +19,6 @@ from gymnasium.wrappers import TimeLimit
 from springgym.checks import chosen, shown, whole
 from springgym.envs.episodes import Episodes
 from springgym.envs.task import MET, Task
-from springgym.measures import Measures
 from springgym.rendering import Renderer
 
 
@@ -116,7 +115,7 @@ class _Common:
         positions, _ = episodes.particles
         if not episodes.diverged[copy]:
             renderer.camera = renderer.camera.keeping(positions[copy], renderer.size)
-        m = Measures(*(values[copy] for values in episodes.measures))
+        m = episodes.measures_of(copy)
         marks = episodes.task.marks(m, positions[copy], episodes.action[copy], episodes.goal[copy])
         return renderer.draw(positions[copy], marks)
 

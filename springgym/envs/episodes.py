@@ -260,7 +260,7 @@ class Episodes:
         self._given[:] = action
         if not self._take(self._given, self.strength, self.action, self._driven):
             raise ValueError(f"action holds a value that is not finite: {action}")
-        simulator.actuate(**self.task.actuate(self._driven))
+        simulator.actuate(**self.task.actuate(self._driven), **self.task.respond(*self._whole[:3], self.goal))
         if self.error is not None:
             self.error.finer.take_over(simulator)
         result = Step(np.empty(copies), np.empty(copies, bool), np.empty(copies, bool))
@@ -281,6 +281,8 @@ class Episodes:
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
         """Outcome, end and observation of the copies from ``first`` to the one before ``last``."""
         own = self._whole
+        if self._move is not None:
+            self._move(self.goal[first:last])
         if (first, last) != (0, self.copies):
             share = slice(first, last)
             own, result = self._part(share), Step(*(values[share] for values in result))
@@ -335,10 +337,10 @@ class Episodes:
 
     def _part(self, copies: Any) -> Part:
         """Some copies: views if they are a slice, else copies of their numbers."""
-        rows, x, v, _ = (values[copies] for values in self.simulator.readout)
+        rows, x, v, bodies = (values[copies] for values in self.simulator.readout)
         out = self.out[copies]
         part = Part(
-            measures.view(rows),
+            measures.view(bodies if self._apart else rows),
             x,
             v,
             self.action[copies],
@@ -436,6 +438,7 @@ class Episodes:
 
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
+        self._apart = self.task.apart and len(self.simulator.scene.bodies) > 1
         self._whole = self._part(slice(None))
         compact = self.task.observation != "particles"
         observe = self.task.compact if compact else observation.observe_particles
@@ -446,6 +449,7 @@ class Episodes:
         self._evaluate = SameTypes(self.task.evaluate)
         self._finish = SameTypes(finish)
         self._observe = SameTypes(observe)
+        self._move = None if self.task.move is None else SameTypes(self.task.move)
         self._bound = SameTypes(observation.bound)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -458,6 +462,10 @@ class Episodes:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         self._use_kernels()
+
+    def measures_of(self, copy: int) -> Measures:
+        """What the task's functions are given of one copy."""
+        return Measures(*(values[copy] for values in self._whole.measures))
 
     @property
     def particles(self) -> tuple[np.ndarray, np.ndarray]:

@@ -126,6 +126,7 @@ class SceneTask(Task):
     terms = ("own",)
     metrics = ()
     entries: ClassVar[tuple[Entry, ...]] = ()
+    apart = False
 
     def __init__(
         self,

@@ -48,7 +48,10 @@ class Task:
       positions x and velocities v (n, N, 3), the clipped action (n, A), the goal (n, G) and the
       task's own `parameters`, set ``out[name][c]`` for each name in `outcome`: the reward's terms, the
       metrics, whether the aim is met now, and whether the episode has failed;
-    - ``compact(m, x, v, goal, parameters, observation)``: the compact observation.
+    - ``compact(m, x, v, goal, parameters, observation)``: the compact observation;
+    - ``move(goal)``, where there is one: what goals become from one control period to the next.
+
+    Of several bodies, m holds the measures of each: scalars (n, bodies), vectors (n, bodies, 3).
     """
 
     observations: ClassVar[tuple[str, ...]] = ("particles", "frame")
@@ -69,6 +72,9 @@ class Task:
     """steps in a row that the aim must be met to count as success"""
     evaluate: ClassVar[Callable[..., None]]
     compact: ClassVar[Callable[..., None]]
+    move: ClassVar[Callable[..., None] | None] = None
+    apart: ClassVar[bool] = True
+    """whether functions are given the measures of each of several bodies, not those of all together"""
 
     def __init__(self, observation: str = "particles", action: str = "torque") -> None:
         self.observation = chosen("observation", observation, self.observations)
@@ -119,6 +125,10 @@ class Task:
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         """What the actuators do, as `Simulator.actuate` takes it, for clipped actions (n, A)."""
         raise NotImplementedError
+
+    def respond(self, m: Measures, x: np.ndarray, v: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
+        """What else acts in all copies, as `Simulator.actuate` takes it: an opponent, who sees the state."""
+        return {}
 
     def look(self) -> Look:
         """How the body is drawn."""

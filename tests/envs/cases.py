@@ -22,8 +22,14 @@ def task_type(env_id: str) -> type[Task]:
     return getattr(import_module(f"springgym.envs.{row.module}"), row.name)
 
 
-TWINLESS = [env_id for env_id in IDS if task_type(env_id)().scene.body.floppy]
-"""Those whose body is meant to change shape: they have no rigid twin."""
+FLOPPY = [env_id for env_id in IDS if any(p.body.floppy for p in task_type(env_id)().scene.bodies)]
+"""Those whose body is meant to change shape."""
+
+COLLIDING = [env_id for env_id in IDS if task_type(env_id)().scene.meetings]
+"""Those whose bodies collide."""
+
+TWINLESS = [*FLOPPY, *COLLIDING]
+"""They have no rigid twin."""
 
 CASES = [
     (env_id, {"observation": observation, "action": action, "dynamics": dynamics})

@@ -1,0 +1,272 @@
+"""SpringBalance: a plate on a stick keeps a ball at a place that moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, ball, rotation, top
+from springgym.checks import flag
+from springgym.compiling import compiled, kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.options import number
+from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.task import Start, Task
+from springgym.measures import Measures
+from springgym.rendering import Camera, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, ORANGE
+from springgym.scene import GRAVITY, Placed, Scene, WrenchActuator
+from springgym.scenes import film
+from springgym.surfaces import Contact
+from springgym.theory.contact import rest_height
+
+PLATE, BALL = 0, 1
+"""Numbers of the bodies."""
+
+PERIOD = 0.02  # [s]
+RADIUS, HEIGHT = 0.5, 0.25  # of the plate, and of its upper side above the pinned tip [m]
+PLATE_MASS, BALL_MASS = 1.0, 0.2  # [kg]
+BALL_RADIUS = 0.06  # [m]
+TORQUE, WEAK_TORQUE = 3.0, 1.5  # and what hard=True leaves of it [N·m]
+REACH, STRENGTH = 5e-3, 1.25e-3  # of the contact: Δ [m], c [N·m²]
+ORBIT = (0.05, 0.2)  # radius of the circle that the place moves on [m]
+RATE, HARD_RATE = (0.4, 1.2), (1.2, 2.0)  # its angular velocity [rad/s]
+FAR = 0.25  # where the ball starts, at most, from the axis [m]
+TOUCHING = 0.02  # a ball higher above the plate has left it [m]
+HIGH = 0.3  # where an episode ends [m]
+TIPPED = 0.7  # tilt of the plate [rad]
+WAY_UNIT, SPEED_UNIT = 0.2, 0.5  # what the compact observation shows as 1: of ways [m], of speeds [m/s]
+TILT_UNIT, TURNING_UNIT = 0.2, 1.0  # of the axis [1], of the plate's angular velocity [rad/s]
+
+
+@compiled
+def gap_of(m: Any, x: Any, c: Any) -> Any:
+    """How high the ball is above the plate's plane [m]."""
+    crown, centre, n = x.shape[1] - 3, m.centre[c, BALL], m.axis[c, PLATE]
+    height = 0.0
+    for axis in range(3):
+        height += (centre[axis] - x[c, crown, axis]) * n[axis]
+    return height - BALL_RADIUS
+
+
+@kernel
+def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    for c in range(out.shape[0]):
+        error = math.hypot(m.centre[c, BALL, 0] - goal[c, 0], m.centre[c, BALL, 1] - goal[c, 1])
+        gap, tilt = gap_of(m, x, c), math.acos(min(max(m.axis[c, PLATE, 2], -1.0), 1.0))
+        on = thrift(action, c) if abs(gap) < TOUCHING else 0.0
+        out["reward_near"][c] = 0.5 * on * long_tail(error, 0.3, 0.02)
+        out["reward_placed"][c] = 0.5 * on * gaussian(error, 0.15, 0.02)
+        out["error"][c] = error
+        out["tilt"][c] = tilt
+        out["gap"][c] = gap
+        out["met"][c] = error < 0.05 and abs(gap) < TOUCHING
+        out["failed"][c] = tilt > TIPPED or gap < -TOUCHING or gap > HIGH
+
+
+@kernel
+def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    for c in range(observation.shape[0]):
+        for axis in range(2):
+            observation[c, axis] = (m.centre[c, BALL, axis] - goal[c, axis]) / WAY_UNIT
+            observation[c, 2 + axis] = m.centre_velocity[c, BALL, axis] / SPEED_UNIT
+            observation[c, 4 + axis] = m.axis[c, PLATE, axis] / TILT_UNIT
+            observation[c, 6 + axis] = m.angular_velocity[c, PLATE, axis] / TURNING_UNIT
+            observation[c, 8 + axis] = goal[c, axis] / WAY_UNIT
+            observation[c, 10 + axis] = goal[c, 3 + axis] / SPEED_UNIT
+
+
+@kernel
+def move(goal: Any) -> None:
+    """The place goes on along its circle: x, y, z, its velocity x, y, and its angular velocity."""
+    for c in range(goal.shape[0]):
+        turn = goal[c, 5] * PERIOD
+        cosine, sine = math.cos(turn), math.sin(turn)
+        for n in (0, 3):
+            x, y = goal[c, n], goal[c, n + 1]
+            goal[c, n] = cosine * x - sine * y
+            goal[c, n + 1] = sine * x + cosine * y
+
+
+class SpringBalance(Task):
+    """The MDP of `SpringBalanceEnv`, where it is described."""
+
+    actions: ClassVar = {"torque": 2}
+    terms = ("near", "placed")
+    metrics = ("error", "tilt", "gap")
+    entries = (
+        Entry("offset", 2, WAY_UNIT),
+        Entry("velocity", 2, SPEED_UNIT),
+        Entry("axis", 2, TILT_UNIT),
+        Entry("turning", 2, TURNING_UNIT),
+        Entry("place", 2, WAY_UNIT),
+        Entry("place_velocity", 2, SPEED_UNIT),
+    )
+    goal_size = 6
+    period = PERIOD
+    finest = PERIOD / 12
+    evaluate = staticmethod(evaluate)
+    compact = staticmethod(compact)
+    move = staticmethod(move)
+
+    def __init__(
+        self,
+        observation: str = "particles",
+        action: str = "torque",
+        restitution: float = 0.3,
+        hard: bool = False,
+    ) -> None:
+        super().__init__(observation, action)
+        self.contact = Contact(restitution=restitution, strength=STRENGTH, reach=REACH)
+        self.torque, self.rate = (WEAK_TORQUE, HARD_RATE) if flag("hard", hard) else (TORQUE, RATE)
+        self.plate: Body = top(6, RADIUS, HEIGHT, PLATE_MASS, stiffness=1.6e4, damping=5.0)
+        self.ball = ball(BALL_RADIUS, BALL_MASS)
+
+    @cached_property
+    def scene(self) -> Scene:
+        crown, tip = self.plate.particle("crown"), self.plate.particle("tip")
+        above = self.plate.positions[crown] + np.array([0.0, 0.0, BALL_RADIUS + self._height({})])
+        return Scene(
+            bodies=(
+                Placed(self.plate, pinned=(tip,), wrench=WrenchActuator(axial=False), name="plate"),
+                Placed(self.ball, above[None], name="ball"),
+            ),
+            collisions=self.contact,
+        )
+
+    def _height(self, factors: Mapping[str, float]) -> float:
+        """Height of the ball's lowest point above the plate that carries it [m]."""
+        weight = -GRAVITY[2] * factors.get("gravity", 1.0) * factors.get("masses", 1.0) * BALL_MASS
+        return rest_height(weight, STRENGTH, REACH)
+
+    @cached_property
+    def particles(self) -> ObservedParticles:
+        moving = np.flatnonzero(self.scene.free)
+        places, speeds = np.full(len(self.scene.free), 0.25), np.full(len(self.scene.free), 0.5)
+        return ObservedParticles(tuple(moving.tolist()), places, speeds, about="goal")
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        low = (0.0, -math.pi, 0.0, -math.pi, ORBIT[0], -math.pi, self.rate[0], -1.0)
+        high = (0.05, math.pi, 1.0, math.pi, ORBIT[1], math.pi, self.rate[1], 1.0)
+        tilt, azimuth, share, bearing, radius, phase, rate, sense = rng.uniform(low, high).tolist()
+        tilt = number(options, "tilt", tilt, 0.0, TIPPED)
+        away = number(options, "away", FAR * math.sqrt(share), 0.0, 0.4)
+        radius = number(options, "radius", radius, 0.0, 0.4)
+        rate = number(options, "rate", math.copysign(rate, sense), -3.0, 3.0)
+        lean = (-math.sin(azimuth), math.cos(azimuth), 0.0)
+        shape = factors["scale"] * self.plate.positions
+        height = shape[self.plate.particle("crown"), 2] + BALL_RADIUS + self._height(factors)
+        resting = np.array([away * math.cos(bearing), away * math.sin(bearing), height])
+        turn = rotation(lean, tilt)
+        place = (radius * math.cos(phase), radius * math.sin(phase), HEIGHT + BALL_RADIUS)
+        goal = (*place, -rate * place[1], rate * place[0], rate)
+        positions = np.vstack([shape, resting]) @ turn.T
+        return Start(positions, np.zeros_like(positions), goal)
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.full(2, self.torque)
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        return {"plate.torque": self.torque * np.pad(action, ((0, 0), (0, 1)))}
+
+    def look(self) -> Look:
+        radii = np.append(np.zeros(len(self.plate.masses)), BALL_RADIUS)
+        return replace(film.look(self.scene, None), radii=radii, ball_colors=ORANGE)
+
+    def camera(self) -> Camera:
+        return Camera.framing((0, 0, 0.2), 1.3, elevation=0.6)
+
+    def scenery(self) -> Scenery:
+        return Scenery(floor=-0.3)
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        error = math.hypot(m.centre[BALL, 0] - goal[0], m.centre[BALL, 1] - goal[1])
+        return Marks(
+            balls=[(goal[:3], 0.05)],
+            lines=[((0.0, 0.0, -0.3), (0.0, 0.0, 0.0))],
+            key=((GREEN, "keep the ball here"),),
+            text=(f"off its place {100 * error:4.1f} cm",),
+        )
+
+
+class SpringBalanceEnv(SpringEnv, gym.Env):
+    """
+    ## Description
+    A plate stands with its tip on a stick, as a juggler's does, and a ball lies on it. Neither stays by
+    itself. Keep the ball at a place that moves on a circle. The plate is a ring of 6 particles and a crown,
+    flat above, and a tip below that is pinned; 19 springs hold it. The ball is one particle with a radius: it
+    slides without friction, and bounces.
+
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"torque"` | 0, 1 | torque on the plate about the world's x, y, less the part along its axis | ±3 N·m |
+
+    Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–23 | positions of ring particles 0–5, crown and ball, from the place | 0.25 m |
+    | | 24–47 | their velocities | 0.5 m/s |
+    | | 48, 49 | velocity x, y of the place | 1 m/s |
+    | | 50 | its angular velocity on the circle | 1 rad/s |
+    | `"frame"` | 0, 1 | ball x, y, from the place | 0.2 m |
+    | | 2, 3 | its velocity x, y | 0.5 m/s |
+    | | 4, 5 | axis of the plate x, y | 0.2 |
+    | | 6, 7 | its angular velocity x, y | 1 rad/s |
+    | | 8, 9 | place x, y, from the tip | 0.2 m |
+    | | 10, 11 | its velocity x, y | 0.5 m/s |
+
+    ## Rewards
+    With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the horizontal distance
+    e of the ball from the place and the effort E = 1 − 0.1 mean(a²), the reward is
+    E [L(e; 0.02, 0.3) + G(e; 0.02, 0.15)]/2 while the ball is on the plate, and 0 while it is more than
+    2 cm above it: from 0 to 1. Its terms in `info` are `reward_near` and `reward_placed`, the halves with L
+    and with G.
+
+    ## Starting State
+    All is at rest: the plate tilted by U(0, 0.05) rad, the ball on it, anywhere within 0.25 m of its axis.
+    The place starts anywhere on its circle, of radius U(0.05, 0.2) m, and goes either way at U(0.4, 1.2)
+    rad/s. `reset(options={"tilt": …, "away": …, "radius": …, "rate": …})` sets any of them.
+
+    ## Episode End
+    Termination: the ball is 2 cm below the plate's plane or 0.3 m above it, the plate tilted by 0.7 rad, or
+    the simulation diverged (`info["diverged"]`; reward 0). Truncation: 500 steps, 10 s. `info["is_success"]`:
+    e < 0.05 m, the ball on the plate, for the last 50 steps.
+
+    ## Information
+    `error` e [m], `tilt` of the plate [rad], `gap` between ball and plate's plane [m], `energy` and
+    `energy_drift` [J], `strain`.
+
+    ## Arguments
+    - `observation`: above.
+    - `restitution=0.8`: a ball that bounces more than the usual one (0.3).
+    - `hard=True`: torques up to 1.5 N·m, and a place that goes at U(1.2, 2) rad/s.
+    - `integrator` ("verlet"), `step` (1.67e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringBalance
+
+
+class SpringBalanceVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+    """A native batch of `SpringBalanceEnv`."""
+
+    task_type = SpringBalance

@@ -1,0 +1,390 @@
+"""SpringDuel: two tops in a bowl, of which one is to stay."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, rigid_velocities, rotation, stretched_shapes, top
+from springgym.checks import chosen, shown
+from springgym.compiling import compiled, kernel
+from springgym.envs import observation as observing
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import BOUND, Entry, ObservedParticles, values
+from springgym.envs.options import number
+from springgym.envs.rewards import gaussian, thrift
+from springgym.envs.task import Start, Task
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import AMBER, BLUE, GREEN, RED, TEAL, together, two_tone
+from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
+from springgym.surfaces import Bowl, Contact
+from springgym.theory.contact import rest_height
+
+FIRST, SECOND = 0, 1
+"""Numbers of the bodies, and of the players."""
+
+RING, RADIUS, HEIGHT, MASS, STIFFNESS = 12, 0.5, 0.5, 10.0, 2e5  # of each top
+BOWL = 4.0  # radius of the bowl [m]
+RIM = 1.1  # a top is out from this distance of its centre of mass from the middle [m]
+FALLEN = 0.7  # tilt [rad]; at 0.79 it lies on its side
+APART = 0.65  # how far each starts from the middle [m]
+SPINS = (22.0, 30.0)  # [rad/s], of either sign
+FORCE = 40.0  # on the crown [N]
+GRIP, REBOUND = 0.02, 0.2  # friction and restitution between both
+REACH, STRENGTH = 0.02, 0.8  # of all contacts: Δ [m], c [N·m²]
+SPIN_UNIT = 25.0  # what the compact observation shows as 1 [rad/s]
+SHAPED = 2e-3  # the largest reward of a step in which nothing is decided
+
+Opponent = Callable[[np.ndarray], np.ndarray]
+"""Maps what the second top observes, in the compact way (n, D), to its actions (n, 2)."""
+
+
+@compiled
+def tilt_of(m: Any, c: Any, body: Any) -> Any:
+    return math.acos(min(max(m.axis[c, body, 2], -1.0), 1.0))
+
+
+@compiled
+def away_of(m: Any, c: Any, body: Any) -> Any:
+    """Distance of a top's centre of mass from the middle [m]."""
+    return math.hypot(m.centre[c, body, 0], m.centre[c, body, 1])
+
+
+@kernel
+def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    own = int(parameters[0])
+    other = 1 - own
+    for c in range(out.shape[0]):
+        tilt, away, others = tilt_of(m, c, own), away_of(m, c, own), away_of(m, c, other)
+        lost = tilt > FALLEN or away > RIM
+        down = tilt_of(m, c, other) > FALLEN or others > RIM
+        won = down and not lost
+        safe = gaussian(tilt, 0.6, 0.1) * gaussian(away, 0.8, 0.3) * thrift(action, c)
+        out["reward_won"][c] = 1.0 - SHAPED if won else 0.0
+        out["reward_driven"][c] = SHAPED * safe * min(others / RIM, 1.0)
+        out["tilt"][c] = tilt
+        out["away"][c] = away
+        out["other_away"][c] = others
+        out["met"][c] = won
+        out["failed"][c] = lost or down
+
+
+@kernel
+def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    """In axes that are turned by half a turn for the second player, so that both see the same duel."""
+    own = int(parameters[0])
+    sign = 1.0 - 2.0 * own
+    for c in range(observation.shape[0]):
+        for n in range(2):
+            body, k = (own, 0) if n == 0 else (1 - own, 9)
+            along, w, a = m.axis[c, body], m.angular_velocity[c, body], sign
+            spin = w[0] * along[0] + w[1] * along[1] + w[2] * along[2]
+            for axis in range(2):
+                place, velocity = m.centre[c, body, axis], m.centre_velocity[c, body, axis]
+                if n == 1:
+                    place -= m.centre[c, own, axis]
+                    velocity -= m.centre_velocity[c, own, axis]
+                observation[c, k + axis] = a * place
+                observation[c, k + 2 + axis] = a * velocity
+                observation[c, k + 4 + axis] = a * along[axis]
+                observation[c, k + 6 + axis] = a * (w[axis] - spin * along[axis])
+            observation[c, k + 8] = spin / SPIN_UNIT
+
+
+ENTRIES = tuple(
+    Entry(f"{whose}{name}", size, unit)
+    for whose in ("", "other_")
+    for name, size, unit in (
+        ("centre", 2, 1.0),
+        ("velocity", 2, 1.0),
+        ("axis", 2, 1.0),
+        ("across", 2, 1.0),
+        ("spin", 1, SPIN_UNIT),
+    )
+)
+"""What the compact observation is: of the other top, centre and velocity count from the own ones."""
+
+
+@dataclass(frozen=True)
+class Script:
+    """A top that goes for the other one, and back to the middle.
+
+    Parameters
+    ----------
+    attack
+        Force towards the other top [N].
+    guard
+        Force towards the middle a metre away from it [N/m].
+    damping
+        Against its own velocity [kg/s].
+    upright
+        Force across the tilt, at a spin of 25 rad/s and a tilt of 1 rad [N]: the crown goes at a right angle
+        to a push, and so back up.
+    """
+
+    attack: float = 0.0
+    guard: float = 0.0
+    damping: float = 0.0
+    upright: float = 0.0
+
+    def __call__(self, observations: np.ndarray) -> np.ndarray:
+        seen = values(ENTRIES, observations)
+        way = seen["other_centre"]
+        near = way / np.sqrt((way * way).sum(axis=1, keepdims=True) + 1e-6)
+        force = self.attack * near - self.guard * seen["centre"] - self.damping * seen["velocity"]
+        across = np.stack([-seen["axis"][:, 1], seen["axis"][:, 0]], axis=1)
+        force += self.upright / SPIN_UNIT * seen["spin"] * across
+        return np.clip(force / FORCE, -1.0, 1.0)
+
+
+OPPONENTS: dict[str, Opponent] = {
+    "still": Script(),
+    "guard": Script(guard=40.0, damping=20.0, upright=125.0),
+    "script": Script(attack=20.0, guard=20.0),
+    "strong": Script(attack=40.0, guard=40.0, upright=125.0),
+}
+"""Scripted opponents, the weakest first."""
+
+
+class SpringDuel(Task):
+    """The MDP of `SpringDuelEnv`, where it is described."""
+
+    actions: ClassVar = {"push": 2}
+    terms = ("won", "driven")
+    metrics = ("tilt", "away", "other_away")
+    entries = ENTRIES
+    finest = 1e-3
+    hold = 1
+    evaluate = staticmethod(evaluate)
+    compact = staticmethod(compact)
+
+    def __init__(
+        self, observation: str = "particles", action: str = "push", opponent: str | Opponent = "script"
+    ) -> None:
+        super().__init__(observation, action)
+        if not callable(opponent):
+            if not isinstance(opponent, str):
+                raise TypeError(f"opponent is {shown(opponent)}; it must be a name or a function")
+            opponent = OPPONENTS[chosen("opponent", opponent, OPPONENTS)]
+        self.opponent: Opponent = opponent
+        self.body: Body = top(RING, RADIUS, HEIGHT, MASS, STIFFNESS, damping=30.0)
+        self._shape = stretched_shapes(self.body, (0, 0, 1), SPINS[1])
+        self._tip = self.body.particle("tip")
+
+    @property
+    def parameters(self) -> np.ndarray:
+        return np.array([float(FIRST)])
+
+    @property
+    def others(self) -> np.ndarray:
+        """`parameters` for the second player."""
+        return np.array([float(SECOND)])
+
+    @cached_property
+    def scene(self) -> Scene:
+        factors = {"masses": 1.0, "gravity": 1.0, "scale": 1.0, "stiffness": 1.0}
+        contact = Contact(friction=0.02, restitution=0.5, strength=STRENGTH, reach=REACH)
+        bodies = []
+        for name, bearing in (("first", math.pi), ("second", 0.0)):
+            x, v = self._standing(bearing, 0.0, 0.0, SPINS[0], factors)
+            thrust = ThrustActuator(self.body.parts["crown"])
+            bodies.append(Placed(self.body, x, v, thrust=thrust, name=name))
+        return Scene(
+            bodies=tuple(bodies),
+            surfaces=(Bowl((0.0, 0.0, BOWL), BOWL),),
+            contact=contact,
+            collisions=Contact(friction=GRIP, restitution=REBOUND, strength=STRENGTH, reach=REACH),
+        )
+
+    def _standing(
+        self, bearing: float, tilt: float, azimuth: float, spin: float, factors: Mapping[str, float]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities of a top that stands on its tip in the bowl."""
+        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
+        height = rest_height(weight, STRENGTH, REACH)
+        turn = rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
+        shape = factors["scale"] * self._shape(spin * math.sqrt(factors["masses"] / factors["stiffness"]))
+        arm = (shape - shape[self._tip]) @ turn.T
+        steepness = math.asin(APART / BOWL)
+        inwards = (BOWL - height) * math.sin(steepness)
+        foot = np.array([inwards * math.cos(bearing), inwards * math.sin(bearing), BOWL])
+        foot[2] -= (BOWL - height) * math.cos(steepness)
+        return foot + arm, rigid_velocities(arm, spin * turn[:, 2], (0.0, 0.0, 0.0))
+
+    @cached_property
+    def particles(self) -> ObservedParticles:
+        outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
+        count = 2 * len(outwards)
+        return ObservedParticles(
+            tuple(range(count)), np.full(count, 0.7), np.tile(SPINS[1] * outwards + 1.0, 2)
+        )
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        bearing = rng.uniform(-math.pi, math.pi)
+        low, high = (0.0, -math.pi, SPINS[0], -1.0), (0.08, math.pi, SPINS[1], 1.0)
+        placed = []
+        for n, whose in enumerate(("", "other_")):
+            tilt, azimuth, spin, sense = rng.uniform(low, high).tolist()
+            tilt = number(options, f"{whose}tilt", tilt, 0.0, 0.5)
+            spin = number(options, f"{whose}spin", math.copysign(spin, sense), -SPINS[1], SPINS[1])
+            placed.append(self._standing(bearing + n * math.pi, tilt, azimuth, spin, factors))
+        (x, v), (others_x, others_v) = placed
+        return Start(np.concatenate([x, others_x]), np.concatenate([v, others_v]))
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.full(2, FORCE)
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        return {"first.thrust": FORCE * np.pad(action, ((0, 0), (0, 1)))[:, None]}
+
+    def seen_by_second(self, m: Measures, x: np.ndarray, v: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """The second player's compact observations (n, D)."""
+        seen = np.empty((len(x), sum(entry.size for entry in ENTRIES)), np.float32)
+        compact(m, x, v, goal, self.others, seen)
+        return np.clip(np.nan_to_num(seen), -BOUND, BOUND)
+
+    def particles_of_second(self, rows: np.ndarray, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The second player's observations of particles (n, D)."""
+        own = observing.columns(self.particles)
+        count = len(self.body.masses)
+        turned = np.where(own.entries[:, 1] < 2, -1.0, 1.0)
+        entries = own.entries.copy()
+        entries[:, 0] = (entries[:, 0] + count) % (2 * count)
+        columns = own._replace(
+            entries=entries, per_metre=turned * own.per_metre, per_speed=turned * own.per_speed
+        )
+        seen = np.empty((len(x), 2 * len(entries)), np.float32)
+        observing.observe_particles(rows, x, v, np.zeros((len(x), 0)), columns, seen)
+        return np.clip(np.nan_to_num(seen), -BOUND, BOUND)
+
+    def respond(self, m: Measures, x: np.ndarray, v: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
+        seen = self.seen_by_second(m, x, v, goal)
+        action = np.asarray(self.opponent(seen), np.float64)
+        if action.shape != (len(x), 2) or not np.isfinite(action).all():
+            raise ValueError(
+                f"the opponent gave {shown(action)}; it must give finite actions of shape {(len(x), 2)}"
+            )
+        push = -FORCE * np.clip(action, -1.0, 1.0)  # its axes are turned by half a turn
+        return {"second.thrust": np.pad(push, ((0, 0), (0, 1)))[:, None]}
+
+    def look(self) -> Look:
+        count = len(self.body.masses)
+        radii = np.zeros(count)
+        radii[[self.body.particle("crown"), self._tip]] = 0.02
+        looks = [
+            Look(
+                triangles=self.body.triangles,
+                triangle_colors=np.tile(two_tone(RING, colors=colors, odd=odd), (2, 1)),
+                springs=self.body.springs,
+                radii=radii,
+            )
+            for colors, odd in (((BLUE, (243, 239, 230)), TEAL), ((RED, (243, 239, 230)), AMBER))
+        ]
+        return together(looks, [count, count])
+
+    def camera(self) -> Camera:
+        return Camera.framing((0, 0, 0.25), 3.0, elevation=0.6)
+
+    def scenery(self) -> Scenery:
+        return Scenery(bowl=((0.0, 0.0, BOWL), BOWL))
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        crown = x[self.body.particle("crown")]
+        rim = (0.0, 0.0, BOWL - math.sqrt(BOWL**2 - RIM**2))
+        away = np.hypot(m.centre[:, 0], m.centre[:, 1])
+        return Marks(
+            rings=[(rim, RIM)],
+            arrows=[Arrow(crown, (0.5 * action[0], 0.5 * action[1], 0.0))],
+            key=((BLUE, "the agent's top, and its push"), (GREEN, "who leaves the ring loses")),
+            text=(f"own {away[0]:4.2f} m, other {away[1]:4.2f} m from the middle",),
+        )
+
+
+class SpringDuelEnv(SpringEnv, gym.Env):
+    """
+    ## Description
+    Two spinning tops stand in a bowl, within a ring. Knock the other one over, or out of the ring, and stay.
+    Each is pushed at its crown, the other one by an opponent. They are of 14 particles and 37 springs, spin
+    fast enough to stand by themselves, and strike each other with their rims, by which they exchange spin.
+
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"push"` | 0, 1 | force on the own crown along x, y | ±40 N |
+
+    Nothing drives the spin. Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–83 | positions of ring particles 0–11, crown and tip, own top first | 0.7 m |
+    | | 84–167 | their velocities | 30 rad/s × its distance from the axis + 1 m/s |
+    | `"frame"` | 0, 1 | centre of mass x, y of the own top, from the middle | 1 m |
+    | | 2, 3 | its velocity x, y | 1 m/s |
+    | | 4, 5 | its axis x, y | 1 |
+    | | 6, 7 | its angular velocity across the axis, x, y | 1 rad/s |
+    | | 8 | its spin | 25 rad/s |
+    | | 9, 10 | centre of mass x, y of the other top, from the own one's | 1 m |
+    | | 11, 12 | its velocity x, y, less the own one's | 1 m/s |
+    | | 13, 14 | its axis x, y | 1 |
+    | | 15, 16 | its angular velocity across the axis, x, y | 1 rad/s |
+    | | 17 | its spin | 25 rad/s |
+
+    ## Rewards
+    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the tilt θ of the own top, its distance a and the
+    other's b from the middle, at most 1.1 m, and the effort E = 1 − 0.1 mean(a²) of its actions, every step
+    is rewarded with 0.002 G(θ; 0.1, 0.6) G(a; 0.3, 0.8) E b/1.1 m, and the one that wins with 0.998 more:
+    from 0 to 1. So to wait pays less than to win. The terms in `info` are `reward_driven` and `reward_won`.
+
+    ## Starting State
+    The tops stand 0.65 m from the middle on opposite sides, in any direction, tilted by U(0, 0.08) rad, and
+    spin with U(22, 30) rad/s, each of either sign. Below 10 rad/s a top does not stand by itself.
+    `reset(options={"tilt": …, "spin": …, "other_tilt": …, "other_spin": …})` sets any of them.
+
+    ## Episode End
+    Termination: a top is tilted by more than 0.7 rad, or its centre of mass more than 1.1 m from the middle,
+    or the simulation diverged (`info["diverged"]`; reward 0). Who is down loses; both in the same step, both
+    do. Truncation: 500 steps, 10 s. `info["is_success"]`: the other one is down, and the own is not, for the
+    last 1 steps: the duel is won.
+
+    ## Information
+    `tilt` θ [rad], `away` a [m], `other_away` b [m], `energy` and `energy_drift` [J], `strain`.
+
+    ## Arguments
+    - `observation`: above.
+    - `opponent="still"`: a top that is left to itself, in place of the usual `"script"`, which goes for the
+      other one with 20 N and back to the middle with 20 N a metre.
+    - `opponent="guard"`: a top that goes back to the middle, and rights itself.
+    - `opponent="strong"`: one that goes for the other with all it has, and rights itself.
+    - `opponent` may be any function of what it observes, too: as `"frame"` (n, 18), in axes that are turned
+      by half a turn, so that both players see the same duel; it returns actions (n, 2). Agents that are
+      trained here with `observation="frame"` are such functions, see `springgym.envs.agent`.
+    - `integrator` ("verlet"), `step` (1e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`.
+
+    `springgym.envs.parallel("SpringDuel-v0")` is the same duel for two agents, as PettingZoo's `ParallelEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringDuel
+
+
+class SpringDuelVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+    """A native batch of `SpringDuelEnv`."""
+
+    task_type = SpringDuel

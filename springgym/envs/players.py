@@ -1,0 +1,191 @@
+"""Environments of several agents, as PettingZoo's `ParallelEnv`."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import seeding
+
+from springgym.checks import chosen, whole
+from springgym.envs.base import SpringEnv, _Common, _plain, _seed, frame_rate
+from springgym.envs.duel import FIRST, SECOND, SpringDuel
+from springgym.envs.task import MET
+from springgym.measures import Measures
+from springgym.rendering import Renderer
+
+try:
+    from pettingzoo import ParallelEnv
+except ImportError as error:
+    raise ImportError(
+        'springgym.envs.parallel needs PettingZoo. Install it with: pip install "springgym[parallel]"'
+    ) from error
+
+AGENTS = ("first", "second")
+OPTIONS = ("tilt", "spin", "other_tilt", "other_spin", "randomize")
+"""Reset options of the duel."""
+
+
+class ParallelDuel(_Common, ParallelEnv):
+    """SpringDuel for two agents, who act at the same time and end together.
+
+    Each sees the duel as the agent of `springgym.envs.duel.SpringDuelEnv` does: the own top first, in axes
+    that are turned by half a turn for the second. Each has its own reward, of the same kind.
+
+    Parameters
+    ----------
+    render_mode
+        None, "rgb_array" or "human".
+    max_episode_steps
+        Time limit.
+    options
+        As for `SpringDuelEnv`, but for ``opponent`` and ``sparse``.
+    """
+
+    task_type = SpringDuel
+    metadata: ClassVar[dict[str, Any]] = {
+        **SpringEnv.metadata,
+        "name": "SpringDuel-v0",
+        "render_fps": frame_rate(SpringDuel),
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self, *, render_mode: str | None = None, max_episode_steps: int = 500, **options: Any
+    ) -> None:
+        for name in ("opponent", "sparse"):
+            if name in options:
+                raise ValueError(f"{name} is given to an environment of two agents; leave it out")
+        if render_mode is not None:
+            chosen("render_mode", render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
+        limit = whole("max_episode_steps", max_episode_steps, 1)
+        self._make(1, opponent=self._answer, max_episode_steps=limit, **options)
+        task = self.task
+        self.possible_agents = list(AGENTS)
+        self.agents: list[str] = []
+        self.observation_spaces = dict.fromkeys(AGENTS, task.observation_space)
+        self.action_spaces = dict.fromkeys(AGENTS, task.action_space)
+        self._answered = np.zeros((1, *task.action_space.shape))
+        self._np_random: np.random.Generator | None = None
+        self._canvas: Renderer | None = None
+
+    @property
+    def task(self) -> SpringDuel:
+        task = self.episodes.task
+        assert isinstance(task, SpringDuel)
+        return task
+
+    def observation_space(self, agent: str) -> spaces.Box:
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Box:
+        return self.action_spaces[agent]
+
+    def _answer(self, observations: np.ndarray) -> np.ndarray:
+        """What the second agent does, as `SpringDuel` asks its opponent."""
+        return self._answered
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
+        """Start a new episode; options that the duel does not have are left out, as PettingZoo wants it."""
+        given = _seed("seed", seed)
+        options = {name: value for name, value in (options or {}).items() if name in OPTIONS}
+        generator = self._np_random
+        if generator is None or given is not None:
+            generator, _ = seeding.np_random(given)
+        self.episodes.begin(np.array([0]), [generator], options)
+        self._np_random = generator
+        self._ready = True
+        self.agents = list(AGENTS)
+        if self._canvas:
+            self._restart(self._canvas, 0)
+        if self.render_mode == "human":
+            self.render()
+        return self._seen(), self._infos(self._outcomes())
+
+    def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], ...]:
+        """Both act for a control period.
+
+        Raises
+        ------
+        ValueError
+            If an agent that is in the duel has no action, or one of another shape.
+        gymnasium.error.ResetNeeded
+            If no episode has begun.
+        """
+        if not self.agents:
+            self._checked(np.zeros(self.task.action_space.shape), self.task.action_space.shape)
+            return {}, {}, {}, {}, {}
+        if missing := [name for name in self.agents if name not in actions]:
+            raise ValueError(f"actions has none for {missing[0]!r}")
+        first, second = (self._checked(actions[name], self.task.action_space.shape) for name in AGENTS)
+        if not np.isfinite(np.asarray(second, float)).all():
+            raise ValueError(f"action holds a value that is not finite: {second}")
+        self._answered[0] = np.clip(second, -1.0, 1.0)
+        result, _ = self.episodes.step(first[None])
+        out = self._outcomes()
+        terms = len(self.task.terms)
+        rewards = {AGENTS[n]: float(out[n, :terms].sum()) for n in (FIRST, SECOND)}
+        ended, cut = bool(result.terminated[0]), bool(result.truncated[0])
+        terminations, truncations = dict.fromkeys(AGENTS, ended), dict.fromkeys(AGENTS, cut)
+        if self._canvas:
+            self._canvas.follow(self.episodes.particles[0][0])
+        if self.render_mode == "human":
+            self.render()
+        seen, infos = self._seen(), self._infos(out)
+        if ended or cut:
+            self.agents = []
+        return seen, rewards, terminations, truncations, infos
+
+    def _seen(self) -> dict[str, np.ndarray]:
+        m, (x, v) = self._measures(), self.episodes.particles
+        second = self.task.seen_by_second(m, x, v, self.episodes.goal)
+        if self.task.observation == "particles":
+            second = self.task.particles_of_second(self.episodes.simulator.readout.rows, x, v)
+        if self.episodes.diverged[0]:
+            second = np.zeros_like(second)
+        return {"first": self.episodes.observe()[0], "second": second[0]}
+
+    def _measures(self) -> Measures:
+        return self.episodes._whole.measures
+
+    def _outcomes(self) -> np.ndarray:
+        """What `Task.evaluate` says of both, (2, columns)."""
+        episodes, task = self.episodes, self.task
+        out = np.zeros((2, len(task.outcome)))
+        out[FIRST] = episodes.out[0]
+        if not episodes.diverged[0]:
+            x, v = episodes.particles
+            second = out[SECOND:]
+            task.evaluate(
+                self._measures(), x, v, self._answered, episodes.goal, task.others, episodes._named(second)
+            )
+            if not episodes.elapsed[0]:
+                second[:, : len(task.terms)] = 0.0  # nothing has been earned yet
+        return out
+
+    def _infos(self, out: np.ndarray) -> dict[str, dict[str, Any]]:
+        always = _plain(self._always(0))
+        return {
+            name: always
+            | {"is_success": bool(out[n, MET] > 0)}
+            | dict(zip(self.task.reported, out[n, :MET].tolist(), strict=True))
+            for n, name in enumerate(AGENTS)
+        }
+
+    def render(self) -> np.ndarray | None:
+        if self.render_mode is None:
+            gym.logger.warn("render() draws nothing without a render mode")
+            return None
+        if self._canvas is None:
+            self._canvas = self._renderer(self.render_mode)
+        return self._picture(self._canvas, 0)
+
+    def close(self) -> None:
+        if self._canvas is not None:
+            self._canvas.close()
+            self._canvas = None

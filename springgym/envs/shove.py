@@ -1,0 +1,267 @@
+"""SpringShove: a ball pushes a box to its place and turns it there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, ball, box, rotation
+from springgym.checks import flag
+from springgym.compiling import compiled, kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.options import number
+from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.task import Start, Task
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, ORANGE, RED
+from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
+from springgym.scenes import film
+from springgym.surfaces import Contact, floor
+from springgym.theory.contact import rest_height
+
+PUSHER, BOX = 0, 1
+"""Numbers of the bodies."""
+
+SIDES = (0.3, 0.3, 0.2)  # of the box [m]
+MASS = 1.0  # of each of both [kg]
+RADIUS = 0.1  # of the pusher [m]
+FORCE = 12.0  # on the pusher; friction takes 4 N of it, and another 4 N from the box [N]
+SLIPPERY = 0.2  # friction between both
+REACH, STRENGTH = 0.015, 0.03  # of all contacts: Δ [m], c [N·m²]
+ARENA = 1.8  # where an episode ends [m]
+WAY_UNIT, SPEED_UNIT, NEAR_UNIT, TURNING_UNIT = 0.5, 0.5, 0.3, 2.0
+"""What the compact observation shows as 1: ways [m], speeds [m/s], ways between both [m], turning [rad/s]."""
+PUSHER_SPEED = 1.0  # the same of the pusher's velocity [m/s]
+
+
+@compiled
+def heading_of(m: Any, c: Any) -> Any:
+    """The angle of the box's first axis from the x axis [rad]."""
+    return math.atan2(m.side[c, BOX, 1], m.side[c, BOX, 0])
+
+
+@kernel
+def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    for c in range(out.shape[0]):
+        place, velocity = m.centre[c, BOX], m.centre_velocity[c, BOX]
+        error, heading = math.hypot(place[0], place[1]), heading_of(m, c)
+        apart = math.hypot(m.centre[c, PUSHER, 0] - place[0], m.centre[c, PUSHER, 1] - place[1])
+        speed = math.hypot(velocity[0], velocity[1]) + 0.2 * abs(m.angular_velocity[c, BOX, 2])
+        effort = thrift(action, c)
+        near = effort * (long_tail(error, 0.3, 0.03) + gaussian(error, 0.5, 0.03)) / 2
+        out["reward_approach"][c] = 0.05 * effort * gaussian(apart, 0.5, 0.3)
+        out["reward_near"][c] = 0.475 * near
+        out["reward_heading"][c] = 0.475 * near * gaussian(heading, 0.8, 0.05)
+        out["error"][c] = error
+        out["heading"][c] = heading
+        out["speed"][c] = speed
+        out["met"][c] = error < 0.08 and abs(heading) < 0.2 and speed < 0.1
+        gone = max(error, math.hypot(m.centre[c, PUSHER, 0], m.centre[c, PUSHER, 1])) > ARENA
+        out["failed"][c] = gone or m.axis[c, BOX, 2] < 0.7
+
+
+@kernel
+def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    for c in range(observation.shape[0]):
+        heading = heading_of(m, c)
+        cosine, sine = math.cos(heading), math.sin(heading)
+        dx = m.centre[c, PUSHER, 0] - m.centre[c, BOX, 0]
+        dy = m.centre[c, PUSHER, 1] - m.centre[c, BOX, 1]
+        for axis in range(2):
+            observation[c, axis] = m.centre[c, BOX, axis] / WAY_UNIT
+            observation[c, 2 + axis] = m.centre_velocity[c, BOX, axis] / SPEED_UNIT
+            observation[c, 11 + axis] = m.centre_velocity[c, PUSHER, axis] / PUSHER_SPEED
+        observation[c, 4] = cosine
+        observation[c, 5] = sine
+        observation[c, 6] = m.angular_velocity[c, BOX, 2] / TURNING_UNIT
+        observation[c, 7] = dx / NEAR_UNIT
+        observation[c, 8] = dy / NEAR_UNIT
+        observation[c, 9] = (cosine * dx + sine * dy) / NEAR_UNIT
+        observation[c, 10] = (cosine * dy - sine * dx) / NEAR_UNIT
+
+
+class SpringShove(Task):
+    """The MDP of `SpringShoveEnv`, where it is described."""
+
+    actions: ClassVar = {"push": 2}
+    terms = ("approach", "near", "heading")
+    metrics = ("error", "heading", "speed")
+    entries = (
+        Entry("place", 2, WAY_UNIT),
+        Entry("velocity", 2, SPEED_UNIT),
+        Entry("heading", 2),
+        Entry("turning", 1, TURNING_UNIT),
+        Entry("pusher", 2, NEAR_UNIT),
+        Entry("beside", 2, NEAR_UNIT),
+        Entry("pusher_velocity", 2, PUSHER_SPEED),
+    )
+    period = 0.04
+    finest = 0.04 / 32
+    hold = 12
+    evaluate = staticmethod(evaluate)
+    compact = staticmethod(compact)
+
+    def __init__(
+        self, observation: str = "particles", action: str = "push", friction: float = 0.4, hard: bool = False
+    ) -> None:
+        super().__init__(observation, action)
+        self.contact = Contact(friction=friction, restitution=0.3, strength=STRENGTH, reach=REACH)
+        self.turned, self.farthest = (math.pi, 1.2) if flag("hard", hard) else (1.0, 0.8)
+        self.box: Body = box(SIDES, MASS, stiffness=1.8e4, damping=5.0)
+        self.pusher = ball(RADIUS, MASS)
+
+    @cached_property
+    def scene(self) -> Scene:
+        started = self._placed((-0.5, 0.0), (0.0, 0.0), 0.0, {"masses": 1.0, "gravity": 1.0, "scale": 1.0})
+        return Scene(
+            bodies=(
+                Placed(self.pusher, started[:1], thrust=ThrustActuator((0,)), name="pusher"),
+                Placed(self.box, started[1:], name="box"),
+            ),
+            surfaces=(floor(),),
+            contact=self.contact,
+            collisions=Contact(friction=SLIPPERY, restitution=0.3, strength=STRENGTH, reach=REACH),
+        )
+
+    def _placed(self, pusher: Any, place: Any, heading: float, factors: Mapping[str, float]) -> np.ndarray:
+        """Positions (9, 3) of pusher and box that lie on the floor [m]."""
+        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
+        shape = factors["scale"] * self.box.positions @ rotation((0, 0, 1), heading).T
+        shape[:, 2] += rest_height(weight / 4, STRENGTH, REACH) - shape[:, 2].min()
+        shape[:, :2] += place
+        return np.vstack([(*pusher, RADIUS + rest_height(weight, STRENGTH, REACH)), shape])
+
+    @cached_property
+    def particles(self) -> ObservedParticles:
+        seen = (0, 1, 2, 3, 4)  # the pusher, and the upper corners of the box
+        level = tuple((particle, 2) for particle in seen)
+        return ObservedParticles(seen, np.full(9, 0.5), np.full(9, 0.5), skipped=level)
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        low = (0.3, -math.pi, -self.turned, 0.35, -math.pi)
+        high = (self.farthest, math.pi, self.turned, 0.6, math.pi)
+        away, bearing, heading, apart, side = rng.uniform(low, high).tolist()
+        away = number(options, "error", away, 0.0, 1.2)
+        heading = number(options, "heading", heading, -math.pi, math.pi)
+        place = np.array([away * math.cos(bearing), away * math.sin(bearing)])
+        pusher = place + factors["scale"] * apart * np.array([math.cos(side), math.sin(side)])
+        positions = self._placed(pusher, place, heading, factors)
+        return Start(positions, np.zeros_like(positions))
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.full(2, FORCE)
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        return {"pusher.thrust": FORCE * np.pad(action, ((0, 0), (0, 1)))[:, None]}
+
+    def look(self) -> Look:
+        radii = np.append(RADIUS, np.zeros(len(self.box.masses)))
+        return replace(film.look(self.scene, None), radii=radii, ball_colors=ORANGE)
+
+    def camera(self) -> Camera:
+        return Camera.framing((0, 0, 0.1), 2.0, elevation=0.9)
+
+    def scenery(self) -> Scenery:
+        return Scenery(floor=0.0)
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        error = math.hypot(m.centre[BOX, 0], m.centre[BOX, 1])
+        heading = math.atan2(m.side[BOX, 1], m.side[BOX, 0])
+        a, b = SIDES[0] / 2, SIDES[1] / 2
+        corners = [(a, b, 0.0), (-a, b, 0.0), (-a, -b, 0.0), (a, -b, 0.0)]
+        edges = [(corners[n], corners[n - 1]) for n in range(4)]
+        top, ahead = m.centre[BOX] + 0.1 * m.axis[BOX], 0.15 * m.side[BOX]
+        return Marks(
+            lines=edges,
+            arrows=[
+                Arrow(m.centre[PUSHER], (0.4 * action[0], 0.4 * action[1], 0.0)),
+                Arrow(top, ahead, GREEN),
+                Arrow((0.0, 0.0, 0.0), (0.15, 0.0, 0.0), GREEN),
+            ],
+            key=((GREEN, "bring the box here, turned so"), (RED, "push")),
+            text=(f"off target {100 * error:3.0f} cm, {math.degrees(heading):4.0f}°",),
+        )
+
+
+class SpringShoveEnv(SpringEnv, gym.Env):
+    """
+    ## Description
+    A ball pushes a box over the floor. Bring the box to its place, and turn it to its heading. The ball can
+    only push: it has to go around the box to move it another way, and to push beside its middle to turn it.
+    The box is of 8 corners and 28 springs; the ball is a single particle with a radius, which slides.
+
+    The target lies at the origin and points along x: the world's axes are those of the target.
+
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`, held for a control period of 40 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"push"` | 0, 1 | force on the ball along x, y | ±12 N |
+
+    Friction on the floor takes 4 N of it, that of the box another 4 N. Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–9 | positions x, y of the ball and of the box's upper corners 0–3 | 0.5 m |
+    | | 10–19 | their velocities x, y | 0.5 m/s |
+    | `"frame"` | 0, 1 | centre of the box x, y | 0.5 m |
+    | | 2, 3 | its velocity x, y | 0.5 m/s |
+    | | 4, 5 | cosine and sine of its heading | 1 |
+    | | 6 | how fast it turns | 2 rad/s |
+    | | 7, 8 | ball x, y, from the centre of the box | 0.3 m |
+    | | 9, 10 | the same along the box's own axes | 0.3 m |
+    | | 11, 12 | velocity x, y of the ball | 1 m/s |
+
+    ## Rewards
+    With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the distance e of the
+    box from its place, its heading φ, the distance a between ball and box and the effort
+    E = 1 − 0.1 mean(a²), the reward is E [0.05 G(a; 0.3, 0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2] with
+    N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2: from 0 to 1. Its terms in `info` are `reward_approach`,
+    `reward_near` and `reward_heading`, its three products.
+
+    ## Starting State
+    Both lie on the floor at rest: the box U(0.3, 0.8) m from its place in any direction, turned by U(−1, 1)
+    rad, the ball U(0.35, 0.6) m from the box on any side. `reset(options={"error": …, "heading": …})` sets
+    any of them.
+
+    ## Episode End
+    Termination: ball or box is more than 1.8 m from the place, the box is tipped over, or the simulation
+    diverged (`info["diverged"]`; reward 0). Truncation: 250 steps, 10 s. `info["is_success"]`: e < 0.08 m,
+    |φ| < 0.2 rad, and the box moves slower than 0.1 m/s (0.2 m times its turning added), for the last 12
+    steps.
+
+    ## Information
+    `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`.
+
+    ## Arguments
+    - `observation`: above.
+    - `friction=0.3`: of the floor, instead of 0.4.
+    - `hard=True`: the box up to 1.2 m away, and turned any way.
+    - `integrator` ("verlet"), `step` (1.25e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringShove
+
+
+class SpringShoveVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+    """A native batch of `SpringShoveEnv`."""
+
+    task_type = SpringShove

@@ -1,0 +1,232 @@
+"""SpringBalance, SpringShove and SpringDuel: places that move, cheats, opponents and two agents."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+from springgym.envs import duel, parallel
+from tests.envs.cases import make, make_vec, task_type
+from tests.envs.playing import play
+from tests.envs.test_cheats import classical
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", DeprecationWarning)  # of what PettingZoo's tests import themselves
+    from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+COPIES = 8
+
+
+# --- SpringBalance --------------------------------------------------------------------------------------
+
+
+def test_the_place_moves_on_its_circle() -> None:
+    """By ωT a period, in every copy by its own ω, and alone as in a batch."""
+    envs = make_vec("SpringBalance-v0", 3, "native", "Disabled")
+    envs.reset(seed=0)
+    goal = envs.unwrapped.episodes.goal
+    start = goal.copy()
+    for _ in range(5):
+        envs.step(np.zeros((3, 2), np.float32))
+    turn = 5 * 0.02 * start[:, 5]
+    place = (start[:, 0] + 1j * start[:, 1]) * np.exp(1j * turn)
+    np.testing.assert_allclose(goal[:, 0] + 1j * goal[:, 1], place, atol=1e-12)
+    np.testing.assert_allclose(goal[:, 3] + 1j * goal[:, 4], 1j * start[:, 5] * place, atol=1e-12)
+    np.testing.assert_array_equal(goal[:, [2, 5]], start[:, [2, 5]])
+
+
+def test_a_ball_in_the_air_earns_nothing() -> None:
+    env = make("SpringBalance-v0")
+    env.reset(seed=0)
+    simulator = env.unwrapped.episodes.simulator
+    x, v = simulator.positions, simulator.velocities
+    x[0, -1, 2] += 0.1
+    simulator.place(x, v)
+    _, reward, terminated, _, info = env.step(np.zeros(2))
+    assert info["gap"] > 0.02
+    assert reward == 0.0
+    assert not terminated
+
+
+def test_a_ball_held_in_the_middle_does_not_do_it() -> None:
+    """The place moves, and the middle is no part of it."""
+    task = task_type("SpringBalance-v0")(observation="frame")
+    follow = classical("SpringBalance-v0")
+    unit = np.repeat([entry.unit for entry in task.entries], [entry.size for entry in task.entries])
+
+    def stay(seen: np.ndarray) -> np.ndarray:
+        known = unit * seen
+        known[:, :2] += known[:, 8:10]
+        known[:, 8:] = 0.0
+        return follow((known / unit).astype(np.float32))
+
+    cheat = play("SpringBalance-v0", stay, COPIES, {"radius": 0.2}, observation="frame")
+    honest = play("SpringBalance-v0", follow, COPIES, {"radius": 0.2}, observation="frame")
+    assert (cheat.lengths == 500).all()
+    assert not cheat.successes.any()
+    assert cheat.returns.max() < 0.3 < 0.8 < honest.returns.min()
+
+
+# --- SpringShove ----------------------------------------------------------------------------------------
+
+
+def test_a_box_that_is_not_touched_stays() -> None:
+    env = make("SpringShove-v0")
+    env.reset(seed=0)
+    before = env.unwrapped.episodes.particles[0][0, 1:].copy()
+    for _ in range(50):
+        env.step(np.zeros(2))
+    np.testing.assert_allclose(env.unwrapped.episodes.particles[0][0, 1:], before, atol=1e-4)
+
+
+def test_leaning_on_the_box_does_not_pay() -> None:
+    """To push it straight on, whichever way it goes, earns less than a fifth of the honest way."""
+
+    def lean(seen: np.ndarray) -> np.ndarray:
+        way = -seen[:, 7:9]
+        return way / np.linalg.norm(way, axis=1, keepdims=True)
+
+    cheat = play("SpringShove-v0", lean, COPIES, observation="frame")
+    honest = play("SpringShove-v0", classical("SpringShove-v0"), COPIES, observation="frame")
+    assert not cheat.successes.any()
+    assert cheat.returns.mean() < 0.2 * honest.returns.mean()
+
+
+def test_the_right_place_with_the_wrong_heading_is_no_success() -> None:
+    env = make("SpringShove-v0")
+    env.reset(seed=0, options={"error": 0.0, "heading": 0.5})
+    for _ in range(20):
+        _, reward, *_, info = env.step(np.zeros(2))
+    assert not info["is_success"]
+    right = make("SpringShove-v0")
+    right.reset(seed=0, options={"error": 0.0, "heading": 0.0})
+    for _ in range(20):
+        _, more, *_, info = right.step(np.zeros(2))
+    assert info["is_success"]
+    assert more > reward + 0.1
+
+
+# --- SpringDuel -----------------------------------------------------------------------------------------
+
+
+def test_both_players_see_the_same_duel() -> None:
+    """Turned by half a turn, with the players exchanged, the duel is the same: so is what the first sees."""
+    env = make("SpringDuel-v0", observation="frame", opponent="still")
+    env.reset(seed=3)
+    episodes = env.unwrapped.episodes
+    task, (x, v) = episodes.task, episodes.particles
+    seen = task.seen_by_second(*episodes._whole[:3], episodes.goal)
+    half = np.array([-1.0, -1.0, 1.0])
+    count = x.shape[1] // 2
+    episodes.simulator.place(half * np.roll(x, count, axis=1), half * np.roll(v, count, axis=1))
+    episodes.simulator.read()
+    np.testing.assert_allclose(episodes.observe()[0], seen[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("observation", ["particles", "frame"])
+def test_the_opponent_is_asked_for_all_copies_at_once(observation: str) -> None:
+    """A function of one's own in place of a name is the same duel, to the bit."""
+    asked = []
+
+    def own(seen: np.ndarray) -> np.ndarray:
+        asked.append(seen.shape)
+        return duel.OPPONENTS["strong"](seen)
+
+    pair = [
+        make_vec("SpringDuel-v0", 3, "native", "SameStep", opponent=opponent, observation=observation)
+        for opponent in (own, "strong")
+    ]
+    for envs in pair:
+        envs.reset(seed=0)
+    for _ in range(30):
+        action = np.ones((3, 2), np.float32)
+        first, second = (envs.step(action) for envs in pair)
+        np.testing.assert_array_equal(first[0], second[0])
+    assert set(asked) == {(3, 18)}
+
+
+@pytest.mark.parametrize(
+    ("opponent", "error", "message"),
+    [
+        ("weak", ValueError, "opponent is 'weak'; it must be one of 'still', 'guard', 'script', 'strong'"),
+        (3, TypeError, "opponent is 3; it must be a name or a function"),
+    ],
+)
+def test_unknown_opponents_are_refused(opponent: object, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        make("SpringDuel-v0", opponent=opponent)
+
+
+@pytest.mark.parametrize("given", [np.zeros(2), np.full((1, 2), np.nan)])
+def test_what_an_opponent_gives_is_checked(given: np.ndarray) -> None:
+    env = make("SpringDuel-v0", opponent=lambda seen: given)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"the opponent gave .* finite actions of shape \(1, 2\)"):
+        env.step(np.zeros(2))
+
+
+def test_waiting_does_not_win() -> None:
+    """Left to itself, a top loses; kept in the middle, it earns less than a win."""
+    for policy in (duel.OPPONENTS["still"], duel.OPPONENTS["guard"]):
+        idle = play("SpringDuel-v0", policy, COPIES, observation="frame")
+        assert (500 * idle.returns[~idle.successes]).max(initial=0.0) < 0.5
+
+
+# --- Two agents -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("observation", ["particles", "frame"])
+def test_pettingzoo(observation: str) -> None:
+    parallel_api_test(parallel("SpringDuel-v0", observation=observation), num_cycles=200)
+    parallel_seed_test(lambda: parallel("SpringDuel-v0", observation=observation), num_cycles=100)
+
+
+@pytest.mark.parametrize("observation", ["particles", "frame"])
+def test_two_agents_are_an_agent_and_its_opponent(observation: str) -> None:
+    """To the bit, for the first; and what the second sees is what an opponent is asked with."""
+    asked = []
+
+    def script(seen: np.ndarray) -> np.ndarray:
+        asked.append(seen.copy())
+        return duel.OPPONENTS["strong"](seen)
+
+    single = make("SpringDuel-v0", opponent=script, observation=observation)
+    both = parallel("SpringDuel-v0", observation=observation)
+    one, _ = single.reset(seed=4)
+    two, _ = both.reset(seed=4)
+    for n in range(500):
+        np.testing.assert_array_equal(one, two["first"])
+        one, reward, terminated, truncated, info = single.step(np.array([0.5, -0.5]))
+        if observation == "frame":
+            np.testing.assert_array_equal(asked[n][0], two["second"])
+        second = duel.OPPONENTS["strong"](asked[n])[0]
+        two, rewards, ended, _, infos = both.step({"first": np.array([0.5, -0.5]), "second": second})
+        assert rewards["first"] == reward
+        assert infos["first"]["away"] == info["away"] == infos["second"]["other_away"]
+        if terminated or truncated:
+            break
+    assert terminated
+    assert ended == {"first": True, "second": True}
+    assert both.agents == []
+    assert sum(infos[name]["is_success"] for name in ("first", "second")) == 1
+    assert max(rewards.values()) > 0.9
+
+
+def test_the_second_agent_sees_its_particles_first() -> None:
+    both = parallel("SpringDuel-v0")
+    seen, _ = both.reset(seed=0)
+    turned = seen["first"].reshape(2, 2, -1, 3)[:, ::-1] * np.array([-1, -1, 1])
+    np.testing.assert_allclose(seen["second"].reshape(2, 2, -1, 3), turned, atol=1e-6)
+
+
+def test_refusals_of_two_agents() -> None:
+    with pytest.raises(ValueError, match="env_id is 'SpringTop-v0'; of several agents there is Spring"):
+        parallel("SpringTop-v0")
+    with pytest.raises(ValueError, match="opponent is given to an environment of two agents"):
+        parallel("SpringDuel-v0", opponent="still")
+    both = parallel("SpringDuel-v0")
+    both.reset(seed=0)
+    with pytest.raises(ValueError, match="actions has none for 'second'"):
+        both.step({"first": np.zeros(2)})
