@@ -132,9 +132,13 @@ def made(what: Round, copies: int | None) -> Any:
             **what.arguments,
         )
     scene = load(what.env_id.removeprefix("scene ")).scene
-    weight = 9.81 * scene.body.mass
-    size = float(np.ptp(scene.body.positions, axis=0).max())
-    actuators = {"force": 0.3 * weight} | ({"torque": 0.03 * weight * size} if size > 0 else {})
+    first = scene.bodies[0]
+    name = f"{first.name}." if len(scene.bodies) > 1 else ""
+    weight = 9.81 * first.body.mass
+    size = float(np.ptp(first.body.positions, axis=0).max())
+    actuators = {f"{name}force": 0.3 * weight}
+    if size > 0:
+        actuators[f"{name}torque"] = 0.03 * weight * size
     batch = {} if copies is None else {"autoreset_mode": what.autoreset, "threads": what.threads}
     return springgym.make_scene_env(
         scene,
@@ -286,10 +290,10 @@ class Player:
         drift = np.abs(m.balance - episodes.balance)
         simulator = episodes.simulator
         scene = simulator.scene
-        rough = len(scene.surfaces) > 0 or simulator.dtype == np.float32
+        rough = bool(scene.surfaces or scene.meetings) or simulator.dtype == np.float32
         # what hardly moves quivers, by as much energy as a fall through a small share of its size gives
         size = float(np.ptp(scene.positions, axis=0).max()) or 1.0
-        least = QUIVER * float(scene.body.mass) * 9.81 * size
+        least = QUIVER * sum(placed.body.mass for placed in scene.bodies) * 9.81 * size
         least += 8 * float(np.finfo(simulator.dtype).eps) * np.abs(m.gravity)
         most = (ROUGH_DRIFT if rough else DRIFT) * self.scale + least
         too_much = ~changed & (drift > most)
