@@ -233,7 +233,7 @@ class SpringDuel(Task):
         placed = []
         for n, whose in enumerate(("", "other_")):
             tilt, azimuth, spin, sense = rng.uniform(low, high).tolist()
-            tilt = number(options, f"{whose}tilt", tilt, 0.0, 0.5)
+            tilt = number(options, f"{whose}tilt", tilt, 0.0, 0.45)
             spin = number(options, f"{whose}spin", math.copysign(spin, sense), -SPINS[1], SPINS[1])
             placed.append(self._standing(bearing + n * math.pi, tilt, azimuth, spin, factors))
         (x, v), (others_x, others_v) = placed
@@ -268,10 +268,14 @@ class SpringDuel(Task):
 
     def respond(self, m: Measures, x: np.ndarray, v: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
         seen = self.seen_by_second(m, x, v, goal)
-        action = np.asarray(self.opponent(seen), np.float64)
+        given = self.opponent(seen)
+        try:
+            action = np.asarray(given, np.float64)
+        except (TypeError, ValueError):
+            action = np.array(math.nan)
         if action.shape != (len(x), 2) or not np.isfinite(action).all():
             raise ValueError(
-                f"the opponent gave {shown(action)}; it must give finite actions of shape {(len(x), 2)}"
+                f"the opponent gave {shown(given)}; it must give finite actions of shape {(len(x), 2)}"
             )
         push = -FORCE * np.clip(action, -1.0, 1.0)  # its axes are turned by half a turn
         return {"second.thrust": np.pad(push, ((0, 0), (0, 1)))[:, None]}

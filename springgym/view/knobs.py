@@ -51,10 +51,12 @@ def _linear(unit: str, low: float, high: float, step: float) -> Callable[..., Kn
     return knob
 
 
-def _share(unit: str) -> Callable[..., Knob]:
-    """A slider to four times what the file has."""
+def _share(unit: str) -> Callable[..., Knob | None]:
+    """A slider to four times what the file has; none if that is nothing."""
 
-    def knob(path: tuple[str, ...], value: float) -> Knob:
+    def knob(path: tuple[str, ...], value: float) -> Knob | None:
+        if value <= 0:
+            return None
         step = 10.0 ** math.floor(math.log10(value / 20))
         label = f"{path[-1].replace('_', ' ')} {unit}"
         return Knob(path, label, value, max(step, round(value / 5 / step) * step), 4 * value, step)
@@ -62,10 +64,12 @@ def _share(unit: str) -> Callable[..., Knob]:
     return knob
 
 
-def _decades(unit: str) -> Callable[..., Knob]:
-    """A slider on the logarithm, from a hundredth to ten times what the file has."""
+def _decades(unit: str) -> Callable[..., Knob | None]:
+    """A slider on the logarithm, from a hundredth to ten times what the file has; none if that is nothing."""
 
-    def knob(path: tuple[str, ...], value: float) -> Knob:
+    def knob(path: tuple[str, ...], value: float) -> Knob | None:
+        if value <= 0:
+            return None
         start = math.log10(value)
         label = f"log₁₀ {path[-1]} {unit}"
         return Knob(path, label, value, round(start - 2, 1), round(start + 1, 1), 0.05, True)
@@ -73,7 +77,7 @@ def _decades(unit: str) -> Callable[..., Knob]:
     return knob
 
 
-KNOBS: dict[str, dict[str, Callable[..., Knob]]] = {
+KNOBS: dict[str, dict[str, Callable[..., Knob | None]]] = {
     "start": {
         "spin": _linear("[rad/s]", 0.0, 100.0, 0.5),
         "tilt": _linear("[rad]", 0.0, 1.5, 0.01),
@@ -134,7 +138,8 @@ def _section(
     for key, knob in KNOBS[section].items():
         value = values.get(key)
         if isinstance(value, (int, float)) and not isinstance(value, bool):
-            yield knob((*path, section, key), float(value))
+            if made := knob((*path, section, key), float(value)):
+                yield made
 
 
 def _numbers(make: Callable[..., Any]) -> dict[str, float]:
