@@ -42,6 +42,11 @@ def environment(row: Row, suffix: str) -> Any:
     return getattr(import_module(f"springgym.envs.{row.module}"), row.name + suffix)
 
 
+def alone() -> list[Row]:
+    """Environments without bodies that collide, for which there is an independent reference."""
+    return [row for row in ENVIRONMENTS if not environment(row, "Env").task_type().scene.meetings]
+
+
 def describe(row: Row) -> str:
     """The page of an environment: its docstring, under its id and a film of the classical controller."""
     text = inspect.cleandoc(environment(row, "Env").__doc__)
@@ -158,11 +163,11 @@ def table_of_errors() -> list[str]:
         f"first {STEPS} control periods, or those until it ends, of {EPISODES} episodes. The reference is "
         "`dopri5` with a tolerance of 1e-13, on surfaces `verlet` with steps of h/1024; the last column is "
         "its largest distance from a second one, `rk4` with h/128, on surfaces `verlet` with h/256: impacts "
-        "converge to first order only.\n",
+        "converge to first order only. Bodies that collide are not in this table yet.\n",
         "| environment | step h | median error | largest error | references apart |",
         "|---|---|---|---|---|",
     ]
-    return lines + rows_of_errors(ENVIRONMENTS)
+    return lines + rows_of_errors(alone())
 
 
 def rows_of_errors(environments: Iterable[Row]) -> list[str]:
@@ -223,7 +228,7 @@ def table_of_estimates() -> list[str]:
         "| environment | arguments | median error | estimate / error | middle 90 % |",
         "|---|---|---|---|---|",
     ]
-    return lines + rows_of_estimates(ENVIRONMENTS)
+    return lines + rows_of_estimates(alone())
 
 
 def rows_of_estimates(environments: Iterable[Row]) -> list[str]:
@@ -403,7 +408,7 @@ def main() -> None:
         "--error",
         nargs="+",
         metavar="ID",
-        choices=[row.id for row in ENVIRONMENTS],
+        choices=[row.id for row in alone()],
         help="their errors alone",
     )
     options = parser.parse_args()

@@ -170,7 +170,7 @@ class SpringDuel(Task):
         self, observation: str = "particles", action: str = "push", opponent: str | Opponent = "script"
     ) -> None:
         super().__init__(observation, action)
-        if not callable(opponent):
+        if not callable(opponent) or isinstance(opponent, type):
             if not isinstance(opponent, str):
                 raise TypeError(f"opponent is {shown(opponent)}; it must be a name or a function")
             opponent = OPPONENTS[chosen("opponent", opponent, OPPONENTS)]

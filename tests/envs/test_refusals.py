@@ -80,6 +80,8 @@ def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
     made = 0
     for name in names:
         for junk in JUNK:
+            if name == "opponent" and callable(junk) and not isinstance(junk, type):
+                continue  # a function is asked when it is to act
             if name == "friction" and isinstance(junk, (int, float)) and junk == 0:
                 continue  # another scene, which is compiled: as good as any
             for env in tried(lambda name=name, junk=junk: kind(**{name: junk}), name):
@@ -127,7 +129,7 @@ def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> No
     calls += [({"options": {"randomize": junk}}, "randomize") for junk in JUNK]
     calls += [({"options": junk}, "option") for junk in JUNK]
     calls += [({"seed": junk}, "seed") for junk in JUNK]
-    calls += [({"seed": 1, "options": {"mood": 1}}, "mood"), ({"options": {"x": 1, names[0]: 0.5}}, "x")]
+    calls += [({"seed": 1, "options": {"mood": 1}}, "mood"), ({"options": {"x": 1, names[0]: 0.4}}, "x")]
     taken = 0
     before = frozen(env)
     for given, name in calls:
