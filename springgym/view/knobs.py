@@ -137,9 +137,10 @@ def _section(
     values = {**defaults, **(given if isinstance(given, Mapping) else {})}
     for key, knob in KNOBS[section].items():
         value = values.get(key)
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            if made := knob((*path, section, key), float(value)):
-                yield made
+        if not isinstance(value, (int, float)) or isinstance(value, bool):
+            continue
+        if made := knob((*path, section, key), float(value)):
+            yield made
 
 
 def _numbers(make: Callable[..., Any]) -> dict[str, float]:
