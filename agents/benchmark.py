@@ -40,6 +40,7 @@ from runs import locked, open_run, versions, write_atomically
 from tqdm import tqdm
 
 from springgym.cli import INTERRUPTED, guarded
+from springgym.extras import install
 from springgym.registration import ENVIRONMENTS, VARIANTS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -374,7 +375,7 @@ def parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> 
     if options.address and options.jobs:
         parser.error("--jobs is for this machine; a cluster has as many as it has cores")
     if not options.local and find_spec("ray") is None:
-        parser.error("Ray is not installed: pip install springgym[scale], or give --local")
+        parser.error(f"Ray is not installed: {install('scale')}, or give --local")
     return options
 
 

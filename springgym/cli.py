@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import io
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -16,6 +17,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gymnasium.error import DependencyNotInstalled
+
+from springgym.extras import install
 
 COMMANDS = {
     "simulate": ("springgym.simulating", "scenes", "run a scene; plot it, film it, hold it against theory"),
@@ -74,6 +77,7 @@ def guarded(
     extra
         What holds the packages that the command needs, of `springgym[...]`.
     """
+    _tell_of_compiling(program)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a Greek letter that it lacks becomes a question mark
             stream.reconfigure(errors="replace")
@@ -93,11 +97,27 @@ def guarded(
         return INTERRUPTED
 
 
+def _tell_of_compiling(program: str) -> None:
+    """Have a first run say, once, why it is silent: to a person at a terminal, not into a file."""
+    logger = logging.getLogger("springgym")
+
+    def once(_: logging.LogRecord) -> bool:
+        logger.setLevel(logging.WARNING)
+        return True
+
+    if sys.stderr.isatty() and not logger.handlers:
+        handler = logging.StreamHandler()
+        handler.setFormatter(logging.Formatter(f"{program}: %(message)s"))
+        handler.addFilter(once)
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
+
+
 def _told(error: Exception, extra: str) -> str:
     """An error in a line."""
     message: object = error.args[0] if isinstance(error, KeyError) and error.args else error
     if isinstance(error, ModuleNotFoundError) and extra:
-        message = f"{error}: pip install springgym[{extra}]"
+        message = f"{error}: {install(extra)}"
     if isinstance(error, MemoryError):
         message = str(error) or "not enough memory"
     return " ".join(str(message).split()) or type(error).__name__

@@ -20,6 +20,7 @@ With ``NUMBA_BOUNDSCHECK=1`` in the environment all compiled functions check eve
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import pickle
 import platform
@@ -41,6 +42,7 @@ if numba.config.DISABLE_JIT:
     raise ImportError("springgym computes on LLVM values, for which it is compiled: unset NUMBA_DISABLE_JIT")
 
 PACKAGE = __name__.partition(".")[0]
+LOGGER = logging.getLogger(PACKAGE)
 
 OPTIONS = {"error_model": "numpy", "_nrt": False}
 """IEEE arithmetic (no fastmath); no allocation, hence no counting of references to arrays, which cost as
@@ -265,15 +267,14 @@ class SourceKeyedCache:
         try:
             target_context.refresh()
             path = self._path(sig, target_context.codegen())
-            if path is None:
-                return None
-            content = path.read_bytes()
+            content = path.read_bytes() if path is not None else b""
             payload = content[DIGEST:]
-            if content[:DIGEST] != _checksum(path, payload):
-                return None
-            return REBUILD(target_context, *pickle.loads(payload))
+            if path is not None and content[:DIGEST] == _checksum(path, payload):
+                return REBUILD(target_context, *pickle.loads(payload))
         except Exception:  # whatever is wrong with an entry: it is compiled anew, and replaced
-            return None
+            pass
+        LOGGER.info("compiling: a first run takes seconds to a minute, later ones start at once")
+        return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a compiled function."""

@@ -16,10 +16,12 @@ from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
+from springgym.extras import missing
+
 try:
     import yaml
-except ImportError as missing:
-    raise ImportError("reading YAML needs pyyaml: pip install springgym[scenes]") from missing
+except ImportError as error:
+    raise ImportError(missing("reading YAML", "pyyaml", "scenes")) from error
 
 from springgym.checks import HUGE, shown
 

@@ -1,11 +1,17 @@
 """What commands share: errors in a line, and files that are whole or not there."""
 
+import logging
 import os
 import stat
+import sys
 
+import numba
 import pytest
 
+from springgym import extras
 from springgym.cli import guarded, main, whole_file
+from springgym.compiling import kernel
+from springgym.extras import install
 
 
 def write_half(path, error):
@@ -70,7 +76,7 @@ def raising(error):
         (KeyError(), "KeyError"),
         (OSError(), "OSError"),
         (MemoryError(), "not enough memory"),
-        (ModuleNotFoundError("No module named 'a'"), "No module named 'a': pip install springgym[plot]"),
+        (ModuleNotFoundError("No module named 'a'"), f"No module named 'a': {install('plot')}"),
     ],
 )
 def test_what_can_be_mended_is_a_line(capsys, error, says):
@@ -103,3 +109,30 @@ def test_what_would_be_lost_after_minutes_is_told_at_once(arguments, says, tmp_p
     (tmp_path / "accuracy.json").write_text("half a rep")
     assert main([argument.replace("OUT", str(tmp_path)) for argument in arguments]) == 2
     assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_first_run_says_once_why_it_is_silent(capsys, monkeypatch, tmp_path, terminal):
+    """To a person; what is written into a file stays as it was."""
+    logger = logging.getLogger("springgym")
+    monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
+
+    def compile_two() -> int:
+        for _ in range(2):
+            kernel(lambda n: n + 1).compile((numba.int64,))
+        return 0
+
+    try:
+        assert guarded("name", compile_two) == 0
+    finally:
+        logger.handlers.clear()
+        logger.setLevel(logging.NOTSET)
+    assert capsys.readouterr().err.count("name: compiling: a first run takes") == int(terminal)
+
+
+def test_how_to_install_is_of_the_package_or_of_the_clone(monkeypatch, tmp_path):
+    monkeypatch.setattr(extras, "SOURCE", tmp_path)
+    assert install("view") == 'pip install "springgym[view]"'
+    (tmp_path / "pyproject.toml").touch()
+    assert install("view") == f'pip install -e "{tmp_path}[view]"'

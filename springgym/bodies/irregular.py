@@ -13,6 +13,7 @@ import numpy as np
 
 from springgym.bodies.body import Body, pieces, rigid_motions, rigidity_matrix
 from springgym.checks import TINY, array, chosen, instance, number, shown
+from springgym.extras import missing
 
 MOST_VERTICES = 400
 """Finer bodies are refused: their particles are so light that only tiny steps are stable, and looking for
@@ -96,7 +97,7 @@ def from_mesh(
     Parameters
     ----------
     path
-        The file; it needs ``trimesh`` (``pip install springgym[mesh]``).
+        The file; it needs ``trimesh`` (extra ``mesh``).
     mass
         Total [kg].
     by
@@ -145,7 +146,7 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
     try:
         import trimesh
     except ImportError as error:
-        raise ImportError("reading a mesh needs trimesh: pip install springgym[mesh]") from error
+        raise ImportError(missing("reading a mesh", "trimesh", "mesh")) from error
     scale = number("scale", scale, low=TINY)
     path = Path(instance("path", path, str, PathLike))
     if not path.is_file():

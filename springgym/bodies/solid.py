@@ -302,7 +302,7 @@ def solid_mesh(path: str | Path, material: Material | str, scale: float = 1.0, s
     Parameters
     ----------
     path
-        The file; it needs ``trimesh`` (``pip install springgym[mesh]``).
+        The file; it needs ``trimesh`` (extra ``mesh``).
     material
         A `springgym.materials.Material`, or the name of one in `springgym.materials.MATERIALS`.
     scale

@@ -13,15 +13,14 @@ from springgym.checks import chosen, whole
 from springgym.envs.base import SpringEnv, _Common, _plain, _seed, frame_rate
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
 from springgym.envs.task import MET
+from springgym.extras import missing
 from springgym.measures import Measures
 from springgym.rendering import Renderer
 
 try:
     from pettingzoo import ParallelEnv
 except ImportError as error:
-    raise ImportError(
-        'springgym.envs.parallel needs PettingZoo. Install it with: pip install "springgym[parallel]"'
-    ) from error
+    raise ImportError(missing("springgym.envs.parallel", "PettingZoo", "parallel")) from error
 
 AGENTS = ("first", "second")
 OPTIONS = ("tilt", "spin", "other_tilt", "other_spin", "randomize")

@@ -16,6 +16,8 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 
+from springgym.extras import missing
+
 try:
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor
     from stable_baselines3.common.vec_env.base_vec_env import (
@@ -24,9 +26,7 @@ try:
         VecEnvStepReturn,
     )
 except ImportError as error:
-    raise ImportError(
-        'springgym.envs.sb3 needs Stable-Baselines3. Install it with: pip install "springgym[agents]"'
-    ) from error
+    raise ImportError(missing("springgym.envs.sb3", "Stable-Baselines3", "agents")) from error
 
 from springgym.envs.base import SpringVectorEnv
 

@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import ArrayLike, NDArray
 
+from springgym.extras import missing
 from springgym.rendering.camera import Camera
 
 Array = NDArray[np.float64]
@@ -31,9 +32,7 @@ def import_pygame() -> Any:
         import pygame.font
         import pygame.gfxdraw
     except ImportError as error:
-        raise DependencyNotInstalled(
-            'pygame is not installed, run `pip install "springgym[render]"`'
-        ) from error
+        raise DependencyNotInstalled(missing("drawing", "pygame", "render")) from error
     return pygame
 
 

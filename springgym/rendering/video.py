@@ -10,6 +10,8 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
+from springgym.extras import missing
+
 Frame = NDArray[np.uint8]
 
 
@@ -59,7 +61,7 @@ def _checked(frames: Iterable[Frame]) -> Iterator[Frame]:
 
 
 def _missing(package: str) -> DependencyNotInstalled:
-    return DependencyNotInstalled(f'{package} is not installed, run `pip install "springgym[render]"`')
+    return DependencyNotInstalled(missing("a film", package, "render"))
 
 
 def _write_mp4(frames: Iterator[Frame], target: Path, fps: float) -> None:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from springgym.bodies.elastic import Elastic
+from springgym.extras import missing
 from springgym.rendering import Camera
 from springgym.scenes import film
 from springgym.scenes.plan import Plot
@@ -69,7 +70,7 @@ def draw(recording: Recording) -> Figure:
         import matplotlib
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise ImportError("plots need matplotlib: pip install springgym[plot]") from error
+        raise ImportError(missing("a plot", "matplotlib", "plot")) from error
     plan = recording.plan
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11, 4.6 if plan.plot == "top" else 5.8), dpi=DPI, layout="constrained")

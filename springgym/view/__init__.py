@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from springgym.extras import missing
 from springgym.scenes import load, names
 from springgym.scenes.film import told
 from springgym.scenes.recording import Recording, record
@@ -175,7 +176,7 @@ def _server(port: int) -> Any:
     try:
         import viser
     except ImportError as error:
-        raise ImportError("viewing needs viser: pip install springgym[view]") from error
+        raise ImportError(missing("viewing", "viser", "view")) from error
     with redirect_stdout(io.StringIO()):  # it prints its address in a frame; ours is a line
         return viser.ViserServer(host="127.0.0.1", port=port, label="springgym", verbose=False)
 

@@ -17,6 +17,7 @@ from gymnasium.vector import AutoresetMode
 import springgym
 from springgym.envs.base import frame_rate
 from springgym.envs.task import Task
+from springgym.extras import install
 from tests.envs.cases import IDS, QUICK, each_id, make, make_vec, task_type
 from tests.envs.test_contract import answered
 
@@ -208,7 +209,7 @@ def test_scene_environments_need_the_base_install_alone() -> None:
     """Scenes as text need PyYAML, and say so."""
     done = subprocess.run([sys.executable, "-c", BASE_ONLY], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    assert "pip install springgym[scenes]" in done.stdout
+    assert install("scenes") in done.stdout
 
 
 def test_public_names() -> None:

@@ -18,6 +18,7 @@ import pytest
 from springgym import cli, simulating
 from springgym.bodies import Body
 from springgym.cli import main
+from springgym.extras import install, missing
 from springgym.scene import Scene
 from springgym.scenes import load, names
 from springgym.scenes.checks import CHECKS, Check
@@ -223,14 +224,14 @@ def test_unknown_options_are_refused(capsys):
 def test_missing_package_is_one_line(capsys, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert main([*SHORT, "--plot", str(tmp_path / "a.png")]) == 2
-    assert "plots need matplotlib: pip install springgym[plot]" in capsys.readouterr().err
+    assert missing("a plot", "matplotlib", "plot") in capsys.readouterr().err
 
 
 def test_missing_package_names_the_extra_of_the_command(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "scipy.optimize", None)
     assert main(["simulate", "bungee"]) == 2
     assert "scipy.optimize" in (error := capsys.readouterr().err)
-    assert error.endswith(": pip install springgym[scenes]\n")
+    assert error.endswith(f": {install('scenes')}\n")
 
 
 def test_interrupt_keeps_what_was_computed(capsys, monkeypatch, tmp_path):
