@@ -25,9 +25,9 @@ from springgym.compiling import SameTypes
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.pairs import PairReadings
-from springgym.integrators.record import COUNTS, Control
+from springgym.integrators.record import COUNTS, Control, Motion
 from springgym.lanes import Ragged
-from springgym.measures import Measures, Readout
+from springgym.measures import Marks, Measures, Reading, Readout
 from springgym.packing import PARAMETERS, Options, Packed, pack
 from springgym.ragged import share, stacked
 from springgym.scene import Scene
@@ -153,8 +153,10 @@ class Simulator:
         """what was read off the copies last, see `read`: one row a copy, of no use to write to"""
         room = (measures.SIZE,) if bodies == 1 else (2, measures.SIZE)
         self._space = aligned_zeros((len(shares), *room), self._x.dtype)
-        self._pivot = stacked([placed.pivot for placed in scene.bodies])
-        self._markers = stacked([np.array(placed.body.markers, np.uint32) for placed in scene.bodies])
+        self._marks = Marks(
+            stacked([placed.pivot for placed in scene.bodies]),
+            stacked([np.array(placed.body.markers, np.uint32) for placed in scene.bodies]),
+        )
         self._busy = len(scene.springs) + len(scene.meetings)
         options = Options(self.integrator, self.step, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
@@ -223,15 +225,20 @@ class Simulator:
         return Control(self.step, float(relative), float(absolute), self._blocks(COUNTS))
 
     @cached_property
-    def _moving(self) -> tuple[Any, Any, Any]:
-        """Positions, velocities and ledger as kernels take them: of several bodies, each a `Ragged`."""
+    def _motion(self) -> Motion:
+        """Positions, velocities and ledger as kernels take them."""
         slices = self.scene.slices
         if len(slices) == 1:
-            return self._x, self._v, self._ledger
+            return Motion(self._x, self._v, self._ledger)
         particles = np.array([0, *(own.stop for own in slices)])
         entries = np.arange(len(slices) + 1) * ENTRIES
         ledger = None if self._ledger is None else Ragged(self._ledger, entries)
-        return Ragged(self._x, particles), Ragged(self._v, particles), ledger
+        return Motion(Ragged(self._x, particles), Ragged(self._v, particles), ledger)
+
+    @cached_property
+    def _readings(self) -> list[Reading]:
+        """How each thread reads copies off."""
+        return [Reading(self.readout, space, self._marks) for space in self._space]
 
     @cached_property
     def _acting(self) -> Any:
@@ -553,19 +560,15 @@ class Simulator:
         In rigid dynamics, particles are put onto the rigid shape first if ``settles``: no step without it.
         """
         self._advance(
-            *self._moving,
+            self._motion,
             self._workspace[thread],
-            first,
-            last,
+            (first, last),
             self._control,
             steps,
             settles,
             self._acting,
+            self._readings[thread],
             reads,
-            self.readout,
-            self._space[thread],
-            self._pivot,
-            self._markers,
         )
 
     def counts(self) -> np.ndarray:
@@ -675,7 +678,8 @@ class Simulator:
         left_out = (
             "_advance",
             "_actuators",
-            "_moving",
+            "_motion",
+            "_readings",
             "_acting",
             "_packed",
             "_kind",

@@ -15,8 +15,8 @@ import numpy as np
 from springgym.blocks import at
 from springgym.checks import instance, shown
 from springgym.compiling import Inner, compiled, kernel
-from springgym.integrators.record import Integrator
-from springgym.kinds import Ledger, Numbers
+from springgym.integrators.record import Integrator, Motion
+from springgym.kinds import Ledger
 from springgym.lanes import bodies_of, of_body
 
 if TYPE_CHECKING:
@@ -101,8 +101,8 @@ def advance_kernel(
     Bodies that collide take each step ``together``, others one after another take all.
 
     If the kernel is called with ``reads``, it then reads them off by ``read``, a compiled function like
-    `springgym.measures.read`. Only kernels of rigid bodies make use of ``settles``: springs need not be put
-    into shape.
+    `springgym.measures.read`, which takes ``reading``, a `springgym.measures.Reading`. Only kernels of rigid
+    bodies make use of ``settles``: springs need not be put into shape.
     """
     if together:
         return _kernel(_method(name, "integrate_together")[1], at_once, read)
@@ -140,27 +140,21 @@ def _kernel(
 ) -> Callable[..., None]:
     @kernel
     def advance(
-        x: Any,
-        v: Any,
-        ledger: Ledger,
+        motion: Motion,
         workspace: np.ndarray,
-        first: Any,
-        last: Any,
+        blocks: tuple[int, int],
         h: Any,
         steps: int,
         settles: bool,
-        terms: Terms,
+        terms: Any,
+        reading: Any,
         reads: bool,
-        readout: Any,
-        space: Numbers,
-        pivot: np.ndarray,
-        markers: np.ndarray,
     ) -> None:
-        for block in range(first, last):
-            xb, vb, entries, own = at(x, block), at(v, block), at(ledger, block), at(terms, block)
+        for block in range(blocks[0], blocks[1]):
+            here, own = at(motion, block), at(terms, block)
             if steps > 0:
-                take(integrate, xb, vb, entries, workspace, at(h, block), steps, own)
+                take(integrate, here.x, here.v, here.ledger, workspace, at(h, block), steps, own)
             if reads:
-                read(block, xb, vb, entries, readout, space, pivot, markers, own)
+                read(block, here, reading, own)
 
     return advance

@@ -1,4 +1,4 @@
-"""What is to be known of an integrator, and what one that controls its error is given."""
+"""What is to be known of an integrator, what it moves, and what one that controls its error is given."""
 
 from __future__ import annotations
 
@@ -58,6 +58,17 @@ class Integrator:
 
 STEPS, REJECTIONS, ITERATIONS = range(3)
 COUNTS = 3
+
+
+class Motion(NamedTuple):
+    """How copies move, and what became of their energy: of several bodies, each field is a `Ragged`."""
+
+    x: Any
+    """positions [m]"""
+    v: Any
+    """velocities [m/s]"""
+    ledger: Any
+    """see `springgym.forces.ledger`; None if it is not kept"""
 
 
 class Control(NamedTuple):

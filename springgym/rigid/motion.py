@@ -23,6 +23,7 @@ from springgym.blocks import at
 from springgym.compiling import compiled, kernel
 from springgym.forces.memory import PHASE, remember, resume, share_actions
 from springgym.forces.node import span_of
+from springgym.integrators.record import Motion
 from springgym.kinds import Ledger, Number, Numbers, Rows
 from springgym.lanes import bodies_of, load, of_body
 from springgym.rigid.contact import LOADS, clearance, pass_node, reach_node, read_node, set_loads
@@ -206,39 +207,24 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
 
     @kernel
     def advance(
-        x: Any,
-        v: Any,
-        ledger: Ledger,
+        motion: Motion,
         workspace: np.ndarray,
-        first: Any,
-        last: Any,
-        h: Any,
+        blocks: tuple[int, int],
+        h: float,
         steps: int,
         settles: bool,
-        terms: Terms,
+        terms: Any,
+        reading: Any,
         reads: bool,
-        readout: Any,
-        space: Numbers,
-        pivot: np.ndarray,
-        markers: np.ndarray,
     ) -> None:
-        for block in range(first, last):
-            xb, vb, entries, all_terms = at(x, block), at(v, block), at(ledger, block), at(terms, block)
+        for block in range(blocks[0], blocks[1]):
+            here, all_terms = at(motion, block), at(terms, block)
             if settles:
-                for body in range(bodies_of(xb)):
+                for body in range(bodies_of(here.x)):
+                    x, v, ledger = of_body(here, body)
                     rigid, asymmetry, own = of_body(all_terms, body)
-                    move(
-                        of_body(xb, body),
-                        of_body(vb, body),
-                        of_body(entries, body),
-                        workspace,
-                        h,
-                        steps,
-                        rigid,
-                        asymmetry,
-                        own,
-                    )
+                    move(x, v, ledger, workspace, h, steps, rigid, asymmetry, own)
             if reads:
-                read(block, xb, vb, entries, readout, space, pivot, markers, all_terms[2])
+                read(block, here, reading, all_terms[2])
 
     return advance
