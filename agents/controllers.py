@@ -19,7 +19,7 @@ from gymnasium import spaces
 from runs import HELD_OUT_SEED
 
 from springgym.bodies.rotations import axes
-from springgym.envs import detumble, free_top, top, tumble
+from springgym.envs import detumble, free_top, juggle, top, tumble
 from springgym.envs.agent import Policy
 from springgym.envs.task import Task
 from springgym.registration import find
@@ -328,6 +328,38 @@ def shove_push(task: Task, observations: np.ndarray) -> np.ndarray:
     return _saturated(np.einsum("nji,nj->ni", turn, force), task.limits)
 
 
+def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.ndarray:
+    """SpringJuggle: hit the ball at the height of home, with the speed and tilt that send it to the middle.
+
+    It is to leave with √(2gh) upwards and −r/T sideways, to be in the middle T = 2√(2gh)/g later. A smooth
+    paddle changes its velocity along the normal alone: the axis is to be along u = v' − v, and the paddle to
+    move at v·n + |u|/(1 + b), if a part b of the speed at which they meet, s = |u|/(1 + b), is left: the paddle
+    yields, and b = 2e − 1.05 − 0.03 s fits its bounces, e being the restitution. It comes on a straight line
+    within the last 0.15 s, by 400 (way) + 40 (speed) in force and torque.
+    """
+    seen = task.seen(observations)
+    ball, velocity = seen["ball"].copy(), seen["ball_velocity"].copy()
+    height = np.maximum(ball[:, 2:] - juggle.BALL_RADIUS - 0.003, 0.0)
+    left = (velocity[:, 2:] + np.sqrt(velocity[:, 2:] ** 2 + 2.0 * G * height)) / G
+    place = ball + left * velocity
+    place[:, 2] = 0.0
+    velocity[:, 2:] -= G * left
+    leaving = np.sqrt(2.0 * G * np.maximum(seen["wanted"] - 0.3 * seen["error"], 0.05))
+    change = np.hstack([-place[:, :2] * G / (2.0 * leaving), leaving]) - velocity
+    size = np.linalg.norm(change, axis=1, keepdims=True)
+    normal = change / size
+    meeting = size / 1.7
+    for _ in range(3):
+        meeting = size / (2.0 * task.contact.restitution - 0.05 - 0.03 * meeting)
+    speed = (_dot(velocity, normal) + meeting) * normal
+    soon = left < 0.15
+    axis = np.hstack([seen["axis"], np.sqrt(np.maximum(1.0 - _dot(seen["axis"], seen["axis"]), 0.0))])
+    way = place - speed * np.minimum(left, 0.15) - seen["paddle"] - juggle.HEIGHT / 4 * axis
+    force = juggle.PADDLE_MASS * (400.0 * way + 40.0 * (soon * speed - seen["paddle_velocity"]))
+    torque = 0.034 * (400.0 * np.cross(axis, normal)[:, :2] - 40.0 * seen["turning"])
+    return _saturated(np.hstack([force, torque]), task.limits)
+
+
 def duel_push(task: Task, observations: np.ndarray) -> np.ndarray:
     """SpringDuel: 40 N towards where the other top will be in 0.1 s, and 40 N a metre back to the middle.
 
@@ -361,6 +393,7 @@ CLASSICAL: dict[str, dict[str, Controller]] = {
     "SpringFreeTop-v0": {"push": free_top_push},
     "SpringBalance-v0": {"torque": balance_torque},
     "SpringShove-v0": {"push": shove_push},
+    "SpringJuggle-v0": {"wrench": juggle_wrench},
     "SpringDuel-v0": {"push": duel_push},
 }
 

@@ -1,0 +1,270 @@
+"""SpringJuggle: a paddle in the air keeps a ball bouncing to a height that is asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, ball, top
+from springgym.checks import flag
+from springgym.compiling import compiled, kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.options import number
+from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.task import Start, Task
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, ORANGE
+from springgym.scene import GRAVITY, Placed, Scene, WrenchActuator
+from springgym.scenes import film
+from springgym.surfaces import Contact
+
+PADDLE, BALL = 0, 1
+"""Numbers of the bodies."""
+
+FALL = -GRAVITY[2]  # [m/s²]
+RADIUS, HEIGHT = 0.3, 0.25  # of the paddle, and of its upper side above its tip [m]
+PADDLE_MASS, BALL_MASS = 1.0, 0.03  # [kg]
+BALL_RADIUS = 0.05  # [m]
+FORCE, TORQUE = 30.0, 1.5  # beside the force that carries the paddle [N], [N·m]
+REACH, STRENGTH = 0.01, 1e-3  # of the contact: Δ [m], c [N·m²]
+STRUCK = 0.9 * REACH  # closer to the paddle, a ball is being hit: it rests at 0.985 Δ [m]
+WANTED, HARD_WANTED = (0.4, 0.7), (0.3, 0.9)  # what height is asked for [m]
+DROPPED = (0.3, 0.7)  # the height that the ball has at first [m]
+HOME = 0.3  # how far the paddle may go, up or down and sideways [m]
+ASIDE = 0.5  # and the ball, from the axis [m]
+TIPPED = 0.8  # and the tilt of the paddle [rad]
+WAY_UNIT, SPEED_UNIT = 0.1, 1.0  # what the compact observation shows as 1 of the paddle: [m], [m/s]
+BALL_WAY_UNIT, BALL_SPEED_UNIT = 0.25, 2.0  # of the ball [m], [m/s]
+TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular velocity [rad/s]
+
+
+@compiled
+def apex_of(m: Any, c: Any) -> Any:
+    """Where the ball would be highest if it met nothing, above the place where the paddle begins [m]."""
+    return m.centre[c, BALL, 2] - BALL_RADIUS + m.centre_velocity[c, BALL, 2] ** 2 / (2.0 * FALL)
+
+
+@kernel
+def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    for c in range(out.shape[0]):
+        ball, paddle, n = m.centre[c, BALL], m.centre[c, PADDLE], m.axis[c, PADDLE]
+        error, aside = apex_of(m, c) - goal[c, 0], math.hypot(ball[0], ball[1])
+        crown, above = x.shape[1] - 3, 0.0
+        for axis in range(3):
+            above += (ball[axis] - x[c, crown, axis]) * n[axis]
+        strayed = max(math.hypot(paddle[0], paddle[1]), abs(x[c, crown, 2]))
+        effort = thrift(action, c)
+        out["reward_high"][c] = 0.5 * effort * long_tail(error, 0.3, 0.03)
+        out["reward_true"][c] = 0.5 * effort * gaussian(error, 0.15, 0.03) * gaussian(aside, 0.3, 0.05)
+        out["error"][c] = error
+        out["aside"][c] = aside
+        out["tilt"][c] = math.acos(min(max(n[2], -1.0), 1.0))
+        struck = above - BALL_RADIUS < STRUCK
+        out["met"][c] = (abs(error) < 0.08 or struck) and aside < 0.1
+        out["failed"][c] = above < 0.0 or strayed > HOME or aside > ASIDE or n[2] < math.cos(TIPPED)
+
+
+@kernel
+def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    for c in range(observation.shape[0]):
+        for axis in range(3):
+            observation[c, axis] = m.centre[c, PADDLE, axis] / WAY_UNIT
+            observation[c, 3 + axis] = m.centre_velocity[c, PADDLE, axis] / SPEED_UNIT
+            observation[c, 10 + axis] = m.centre[c, BALL, axis] / BALL_WAY_UNIT
+            observation[c, 13 + axis] = m.centre_velocity[c, BALL, axis] / BALL_SPEED_UNIT
+        for axis in range(2):
+            observation[c, 6 + axis] = m.axis[c, PADDLE, axis] / TILT_UNIT
+            observation[c, 8 + axis] = m.angular_velocity[c, PADDLE, axis] / TURNING_UNIT
+        observation[c, 16] = (apex_of(m, c) - goal[c, 0]) / WAY_UNIT
+        observation[c, 17] = goal[c, 0] / BALL_WAY_UNIT
+
+
+class SpringJuggle(Task):
+    """The MDP of `SpringJuggleEnv`, where it is described."""
+
+    actions: ClassVar = {"wrench": 5}
+    terms = ("high", "true")
+    metrics = ("error", "aside", "tilt")
+    entries = (
+        Entry("paddle", 3, WAY_UNIT),
+        Entry("paddle_velocity", 3, SPEED_UNIT),
+        Entry("axis", 2, TILT_UNIT),
+        Entry("turning", 2, TURNING_UNIT),
+        Entry("ball", 3, BALL_WAY_UNIT),
+        Entry("ball_velocity", 3, BALL_SPEED_UNIT),
+        Entry("error", 1, WAY_UNIT),
+        Entry("wanted", 1, BALL_WAY_UNIT),
+    )
+    goal_size = 1
+    finest = 0.02 / 64
+    hold = 100
+    evaluate = staticmethod(evaluate)
+    compact = staticmethod(compact)
+
+    def __init__(
+        self,
+        observation: str = "particles",
+        action: str = "wrench",
+        restitution: float = 0.95,
+        hard: bool = False,
+    ) -> None:
+        super().__init__(observation, action)
+        self.contact = Contact(restitution=restitution, strength=STRENGTH, reach=REACH)
+        self.wanted = HARD_WANTED if flag("hard", hard) else WANTED
+        self.paddle: Body = top(6, RADIUS, HEIGHT, PADDLE_MASS, stiffness=1e5, damping=60.0)
+        self.ball = ball(BALL_RADIUS, BALL_MASS)
+
+    @cached_property
+    def scene(self) -> Scene:
+        return Scene(
+            bodies=(
+                Placed(self.paddle, self._shape, wrench=WrenchActuator(axial=False), name="paddle"),
+                Placed(self.ball, np.array([[0.0, 0.0, 0.5]]), name="ball"),
+            ),
+            collisions=self.contact,
+        )
+
+    @cached_property
+    def _shape(self) -> np.ndarray:
+        """The paddle's particles, its crown at the origin [m]."""
+        return self.paddle.positions - self.paddle.positions[self.paddle.particle("crown")]
+
+    @cached_property
+    def particles(self) -> ObservedParticles:
+        seen = (0, 2, 4, len(self.paddle.masses) - 2, len(self.paddle.masses))
+        places, speeds = np.full(len(self.paddle.masses) + 1, 0.25), np.ones(len(self.paddle.masses) + 1)
+        speeds[-1] = BALL_SPEED_UNIT
+        return ObservedParticles(seen, places, speeds)
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        low = (self.wanted[0], DROPPED[0], 0.0, -math.pi, -0.1, -0.1)
+        high = (self.wanted[1], DROPPED[1], 0.1, math.pi, 0.1, 0.1)
+        wanted, height, away, bearing, east, north = rng.uniform(low, high).tolist()
+        wanted = number(options, "wanted", wanted, 0.2, 1.0)
+        height = number(options, "height", height, 0.1, 1.0)
+        away = number(options, "away", away, 0.0, 0.2)
+        dropped = [away * math.cos(bearing), away * math.sin(bearing), height + BALL_RADIUS]
+        positions = np.vstack([factors["scale"] * self._shape, dropped])
+        velocities = np.zeros_like(positions)
+        velocities[-1, :2] = east, north
+        return Start(positions, velocities, (wanted,))
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.array([FORCE] * 3 + [TORQUE] * 2)
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        driven = self.limits * action
+        force, torque = driven[:, :3].copy(), np.pad(driven[:, 3:], ((0, 0), (0, 1)))
+        force[:, 2] += PADDLE_MASS * FALL
+        return {"paddle.force": force, "paddle.torque": torque}
+
+    def look(self) -> Look:
+        radii = np.append(np.zeros(len(self.paddle.masses)), BALL_RADIUS)
+        return replace(film.look(self.scene, None), radii=radii, ball_colors=ORANGE)
+
+    def camera(self) -> Camera:
+        return Camera.framing((0, 0, 0.3), 1.5, elevation=0.2)
+
+    def scenery(self) -> Scenery:
+        return Scenery(floor=-0.45)
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        around = np.linspace(0.0, 2 * np.pi, 25)
+        height = goal[0] + BALL_RADIUS
+        ring = [(0.1 * math.cos(turn), 0.1 * math.sin(turn), height) for turn in around]
+        force = tuple((0.2 * action[:3]).tolist())
+        speed = m.centre_velocity[BALL, 2]
+        apex = m.centre[BALL, 2] - BALL_RADIUS + speed**2 / (2 * FALL)
+        return Marks(
+            lines=list(zip(ring, ring[1:], strict=False)),
+            arrows=[Arrow(m.centre[PADDLE], force)],
+            key=((GREEN, "bounce up to this ring"),),
+            text=(f"{100 * (apex - goal[0]):+5.1f} cm off the height",),
+        )
+
+
+class SpringJuggleEnv(SpringEnv, gym.Env):
+    """
+    ## Description
+    A paddle hangs in the air and a ball falls onto it. Each bounce takes some of its energy, and off the
+    middle throws it aside. Keep it bouncing, straight up, to a height that is asked for: hit it at the right
+    time and place, with the right speed and tilt. The paddle is a ring of 6 particles and a crown, flat
+    above, and a tip below; 19 springs hold it. The ball is one particle with a radius, and smooth.
+
+    ## Action Space
+    `Box(-1, 1, (5,), float32)`, held for a control period of 20 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"wrench"` | 0–2 | force on the paddle along the world's x, y, z, beside its weight, which is carried | ±30 N |
+    | | 3, 4 | torque on it about the world's x, y, less the part along its axis | ±1.5 N·m |
+
+    Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–14 | positions of ring particles 0, 2, 4, crown and ball, from the paddle's home | 0.25 m |
+    | | 15–26 | velocities of the paddle's | 1 m/s |
+    | | 27–29 | velocity of the ball | 2 m/s |
+    | | 30 | the height that is asked for | 1 m |
+    | `"frame"` | 0–2 | the paddle's centre of mass, from the home of its upper side | 0.1 m |
+    | | 3–5 | its velocity | 1 m/s |
+    | | 6, 7 | axis of the paddle x, y | 0.2 |
+    | | 8, 9 | its angular velocity x, y | 3 rad/s |
+    | | 10–12 | ball, from the paddle's home | 0.25 m |
+    | | 13–15 | its velocity | 2 m/s |
+    | | 16 | how far the height of its flight is from the one that is asked for | 0.1 m |
+    | | 17 | the height that is asked for | 0.25 m |
+
+    ## Rewards
+    The height of a flight is where the ball's lowest point would come to at its highest, z + v_z²/2g, above
+    the home of the paddle's upper side. With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²),
+    d = max(|x| − b, 0)/m, its error e, the ball's distance r from the vertical through home, and the effort
+    E = 1 − 0.1 mean(a²), the reward is E [L(e; 0.03, 0.3) + G(e; 0.03, 0.15) G(r; 0.05, 0.3)]/2, from 0 to 1.
+    Its terms in `info` are `reward_high` and `reward_true`, the half with L and the one with G.
+
+    ## Starting State
+    The paddle rests at home, level. The ball is U(0.3, 0.7) m above it, up to 0.1 m off its middle, with
+    U(−0.1, 0.1) m/s along x and y. The height that is asked for is U(0.4, 0.7) m.
+    `reset(options={"wanted": …, "height": …, "away": …})` sets any of them.
+
+    ## Episode End
+    Termination: the ball is below the paddle's plane or 0.5 m off the vertical through home, the paddle
+    0.3 m away from home, up, down or sideways, or tilted by 0.8 rad, or the simulation diverged
+    (`info["diverged"]`; reward 0). Truncation: 500 steps, 10 s. `info["is_success"]`: r < 0.1 m and, but
+    for the moments of a hit, |e| < 0.08 m for the last 100 steps.
+
+    ## Information
+    `error` e [m], `aside` r [m], `tilt` of the paddle [rad], `energy` and `energy_drift` [J], `strain`.
+
+    ## Arguments
+    - `observation`: above.
+    - `restitution=0.85`: a ball that loses more in each bounce than the usual one (0.95).
+    - `hard=True`: heights of U(0.3, 0.9) m are asked for.
+    - `integrator` ("verlet"), `step` (3.13e-4 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringJuggle
+
+
+class SpringJuggleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+    """A native batch of `SpringJuggleEnv`."""
+
+    task_type = SpringJuggle
