@@ -329,32 +329,43 @@ def shove_push(task: Task, observations: np.ndarray) -> np.ndarray:
 
 
 def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.ndarray:
-    """SpringJuggle: hit the ball at the height of home, with the speed and tilt that send it to the middle.
+    """SpringJuggle: hit the next ball at the height of home, with the speed and tilt to send it on.
 
-    It is to leave with √(2gh) upwards and −r/T sideways, to be in the middle T = 2√(2gh)/g later. A smooth
-    paddle changes its velocity along the normal alone: the axis is to be along u = v' − v, and the paddle to
-    move at v·n + |u|/(1 + b), if a part b of the speed at which they meet, s = |u|/(1 + b), is left: the paddle
-    yields, and b = 2e − 1.05 − 0.03 s fits its bounces, e being the restitution. It comes on a straight line
-    within the last 0.15 s, by 400 (way) + 40 (speed) in force and torque.
+    It is to be up for T = 2√(2h/g), and to come down on its vertical: it leaves with gT/2 upwards and −r/T
+    sideways. A smooth paddle changes its velocity along the normal alone: the axis is to be along u = v' − v,
+    and the paddle to move at v·n + s, s = |u|/(1 + b), if a part b of the speed s at which they meet is left.
+    The paddle yields, and b = 2e − 1.05 − 0.03 s fits its bounces, e being the restitution. It comes on a
+    straight line within the last 0.15 s, by 400 (way) + 40 (speed) in force and torque. Of two balls, one
+    is to come half of T after the other: half of what it comes too early or late is added to T.
     """
     seen = task.seen(observations)
-    ball, velocity = seen["ball"].copy(), seen["ball_velocity"].copy()
-    height = np.maximum(ball[:, 2:] - juggle.BALL_RADIUS - 0.003, 0.0)
-    left = (velocity[:, 2:] + np.sqrt(velocity[:, 2:] ** 2 + 2.0 * G * height)) / G
-    place = ball + left * velocity
+    rows, names = np.arange(len(observations)), ("", "other_")[: task.balls]
+    ball = np.stack([seen[f"{name}ball"] for name in names])
+    velocity = np.stack([seen[f"{name}ball_velocity"] for name in names])
+    height = np.maximum(ball[..., 2] - juggle.BALL_RADIUS - 0.003, 0.0)
+    left = (velocity[..., 2] + np.sqrt(velocity[..., 2] ** 2 + 2.0 * G * height)) / G
+    first, last, here = left.argmin(axis=0), left.max(axis=0), (left.argmin(axis=0), rows)
+    columns = np.array([juggle.column_of.py_func(task.balls, juggle.BALL + n) for n in range(task.balls)])
+    column, ball, velocity, left = columns[first, None] * [1.0, 0.0], ball[here], velocity[here], left[here]
+    error = np.stack([seen[f"{name}error"][:, 0] for name in names])[here]
+    up = np.sqrt(8.0 / G * np.maximum(seen["wanted"][:, 0] - 0.3 * error, 0.05))
+    if task.balls == 2:
+        up += np.clip(0.5 * (last - left - up / 2.0), -0.15 * up, 0.15 * up)
+    place = ball + left[:, None] * velocity
     place[:, 2] = 0.0
-    velocity[:, 2:] -= G * left
-    leaving = np.sqrt(2.0 * G * np.maximum(seen["wanted"] - 0.3 * seen["error"], 0.05))
-    change = np.hstack([-place[:, :2] * G / (2.0 * leaving), leaving]) - velocity
-    size = np.linalg.norm(change, axis=1, keepdims=True)
-    normal = change / size
+    leaving = np.column_stack([(column - place[:, :2]) / up[:, None], G * up / 2.0])
+    change = leaving - velocity
+    change[:, 2] += G * left
+    size = np.linalg.norm(change, axis=1)
+    normal = change / size[:, None]
     meeting = size / 1.7
     for _ in range(3):
         meeting = size / (2.0 * task.contact.restitution - 0.05 - 0.03 * meeting)
-    speed = (_dot(velocity, normal) + meeting) * normal
-    soon = left < 0.15
+    speed = (_dot(leaving - change, normal) + meeting[:, None]) * normal
     axis = np.hstack([seen["axis"], np.sqrt(np.maximum(1.0 - _dot(seen["axis"], seen["axis"]), 0.0))])
-    way = place - speed * np.minimum(left, 0.15) - seen["paddle"] - juggle.HEIGHT / 4 * axis
+    aside = np.column_stack([column, -_dot(column, normal[:, :2]) / normal[:, 2:]])
+    way = place - aside - speed * np.minimum(left, 0.15)[:, None] - seen["paddle"] - juggle.HEIGHT / 4 * axis
+    soon = (left < 0.15)[:, None]
     force = juggle.PADDLE_MASS * (400.0 * way + 40.0 * (soon * speed - seen["paddle_velocity"]))
     torque = 0.034 * (400.0 * np.cross(axis, normal)[:, :2] - 40.0 * seen["turning"])
     return _saturated(np.hstack([force, torque]), task.limits)

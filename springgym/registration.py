@@ -150,6 +150,13 @@ VARIANTS = (
         "the tip sticks: it has to be moved by leaning the top, not by pushing it",
     ),
     Variant(
+        "SpringJuggleTwo-v0",
+        "SpringJuggle-v0",
+        {"balls": 2},
+        "standard",
+        "two balls have to be hit in turn, each on its own vertical, with time between them",
+    ),
+    Variant(
         "SpringFreeTopSparse-v0",
         "SpringFreeTop-v0",
         {"sparse": True},

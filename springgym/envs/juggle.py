@@ -1,4 +1,4 @@
-"""SpringJuggle: a paddle in the air keeps a ball bouncing to a height that is asked for."""
+"""SpringJuggle: a paddle in the air keeps a ball, or two, bouncing to a height that is asked for."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, ball, top
-from springgym.checks import flag
+from springgym.checks import flag, whole
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
@@ -28,7 +29,7 @@ from springgym.scenes import film
 from springgym.surfaces import Contact
 
 PADDLE, BALL = 0, 1
-"""Numbers of the bodies."""
+"""Numbers of the bodies; a second ball follows the first."""
 
 FALL = -GRAVITY[2]  # [m/s²]
 RADIUS, HEIGHT = 0.3, 0.25  # of the paddle, and of its upper side above its tip [m]
@@ -37,10 +38,11 @@ BALL_RADIUS = 0.05  # [m]
 FORCE, TORQUE = 30.0, 1.5  # beside the force that carries the paddle [N], [N·m]
 REACH, STRENGTH = 0.01, 1e-3  # of the contact: Δ [m], c [N·m²]
 STRUCK = 0.9 * REACH  # closer to the paddle, a ball is being hit: it rests at 0.985 Δ [m]
-WANTED, HARD_WANTED = (0.4, 0.7), (0.3, 0.9)  # what height is asked for [m]
+WANTED, HARD_WANTED = (0.4, 0.7), (0.4, 1.0)  # what height is asked for [m]
 DROPPED = (0.3, 0.7)  # the height that the ball has at first [m]
-HOME = 0.3  # how far the paddle may go, up or down and sideways [m]
-ASIDE = 0.5  # and the ball, from the axis [m]
+HOME = 0.25  # how far the paddle may go, up or down and sideways [m]
+COLUMN = 0.12  # where two balls bounce, to the left and to the right of home [m]
+ASIDE = 0.5  # how far a ball may stray from its vertical [m]
 TIPPED = 0.8  # and the tilt of the paddle [rad]
 WAY_UNIT, SPEED_UNIT = 0.1, 1.0  # what the compact observation shows as 1 of the paddle: [m], [m/s]
 BALL_WAY_UNIT, BALL_SPEED_UNIT = 0.25, 2.0  # of the ball [m], [m/s]
@@ -48,44 +50,74 @@ TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular v
 
 
 @compiled
-def apex_of(m: Any, c: Any) -> Any:
-    """Where the ball would be highest if it met nothing, above the place where the paddle begins [m]."""
-    return m.centre[c, BALL, 2] - BALL_RADIUS + m.centre_velocity[c, BALL, 2] ** 2 / (2.0 * FALL)
+def apex_of(m: Any, c: Any, ball: int) -> Any:
+    """Where a ball would be highest if it met nothing, above the place where the paddle begins [m]."""
+    return m.centre[c, ball, 2] - BALL_RADIUS + m.centre_velocity[c, ball, 2] ** 2 / (2.0 * FALL)
+
+
+@compiled
+def column_of(balls: int, ball: int) -> Any:
+    """Where a ball is to bounce: x of its vertical [m]."""
+    return 0.0 if balls == 1 else COLUMN * (2 * (ball - BALL) - 1)
 
 
 @kernel
 def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+    balls = m.centre.shape[1] - 1
+    crown = x.shape[1] - 2 - balls
     for c in range(out.shape[0]):
-        ball, paddle, n = m.centre[c, BALL], m.centre[c, PADDLE], m.axis[c, PADDLE]
-        error, aside = apex_of(m, c) - goal[c, 0], math.hypot(ball[0], ball[1])
-        crown, above = x.shape[1] - 3, 0.0
-        for axis in range(3):
-            above += (ball[axis] - x[c, crown, axis]) * n[axis]
+        paddle, n = m.centre[c, PADDLE], m.axis[c, PADDLE]
+        high, true, worst, farthest, met, dropped = 0.0, 0.0, 0.0, 0.0, True, False
+        for k in range(BALL, BALL + balls):
+            ball = m.centre[c, k]
+            error, aside = apex_of(m, c, k) - goal[c, 0], math.hypot(ball[0] - column_of(balls, k), ball[1])
+            above = 0.0
+            for axis in range(3):
+                above += (ball[axis] - x[c, crown, axis]) * n[axis]
+            high += long_tail(error, 0.3, 0.03)
+            true += gaussian(error, 0.15, 0.03) * gaussian(aside, 0.3, 0.05)
+            worst = error if abs(error) > abs(worst) else worst
+            farthest = max(farthest, aside)
+            struck = above - BALL_RADIUS < STRUCK
+            met = met and (abs(error) < 0.08 or struck) and aside < 0.1
+            dropped = dropped or above < 0.0
         strayed = max(math.hypot(paddle[0], paddle[1]), abs(x[c, crown, 2]))
         effort = thrift(action, c)
-        out["reward_high"][c] = 0.5 * effort * long_tail(error, 0.3, 0.03)
-        out["reward_true"][c] = 0.5 * effort * gaussian(error, 0.15, 0.03) * gaussian(aside, 0.3, 0.05)
-        out["error"][c] = error
-        out["aside"][c] = aside
+        out["reward_high"][c] = 0.5 * effort * high / balls
+        out["reward_true"][c] = 0.5 * effort * true / balls
+        out["error"][c] = worst
+        out["aside"][c] = farthest
         out["tilt"][c] = math.acos(min(max(n[2], -1.0), 1.0))
-        struck = above - BALL_RADIUS < STRUCK
-        out["met"][c] = (abs(error) < 0.08 or struck) and aside < 0.1
-        out["failed"][c] = above < 0.0 or strayed > HOME or aside > ASIDE or n[2] < math.cos(TIPPED)
+        out["met"][c] = met
+        out["failed"][c] = dropped or strayed > HOME or farthest > ASIDE or n[2] < math.cos(TIPPED)
 
 
 @kernel
 def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+    balls = m.centre.shape[1] - 1
     for c in range(observation.shape[0]):
         for axis in range(3):
             observation[c, axis] = m.centre[c, PADDLE, axis] / WAY_UNIT
             observation[c, 3 + axis] = m.centre_velocity[c, PADDLE, axis] / SPEED_UNIT
-            observation[c, 10 + axis] = m.centre[c, BALL, axis] / BALL_WAY_UNIT
-            observation[c, 13 + axis] = m.centre_velocity[c, BALL, axis] / BALL_SPEED_UNIT
         for axis in range(2):
             observation[c, 6 + axis] = m.axis[c, PADDLE, axis] / TILT_UNIT
             observation[c, 8 + axis] = m.angular_velocity[c, PADDLE, axis] / TURNING_UNIT
-        observation[c, 16] = (apex_of(m, c) - goal[c, 0]) / WAY_UNIT
-        observation[c, 17] = goal[c, 0] / BALL_WAY_UNIT
+        observation[c, 10] = goal[c, 0] / BALL_WAY_UNIT
+        for k in range(balls):
+            first, ball = 11 + 7 * k, BALL + k
+            for axis in range(3):
+                observation[c, first + axis] = m.centre[c, ball, axis] / BALL_WAY_UNIT
+                observation[c, first + 3 + axis] = m.centre_velocity[c, ball, axis] / BALL_SPEED_UNIT
+            observation[c, first + 6] = (apex_of(m, c, ball) - goal[c, 0]) / WAY_UNIT
+
+
+def ball_entries(which: str) -> tuple[Entry, ...]:
+    """What is observed of a ball, under names that begin with ``which``."""
+    return (
+        Entry(f"{which}ball", 3, BALL_WAY_UNIT),
+        Entry(f"{which}ball_velocity", 3, BALL_SPEED_UNIT),
+        Entry(f"{which}error", 1, WAY_UNIT),
+    )
 
 
 class SpringJuggle(Task):
@@ -99,10 +131,8 @@ class SpringJuggle(Task):
         Entry("paddle_velocity", 3, SPEED_UNIT),
         Entry("axis", 2, TILT_UNIT),
         Entry("turning", 2, TURNING_UNIT),
-        Entry("ball", 3, BALL_WAY_UNIT),
-        Entry("ball_velocity", 3, BALL_SPEED_UNIT),
-        Entry("error", 1, WAY_UNIT),
         Entry("wanted", 1, BALL_WAY_UNIT),
+        *ball_entries(""),
     )
     goal_size = 1
     finest = 0.02 / 64
@@ -115,9 +145,13 @@ class SpringJuggle(Task):
         observation: str = "particles",
         action: str = "wrench",
         restitution: float = 0.95,
+        balls: int = 1,
         hard: bool = False,
     ) -> None:
         super().__init__(observation, action)
+        self.balls = whole("balls", balls, 1, 2)
+        if balls == 2:
+            self.entries = (*type(self).entries, *ball_entries("other_"))
         self.contact = Contact(restitution=restitution, strength=STRENGTH, reach=REACH)
         self.wanted = HARD_WANTED if flag("hard", hard) else WANTED
         self.paddle: Body = top(6, RADIUS, HEIGHT, PADDLE_MASS, stiffness=1e5, damping=60.0)
@@ -125,13 +159,12 @@ class SpringJuggle(Task):
 
     @cached_property
     def scene(self) -> Scene:
-        return Scene(
-            bodies=(
-                Placed(self.paddle, self._shape, wrench=WrenchActuator(axial=False), name="paddle"),
-                Placed(self.ball, np.array([[0.0, 0.0, 0.5]]), name="ball"),
-            ),
-            collisions=self.contact,
-        )
+        above = [np.array([[column_of.py_func(self.balls, BALL + k), 0.0, 0.5]]) for k in range(self.balls)]
+        balls = [
+            Placed(self.ball, place, name=name) for place, name in zip(above, ("ball", "other"), strict=False)
+        ]
+        paddle = Placed(self.paddle, self._shape, wrench=WrenchActuator(axial=False), name="paddle")
+        return Scene(bodies=(paddle, *balls), collisions=self.contact)
 
     @cached_property
     def _shape(self) -> np.ndarray:
@@ -140,22 +173,27 @@ class SpringJuggle(Task):
 
     @cached_property
     def particles(self) -> ObservedParticles:
-        seen = (0, 2, 4, len(self.paddle.masses) - 2, len(self.paddle.masses))
-        places, speeds = np.full(len(self.paddle.masses) + 1, 0.25), np.ones(len(self.paddle.masses) + 1)
-        speeds[-1] = BALL_SPEED_UNIT
-        return ObservedParticles(seen, places, speeds)
+        count = len(self.paddle.masses)
+        seen = (0, 2, 4, self.paddle.particle("crown"), *range(count, count + self.balls))
+        speeds = np.append(np.ones(count), np.full(self.balls, BALL_SPEED_UNIT))
+        return ObservedParticles(seen, np.full(len(speeds), 0.25), speeds)
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         low = (self.wanted[0], DROPPED[0], 0.0, -math.pi, -0.1, -0.1)
         high = (self.wanted[1], DROPPED[1], 0.1, math.pi, 0.1, 0.1)
         wanted, height, away, bearing, east, north = rng.uniform(low, high).tolist()
-        wanted = number(options, "wanted", wanted, 0.2, 1.0)
+        wanted = number(options, "wanted", wanted, 0.4, 1.0)
         height = number(options, "height", height, 0.1, 1.0)
         away = number(options, "away", away, 0.0, 0.2)
-        dropped = [away * math.cos(bearing), away * math.sin(bearing), height + BALL_RADIUS]
+        column = column_of.py_func(self.balls, BALL)
+        dropped = [column + away * math.cos(bearing), away * math.sin(bearing), height + BALL_RADIUS]
         positions = np.vstack([factors["scale"] * self._shape, dropped])
         velocities = np.zeros_like(positions)
         velocities[-1, :2] = east, north
+        if self.balls == 2:  # the other has just left the paddle, and comes to the height that is asked for
+            begun = [-column, 0.0, 2 * BALL_RADIUS]
+            speed = math.sqrt(2.0 * FALL * max(wanted - BALL_RADIUS, 0.0))
+            positions, velocities = np.vstack([positions, begun]), np.vstack([velocities, [0.0, 0.0, speed]])
         return Start(positions, velocities, (wanted,))
 
     @property
@@ -169,7 +207,7 @@ class SpringJuggle(Task):
         return {"paddle.force": force, "paddle.torque": torque}
 
     def look(self) -> Look:
-        radii = np.append(np.zeros(len(self.paddle.masses)), BALL_RADIUS)
+        radii = np.append(np.zeros(len(self.paddle.masses)), np.full(self.balls, BALL_RADIUS))
         return replace(film.look(self.scene, None), radii=radii, ball_colors=ORANGE)
 
     def camera(self) -> Camera:
@@ -180,16 +218,20 @@ class SpringJuggle(Task):
 
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
         around = np.linspace(0.0, 2 * np.pi, 25)
-        height = goal[0] + BALL_RADIUS
-        ring = [(0.1 * math.cos(turn), 0.1 * math.sin(turn), height) for turn in around]
-        force = tuple((0.2 * action[:3]).tolist())
-        speed = m.centre_velocity[BALL, 2]
-        apex = m.centre[BALL, 2] - BALL_RADIUS + speed**2 / (2 * FALL)
+        lines = []
+        for k in range(self.balls):
+            column = column_of.py_func(self.balls, BALL + k)
+            ring = [
+                (column + 0.1 * math.cos(turn), 0.1 * math.sin(turn), goal[0] + BALL_RADIUS)
+                for turn in around
+            ]
+            lines += pairwise(ring)
+        heights = m.centre[BALL:, 2] - BALL_RADIUS + m.centre_velocity[BALL:, 2] ** 2 / (2 * FALL)
         return Marks(
-            lines=list(zip(ring, ring[1:], strict=False)),
-            arrows=[Arrow(m.centre[PADDLE], force)],
+            lines=lines,
+            arrows=[Arrow(m.centre[PADDLE], tuple((0.2 * action[:3]).tolist()))],
             key=((GREEN, "bounce up to this ring"),),
-            text=(f"{100 * (apex - goal[0]):+5.1f} cm off the height",),
+            text=tuple(f"{100 * (height - goal[0]):+5.1f} cm off the height" for height in heights),
         )
 
 
@@ -206,7 +248,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"wrench"` | 0–2 | force on the paddle along the world's x, y, z, beside its weight, which is carried | ±30 N |
+    | `"wrench"` | 0–2 | force on the paddle along the world's x, y, z, beside one that carries it | ±30 N |
     | | 3, 4 | torque on it about the world's x, y, less the part along its axis | ±1.5 N·m |
 
     Actions outside of ±1 are clipped.
@@ -216,7 +258,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
 
     | `observation` | entries | meaning | unit of 1.0 |
     |---|---|---|---|
-    | `"particles"` | 0–14 | positions of ring particles 0, 2, 4, crown and ball, from the paddle's home | 0.25 m |
+    | `"particles"` | 0–14 | positions of ring particles 0, 2, 4, crown and ball, from home | 0.25 m |
     | | 15–26 | velocities of the paddle's | 1 m/s |
     | | 27–29 | velocity of the ball | 2 m/s |
     | | 30 | the height that is asked for | 1 m |
@@ -224,17 +266,20 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     | | 3–5 | its velocity | 1 m/s |
     | | 6, 7 | axis of the paddle x, y | 0.2 |
     | | 8, 9 | its angular velocity x, y | 3 rad/s |
-    | | 10–12 | ball, from the paddle's home | 0.25 m |
-    | | 13–15 | its velocity | 2 m/s |
-    | | 16 | how far the height of its flight is from the one that is asked for | 0.1 m |
-    | | 17 | the height that is asked for | 0.25 m |
+    | | 10 | the height that is asked for | 0.25 m |
+    | | 11–13 | ball, from the paddle's home | 0.25 m |
+    | | 14–16 | its velocity | 2 m/s |
+    | | 17 | how far the height of its flight is from the one that is asked for | 0.1 m |
+
+    With `balls=2`, the other ball's entries follow those of the first.
 
     ## Rewards
     The height of a flight is where the ball's lowest point would come to at its highest, z + v_z²/2g, above
     the home of the paddle's upper side. With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²),
     d = max(|x| − b, 0)/m, its error e, the ball's distance r from the vertical through home, and the effort
     E = 1 − 0.1 mean(a²), the reward is E [L(e; 0.03, 0.3) + G(e; 0.03, 0.15) G(r; 0.05, 0.3)]/2, from 0 to 1.
-    Its terms in `info` are `reward_high` and `reward_true`, the half with L and the one with G.
+    Its terms in `info` are `reward_high` and `reward_true`, the half with L and the one with G. Of two balls
+    it is the mean.
 
     ## Starting State
     The paddle rests at home, level. The ball is U(0.3, 0.7) m above it, up to 0.1 m off its middle, with
@@ -243,7 +288,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
 
     ## Episode End
     Termination: the ball is below the paddle's plane or 0.5 m off the vertical through home, the paddle
-    0.3 m away from home, up, down or sideways, or tilted by 0.8 rad, or the simulation diverged
+    0.25 m away from home, up, down or sideways, or tilted by 0.8 rad, or the simulation diverged
     (`info["diverged"]`; reward 0). Truncation: 500 steps, 10 s. `info["is_success"]`: r < 0.1 m and, but
     for the moments of a hit, |e| < 0.08 m for the last 100 steps.
 
@@ -253,7 +298,10 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     ## Arguments
     - `observation`: above.
     - `restitution=0.85`: a ball that loses more in each bounce than the usual one (0.95).
-    - `hard=True`: heights of U(0.3, 0.9) m are asked for.
+    - `balls=2`: two balls, that take turns: each bounces on a vertical of its own, 0.12 m left or right of
+      home, and what is said above of the ball holds of each; `error` and `aside` are the larger ones. The
+      other starts on its way up, with the height that is asked for.
+    - `hard=True`: heights of U(0.4, 1) m are asked for.
     - `integrator` ("verlet"), `step` (3.13e-4 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
       `springgym.envs.base.SpringEnv`.
 

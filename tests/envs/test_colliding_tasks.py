@@ -1,13 +1,14 @@
-"""SpringBalance, SpringShove and SpringDuel: places that move, cheats, opponents and two agents."""
+"""Tasks with bodies that collide: places that move, cheats, opponents and two agents."""
 
 from __future__ import annotations
 
 import warnings
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.envs import duel, parallel
+from springgym.envs import duel, juggle, parallel
 from tests.envs.cases import make, make_vec, task_type
 from tests.envs.playing import play
 from tests.envs.test_cheats import classical
@@ -106,6 +107,46 @@ def test_the_right_place_with_the_wrong_heading_is_no_success() -> None:
         _, more, *_, info = right.step(np.zeros(2))
     assert info["is_success"]
     assert more > reward + 0.1
+
+
+# --- SpringJuggle ---------------------------------------------------------------------------------------
+
+
+def lie_on_the_paddle(env: gym.Env, height: float) -> None:
+    """Put the paddle up, and the ball on it to rest."""
+    simulator = env.unwrapped.episodes.simulator
+    x = simulator.positions
+    x[0, :-1, 2] += height
+    x[0, -1] = (0.0, 0.0, height + juggle.BALL_RADIUS + 0.985 * juggle.REACH)
+    simulator.place(x, np.zeros_like(x))
+
+
+@pytest.mark.parametrize("height", [0.0, 0.2])
+def test_a_ball_that_is_carried_is_not_juggled(height: float) -> None:
+    """It lies on the paddle for two seconds, as high up as the paddle may go: little is earned."""
+    env = make("SpringJuggle-v0", observation="frame")
+    env.reset(seed=0, options={"wanted": 0.4})
+    lie_on_the_paddle(env, height)
+    seen, *_ = env.step(np.zeros(5))
+    for _ in range(120):
+        axis, turning, paddle, velocity = seen[6:8], seen[8:10], 0.1 * seen[:3], seen[3:6]
+        lift = np.array([0.0, 0.0, height - juggle.HEIGHT / 4]) - paddle
+        torque = (0.2 * np.array([axis[1], -axis[0]]) * 14.0 - 1.4 * 3.0 * turning) / juggle.TORQUE
+        push = (400.0 * lift - 40.0 * velocity + [0.0, 0.0, 0.29]) / juggle.FORCE
+        seen, reward, terminated, _, info = env.step(np.clip(np.concatenate([push, torque]), -1, 1))
+        assert not terminated
+        assert not info["is_success"]
+        assert reward < 0.35
+    assert abs(info["error"] - (height - 0.4)) < 0.02  # it is still there
+
+
+def test_the_height_of_a_flight_is_kept_in_the_air() -> None:
+    """And it is where the ball turns round."""
+    env = make("SpringJuggle-v0")
+    env.reset(seed=0, options={"height": 0.5, "wanted": 0.5})
+    for _ in range(10):
+        *_, info = env.step(np.zeros(5))
+        assert abs(info["error"]) < 1e-6
 
 
 # --- SpringDuel -----------------------------------------------------------------------------------------

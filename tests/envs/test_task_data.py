@@ -75,13 +75,13 @@ def test_what_the_torque_of_the_free_top_does_is_told_too() -> None:
 
 @each_row
 def test_limits_are_what_actuators_are_given(row: Row) -> None:
-    """At ±1, one entry after the other; an impulse is a force for a control period."""
+    """At ±1, one entry after the other, beside what always acts; an impulse is a force for a period."""
     for action, size in task_type(row.id).actions.items():
         task = task_type(row.id)(action=action)
-        driven = task.actuate(np.eye(size))
+        driven, idle = task.actuate(np.eye(size)), task.actuate(np.zeros((size, size)))
         largest = np.zeros(size)
         for name, values in driven.items():
-            moved = np.linalg.norm(values.reshape(size, -1, 3), axis=-1).max(axis=1)
+            moved = np.linalg.norm((values - idle[name]).reshape(size, -1, 3), axis=-1).max(axis=1)
             largest = np.maximum(largest, moved * (task.period if impulses(action) else 1.0))
             assert name in Simulator(task.scene)._actuators
         np.testing.assert_allclose(largest, task.limits, rtol=1e-12)
