@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -217,21 +216,14 @@ class SpringJuggle(Task):
         return Scenery(floor=-0.45)
 
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        around = np.linspace(0.0, 2 * np.pi, 25)
-        lines = []
-        for k in range(self.balls):
-            column = column_of.py_func(self.balls, BALL + k)
-            ring = [
-                (column + 0.1 * math.cos(turn), 0.1 * math.sin(turn), goal[0] + BALL_RADIUS)
-                for turn in around
-            ]
-            lines += pairwise(ring)
+        height = goal[0] + BALL_RADIUS
+        columns = [column_of.py_func(self.balls, BALL + k) for k in range(self.balls)]
         heights = m.centre[BALL:, 2] - BALL_RADIUS + m.centre_velocity[BALL:, 2] ** 2 / (2 * FALL)
         return Marks(
-            lines=lines,
+            rings=[((column, 0.0, height), 0.1) for column in columns],
             arrows=[Arrow(m.centre[PADDLE], tuple((0.2 * action[:3]).tolist()))],
             key=((GREEN, "bounce up to this ring"),),
-            text=tuple(f"{100 * (height - goal[0]):+5.1f} cm off the height" for height in heights),
+            text=tuple(f"{100 * (reached - goal[0]):+5.1f} cm off the height" for reached in heights),
         )
 
 

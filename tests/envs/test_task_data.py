@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.envs import free_top
+from springgym.envs import free_top, juggle
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS, Row
 from springgym.simulator import Simulator
@@ -169,6 +169,12 @@ def of_several(task: Task, m: Any, goal: np.ndarray) -> dict[str, np.ndarray]:
     if "place_velocity" in names:
         known = {"offset": level[:, 1] - goal[:, :2], "velocity": fast[:, 1], "axis": axis[:, 0]}
         return known | {"turning": turning[:, 0], "place": goal[:, :2], "place_velocity": goal[:, 3:5]}
+    if "paddle" in names:
+        known = {"paddle": m.centre[:, 0], "paddle_velocity": m.centre_velocity[:, 0]}
+        known |= {"axis": axis[:, 0], "turning": turning[:, 0], "wanted": goal}
+        known |= {"ball": m.centre[:, 1], "ball_velocity": m.centre_velocity[:, 1]}
+        height = m.centre[:, 1, 2] - juggle.BALL_RADIUS + m.centre_velocity[:, 1, 2] ** 2 / (2 * 9.81)
+        return known | {"error": np.clip(height[:, None] - goal, -1.0, 1.0)}
     if "beside" in names:
         heading, away = m.side[:, 1, :2], level[:, 0] - level[:, 1]
         heading = heading / np.linalg.norm(heading, axis=1, keepdims=True)
