@@ -1,0 +1,279 @@
+"""Self-play in SpringDuel: PPO learns against what it was before; an Elo table tells what came of it.
+
+    python agents/self_play.py runs/duel                      # train, and rate what was kept
+    python agents/self_play.py runs/duel --timesteps 5_000_000
+    python agents/self_play.py runs/duel --rate               # only rate
+
+PPO plays the first top. The second is played by a league: in half of the copies by the newest agent that was
+kept, in the others by those before it and by the scripts in turn. Every --every steps the agent is kept, in
+RUN/league, and joins. Start the same command again after whatever stopped it: it goes on from the last that
+was kept. That unpickles RUN/model.zip: do it with runs of your own only.
+
+Then each of up to ten of these agents, spread over the training, and each script plays every other one with
+`springgym.envs.parallel`, PettingZoo's environment of two agents, in as many duels on either side. Ratings
+are the likeliest ones by Elo's law, 400 points for ten to one, a duel without a winner being half won;
+"script" has 1000. RUN/elo.csv holds them, with standard errors by the bootstrap over duels.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import itertools
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from agent import ALGORITHMS, load_agent, save_agent
+from config import MENDABLE, PPOConfig, load_config, whole
+from runs import HELD_OUT_SEED, Run, create_run, locked, open_run
+from stable_baselines3.common.callbacks import BaseCallback
+from tqdm import tqdm
+from train import new_model
+
+from springgym.cli import INTERRUPTED, guarded, whole_file
+from springgym.envs import parallel
+from springgym.envs.duel import OPPONENTS
+from springgym.envs.sb3 import make_sb3
+
+ID = "SpringDuel-v0"
+SEEN: dict[str, str] = {"observation": "frame"}
+"""Opponents observe the duel in the compact way."""
+MOST_RATED = 10
+ANCHOR, POINTS = ("script", 1000.0), 400.0 / np.log(10.0)
+RESAMPLES = 200
+
+Player = Callable[[np.ndarray], np.ndarray]
+"""Observations (n, D) to actions (n, 2)."""
+
+
+class League:
+    """The opponents of all copies: copy n plays the one it was given, whichever agents join meanwhile."""
+
+    def __init__(self, copies: int) -> None:
+        self.players: list[Player] = list(OPPONENTS.values())
+        self.copies = copies
+
+    def __call__(self, observations: np.ndarray) -> np.ndarray:
+        """What each copy's opponent does."""
+        actions = np.zeros((len(observations), 2))
+        newest, others = len(self.players) - 1, len(self.players)
+        for n, player in enumerate(self.players):
+            rows = np.arange(len(observations))
+            plays = np.where(2 * rows < self.copies, newest, rows % others) == n
+            if plays.any():
+                actions[plays] = player(observations[plays])
+        return actions
+
+
+class Keeper(BaseCallback):
+    """Keeps the agent every so many steps, and has it join the league; moves the progress bar."""
+
+    def __init__(self, run: Run, league: League, every: int, bar: tqdm) -> None:
+        super().__init__()
+        self.run, self.league, self.every, self.bar = run, league, every, bar
+        self.kept = 0
+
+    def _on_training_start(self) -> None:
+        self.kept = self.num_timesteps
+
+    def _on_step(self) -> bool:
+        self.bar.update(len(self.locals["dones"]))
+        return True
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps - self.kept >= self.every:
+            self.keep()
+
+    def _on_training_end(self) -> None:
+        if self.num_timesteps > self.kept:
+            self.keep()
+
+    def keep(self) -> None:
+        """Write the agent down, and let it join."""
+        save_agent(self.run.agent, self.model)
+        path = self.run.folder / "league" / f"{self.num_timesteps:09d}.npz"
+        path.parent.mkdir(exist_ok=True)
+        with whole_file(self.run.model) as temporary:
+            self.model.save(temporary)
+        save_agent(path, self.model)
+        self.league.players.append(player(self.run, path))
+        self.kept = self.num_timesteps
+        if self.model.ep_success_buffer:
+            self.bar.set_postfix(won=f"{100 * np.mean(self.model.ep_success_buffer):.0f} %", refresh=False)
+
+
+def player(run: Run, path: Path) -> Player:
+    """An agent that was kept."""
+    space = parallel(ID, **SEEN)
+    policy = load_agent(path, run.config, space.observation_space("first"), space.action_space("first"))
+    space.close()
+    return policy
+
+
+def members(run: Run) -> dict[str, Path]:
+    """The agents that were kept, by the steps that they had learned for."""
+    return {f"{int(path.stem):,} steps": path for path in sorted((run.folder / "league").glob("*.npz"))}
+
+
+def learn(run: Run, every: int) -> None:
+    """Train, from the last agent that was kept if there is one."""
+    assert isinstance(run.config, PPOConfig)
+    league = League(run.config.n_envs)
+    league.players += [player(run, path) for path in members(run).values()]
+    env = make_sb3(ID, run.config.n_envs, run.seed, stagger=True, opponent=league, **SEEN)
+    torch.manual_seed(run.seed)
+    if run.model.exists():
+        model = ALGORITHMS["ppo"].load(run.model, env=env, device="cpu")
+    else:
+        model = new_model(run, env)
+    steps = run.config.total_timesteps - model.num_timesteps
+    if steps > 0:
+        total, done = run.config.total_timesteps, model.num_timesteps
+        with tqdm(total=total, initial=done, unit="step", unit_scale=True, desc=ID) as bar:
+            model.learn(steps, callback=Keeper(run, league, every, bar), reset_num_timesteps=False)
+    env.close()
+
+
+# ---------------------------------------------------------------- ratings
+
+
+class Duels(NamedTuple):
+    """What two players reached against each other: a point a duel won, half of one without a winner."""
+
+    first: int
+    second: int
+    points: np.ndarray
+    """of the first, in each duel"""
+
+
+def tournament(players: Sequence[Player], duels: int) -> list[Duels]:
+    """Each against every other one, ``duels`` on either side, all pairs from the same seeds."""
+    env = parallel(ID, **SEEN)
+    pairs = list(itertools.combinations(range(len(players)), 2))
+    played = []
+    for i, j in tqdm(pairs, unit="pair", desc="duels", leave=False, disable=not sys.stderr.isatty()):
+        points = []
+        for seed in range(HELD_OUT_SEED, HELD_OUT_SEED + duels):
+            points.append(duel(env, players[i], players[j], seed))
+            points.append(1.0 - duel(env, players[j], players[i], seed))
+        played.append(Duels(i, j, np.array(points)))
+    env.close()
+    return played
+
+
+def duel(env: parallel, first: Player, second: Player, seed: int) -> float:
+    """Points of the first."""
+    seen, _ = env.reset(seed=seed)
+    infos = {}
+    while env.agents:
+        actions = {name: who(seen[name][None])[0] for name, who in (("first", first), ("second", second))}
+        seen, _, _, _, infos = env.step(actions)
+    won, lost = infos["first"]["is_success"], infos["second"]["is_success"]
+    return 1.0 if won and not lost else 0.0 if lost and not won else 0.5
+
+
+def ratings(played: Sequence[Duels], count: int, points: Sequence[np.ndarray] | None = None) -> np.ndarray:
+    """Elo's ratings (count,): of 1/(1 + 10^((b − a)/400)) the likeliest, each pair having drawn once more.
+
+    The likeliest are found as Hunter (2004), MM algorithms for generalized Bradley-Terry models, has it.
+    """
+    won, met = np.zeros((count, count)), np.zeros((count, count))
+    for n, (i, j, own) in enumerate(played):
+        got = own if points is None else points[n]
+        won[i, j] += got.sum() + 0.5
+        won[j, i] += (1.0 - got).sum() + 0.5
+        met[i, j] = met[j, i] = len(got) + 1
+    strength = np.ones(count)
+    for _ in range(2000):
+        strength = won.sum(axis=1) / (met / (strength[:, None] + strength)).sum(axis=1)
+        strength /= np.exp(np.log(strength).mean())
+    return np.asarray(POINTS * np.log(strength))
+
+
+def rate(run: Run, duels: int) -> list[dict[str, str]]:
+    """The rows of elo.csv, the best first."""
+    kept = members(run)
+    chosen = sorted({round(n) for n in np.linspace(0, len(kept) - 1, min(MOST_RATED, len(kept)))})
+    players: Mapping[str, Player] = {
+        **OPPONENTS,
+        **{name: player(run, path) for n, (name, path) in enumerate(kept.items()) if n in chosen},
+    }
+    names = list(players)
+    played = tournament(list(players.values()), duels)
+    anchor = names.index(ANCHOR[0])
+    rng = np.random.default_rng(0)
+
+    def anchored(found: np.ndarray) -> np.ndarray:
+        return found - found[anchor] + ANCHOR[1]
+
+    rating = anchored(ratings(played, len(names)))
+    again = [
+        anchored(ratings(played, len(names), [rng.choice(one.points, len(one.points)) for one in played]))
+        for _ in range(RESAMPLES)
+    ]
+    error, strong = np.std(again, axis=0), names.index("strong")
+    rows = []
+    for n in np.argsort(-rating):
+        against = [one for one in played if {one.first, one.second} == {n, strong}]
+        share = [np.mean(one.points if one.first == n else 1.0 - one.points) for one in against]
+        rows.append(
+            {
+                "player": names[n],
+                "rating": f"{rating[n]:.0f}",
+                "error": f"{error[n]:.0f}",
+                "against_strong": f"{100 * share[0]:.0f} %" if share else "",
+            }
+        )
+    return rows
+
+
+def main(given: Sequence[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("run", type=Path, help="run folder")
+    parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), default=0, help="of a new run (0)")
+    parser.add_argument("--timesteps", type=int, help="of a new run (that of configs/ppo.yaml)")
+    parser.add_argument(
+        "--every", type=whole(1, 10**9), default=200_000, help="steps between two kept (200,000)"
+    )
+    parser.add_argument("--duels", type=whole(1, 10_000), default=25, help="of a pair on either side (25)")
+    parser.add_argument("--rate", action="store_true", help="do not train")
+    options = parser.parse_args(given)
+    torch.set_num_threads(1)
+    return guarded("self_play.py", lambda: play(options), MENDABLE)
+
+
+def play(options: argparse.Namespace) -> int:
+    """Train and rate."""
+    if (options.run / "config.yaml").exists() or options.rate:
+        run = open_run(options.run)
+    else:
+        overrides = [] if options.timesteps is None else [f"total_timesteps={options.timesteps}"]
+        run = create_run(Run(options.run, "ppo", ID, options.seed, load_config("ppo", ID, overrides)))
+    with locked(run.folder):
+        if not options.rate:
+            try:
+                learn(run, options.every)
+            except KeyboardInterrupt:
+                print(f"\ngo on with the same command: {run.folder}", file=sys.stderr)
+                return INTERRUPTED
+        rows = rate(run, options.duels)
+        with whole_file(run.folder / "elo.csv") as path, path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+    print(f"{'player':<18} {'rating':>14} {'against strong':>15}")
+    for row in rows:
+        told = f"{row['rating']} ± {row['error']}"
+        print(f"{row['player']:<18} {told:>14} {row['against_strong']:>15}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
