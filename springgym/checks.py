@@ -171,7 +171,7 @@ def indices(name: str, value: Any, count: int, *, once: bool = False) -> np.ndar
         if len(given) != count:
             raise ValueError(f"{name} is a mask of shape {given.shape}; its shape must be {(count,)}")
         return np.flatnonzero(given)
-    index = given
+    index = given.copy()
     if given.dtype != np.int64 or (given.view(np.uint64) >= count).any():  # as which negative ones are large
         index = whole_array(name, given, (None,), high=count - 1)
     if once and len(index) > 1:
