@@ -328,7 +328,8 @@ class Simulator:
     ) -> np.ndarray:
         """A value for each of some copies, (k, *shape), given so or as one for all."""
         rows = (len(index), *shape)
-        return np.broadcast_to(checks.array(name, value, rows, shape, low=low, high=high), rows)
+        given = checks.array(name, value, rows, shape, low=low, high=high)
+        return given if given.shape == rows else np.broadcast_to(given, rows)
 
     def _settle(self, index: np.ndarray) -> None:
         """In rigid dynamics, move some copies to the rigid shape; their momenta stay."""

@@ -249,7 +249,7 @@ class Episodes:
             return
         first, second = self._ends
         scale = np.array([[factors["scale"]] for factors in drawn])
-        apart = positions[:, second] - positions[:, first]
+        apart = positions.take(second, axis=1) - positions.take(first, axis=1)
         length = np.sqrt((apart * apart).sum(axis=-1))
         strain = np.abs(length / (scale * self._lengths) - 1).max(axis=1, initial=0.0)
         if not (strain <= STRAIN_LIMIT).all():
@@ -365,7 +365,7 @@ class Episodes:
             self.elapsed[copies],
             self.diverged[copies],
         )
-        if not is_jitted(self.task.evaluate):  # a user's own functions see, and change nothing
+        if not self._trusts:  # a user's own functions see, and change nothing
             m, action = Measures(*map(_locked, part.measures)), _locked(part.action)
             part = part._replace(measures=m, positions=_locked(x), velocities=_locked(v), action=action)
         return part
@@ -451,11 +451,12 @@ class Episodes:
 
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
+        self._trusts = is_jitted(self.task.evaluate)
         self._apart = self.task.apart and len(self.simulator.scene.bodies) > 1
         self._whole = self._part(slice(None))
         compact = self.task.observation != "particles"
         observe = self.task.compact if compact else observation.observe_particles
-        self._sees_parts = is_jitted(self.task.evaluate) and is_jitted(observe)
+        self._sees_parts = self._trusts and is_jitted(observe)
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
         self._take = SameTypes(take)
