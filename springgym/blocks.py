@@ -42,35 +42,40 @@ def numbers(array: np.ndarray) -> np.ndarray:
     return array["lanes"]
 
 
+def _by_copies(array: np.ndarray) -> np.ndarray:
+    """View of a block array as plain numbers of shape (blocks, width, *shape)."""
+    lanes = numbers(array)
+    return lanes.transpose(0, lanes.ndim - 1, *range(1, lanes.ndim - 1))
+
+
 def to_copies(array: np.ndarray, copies: int) -> np.ndarray:
     """The values of a block array, copied to shape (copies, *shape)."""
-    lanes = numbers(array)
-    rows = np.moveaxis(lanes, -1, 1).reshape(-1, *lanes.shape[1:-1])
+    lanes = _by_copies(array)
+    rows = lanes.reshape(-1, *lanes.shape[2:])
     return np.array(rows[:copies], order="C")
 
 
 def set_copies(array: np.ndarray, index: np.ndarray, values: Any) -> None:
     """Set the copies ``index`` (k,) of a block array to ``values`` (k, *shape)."""
-    lanes = numbers(array)
-    width = lanes.shape[-1]
-    np.moveaxis(lanes, -1, 1)[index // width, index % width] = values
+    lanes = _by_copies(array)
+    width = lanes.shape[1]
+    lanes[index // width, index % width] = values
 
 
 def get_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
     """The values (k, *shape) of the copies ``index`` (k,) of a block array, copied."""
-    lanes = numbers(array)
-    width = lanes.shape[-1]
-    return np.moveaxis(lanes, -1, 1)[index // width, index % width]
+    lanes = _by_copies(array)
+    width = lanes.shape[1]
+    return lanes[index // width, index % width]
 
 
 def set_all(array: np.ndarray, values: np.ndarray) -> None:
     """Set all copies of a block array to ``values`` (copies, *shape)."""
-    lanes = numbers(array)
-    width = lanes.shape[-1]
+    lanes = _by_copies(array)
+    width = lanes.shape[1]
     if width == 1:
-        lanes[..., 0] = values
+        lanes[:, 0] = values
         return
-    lanes = lanes.transpose(0, lanes.ndim - 1, *range(1, lanes.ndim - 1))
     full, rest = divmod(len(values), width)
     lanes[:full] = np.reshape(values[: full * width], (full, *lanes.shape[1:]))
     if rest:

@@ -151,7 +151,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
         flat = [surface for surface in surfaces if isinstance(surface, Plane)]
         normals = np.array([plane.normal for plane in flat])
         offsets = np.array([plane.offset for plane in flat])
-        planes = Planes(normals, offsets, nothing, 0.0, oblique(surfaces))
+        planes = Planes(normals, offsets, nothing, 0.0, oblique(surfaces) or None)
     if contact.friction > 0 or "friction" in varying:
         friction = options.parameter({"friction"}, np.array([contact.friction]))
     if isinstance(contact, PaperContact):

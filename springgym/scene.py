@@ -169,7 +169,7 @@ class Placed(ReadOnly):
                 moves[..., self.drive.particle] = False
             refuse(moves, "pinned particle {n}{of} has a velocity; it must be zero")
         first, second = self.body.springs.T
-        apart = np.abs(positions[..., second, :] - positions[..., first, :]).max(axis=-1)
+        apart = np.abs(positions.take(second, axis=-2) - positions.take(first, axis=-2)).max(axis=-1)
         refuse(apart < TINY, "spring {n}{of} starts with both ends at the same place; it has no direction")
 
     @cached_property

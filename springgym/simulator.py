@@ -20,7 +20,7 @@ from springgym.blocks import (
     set_copies,
     to_copies,
 )
-from springgym.checks import HUGE, MANY, TINY
+from springgym.checks import FLOAT, HUGE, MANY, TINY, sum_of_squares
 from springgym.compiling import SameTypes
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
@@ -36,17 +36,12 @@ from springgym.surfaces import Contact, PaperContact
 STRAIN_LIMIT = 0.5
 """A spring stretched or squeezed by more than this share of its length has left what the model means."""
 
-FLOAT = np.dtype(np.float64)
-
 WORTH_A_THREAD = 10_000
 """Springs and pairs of bodies × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms)
 pays."""
 
 OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.memory")
 """Arrays of `Simulator._changing` that hold what happens in a step, or happened in the last."""
-
-FEW = 4096
-"""Numbers that BLAS takes on one thread."""
 
 PAPER_STEP = 5e-4
 """h of the paper [s]."""
@@ -340,7 +335,8 @@ class Simulator:
     ) -> np.ndarray:
         """A value for each of some copies, (k, *shape), given so or as one for all."""
         rows = (len(index), *shape)
-        return np.broadcast_to(checks.array(name, value, rows, shape, low=low, high=high), rows)
+        given = checks.array(name, value, rows, shape, low=low, high=high)
+        return given if given.shape == rows else np.broadcast_to(given, rows)
 
     def _settle(self, index: np.ndarray) -> None:
         """In rigid dynamics, move some copies to the rigid shape; their momenta stay."""
@@ -433,7 +429,7 @@ class Simulator:
                 value.__class__ is np.ndarray
                 and value.dtype is FLOAT
                 and value.shape == shape
-                and _sum_of_squares(value) <= HUGE  # it bounds each number
+                and sum_of_squares(value) <= HUGE  # it bounds each number
             ):
                 values[name] = np.broadcast_to(checks.array(name, value, shape, shape[1:]), shape)
         for name, value in values.items():
@@ -632,9 +628,11 @@ class Simulator:
 
     def _block_ranges(self, copies: np.ndarray) -> list[tuple[int, int]]:
         """Ranges of blocks that together hold the copies and no other block."""
-        blocks = np.unique(copies // numbers(self._x).shape[-1])
-        parts = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1) if len(blocks) else []
-        return [(int(part[0]), int(part[-1]) + 1) for part in parts]
+        ranges: list[tuple[int, int]] = []
+        for block in sorted(set((copies // self.width).tolist())):
+            first = ranges.pop()[0] if ranges and ranges[-1][1] == block else block
+            ranges.append((first, block + 1))
+        return ranges
 
     def _share(
         self, steps: int, settles: bool, reads: bool, then: Callable[[int, int], None] | None = None
@@ -717,12 +715,6 @@ class Simulator:
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     """Helper threads of this process; a forked child, being another process, makes its own."""
     return ThreadPoolExecutor(threads, thread_name_prefix="springgym")
-
-
-def _sum_of_squares(values: np.ndarray) -> float:
-    """Σ values²; not finite if one is not. Of many numbers, BLAS would wake its own threads, which then wait
-    for more on the cores that step the copies."""
-    return float(np.vdot(values, values) if values.size < FEW else np.square(values).sum())
 
 
 def _checked_names(varying: Any) -> frozenset[str]:

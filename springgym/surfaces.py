@@ -248,10 +248,10 @@ def check_heights(
     """
     for n, surface in enumerate(surfaces):
         heights = surface.height(np.asarray(positions, float)) - radius
-        wrong = np.argwhere((heights < NEAREST * reach) & free)
-        if wrong.size:
-            *row, particle = wrong[0].tolist()
-            h = heights[tuple(wrong[0])]
+        wrong = (heights < NEAREST * reach) & free
+        if wrong.any():
+            *row, particle = first = np.argwhere(wrong)[0].tolist()
+            h = heights[tuple(first)]
             of = f" of copy {copies[row[0]]}" if row and copies is not None else ""
             where = f"{-h:g} m behind" if h < 0 else f"only {h:g} m above"
             raise ValueError(

@@ -93,6 +93,9 @@ def relative_equilibrium(
     return x
 
 
+POWERS = np.array([[8, 6, 4, 2, 0]])
+
+
 @dataclass(frozen=True)
 class StretchedShapes:
     """The `relative_equilibrium` shapes of a body for all spins up to ``fastest`` about one axis."""
@@ -105,7 +108,8 @@ class StretchedShapes:
     def __call__(self, spin: float) -> np.ndarray:
         """The shape (N, 3) at a spin [rad/s]."""
         spin = number("spin", spin)
-        return np.tensordot((spin / self.fastest) ** (2 * np.arange(4, -1, -1)), self.coefficients, 1)
+        powers = (spin / self.fastest) ** POWERS
+        return np.dot(powers, self.coefficients.reshape(5, -1)).reshape(self.coefficients.shape[1:])
 
 
 def stretched_shapes(body: Body, axis: Any, fastest: float, pinned: tuple[int, ...] = ()) -> StretchedShapes:

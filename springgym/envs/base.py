@@ -17,7 +17,7 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
 from springgym.checks import chosen, shown, whole
-from springgym.envs.episodes import Episodes
+from springgym.envs.episodes import Begun, Episodes
 from springgym.envs.task import MET, Task
 from springgym.rendering import Renderer
 
@@ -371,7 +371,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         if mode is AutoresetMode.NEXT_STEP and self._ended.any():
             begun = self._begin(self._ended)
             for values in result:
-                values[begun] = 0
+                values[begun.copies] = 0
         self._ended = terminated | truncated
         if mode is AutoresetMode.SAME_STEP and self._ended.any():
             fresh = self._ended
@@ -393,12 +393,12 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             zip(self.episodes.task.reported, self.episodes.out.T[:MET], strict=True)
         )
 
-    def _begin(self, fresh: np.ndarray) -> np.ndarray:
-        """Start new episodes in some copies (num_envs,) of bool; their indices."""
+    def _begin(self, fresh: np.ndarray) -> Begun:
+        """Start new episodes in some copies (num_envs,) of bool."""
         copies = np.flatnonzero(fresh)
-        self.episodes.begin(copies, [self._generators[n] for n in copies], None)
+        begun = self.episodes.begin(copies, [self._generators[n] for n in copies], None)
         self._show_new(copies)
-        return copies
+        return begun
 
     def _show_new(self, copies: np.ndarray) -> None:
         for n in copies if self._canvases else ():

@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, rigid_velocities, rotation, stretched_shapes, top
+from springgym.bodies import Body, rigid_velocities, stretched_shapes, top
 from springgym.checks import chosen, shown
 from springgym.compiling import compiled, kernel
 from springgym.envs import observation as observing
@@ -20,6 +20,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, values
 from springgym.envs.options import number
 from springgym.envs.rewards import gaussian, thrift
+from springgym.envs.starts import ORIGIN, tilted
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -210,14 +211,14 @@ class SpringDuel(Task):
         """Positions and velocities of a top that stands on its tip in the bowl."""
         weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
         height = rest_height(weight, STRENGTH, REACH)
-        turn = rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
+        turn = tilted(azimuth, tilt)
         shape = factors["scale"] * self._shape(spin * math.sqrt(factors["masses"] / factors["stiffness"]))
         arm = (shape - shape[self._tip]) @ turn.T
         steepness = math.asin(APART / BOWL)
         inwards = (BOWL - height) * math.sin(steepness)
         foot = np.array([inwards * math.cos(bearing), inwards * math.sin(bearing), BOWL])
         foot[2] -= (BOWL - height) * math.cos(steepness)
-        return foot + arm, rigid_velocities(arm, spin * turn[:, 2], (0.0, 0.0, 0.0))
+        return foot + arm, rigid_velocities(arm, spin * turn[:, 2], ORIGIN)
 
     @cached_property
     def particles(self) -> ObservedParticles:

@@ -42,6 +42,17 @@ class Step(NamedTuple):
     truncated: np.ndarray
 
 
+class Begun(NamedTuple):
+    """Copies whose episodes have begun, to be observed."""
+
+    copies: np.ndarray
+    """(k,) their indices"""
+    part: Part
+    """what functions see, of these copies and maybe others"""
+    row: np.ndarray
+    """(k,) where in there each of them is"""
+
+
 class Part(NamedTuple):
     """Some copies: what functions see of them, and where their outcome is written."""
 
@@ -113,6 +124,8 @@ class Episodes:
         self.out = np.zeros((copies, len(task.outcome)))
         """what `Task.evaluate` set last, a column for each name in `Task.outcome`"""
         self.diverged = np.zeros(copies, bool)
+        self._names = np.dtype([(name, self.out.dtype) for name in task.outcome])
+        self._ends, self._lengths = scene.springs.T, scene.of_bodies("lengths")
         self._columns = observation.columns(task.particles)
         self._of = self._identity()
         self._use_kernels()
@@ -175,7 +188,7 @@ class Episodes:
 
     def begin(
         self, copies: np.ndarray, generators: Sequence[Generator], options: Mapping[str, Any] | None
-    ) -> None:
+    ) -> Begun:
         """Start new episodes in some copies (k,), each drawing from its own generator.
 
         What is refused changes nothing, the generators included.
@@ -188,13 +201,13 @@ class Episodes:
         given = {} if options is None else dict(mapping("options", options))
         before = [rng.bit_generator.state for rng in generators]
         try:
-            self._begin(copies, generators, given)
+            return self._begin(copies, generators, given)
         except BaseException:
             for rng, state in zip(generators, before, strict=True):
                 rng.bit_generator.state = state
             raise
 
-    def _begin(self, copies: np.ndarray, generators: Sequence[Generator], options: dict[str, Any]) -> None:
+    def _begin(self, copies: np.ndarray, generators: Sequence[Generator], options: dict[str, Any]) -> Begun:
         starts, drawn = [], []
         for rng in generators:
             left = dict(options)
@@ -222,22 +235,23 @@ class Episodes:
             self.error.last[copies] = 0.0
         self.simulator.read(copies)
         self.balance[copies] = self.measures.balance[copies]
+        begun = self._seen_alone(copies)
         if self.task.metrics:
-            some, row = self._seen_alone(copies)
-            fresh = np.zeros_like(some.out)
-            self._evaluate(*some[:5], self.parameters, self._named(fresh))
+            fresh = np.zeros_like(begun.part.out)
+            self._evaluate(*begun.part[:5], self.parameters, self._named(fresh))
             metrics = slice(len(self.task.terms), len(self.task.reported))  # nothing has been earned yet
-            self.out[copies, metrics] = fresh[row, metrics]
+            self.out[copies, metrics] = fresh[begun.row, metrics]
+        return begun
 
     def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
         """Refuse starts (k, N, 3) in a shape that has diverged already."""
-        scene = self.simulator.scene
         if self.simulator.dynamics == "rigid":
             return
-        first, second = scene.springs.T
+        first, second = self._ends
         scale = np.array([[factors["scale"]] for factors in drawn])
-        apart = np.linalg.norm(positions[:, second] - positions[:, first], axis=-1)
-        strain = np.abs(apart / (scale * scene.of_bodies("lengths")) - 1).max(axis=1, initial=0.0)
+        apart = positions.take(second, axis=1) - positions.take(first, axis=1)
+        length = np.sqrt((apart * apart).sum(axis=-1))
+        strain = np.abs(length / (scale * self._lengths) - 1).max(axis=1, initial=0.0)
         if not (strain <= STRAIN_LIMIT).all():
             n = int(np.argmax(~(strain <= STRAIN_LIMIT)))
             factors = ", ".join(f"{name} × {drawn[n][name]:g}" for name in self.ranges)
@@ -293,7 +307,7 @@ class Episodes:
         if seen is not None:
             self._look(own, seen)
 
-    def observe(self, seen: np.ndarray | None = None, begun: np.ndarray | None = None) -> np.ndarray:
+    def observe(self, seen: np.ndarray | None = None, begun: Begun | None = None) -> np.ndarray:
         """The observations of all copies, (n, D), float32.
 
         Parameters
@@ -301,16 +315,15 @@ class Episodes:
         seen
             What `step` gave: only the copies ``begun`` since are observed anew, and written to it.
         begun
-            Their indices.
+            What `begin` gave.
         """
         if seen is None:
             seen = self._room(self.copies)
             self._look(self._whole, seen)
         elif begun is not None:
-            some, row = self._seen_alone(begun)
-            room = self._room(len(some.rows))
-            self._look(some, room)
-            seen[begun] = room[row]
+            room = self._room(len(begun.part.rows))
+            self._look(begun.part, room)
+            seen[begun.copies] = room[begun.row]
         return seen
 
     def _room(self, copies: int) -> np.ndarray:
@@ -324,16 +337,16 @@ class Episodes:
             self._observe(own.rows, *own[1:3], own.goal, self._columns, seen)
         self._bound(seen, own.diverged)
 
-    def _seen_alone(self, copies: np.ndarray) -> tuple[Part, np.ndarray]:
-        """Some copies (k,) without the others, and the row of each.
+    def _seen_alone(self, copies: np.ndarray) -> Begun:
+        """Some copies (k,) without the others.
 
         A user's own functions are given all copies. A row by itself would be of another type than many, see
         `SameTypes`: it is there twice.
         """
         if not self._sees_parts:
-            return self._whole, copies
-        alone = np.resize(copies, max(len(copies), min(self.copies, 2)))
-        return self._part(alone), np.arange(len(copies))
+            return Begun(copies, self._whole, copies)
+        alone = copies if len(copies) > 1 or self.copies == 1 else np.repeat(copies, 2)
+        return Begun(copies, self._part(alone), np.arange(len(copies)))
 
     def _part(self, copies: Any) -> Part:
         """Some copies: views if they are a slice, else copies of their numbers."""
@@ -352,7 +365,7 @@ class Episodes:
             self.elapsed[copies],
             self.diverged[copies],
         )
-        if not is_jitted(self.task.evaluate):  # a user's own functions see, and change nothing
+        if not self._trusts:  # a user's own functions see, and change nothing
             m, action = Measures(*map(_locked, part.measures)), _locked(part.action)
             part = part._replace(measures=m, positions=_locked(x), velocities=_locked(v), action=action)
         return part
@@ -434,15 +447,16 @@ class Episodes:
 
     def _named(self, out: np.ndarray) -> np.ndarray:
         """View of outcomes (n, columns) as records (n,) with the names of `Task.outcome`."""
-        return out.view([(name, out.dtype) for name in self.task.outcome])[:, 0]
+        return out.view(self._names)[:, 0]
 
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
+        self._trusts = is_jitted(self.task.evaluate)
         self._apart = self.task.apart and len(self.simulator.scene.bodies) > 1
         self._whole = self._part(slice(None))
         compact = self.task.observation != "particles"
         observe = self.task.compact if compact else observation.observe_particles
-        self._sees_parts = is_jitted(self.task.evaluate) and is_jitted(observe)
+        self._sees_parts = self._trusts and is_jitted(observe)
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
         self._take = SameTypes(take)

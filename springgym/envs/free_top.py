@@ -11,13 +11,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, rigid_velocities, rotation, stretched_shapes, top
+from springgym.bodies import Body, rigid_velocities, stretched_shapes, top
 from springgym.checks import chosen, flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, spinning, thrift
+from springgym.envs.starts import ORIGIN, tilted
 from springgym.envs.task import Start, Task
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
@@ -121,13 +122,14 @@ class SpringFreeTop(Task):
         )
         self.body: Body = made(top, body, height=0.5, mass=10.0, damping=30.0)
         self.torque = RING_ACCELERATION * float(self.body.inertia()[2, 2])
+        self._tip = self.body.particle("tip")
+        self._others = np.delete(np.arange(len(self.body.masses)), self._tip)
         self._shape = stretched_shapes(self.body, (0, 0, 1), WANTED + BAND)
         self._strength, self._reach = scales(self.contact, self.body)
 
     @cached_property
     def scene(self) -> Scene:
-        tip = self.body.particle("tip")
-        shape = self._shape(WANTED)
+        tip, shape = self._tip, self._shape(WANTED)
         positions = shape - shape[tip] + np.array([0.0, 0.0, self._height({"masses": 1.0, "gravity": 1.0})])
         return Scene(
             self.body,
@@ -157,11 +159,10 @@ class SpringFreeTop(Task):
         tilt = number(options, "tilt", drawn_tilt, 0.0, FALLEN)
         spin = number(options, "spin", drawn_spin, WANTED - BAND, WANTED + BAND)
         away = number(options, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
-        turn = rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
+        turn = tilted(azimuth, tilt)
         softer = math.sqrt(factors["masses"] / factors["stiffness"])
-        tip = self.body.particle("tip")
         shape = factors["scale"] * self._shape(spin * softer)
-        arm = (shape - shape[tip]) @ turn.T
+        arm = (shape - shape[self._tip]) @ turn.T
         foot = np.array([away * math.cos(bearing), away * math.sin(bearing), self._height(factors)])
         if self.surface == "bowl":
             steepness = math.asin(away / BOWL)
@@ -169,12 +170,12 @@ class SpringFreeTop(Task):
             foot = np.array([inwards * math.cos(bearing), inwards * math.sin(bearing), 0.0])
             foot[2] = BOWL - (BOWL - self._height(factors)) * math.cos(steepness)
         positions = foot + arm
-        positions[:, 2] += self._lift(np.delete(positions, tip, axis=0), self._height(factors))
-        return Start(positions, rigid_velocities(arm, spin * turn[:, 2], (0.0, 0.0, 0.0)))
+        positions[:, 2] += self._lift(positions[self._others], self._height(factors))
+        return Start(positions, rigid_velocities(arm, spin * turn[:, 2], ORIGIN))
 
     def _lift(self, positions: np.ndarray, height: float) -> float:
         """How far a top that leans its ring into the surface must be lifted for it to lie on the ring [m]."""
-        ground = np.full(len(positions), height)
+        ground: Any = height
         if self.surface == "bowl":
             ground = BOWL - np.sqrt((BOWL - height) ** 2 - (positions[:, :2] ** 2).sum(axis=1))
         return max(0.0, float((ground - positions[:, 2]).max()))
@@ -190,7 +191,7 @@ class SpringFreeTop(Task):
         return {"thrust": push[:, None], "body_torque": twist}
 
     def look(self) -> Look:
-        return film.look(self.scene, self.body.particle("tip"))
+        return film.look(self.scene, self._tip)
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.25), 1.7, elevation=0.45)

@@ -18,7 +18,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import angle_between, long_tail, spinning, thrift
-from springgym.envs.starts import direction
+from springgym.envs.starts import direction, tilted
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
@@ -77,7 +77,7 @@ def compact(
 def turn_to(axis: np.ndarray) -> np.ndarray:
     """Rotation (3, 3) that takes the vertical to a unit vector."""
     azimuth, tilt = math.atan2(axis[1], axis[0]), math.acos(np.clip(axis[2], -1.0, 1.0))
-    return rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
+    return tilted(azimuth, tilt)
 
 
 class SpringGyroscope(Task):

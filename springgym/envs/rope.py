@@ -11,13 +11,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import rigid_velocities, rope, rotation, solid_rope
+from springgym.bodies import rigid_velocities, rope, solid_rope
 from springgym.checks import flag, shown
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.starts import ORIGIN, tilted
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
@@ -131,10 +132,10 @@ class SpringRope(Task):
         lengths = factors["scale"] * self.body.lengths + weight / (factors["stiffness"] * self.body.stiffness)
         positions = np.zeros_like(self.body.positions)
         positions[1:, 2] = -np.cumsum(lengths)
-        positions = positions @ (rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), sway)).T
+        positions = positions @ tilted(azimuth, sway).T
         omega = rate * np.array([math.cos(turning), math.sin(turning), 0.0])
         goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0)
-        return Start(positions, rigid_velocities(positions, omega, (0.0, 0.0, 0.0)), goal)
+        return Start(positions, rigid_velocities(positions, omega, ORIGIN), goal)
 
     @property
     def limits(self) -> np.ndarray:

@@ -13,6 +13,8 @@ from numpy.random import Generator
 
 from springgym.bodies import Body
 
+ORIGIN = np.zeros(3)
+
 EQUAL = 1e-9
 """Moments that differ by a smaller share are equal: their axes are any in the plane, or in space."""
 
@@ -32,6 +34,16 @@ def any_rotation(rng: Generator) -> np.ndarray:
     across = np.cross(first, second)
     side = math.copysign(1.0, (across * third).sum())
     return np.column_stack([side * first, side * second, across])
+
+
+def tilted(azimuth: float, tilt: float) -> np.ndarray:
+    """The rotation (3, 3) by ``tilt`` [rad] about y, then by ``azimuth`` [rad] about z.
+
+    To the bit the product of two of `springgym.bodies.rotation`, in which a cosine c is 1 − (1 − c).
+    """
+    angles = np.array((azimuth, tilt))
+    (s, sine), (c, cosine) = np.sin(angles).tolist(), (1 - (1 - np.cos(angles))).tolist()
+    return np.array([[c * cosine, -s, c * sine], [s * cosine, c, s * sine], [-sine, 0.0, cosine]])
 
 
 def principal_axes(body: Body) -> np.ndarray:

@@ -11,13 +11,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, rigid_velocities, rotation, solid_top, stretched_shapes, top
+from springgym.bodies import Body, rigid_velocities, solid_top, stretched_shapes, top
 from springgym.checks import flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import long_tail, spinning, thrift
+from springgym.envs.starts import tilted
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -148,7 +149,7 @@ class SpringTop(Task):
         tilt = number(options, "tilt", drawn[0], 0.0, FALLEN)
         azimuth = number(options, "azimuth", drawn[1], -math.pi, math.pi)
         spin = number(options, "spin", drawn[2], -FASTEST, FASTEST)
-        turn = rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
+        turn = tilted(azimuth, tilt)
         softer = math.sqrt(factors["masses"] / factors["stiffness"])
         positions = factors["scale"] * self._shape(spin * softer) @ turn.T
         tip = positions[self.body.particle("tip")]

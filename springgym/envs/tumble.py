@@ -18,7 +18,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import number
 from springgym.envs.rewards import gaussian, long_tail, thrift
-from springgym.envs.starts import any_rotation
+from springgym.envs.starts import ORIGIN, any_rotation
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -168,7 +168,7 @@ class SpringTumble(Task):
             corner = whole("reset option 'corner'", options.pop("corner"), 0, len(CORNERS) - 1)
         arm = factors["scale"] * self._shape @ turn.T
         goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0, corner)
-        velocities = rigid_velocities(arm, omega, (0.0, 0.0, 0.0))
+        velocities = rigid_velocities(arm, omega, ORIGIN)
         return Start(arm + np.array([0.0, 0.0, height]), velocities, goal)
 
     @property

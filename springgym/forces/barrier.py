@@ -53,8 +53,8 @@ class Planes(NamedTuple):
     """c [N·m²], (1,)"""
     reach: float
     """Δ [m]"""
-    oblique: bool
-    """whether two of them meet at another than a right angle"""
+    oblique: bool | None
+    """True if two of them meet at another than a right angle; else None, so that no turns are compiled"""
 
 
 class HollowSphere(NamedTuple):
@@ -75,20 +75,24 @@ class HollowSphere(NamedTuple):
 
 @compiled
 def decay_means(x: Number) -> Any:
-    """φ = (1 − e⁻ˣ)/x and ψ = (1 − φ)/x for x ≥ 0, to 1e-7 up to x = 2, without cancellation.
+    """φ = (1 − e⁻ˣ)/x and ψ = (1 − φ)/x for x ≥ 0, to 1e-7 up to x = 4, without cancellation.
 
-    For y = x/16, e^y is its Taylor polynomial D of degree 5, and φ and ψ what follows from it; then
-    e⁻²ʸ = (e⁻ʸ)², φ(2y) = φ (1 + e⁻ʸ)/2 and ψ(2y) = ψ/2 + φ²/4, four times.
+    For y up to 1/2, eʸ is its Taylor polynomial D of degree 7, and φ and ψ what follows from it. For a larger
+    x, y is x/8; then e⁻²ʸ = (e⁻ʸ)², φ(2y) = φ (1 + e⁻ʸ)/2 and ψ(2y) = ψ/2 + φ²/4, three times.
     """
-    y = 0.0625 * x
-    numerator = 1.0 + y * (1 / 2 + y * (1 / 6 + y * (1 / 24 + y * (1 / 120))))
+    large = x > 0.5
+    y = select(large, 0.125 * x, x)
+    rest = 1 / 24 + y * (1 / 120 + y * (1 / 720 + y * (1 / 5040)))
+    numerator = 1.0 + y * (1 / 2 + y * (1 / 6 + y * rest))
     decay = 1.0 / (1.0 + y * numerator)
     phi = numerator * decay
-    psi = (1 / 2 + y * (1 / 3 + y * (1 / 8 + y * (1 / 30 + y * (1 / 120))))) * decay
-    for _ in range(4):
-        psi = 0.5 * psi + 0.25 * phi * phi
-        phi = 0.5 * phi * (1.0 + decay)
-        decay = decay * decay
+    rest = 1 / 30 + y * (1 / 144 + y * (1 / 840 + y * (1 / 5040)))
+    psi = (1 / 2 + y * (1 / 3 + y * (1 / 8 + y * rest))) * decay
+    if any_lane(large):
+        for _ in range(3):
+            psi = select(large, 0.5 * psi + 0.25 * phi * phi, psi)
+            phi = select(large, 0.5 * phi * (1.0 + decay), phi)
+            decay = decay * decay
     return phi, psi
 
 
@@ -102,17 +106,20 @@ def positive_root(linear: Number, product: Number) -> Any:
 
 
 @compiled
-def gradient(start: Number, end: Number, reach: Number) -> Any:
-    """F̄/c [1/m²] between two heights, and its derivative by the second."""
+def gradient(start: Number, end: Number, reach: Number, touching: Mask) -> Any:
+    """F̄/c [1/m²] between two heights, and its derivative by the second, where something is ``touching``."""
     flat, first, last = 1.0 / (reach * reach), 1.0 / start, 1.0 / end
-    before, after = maximum(reach - start, 0.0), maximum(reach - end, 0.0)
-    gap = end - start
-    gap = 1.0 / select(gap < 0.0, minimum(gap, -1e-30), maximum(gap, 1e-30))
-    mean = (before * before * flat * first - after * after * flat * last) * gap
-    slope = (after * (reach + end) * flat * last * last - mean) * gap
-    inside = maximum(start, end) < reach
-    mean = select(inside, first * last - flat, mean)
-    return maximum(mean, 0.0), select(inside, -1.0 * first * last * last, slope)
+    mean, slope = first * last - flat, -1.0 * first * last * last
+    farther = select(touching, maximum(start, end), 0.0)
+    if any_lane(farther >= reach):
+        before, after = maximum(reach - start, 0.0), maximum(reach - end, 0.0)
+        gap = end - start
+        gap = 1.0 / select(gap < 0.0, minimum(gap, -1e-30), maximum(gap, 1e-30))
+        across = (before * before * flat * first - after * after * flat * last) * gap
+        steep = (after * (reach + end) * flat * last * last - across) * gap
+        inside = farther < reach
+        mean, slope = select(inside, mean, across), select(inside, slope, steep)
+    return maximum(mean, 0.0), slope
 
 
 @compiled
@@ -152,7 +159,7 @@ def meet(
     end = positive_root(gain * flat - free, gain / start)
     inside = start < reach
     guess = select(inside, end, minimum(end, reach))
-    if any_lane(guess > reach):
+    if any_lane(select(touching, guess, 0.0) > reach):
         guess = select(guess > reach, start + positive_root(start - free, gain * energy), guess)
     low = maximum(start + tau * (u + 0.5 * minimum(s, 0.0)), 0.0)
     # √(2 c U) is what the barrier gives at the most, and 2 τ √q ≤ τ² q/Δ + Δ.
@@ -163,9 +170,9 @@ def meet(
     active = select(slack, 0.0, select(touching, 1.0 + 0.0 * u, 0.0))
     for _ in range(ROUNDS):
         here = maximum(guess, least)
-        mean, slope = gradient(start, here, reach)
+        mean, slope = gradient(start, here, reach, touching)
         impulse = tau * c * mean
-        phi, psi = decay_means(d * impulse)
+        phi, psi = decay_means(select(touching, d * impulse, 0.0))
         e = s + impulse * follow
         wrong = here - start - tau * (u + e * psi)
         above = wrong > 0.0
@@ -180,9 +187,9 @@ def meet(
         if not any_lane(active > 0.5):
             break
     here = maximum(select(slack, free, guess), least)
-    mean, _ = gradient(start, here, reach)
+    mean, _ = gradient(start, here, reach, touching)
     impulse = tau * c * mean
-    phi, psi = decay_means(d * impulse)
+    phi, psi = decay_means(select(touching, d * impulse, 0.0))
     e = select(slack, s, s + impulse * follow)
     phi, psi = select(slack, 1.0, phi), select(slack, 0.5, psi)
     return e * phi - s, e * (tau * psi - span.out * phi), impulse

@@ -98,11 +98,11 @@ class Given(NamedTuple):
 
 
 @compiled
-def turns(planes: Planes | None, bowl: HollowSphere | None) -> int:
-    """How often the surfaces are taken in turn: at right angles they do not know of each other."""
-    if planes is not None and not planes.oblique:
-        return 1
-    return TURNS
+def strangers(planes: Planes | None) -> bool:
+    """Whether no surface knows of another, as at right angles, so that one turn finds what they give."""
+    if planes is not None:
+        return planes.oblique is None
+    return False
 
 
 @compiled
@@ -184,7 +184,7 @@ def impulses(
     mu, d = coefficient(terms.friction, nothing[0]), coefficient(terms.impact_damping, nothing[0])
     enough = (AGREED + 64 * epsilon(speed[0])) * reach
     active = select(near(begin, free, terms.planes, terms.bowl), 1.0 + nothing[0], 0.0)
-    for turn in range(turns(terms.planes, terms.bowl)):
+    for turn in range(TURNS):
         now, curved, pressing = kept(given, terms.bowl), kept(bend, terms.bowl), nothing
         left, first = plus(speed, smooth), nothing
         pressed, touched = nothing[0], nothing[0]
@@ -214,13 +214,16 @@ def impulses(
             now = plus_scaled(now, (gain - own) * inverse_square, n)
             curved = plus_scaled(curved, (bent - curve) * inverse_square, n)
             pressing = plus_scaled(pressing, impulse * inverse_square, n)
-            going = active > 0.5
-            store(pushes, (k, 0), select(going, gain, own))
-            store(pushes, (k, 1), select(going, bent, curve))
+            if not strangers(terms.planes):
+                going = active > 0.5
+                store(pushes, (k, 0), select(going, gain, own))
+                store(pushes, (k, 1), select(going, bent, curve))
         rubbing = nothing
         if terms.friction is not None:
             left = choose(touched > 2.0, nothing, left)
             rubbing = times(-1.0, slowed(left, mu * pressed))
+        if strangers(terms.planes):
+            return Given(now, rubbing, curved, pressing)
         going = active > 0.5
         more = minus(now, given)
         far = span.whole * span.whole * dot(more, more) > enough * enough
@@ -430,10 +433,12 @@ def pass_node(
         if not (particles.free[i] and any_lane(near(begin, end, terms.planes, terms.bowl))):
             set_row(v, i, soon)
             set_row(x, i, plus(place, times(tau, soon)))
-            if first < i or last:
-                set_row(space.given, i, (0.0, 0.0, 0.0))
+            if last:
                 set_row(space.bends, i, (0.0, 0.0, 0.0))
             continue
+        for between in range(max(first, behind), i):
+            set_row(space.given, between, (0.0, 0.0, 0.0))
+            set_row(space.bends, between, (0.0, 0.0, 0.0))
         first, behind = min(first, i), i + 1
         start = row(v, i)
         begin = plus_scaled(place, -1.0 * span.lead, start)

@@ -10,8 +10,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.bodies import box, cube, top
-from springgym.envs.starts import any_rotation, direction, principal_axes
+from springgym.bodies import box, cube, rotation, top
+from springgym.envs.starts import any_rotation, direction, principal_axes, tilted
 from tests import fuzz
 from tests.envs.cases import IDS, make, task_type
 
@@ -150,3 +150,9 @@ def test_every_corner_of_the_reset_options_can_be_started_from(env_id: str, argu
         options = {name: int(value) if name == "corner" else value for name, value in corner.items()}
         observation, _ = env.reset(seed=n, options=options)
         assert env.observation_space.contains(observation)
+
+
+def test_tilted_is_the_product_of_two_rotations_to_the_bit() -> None:
+    for azimuth, tilt in np.random.default_rng(0).uniform(-7, 7, (50, 2)):
+        expected = rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
+        np.testing.assert_array_equal(tilted(azimuth, tilt), expected)
