@@ -9,7 +9,7 @@ import numpy as np
 from springgym.compiling import compiled
 from springgym.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.lanes import epsilon as epsilon
-from springgym.lanes import load, multiply_add, select, sqrt, store
+from springgym.lanes import load, load_each, multiply_add, select, sqrt, store, store_each
 
 TINY = 1e-30  # added to a squared length: keeps 1/length finite at zero, and changes no other length
 
@@ -28,6 +28,20 @@ def set_row(array: Numbers, i: int, u: Vector) -> None:
     store(array, (i, 0), u[0])
     store(array, (i, 1), u[1])
     store(array, (i, 2), u[2])
+
+
+@compiled
+def row_each(array: Numbers, i: Number) -> Any:
+    """``array[i]`` of an array (rows, 3) where each copy has a row of its own."""
+    return load_each(array, (i, 0)), load_each(array, (i, 1)), load_each(array, (i, 2))
+
+
+@compiled
+def set_row_each(array: Numbers, i: Number, u: Vector) -> None:
+    """``array[i] = u`` where each copy has a row of its own."""
+    store_each(array, (i, 0), u[0])
+    store_each(array, (i, 1), u[1])
+    store_each(array, (i, 2), u[2])
 
 
 @compiled
