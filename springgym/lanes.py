@@ -327,7 +327,7 @@ def store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
 
 
 def _own_numbers(context: Any, builder: Any, sig: Any, args: Any) -> tuple[list[Any], types.Type]:
-    """Pointers to ``array[index]`` of a C-contiguous array for each lane of the index, and what they are to."""
+    """Pointers to ``array[index]`` of a C-contiguous array, one for each lane, and what they point to."""
     array_type, index_type = sig.args[:2]
     element = _element(array_type)
     array = context.make_array(array_type)(context, builder, args[0])
@@ -343,13 +343,21 @@ def _own_numbers(context: Any, builder: Any, sig: Any, args: Any) -> tuple[list[
     own = isinstance(element, Lanes)
     number = element.dtype if own else element
     data = builder.bitcast(array.data, _llvm(number, 1).as_pointer()) if own else array.data
+    rows = [
+        rows if lanes.width == 1 else builder.extract_element(rows, ir.Constant(whole, lane))
+        for lane in range(lanes.width)
+    ]
+    rows = [builder.sext(row, extents[0].type) for row in rows]
+    if context.enable_boundscheck:  # of the largest: one check is a hundredth of the code
+        most = rows[0]
+        for row in rows[1:]:
+            most = builder.select(builder.icmp_unsigned(">", row, most), row, most)
+        check_index(context, builder, most, extents[0])
     pointers = []
-    for lane in range(lanes.width):
-        row = rows if lanes.width == 1 else builder.extract_element(rows, ir.Constant(whole, lane))
-        offset = builder.sext(row, extents[0].type)
-        check_index(context, builder, offset, extents[0])
+    for lane, offset in enumerate(rows):
         if axis is not None:
-            offset = builder.add(builder.mul(offset, ir.Constant(offset.type, 3)), axis)
+            across = ir.Constant(offset.type, 3) if own else extents[1]
+            offset = builder.add(builder.mul(offset, across), axis)
         if own:
             width = ir.Constant(offset.type, element.width)
             offset = builder.add(builder.mul(offset, width), ir.Constant(offset.type, lane))

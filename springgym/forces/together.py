@@ -130,12 +130,12 @@ def leans(turn: int, count: Number, planes: Any, bowl: Any, friction: Numbers, d
 
     Without surfaces there is the first one, too, if what was foreseen for the dampers is to begin with.
     """
-    last = turn == TURNS - 1
+    last = turn == TURNS
     if planes is None and bowl is None:
         return last or (turn == 0 and count > 0 and foreseen(dampers))
     if friction is None and turn == SWEEPS:
         return False
-    return last or (turn < TURNS and count > 0)
+    return last or count > 0
 
 
 @compiled
@@ -152,11 +152,11 @@ def touch(
             for body in range(bodies_of(x)):
                 lean(of_body(x, body), span, found, of_body(work, body), of_body(terms, body))
         if turn < 2:
-            sweep(v, span, count, turn == 1, particles, pairs, room)
+            sweep(v, span, count, turn == 1, pairs, room)
         if turn == 1 and last:
             taper(x.values, v, span, count, particles, pairs, room, pairs.shapes.edges)
         if 0 < turn <= SWEEPS or (last and turn > SWEEPS):
-            rub(x.values, w, v, turn - 1, count, particles, pairs, pairs.friction, room, meets.tally)
+            rub(w, v, turn - 1, count, pairs, pairs.friction, room, meets.tally)
 
 
 # --- The node -----------------------------------------------------------------------------------------
@@ -352,7 +352,7 @@ def pass_together(
             kick_on(of_body(v, body), span.lead, own.a)
         else:
             arrive(of_body(v, body), span, own, foreseen(terms.dampers), of_body(terms.memory, body))
-    prepare(w, span, contacts, particles, meets.pairs, room, meets.tally)
+    prepare(x.values, w, span, contacts, particles, meets.pairs, room, meets.tally)
     for part in range(2):
         if part == 1:
             for body in range(count):
