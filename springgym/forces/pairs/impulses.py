@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from springgym.compiling import compiled
 from springgym.forces.pairs.features import TAPER, smooth
 from springgym.forces.pairs.friction import lay_out
-from springgym.forces.pairs.law import energy, meet, meet_losing
+from springgym.forces.pairs.law import energy, meet
 from springgym.forces.pairs.terms import (
     CONTACT,
     ENERGY,
@@ -142,15 +142,22 @@ def sweep(v: Rows, span: Any, count: Any, backward: bool, pairs: Any, room: Any)
 
 
 @compiled
+def loss_of(damping: Numbers, pair: Any) -> Any:
+    """δ of a pair [s/m]."""
+    if damping is None:
+        return 0.0
+    return load(damping, pair)
+
+
+@compiled
 def solve(
     k: Any, come: Approach, span: Any, inverse: Number, meets: Mask, damping: Numbers, room: Any
 ) -> Any:
     """The impulse of contact k; what it loses is stored."""
-    if damping is None:
-        return meet(come.start, come.free, span, come.strength, come.reach) / (inverse + TINY)
-    loss = load(damping, room.pair[k])
-    change, lost = meet_losing(come.start, come.free, span, come.strength, come.reach, loss)
-    store(room.lost, k, select(meets, lost / (inverse + TINY), 0.0))
+    loss = loss_of(damping, room.pair[k])
+    change, lost = meet(come.start, come.free, span, come.strength, come.reach, loss)
+    if damping is not None:
+        store(room.lost, k, select(meets, lost / (inverse + TINY), 0.0))
     return change / (inverse + TINY)
 
 
