@@ -142,11 +142,12 @@ def sweep(v: Rows, span: Any, count: Any, backward: bool, pairs: Any, room: Any)
 
 
 @compiled
-def loss_of(damping: Numbers, pair: Any) -> Any:
+def loss_of(damping: Numbers, pair: Any, like: Number) -> Any:
     """δ of a pair [s/m]."""
-    if damping is None:
-        return 0.0
-    return load(damping, pair)
+    loss = 0.0 * like
+    if damping is not None:
+        loss = loss + load(damping, pair)
+    return loss
 
 
 @compiled
@@ -154,7 +155,7 @@ def solve(
     k: Any, come: Approach, span: Any, inverse: Number, meets: Mask, damping: Numbers, room: Any
 ) -> Any:
     """The impulse of contact k; what it loses is stored."""
-    loss = loss_of(damping, room.pair[k])
+    loss = loss_of(damping, room.pair[k], inverse)
     change, lost = meet(come.start, come.free, span, come.strength, come.reach, loss)
     if damping is not None:
         store(room.lost, k, select(meets, lost / (inverse + TINY), 0.0))
