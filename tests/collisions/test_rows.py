@@ -29,7 +29,8 @@ def test_a_row_for_all_who_touch_elsewhere() -> None:
     crown = plate.positions[plate.particle("crown")]
     bodies = (Placed(plate, name="plate"), Placed(ball(0.06, 0.2), crown[None] + [0, 0, 1.0], name="ball"))
     scene = Scene(bodies=bodies, collisions=contact)
-    pairs = Simulator(scene, copies=copies, step=1e-3)._terms.meets.pairs
+    meets = Simulator(scene, copies=copies, step=1e-3)._terms.meets
+    assert meets is not None
     places = np.repeat(scene.positions[None], copies, axis=0)
     angles = 2 * np.pi * np.arange(copies) / copies + 0.1
     places[:, -1] = crown + 0.25 * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
@@ -37,8 +38,8 @@ def test_a_row_for_all_who_touch_elsewhere() -> None:
     places[3, -1, 2] += 0.1  # one is aloft
     x, v = (block_array(copies, (len(scene.positions), 3), float) for _ in range(2))
     set_all(x, places)
-    room = pack_room(scene, pairs, x.dtype)
-    assert found(x, v, pairs, room) == 1
+    room = pack_room(scene, meets.pairs, x.dtype)
+    assert found(x, v, meets.pairs, room) == 1
     shares, particles = numbers(room.share)[0], numbers(room.particle)[:4]
     assert (shares > 0).tolist() == [n != 3 for n in range(copies)]
     assert len({tuple(sorted(corners)) for corners in particles[1:, shares > 0].T}) >= 10
