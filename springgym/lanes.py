@@ -326,6 +326,96 @@ def store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
     return types.void(array, index, value), codegen
 
 
+def _own_numbers(context: Any, builder: Any, sig: Any, args: Any) -> tuple[list[Any], types.Type]:
+    """Pointers to ``array[index]`` of a C-contiguous array, one for each lane, and what they point to."""
+    array_type, index_type = sig.args[:2]
+    element = _element(array_type)
+    array = context.make_array(array_type)(context, builder, args[0])
+    axis = None
+    index, lanes = args[1], index_type
+    if isinstance(index_type, types.BaseTuple):
+        index, axis = cgutils.unpack_tuple(builder, index)
+        lanes = index_type[0]
+        axis = context.cast(builder, axis, index_type[1], types.intp)
+    extents = cgutils.unpack_tuple(builder, array.shape, array_type.ndim)
+    whole = ir.IntType(32)
+    rows = builder.fptosi(index, whole if lanes.width == 1 else ir.VectorType(whole, lanes.width))
+    own = isinstance(element, Lanes)
+    number = element.dtype if own else element
+    data = builder.bitcast(array.data, _llvm(number, 1).as_pointer()) if own else array.data
+    rows = [
+        rows if lanes.width == 1 else builder.extract_element(rows, ir.Constant(whole, lane))
+        for lane in range(lanes.width)
+    ]
+    rows = [builder.sext(row, extents[0].type) for row in rows]
+    if context.enable_boundscheck:  # of the largest: one check is a hundredth of the code
+        most = rows[0]
+        for row in rows[1:]:
+            most = builder.select(builder.icmp_unsigned(">", row, most), row, most)
+        check_index(context, builder, most, extents[0])
+    pointers = []
+    for lane, offset in enumerate(rows):
+        if axis is not None:
+            across = ir.Constant(offset.type, 3) if own else extents[1]
+            offset = builder.add(builder.mul(offset, across), axis)
+        if own:
+            width = ir.Constant(offset.type, element.width)
+            offset = builder.add(builder.mul(offset, width), ir.Constant(offset.type, lane))
+        pointers.append(builder.gep(data, [offset]))
+    return pointers, number
+
+
+def _rows_of(array: Any, index: Any) -> Any:
+    """The `Lanes` type of an index that differs by copy; None if it is none."""
+    lanes = index[0] if isinstance(index, types.BaseTuple) else index
+    fits = isinstance(lanes, Lanes) and array.ndim == (2 if lanes is not index else 1)
+    element = _element(array)
+    return lanes if fits and not (isinstance(element, Lanes) and element != lanes) else None
+
+
+@intrinsic
+def load_each(typingctx: Any, array: Any, index: Any) -> Any:
+    """``array[index]`` where each copy has an index of its own: a whole number in each lane.
+
+    ``array`` is as `load` takes it; of one of plain numbers, which all copies share, each copy gets its own
+    choice.
+    """
+    lanes = _rows_of(array, index)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointers, number = _own_numbers(context, builder, sig, args)
+        found = [
+            context.cast(builder, builder.load(pointer), number, lanes.dtype)
+            for pointer in pointers  # cast: counts, and numbers of another precision
+        ]
+        if lanes.width == 1:
+            return found[0]
+        vector = ir.Constant(_llvm(lanes.dtype, lanes.width), ir.Undefined)
+        for lane, value in enumerate(found):
+            vector = builder.insert_element(vector, value, ir.Constant(ir.IntType(32), lane))
+        return vector
+
+    return lanes and lanes(array, index), codegen
+
+
+@intrinsic
+def store_each(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
+    """``array[index] = value`` where each copy has an index of its own, in an array of blocks."""
+    lanes = _rows_of(array, index)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointers, _ = _own_numbers(context, builder, sig, args)
+        values = _as_lanes(context, builder, args[2], sig.args[2], lanes)
+        for lane, pointer in enumerate(pointers):
+            one = values
+            if lanes.width > 1:
+                one = builder.extract_element(values, ir.Constant(ir.IntType(32), lane))
+            builder.store(one, pointer)
+        return context.get_dummy_value()
+
+    return lanes and types.void(array, index, value), codegen
+
+
 # --- Blocks -----------------------------------------------------------------------------------------
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from springgym.compiling import compiled
 from springgym.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.lanes import epsilon as epsilon
-from springgym.lanes import load, multiply_add, select, sqrt, store
+from springgym.lanes import load, load_each, multiply_add, select, sqrt, store, store_each
 
 TINY = 1e-30  # added to a squared length: keeps 1/length finite at zero, and changes no other length
 
@@ -28,6 +28,20 @@ def set_row(array: Numbers, i: int, u: Vector) -> None:
     store(array, (i, 0), u[0])
     store(array, (i, 1), u[1])
     store(array, (i, 2), u[2])
+
+
+@compiled
+def row_each(array: Numbers, i: Number) -> Any:
+    """``array[i]`` of an array (rows, 3) where each copy has a row of its own."""
+    return load_each(array, (i, 0)), load_each(array, (i, 1)), load_each(array, (i, 2))
+
+
+@compiled
+def set_row_each(array: Numbers, i: Number, u: Vector) -> None:
+    """``array[i] = u`` where each copy has a row of its own."""
+    store_each(array, (i, 0), u[0])
+    store_each(array, (i, 1), u[1])
+    store_each(array, (i, 2), u[2])
 
 
 @compiled
@@ -143,19 +157,51 @@ def inertia(x: Rows, mass: Numbers, about: Vector) -> Any:
 
 
 @compiled
+def cofactors(tensor: Any) -> Any:
+    """Of a symmetric tensor (xx, yy, zz, xy, xz, yz), in rows; and its determinant."""
+    xx, yy, zz, xy, xz, yz = tensor
+    first = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
+    second = (first[1], xx * zz - xz * xz, xy * xz - xx * yz)
+    third = (first[2], second[2], xx * yy - xy * xy)
+    return first, second, third, dot((xx, xy, xz), first)
+
+
+@compiled
 def solve_symmetric(tensor: Any, b: Vector) -> Any:
     """Solution of A u = b for the inertia A (xx, yy, zz, xy, xz, yz) of particles, by cofactors.
 
     Of particles on a line n, A = λ (1 − n nᵀ) is singular: the smallest solution, b/λ without its part along
     n; in a point, zero.
     """
-    xx, yy, zz, xy, xz, yz = tensor
-    first = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
-    second = (first[1], xx * zz - xz * xz, xy * xz - xx * yz)
-    third = (first[2], second[2], xx * yy - xy * xy)
-    determinant = dot((xx, xy, xz), first)
+    xx, yy, zz, _, _, _ = tensor
+    first, second, third, determinant = cofactors(tensor)
     u = (dot(first, b), dot(second, b), dot(third, b))  # on a line λ² n nᵀ b
     size = 0.5 * (xx + yy + zz)
     straight = minus(b, times(1.0 / (first[0] + second[1] + third[2] + TINY), u))
     flat = determinant <= ROUND_OFF * epsilon(size) * size * size * size
     return choose(flat, times(1.0 / (size + TINY), straight), times(1.0 / determinant, u))
+
+
+@compiled
+def inverse_symmetric(tensor: Any) -> Any:
+    """What `solve_symmetric` multiplies by: xx, yy, zz; xy, xz, yz."""
+    xx, yy, zz, _, _, _ = tensor
+    first, second, third, determinant = cofactors(tensor)
+    size = 0.5 * (xx + yy + zz)
+    flat = determinant <= ROUND_OFF * epsilon(size) * size * size * size
+    share = 1.0 / (size + TINY)
+    trace = -1.0 * share / (first[0] + second[1] + third[2] + TINY)
+    scale = select(flat, trace, 1.0 / select(flat, 1.0, determinant))
+    diagonal = times(scale, (first[0], second[1], third[2]))
+    diagonal = choose(flat, plus(diagonal, (share, share, share)), diagonal)
+    return diagonal, times(scale, (first[1], first[2], second[2]))
+
+
+@compiled
+def multiplied(diagonal: Vector, across: Vector, b: Vector) -> Any:
+    """A symmetric tensor, xx, yy, zz and xy, xz, yz, times a vector."""
+    return (
+        dot((diagonal[0], across[0], across[1]), b),
+        dot((across[0], diagonal[1], across[2]), b),
+        dot((across[1], across[2], diagonal[2]), b),
+    )

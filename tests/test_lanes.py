@@ -14,7 +14,19 @@ from hypothesis.extra.numpy import arrays
 from springgym.blocks import aligned_zeros, block_array, numbers, set_all, set_copies, to_copies
 from springgym.bodies import start, top
 from springgym.compiling import kernel
-from springgym.lanes import any_lane, block_dtype, load, maximum, minimum, multiply_add, select, sqrt, store
+from springgym.lanes import (
+    any_lane,
+    block_dtype,
+    load,
+    load_each,
+    maximum,
+    minimum,
+    multiply_add,
+    select,
+    sqrt,
+    store,
+    store_each,
+)
 from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
 
@@ -115,6 +127,33 @@ def test_multiply_add_rounds_once(width: int, dtype: Any, data: st.DataObject) -
         error = abs(Fraction(float(value)) - wanted)
         for neighbour in (np.nextafter(value, value.dtype.type(side)) for side in (-np.inf, np.inf)):
             assert error <= abs(Fraction(float(neighbour)) - wanted)
+
+
+@kernel
+def choose_rows(rows: Any, own: Any, pairs: Any, shared: Any, out: Any) -> None:
+    n = load(rows, 0)
+    store_each(out, (n, 1), load_each(own, (n, 2)))
+    store_each(rows, load_each(pairs, (n, 1)), load_each(shared, n))
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("width", WIDTHS)
+def test_each_copy_has_a_row_of_its_own(width: int, dtype: Any) -> None:
+    """Of arrays of blocks it is the copy's own number; of shared ones, of any kind, the same for all."""
+    random, count = np.random.default_rng(width), 7
+    rows, own, out = (
+        aligned_zeros(shape, block_dtype(dtype, width)) for shape in ((count,), (count, 3), (count, 3))
+    )
+    n, lanes = random.integers(0, count, width), np.arange(width)
+    numbers(rows)[0] = n
+    numbers(own)[:] = random.random(numbers(own).shape)
+    pairs = random.integers(1, count, (count, 2)).astype(np.uint32)
+    shared = random.random(count)
+    choose_rows(rows, own, pairs, shared, out)
+    assert (numbers(out)[n, 1, lanes] == numbers(own)[n, 2, lanes]).all()
+    assert np.count_nonzero(numbers(out)) == width
+    assert (numbers(rows)[pairs[n, 1], lanes] == shared[n].astype(dtype)).all()
+    assert (numbers(rows)[0] == n).all()
 
 
 @pytest.mark.parametrize("dtype", DTYPES)

@@ -44,7 +44,7 @@ from springgym.forces.pairs.search import find
 from springgym.forces.pairs.terms import ENERGY, ENTRIES, IMPULSE, Room
 from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.lanes import Ragged, any_lane, bodies_of, load, of_body, select, store
-from springgym.vectors import dot, minus, plus, plus_scaled, row, set_row, times
+from springgym.vectors import choose, dot, minus, plus, plus_scaled, row, set_row, times
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -81,23 +81,52 @@ class Bodies(NamedTuple):
 
 
 @compiled
-def lean(x: Rows, span: Any, found: Any, own: Any, terms: Terms) -> None:
-    """Let surfaces give a body's particles what follows from all else, and bodies' pushes among it."""
+def lean(x: Rows, span: Any, found: Any, fresh: Any, last: Any, own: Any, terms: Terms) -> None:
+    """Let surfaces give a body's particles what follows from all else, and bodies' pushes among it.
+
+    After the ``fresh`` turn only those of copies whose velocity changed since. Before the ``last`` one, they
+    also wait where a surface gave nothing and is not near.
+    """
     arrived = terms.memory.arrived
     for i in range(x.shape[0]):
-        by_bodies = plus(row(own.pairs, i), minus(row(own.velocity, i), row(own.base, i)))
-        set_row(own.pairs, i, by_bodies)
-        start, now = row(arrived, i), plus(row(own.soon, i), by_bodies)
-        given = lean_on(
-            i, row(x, i), start, now, span, found, own.space.pushes, terms, terms.planes, terms.bowl
-        )
-        set_row(own.change, i, given.change)
-        set_row(own.rub, i, given.rub)
-        set_row(own.force, i, given.force)
-        set_row(own.bends, i, given.bend)
-        now = plus(now, plus(given.change, given.rub))
-        set_row(own.velocity, i, now)
-        set_row(own.base, i, now)
+        velocity = row(own.velocity, i)
+        more = minus(velocity, row(own.base, i))
+        moved = select(dot(more, more) > 0.0, 1.0, 0.0 * load(terms.memory.marks, PHASE))
+        if fresh or any_lane(moved > 0.5):
+            place, start = row(x, i), row(arrived, i)
+            if not (fresh or last):
+                calm = waiting(i, place, start, velocity, span, own, terms.planes, terms.bowl)
+                moved = select(calm > 0.5, 0.0, moved)
+            turns = moved > (-1.0 if fresh else 0.5)
+            if any_lane(turns):
+                before = row(own.pairs, i)
+                by_bodies = plus(before, more)
+                now = plus(row(own.soon, i), by_bodies)
+                given = lean_on(
+                    i, place, start, now, span, found, own.space.pushes, terms, terms.planes, terms.bowl
+                )
+                now = plus(now, plus(given.change, given.rub))
+                set_row(own.pairs, i, choose(turns, by_bodies, before))
+                set_row(own.velocity, i, choose(turns, now, velocity))
+                set_row(own.base, i, choose(turns, now, row(own.base, i)))
+                set_row(own.change, i, choose(turns, given.change, row(own.change, i)))
+                set_row(own.rub, i, choose(turns, given.rub, row(own.rub, i)))
+                set_row(own.force, i, choose(turns, given.force, row(own.force, i)))
+                set_row(own.bends, i, choose(turns, given.bend, row(own.bends, i)))
+
+
+@compiled
+def waiting(
+    i: int, place: Vector, start: Vector, velocity: Vector, span: Any, own: Any, planes: Any, bowl: Any
+) -> Any:
+    """1 where surfaces gave particle ``i`` nothing and are not near, else 0."""
+    change = row(own.change, i)
+    calm = select(dot(change, change) > 0.0, 0.0, 1.0 + 0.0 * span.out)
+    if planes is not None or bowl is not None:
+        begin = plus_scaled(place, -1.0 * span.lead, start)
+        end = plus_scaled(place, span.out, velocity)
+        calm = select(near(begin, end, planes, bowl), 0.0, calm)
+    return calm
 
 
 @compiled
@@ -125,17 +154,14 @@ def lean_on(
 
 
 @compiled
-def leans(turn: int, count: Number, planes: Any, bowl: Any, friction: Numbers, dampers: Any) -> bool:
-    """Whether surfaces have a turn: the last one always, as it sums up, others if something changed.
-
-    Without surfaces there is the first one, too, if what was foreseen for the dampers is to begin with.
-    """
-    last = turn == TURNS - 1
+def leans(turn: int, count: Number, planes: Any, bowl: Any, friction: Numbers) -> bool:
+    """Whether surfaces have a turn: the last one always, as it sums up, others if something changed."""
+    last = turn == TURNS
     if planes is None and bowl is None:
-        return last or (turn == 0 and count > 0 and foreseen(dampers))
+        return last
     if friction is None and turn == SWEEPS:
         return False
-    return last or (turn < TURNS and count > 0)
+    return last or count > 0
 
 
 @compiled
@@ -147,16 +173,19 @@ def touch(
     pairs = meets.pairs
     found = FOUND if last else FORESEEN
     v = work.velocity.values
+    fresh = True
     for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
-        if leans(turn, count, terms.planes, terms.bowl, pairs.friction, terms.dampers):
+        if leans(turn, count, terms.planes, terms.bowl, pairs.friction):
             for body in range(bodies_of(x)):
-                lean(of_body(x, body), span, found, of_body(work, body), of_body(terms, body))
+                own = of_body(work, body)
+                lean(of_body(x, body), span, found, fresh, turn == TURNS, own, of_body(terms, body))
+            fresh = False
         if turn < 2:
-            sweep(v, span, count, turn == 1, particles, pairs, room)
+            sweep(v, span, count, turn == 1, pairs, room)
         if turn == 1 and last:
             taper(x.values, v, span, count, particles, pairs, room, pairs.shapes.edges)
         if 0 < turn <= SWEEPS or (last and turn > SWEEPS):
-            rub(x.values, w, v, turn - 1, count, particles, pairs, pairs.friction, room, meets.tally)
+            rub(w, v, turn - 1, count, pairs, pairs.friction, room, meets.tally)
 
 
 # --- The node -----------------------------------------------------------------------------------------
@@ -203,9 +232,10 @@ def look_ahead(v: Rows, span: Any, last: Any, own: Any, terms: Terms) -> None:
         if not last:
             force = pushed(own.b, i, soon, terms.wrench, terms.thrust)
             soon = plus_scaled(soon, span.whole, force)
+        with_pairs = plus(soon, row(own.pairs, i))
         set_row(own.soon, i, soon)
-        set_row(own.velocity, i, soon)
-        set_row(own.base, i, soon)
+        set_row(own.velocity, i, with_pairs)
+        set_row(own.base, i, with_pairs)
 
 
 @compiled
@@ -352,7 +382,7 @@ def pass_together(
             kick_on(of_body(v, body), span.lead, own.a)
         else:
             arrive(of_body(v, body), span, own, foreseen(terms.dampers), of_body(terms.memory, body))
-    prepare(w, span, contacts, particles, meets.pairs, room, meets.tally)
+    prepare(x.values, w, span, contacts, particles, meets.pairs, room, meets.tally)
     for part in range(2):
         if part == 1:
             for body in range(count):

@@ -9,7 +9,7 @@ import pytest
 
 from springgym.blocks import aligned_zeros, block_dtype
 from springgym.compiling import kernel
-from springgym.forces.pairs.law import meet, meet_losing
+from springgym.forces.pairs.law import meet
 from springgym.forces.pairs.terms import Span
 from springgym.lanes import load, store
 
@@ -20,8 +20,9 @@ MIDST, START = Span(STEP / 2, STEP / 2, STEP), Span(0.0, STEP / 2, STEP / 2)
 @kernel
 def met(start: Any, free: Any, span: Any, c: Any, reach: Any, damping: Any, change: Any, lossy: Any) -> None:
     for n in range(start.size):
-        store(change, (n, 0), meet(load(start, n), load(free, n), span, load(c, n), reach))
-        found, lost = meet_losing(load(start, n), load(free, n), span, load(c, n), reach, load(damping, n))
+        found, _ = meet(load(start, n), load(free, n), span, load(c, n), reach, 0.0)
+        store(change, (n, 0), found)
+        found, lost = meet(load(start, n), load(free, n), span, load(c, n), reach, load(damping, n))
         store(lossy, (n, 0), found)
         store(lossy, (n, 1), lost)
 

@@ -22,7 +22,7 @@ from springgym.lanes import load, minimum, sqrt
 from springgym.packing import Options, pack_pairs, pack_room
 from springgym.scene import Scene
 from springgym.stability import automatic_step
-from springgym.vectors import TINY, dot, minus, plus_scaled, row, set_row, times
+from springgym.vectors import TINY, dot, minus, plus_scaled, row, row_each, set_row, set_row_each, times
 
 BLIND, UNTAPERED, SINGLE, PLAIN = range(1, 5)
 """What is left out on purpose: the history of signs, the force of the share's gradient, the second sweep, the
@@ -30,21 +30,22 @@ turn of friction."""
 
 
 @compiled
-def rub_plainly(v: Any, count: Any, particles: Any, friction: Any, room: Any) -> None:
+def rub_plainly(v: Any, count: Any, friction: Any, room: Any) -> None:
     """Friction as of points: opposite impulses that stop the slip of the two, however far they are apart."""
     if friction is not None:
         for k in range(count):
             n = row(room.toward, k)
             slip = times(0.0, n)
             for j in range(room.members[k]):
-                slip = plus_scaled(slip, load(room.weight, 4 * k + j), row(v, room.particles[k, j]))
+                own = row_each(v, load(room.particle, 4 * k + j))
+                slip = plus_scaled(slip, load(room.weight, 4 * k + j), own)
             slip = minus(slip, times(dot(slip, n), n))
             limit = load(friction, room.pair[k]) * load(room.push, k)
             share = minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0 / (load(room.inverse, k) + TINY))
             for j in range(room.members[k]):
-                i = room.particles[k, j]
-                size = share * load(room.weight, 4 * k + j) * load(particles.inverse_mass, i)
-                set_row(v, i, plus_scaled(row(v, i), -1.0 * size, slip))
+                i = load(room.particle, 4 * k + j)
+                size = share * load(room.gain, 4 * k + j)
+                set_row_each(v, i, plus_scaled(row_each(v, i), -1.0 * size, slip))
 
 
 @compiled
@@ -71,16 +72,16 @@ def one_step(
     relax(v, direction, True, False, None, terms)
     span = Span(0.5 * h, 0.5 * h, h)
     count = find(x, w, Span(0.0, 0.5 * h, h) if lacks == BLIND else span, pairs, room, tally)
-    prepare(w, span, count, particles, pairs, room, tally)
+    prepare(x, w, span, count, particles, pairs, room, tally)
     for turn in range(1 if lacks == SINGLE else 2):
-        sweep(v, span, count, turn == 1, particles, pairs, room)
+        sweep(v, span, count, turn == 1, pairs, room)
     if lacks != UNTAPERED:
         taper(x, v, span, count, particles, pairs, room, pairs.shapes.edges)
     if lacks == PLAIN:
-        rub_plainly(v, count, particles, pairs.friction, room)
+        rub_plainly(v, count, pairs.friction, room)
     else:
         for turn in range(TURNS):
-            rub(x, w, v, turn, count, particles, pairs, pairs.friction, room, tally)
+            rub(w, v, turn, count, pairs, pairs.friction, room, tally)
     account(v, span, count, pairs, room, tally)
     drift(x, v, 0.5 * h)
 

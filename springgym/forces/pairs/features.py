@@ -20,10 +20,34 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces.pairs.terms import FAR, OVERFLOW, tell
-from springgym.kinds import Number, Numbers, Rows, Vector
-from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt, store
-from springgym.vectors import TINY, choose, cross, dot, minus, plus, row, set_row, times, unit
+from springgym.forces.pairs.terms import FAR, NONE, OVERFLOW, Contact, Near, Search, tell
+from springgym.kinds import Mask, Number, Numbers
+from springgym.lanes import (
+    any_lane,
+    epsilon,
+    load,
+    load_each,
+    maximum,
+    minimum,
+    select,
+    sqrt,
+    store,
+    store_each,
+)
+from springgym.vectors import (
+    TINY,
+    choose,
+    cross,
+    dot,
+    minus,
+    plus,
+    row,
+    row_each,
+    set_row,
+    set_row_each,
+    times,
+    unit,
+)
 
 TIE, ROUGH = 1e-6, 8192.0
 """Share of h² in the key of a triangle, and what each `epsilon` adds: 1e-3 in single precision."""
@@ -49,12 +73,6 @@ def within(y: Number) -> Any:
 
 
 @compiled
-def weighted(x: Rows, i: int, wi: Number, j: Any, wj: Number, k: int, wk: Number) -> Any:
-    """The sum of three rows, each times a number."""
-    return plus(plus(times(wi, row(x, i)), times(wj, row(x, j))), times(wk, row(x, k)))
-
-
-@compiled
 def on_sides(uu: Number, uw: Number, ww: Number, e: Number, f: Number) -> Any:
     """Weights of the far corners in the point of a triangle's sides nearest to r.
 
@@ -71,76 +89,92 @@ def on_sides(uu: Number, uw: Number, ww: Number, e: Number, f: Number) -> Any:
     return select(first, t1, select(second, 0.0, s3)), select(first, 0.0, select(second, t2, t3))
 
 
+# --- Lists --------------------------------------------------------------------------------------------
+
+
 @compiled
-def add_contact(
-    k: Number,
-    p: Number,
-    count: Any,
-    i: Vector,
-    w: Vector,
-    n: Vector,
-    d: Number,
-    share: Number,
-    pairs: Any,
-    room: Any,
-    tally: Numbers,
-) -> Any:
-    """Add a contact of particles i with weights w in the lanes where ``share`` is positive; the new count."""
-    have = load(room.have, 0)
-    wanted = share > 0.0
-    fits = select(wanted, have, FAR) < 1.0 * pairs.most
-    tell(tally, p, OVERFLOW, select(fits, 0.0, select(wanted, 1.0, 0.0 * have)))
+def enlist(kind: Numbers, first: Any, have: Number, what: Any, wanted: Mask) -> None:
+    """Put ``what`` into a list in the copies where it is wanted, which ``have`` so many from a row on."""
+    store_each(kind, select(wanted, have + first, kind.shape[0] - 1.0), what + 0.0 * have)
+
+
+@compiled
+def grown(rows: Any, have: Number) -> Any:
+    """How many rows a list has of which one was filled: ``rows``, or one more."""
+    return rows + (1 if any_lane(have > 1.0 * rows) else 0)
+
+
+@compiled
+def begin(room: Any) -> None:
+    """Let the next contacts of all copies begin in the same row."""
+    store(room.have, 1, 0.0)
+
+
+@compiled
+def add_contact(count: Any, first: Any, members: Any, met: Contact, near: Near, seen: Search) -> Any:
+    """List a contact of each copy behind its others from row ``first`` on; the rows that makes."""
+    room = seen.room
+    whole, own, wanted = load(room.have, 0), load(room.have, 1), met.share > 0.0
+    fits = select(wanted, whole, FAR) < 1.0 * seen.pairs.most
+    one = select(fits, 1.0, 0.0 * whole)
+    tell(seen.tally, near.pair, OVERFLOW, select(wanted, 1.0 - one, 0.0))
     if any_lane(fits):
-        store(room.have, 0, have + select(fits, 1.0, 0.0 * have))
-        room.pair[k], room.members[k] = p, count
-        room.particles[k, 0], room.particles[k, 1] = i[0], i[1]
-        room.particles[k, 2], room.particles[k, 3] = i[2], i[3]
-        store(room.weight, 4 * k, select(fits, w[0], 0.0))
-        store(room.weight, 4 * k + 1, select(fits, w[1], 0.0))
-        store(room.weight, 4 * k + 2, select(fits, w[2], 0.0))
-        store(room.weight, 4 * k + 3, select(fits, w[3], 0.0))
-        set_row(room.toward, k, n)
-        store(room.distance, k, select(fits, d, FAR))
-        store(room.share, k, select(fits, share, 0.0))
-        k += 1
-    return k
+        store(room.have, 0, whole + one)
+        store(room.have, 1, own + one)
+        if any_lane(select(fits, own, NONE) > count - first - 0.5):
+            clear(count, near.pair, members, room)
+            count += 1
+        k = select(fits, own + first, room.distance.shape[0] - 1.0)
+        (i, j, m, n), (wi, wj, wm, wn) = met.particles, met.weights
+        at, none = 4.0 * k, 0.0 * whole
+        store_each(room.particle, at, i + none)
+        store_each(room.particle, at + 1.0, j + none)
+        store_each(room.particle, at + 2.0, m + none)
+        store_each(room.particle, at + 3.0, n + none)
+        store_each(room.weight, at, wi)
+        store_each(room.weight, at + 1.0, wj)
+        store_each(room.weight, at + 2.0, wm)
+        store_each(room.weight, at + 3.0, wn)
+        set_row_each(room.toward, k, met.normal)
+        store_each(room.distance, k, met.distance)
+        store_each(room.share, k, met.share)
+    return count
 
 
 @compiled
-def vertex_faces(
-    k: Number,
-    p: Number,
-    i: int,
-    first: Any,
-    last: Any,
-    x: Rows,
-    w: Rows,
-    lead: Number,
-    near: Number,
-    radius: Number,
-    triangles: Any,
-    pairs: Any,
-    room: Any,
-    tally: Numbers,
-) -> Any:
-    """The contact of particle i with the nearest of the triangles ``first`` … ``last`` of those near.
+def clear(k: Any, pair: Any, members: Any, room: Any) -> None:
+    """Make a row of contacts in which no copy has one yet."""
+    room.pair[k], room.members[k] = pair, members
+    for n in range(4):
+        store(room.particle, 4 * k + n, 0.0)
+        store(room.weight, 4 * k + n, 0.0)
+    set_row(room.toward, k, (0.0, 0.0, 0.0))
+    store(room.distance, k, FAR)
+    store(room.share, k, 0.0)
+
+
+# --- Contacts -----------------------------------------------------------------------------------------
+
+
+@compiled
+def vertex_faces(count: Any, first: Any, m: Any, other: Any, near: Near, seen: Search, triangles: Any) -> Any:
+    """The contact of a vertex in row ``m`` with the nearest of the triangles of the ``other`` body.
 
     Each triangle is asked no more than it takes to know that it is not near: first its plane, then its sides.
     """
     if triangles is not None:
-        point = row(x, i)
-        limit = near * near
-        best = FAR + 0.0 * point[0]
-        for m in range(first, last):
-            t = room.near[1, m]
-            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            normal, square, corner = row(room.normal, m), load(room.square, m), row(x, a)
-            r = minus(point, corner)
+        room = seen.room
+        i, point = load(room.vertex, m), row(room.point, m)
+        limit = near.reach * near.reach
+        best, face, side_of = FAR + 0.0 * i, 0.0 * i, 0.0 * i
+        second, third, away = 0.0 * i, 0.0 * i, times(0.0, point)
+        for n in range(room.ends[1, other], room.ends[1, other + 1]):
+            normal, square = row(room.normal, n), load(room.square, n)
+            r = minus(point, row(room.corner, n))
             height = dot(normal, r)  # times |normal|
             close = height * height < limit * square
-            key = FAR + 0.0 * height
             if any_lane(close):
-                u, q = minus(row(x, b), corner), minus(row(x, c), corner)
+                u, q = row(room.first, n), row(room.second, n)
                 uu, uw, ww, e, f = dot(u, u), dot(u, q), dot(q, q), dot(u, r), dot(q, r)
                 inverse = 1.0 / (square + TINY)
                 wb, wc = (ww * e - uw * f) * inverse, (uu * f - uw * e) * inverse
@@ -157,199 +191,164 @@ def vertex_faces(
                     key = select(select(close, key, FAR) < limit, key, FAR)
                     behind = select(close, height, 1.0) < 0.0
                     if any_lane(behind):
-                        rate = dot(normal, minus(row(w, i), weighted(w, a, 1.0 - wb - wc, b, wb, c, wc)))
-                        credible = select(behind, height - lead * rate, 1.0) > 0.0
+                        w = seen.w
+                        a, b, c = corners(0.0 * i + n, room, triangles)
+                        own = row_each(w, maximum(i, 0.0))
+                        across = minus(own, weighted(w, a, 1.0 - wb - wc, b, wb, c, wc))
+                        credible = select(behind, height - near.lead * dot(normal, across), 1.0) > 0.0
                         key = select(credible, key, key + 4.0 * limit)  # after all that are
-                    store(room.first, m, wb)
-                    store(room.second, m, wc)
-            store(room.key, m, key)
-            best = minimum(best, key)
-        best = select(best < 5.0 * limit, best, -FAR)
-        if any_lane(best > -1.0):
-            for m in range(first, last):
-                won = load(room.key, m) <= best
-                if any_lane(won):
-                    t = room.near[1, m]
-                    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-                    normal, wb, wc = row(room.normal, m), load(room.first, m), load(room.second, m)
-                    apart = minus(point, weighted(x, a, 1.0 - wb - wc, b, wb, c, wc))
-                    d = sqrt(dot(apart, apart) + TINY)
-                    touching = d < 1e-9 * near
-                    d = select(dot(normal, minus(point, row(x, a))) < 0.0, -d, d)
-                    n = choose(touching, unit(normal), times(1.0 / d, apart))
-                    k = add_contact(
-                        k,
-                        p,
-                        4,
-                        (i, a, b, c),
-                        (1.0 + 0.0 * d, wb + wc - 1.0, -wb, -wc),
-                        n,
-                        d - radius,
-                        select(won, 1.0 + 0.0 * d, 0.0),
-                        pairs,
-                        room,
-                        tally,
-                    )
-                    best = select(won, -FAR, best)
-    return k
+                    better = key < best
+                    best, face = select(better, key, best), select(better, 1.0 * n, face)
+                    second, third = select(better, wb, second), select(better, wc, third)
+                    away, side_of = choose(better, apart, away), select(better, height, side_of)
+        won = select(i < 0.0, FAR, best) < 5.0 * limit
+        if any_lane(won):
+            face = select(won, face, 1.0 * room.ends[1, other])
+            d = sqrt(dot(away, away) + TINY)
+            n = times(1.0 / select(side_of < 0.0, -d, d), away)
+            touching = d < 1e-9 * near.reach
+            if any_lane(touching):
+                n = choose(touching, unit(row_each(room.normal, face)), n)
+            d = select(side_of < 0.0, -d, d)
+            one = 1.0 + 0.0 * d
+            a, b, c = corners(face, room, triangles)
+            particles = (maximum(i, 0.0), a, b, c)
+            weights = (one, second + third - 1.0, -second, -third)
+            met = Contact(particles, weights, n, d - near.radius, select(won, one, 0.0))
+            count = add_contact(count, first, 4, met, near, seen)
+    return count
+
+
+@compiled
+def corners(n: Number, room: Any, triangles: Any) -> Any:
+    """The particles of the triangles that copies have in the rows ``n`` of their lists."""
+    t = maximum(load_each(room.triangle, n), 0.0)
+    return load_each(triangles, (t, 0)), load_each(triangles, (t, 1)), load_each(triangles, (t, 2))
+
+
+@compiled
+def weighted(x: Any, i: Number, wi: Number, j: Number, wj: Number, k: Number, wk: Number) -> Any:
+    """The sum of three rows of each copy's own, each times a number."""
+    return plus(plus(times(wi, row_each(x, i)), times(wj, row_each(x, j))), times(wk, row_each(x, k)))
 
 
 @compiled
 def vertex_rods(
-    k: Number,
-    p: Number,
-    i: int,
-    first: Any,
-    last: Any,
-    x: Rows,
-    w: Rows,
-    lead: Number,
-    near: Number,
-    radius: Number,
-    edges: Any,
-    rods: Any,
-    pairs: Any,
-    room: Any,
-    tally: Numbers,
+    count: Any, first: Any, m: Any, other: Any, near: Near, seen: Search, edges: Any, rods: Any
 ) -> Any:
-    """The contact of particle i with the nearest of the rods ``first`` … ``last`` of those near."""
+    """The contact of a vertex in row ``m`` with the nearest of the rods of the ``other`` body."""
     if rods is not None:
-        point = row(x, i)
-        best = FAR + 0.0 * point[0]
-        for m in range(first, last):
-            e = room.near[2, m]
-            start = row(x, edges[e, 0])
-            way, r = minus(row(x, edges[e, 1]), start), minus(point, start)
-            apart = minus(r, times(within(dot(r, way) / (dot(way, way) + TINY)), way))
+        room, w = seen.room, seen.w
+        i, point = load(room.vertex, m), row(room.point, m)
+        best, rod, t, away = FAR + 0.0 * i, 0.0 * i, 0.0 * i, times(0.0, point)
+        for n in range(room.ends[2, other], room.ends[2, other + 1]):
+            way, r = row(room.way, n), minus(point, row(room.start, n))
+            share = within(dot(r, way) / (dot(way, way) + TINY))
+            apart = minus(r, times(share, way))
             key = dot(apart, apart)
-            store(room.key, m, key)
-            best = minimum(best, key)
-        best = select(best < near * near, best, -FAR)
-        if any_lane(best > -1.0):
-            for m in range(first, last):
-                won = load(room.key, m) <= best
-                if any_lane(won):
-                    e = room.near[2, m]
-                    a, b = edges[e, 0], edges[e, 1]
-                    way, r = minus(row(x, b), row(x, a)), minus(point, row(x, a))
-                    t = within(dot(r, way) / (dot(way, way) + TINY))
-                    apart = minus(r, times(t, way))
-                    d = sqrt(dot(apart, apart) + TINY)
-                    n = times(1.0 / d, apart)
-                    speed = dot(n, minus(row(w, i), plus(times(1.0 - t, row(w, a)), times(t, row(w, b)))))
-                    through = d - lead * speed < 0.0
-                    n = choose(through, times(-1.0, n), n)
-                    d = select(through, -d, d)
-                    k = add_contact(
-                        k,
-                        p,
-                        3,
-                        (i, a, b, i),
-                        (1.0 + 0.0 * d, t - 1.0, -t, 0.0 * d),
-                        n,
-                        d - radius,
-                        select(won, 1.0 + 0.0 * d, 0.0),
-                        pairs,
-                        room,
-                        tally,
-                    )
-                    best = select(won, -FAR, best)
-    return k
+            better = key < best
+            best, rod = select(better, key, best), select(better, 1.0 * n, rod)
+            t, away = select(better, share, t), choose(better, apart, away)
+        won = select(i < 0.0, FAR, best) < near.reach * near.reach
+        if any_lane(won):
+            i = maximum(i, 0.0)
+            a, b = tips(select(won, rod, 1.0 * room.ends[2, other]), room, edges)
+            d = sqrt(dot(away, away) + TINY)
+            n = times(1.0 / d, away)
+            along = plus(times(1.0 - t, row_each(w, a)), times(t, row_each(w, b)))
+            through = d - near.lead * dot(n, minus(row_each(w, i), along)) < 0.0
+            n, d = choose(through, times(-1.0, n), n), select(through, -d, d)
+            one = 1.0 + 0.0 * d
+            weights = (one, t - 1.0, -t, 0.0 * d)
+            met = Contact((i, a, b, i), weights, n, d - near.radius, select(won, one, 0.0))
+            count = add_contact(count, first, 3, met, near, seen)
+    return count
 
 
 @compiled
-def ball_ball(
-    k: Number,
-    p: Number,
-    i: int,
-    j: Any,
-    x: Rows,
-    near: Any,
-    radius: Number,
-    balls: Any,
-    pairs: Any,
-    room: Any,
-    tally: Numbers,
-) -> Any:
+def tips(n: Number, room: Any, edges: Any) -> Any:
+    """The particles of the edges that copies have in the rows ``n`` of their lists."""
+    e = maximum(load_each(room.edge, n), 0.0)
+    return load_each(edges, (e, 0)), load_each(edges, (e, 1))
+
+
+@compiled
+def ball_ball(count: Any, first: Any, i: Any, j: Any, near: Near, seen: Search, balls: Any) -> Any:
     """The contact of two balls."""
     if balls is not None:
-        apart = minus(row(x, i), row(x, j))
+        apart = minus(row(seen.x, i), row(seen.x, j))
         d = sqrt(dot(apart, apart) + TINY)
-        meets = d < near
+        meets = d < near.reach
         if any_lane(meets):
             one = 1.0 + 0.0 * d
-            k = add_contact(
-                k,
-                p,
-                2,
-                (i, j, i, j),
-                (one, -one, 0.0 * d, 0.0 * d),
-                times(1.0 / d, apart),
-                d - radius,
-                select(meets, one, 0.0),
-                pairs,
-                room,
-                tally,
-            )
-    return k
+            weights = (one, -one, 0.0 * d, 0.0 * d)
+            normal = times(1.0 / d, apart)
+            met = Contact((i, j, i, j), weights, normal, d - near.radius, select(meets, one, 0.0))
+            count = add_contact(count, first, 2, met, near, seen)
+    return count
 
 
 @compiled
-def edge_edge(
-    k: Number,
-    p: Number,
-    ends: Any,
-    start: Vector,
-    a: Vector,
-    x: Rows,
-    w: Rows,
-    lead: Number,
-    near: Number,
-    radius: Number,
-    pairs: Any,
-    room: Any,
-    tally: Numbers,
-) -> Any:
-    """The contact of two edges or rods inside both; the first begins at ``start`` and goes along ``a``."""
-    i, j, m, n = ends
-    corner = row(x, m)
-    b, r = minus(row(x, n), corner), minus(start, corner)
+def crossing(near: Near, seen: Search) -> Any:
+    """List which edges or rods of two bodies meet inside both; how many rows that makes."""
+    room = seen.room
+    have, rows = 0.0 * near.reach, 0
+    for m in range(room.ends[2, 0], room.ends[2, 1]):
+        start, a = row(room.start, m), row(room.way, m)
+        for n in range(room.ends[2, 1], room.ends[2, 2]):
+            b, r = row(room.way, n), minus(start, row(room.start, n))
+            across = cross(a, b)
+            square, h = dot(across, across), dot(r, across)
+            spare = near.reach * near.reach * square - h * h
+            if any_lane(spare > 0.0):
+                aa, ab, bb, ar, br = dot(a, a), dot(a, b), dot(b, b), dot(a, r), dot(b, r)
+                s, t = ab * br - bb * ar, aa * br - ab * ar  # times |a × b|²
+                inside = minimum(minimum(minimum(s, square - s), minimum(t, square - t)), spare) > 0.0
+                if any_lane(inside):
+                    fits = select(inside, have, FAR) < 1.0 * seen.pairs.most
+                    enlist(room.crossed, 0, have, 1.0 * m, fits)
+                    enlist(room.crossing, 0, have, 1.0 * n, fits)
+                    one = select(fits, 1.0, 0.0 * have)
+                    tell(seen.tally, near.pair, OVERFLOW, select(inside, 1.0 - one, 0.0))
+                    have = have + one
+                    rows = grown(rows, have)
+    for k in range(rows):
+        there = have > 1.0 * k
+        store(room.crossed, k, select(there, load(room.crossed, k), NONE))
+        store(room.crossing, k, select(there, load(room.crossing, k), NONE))
+    return rows
+
+
+@compiled
+def edge_edge(count: Any, first: Any, k: Any, near: Near, seen: Search, edges: Any) -> Any:
+    """The contact of the edges or rods that meet by row ``k`` of the list."""
+    room, w = seen.room, seen.w
+    there = load(room.crossed, k) >= 0.0
+    one = select(there, load(room.crossed, k), 1.0 * room.ends[2, 0])
+    other = select(there, load(room.crossing, k), 1.0 * room.ends[2, 1])
+    (i, j), (m, n) = tips(one, room, edges), tips(other, room, edges)
+    a, b = row_each(room.way, one), row_each(room.way, other)
+    r = minus(row_each(room.start, one), row_each(room.start, other))
     across = cross(a, b)
     square, h = dot(across, across), dot(r, across)
-    spare = near * near * square - h * h
-    if any_lane(spare > 0.0):
-        aa, ab, bb, ar, br = dot(a, a), dot(a, b), dot(b, b), dot(a, r), dot(b, r)
-        inverse = 1.0 / (square + TINY)
-        s, t = (ab * br - bb * ar) * inverse, (aa * br - ab * ar) * inverse
-        inside = minimum(minimum(minimum(s, 1.0 - s), minimum(t, 1.0 - t)), spare) > 0.0
-        if any_lane(inside):
-            share = edge_share(s, t, aa, bb, square, p, pairs)
-            share = select(select(inside, share, 0.0) > LEAST_SHARE, share, 0.0)
-            scale = sqrt(inverse)
-            scale = select(h < 0.0, -scale, scale)
-            normal, d = times(scale, across), h * scale
-            speed = minus(
-                plus(times(1.0 - s, row(w, i)), times(s, row(w, j))),
-                plus(times(1.0 - t, row(w, m)), times(t, row(w, n))),
-            )
-            through = d - lead * dot(normal, speed) < 0.0
-            normal = choose(through, times(-1.0, normal), normal)
-            d = select(through, -d, d)
-            if any_lane(share > 0.0):
-                k = add_contact(
-                    k,
-                    p,
-                    4,
-                    (i, j, m, n),
-                    (1.0 - s, s, t - 1.0, -t),
-                    normal,
-                    d - radius,
-                    share,
-                    pairs,
-                    room,
-                    tally,
-                )
-    return k
+    aa, ab, bb, ar, br = dot(a, a), dot(a, b), dot(b, b), dot(a, r), dot(b, r)
+    inverse = 1.0 / (square + TINY)
+    s, t = (ab * br - bb * ar) * inverse, (aa * br - ab * ar) * inverse
+    share = edge_share(s, t, aa, bb, square, near.pair, seen.pairs)
+    share = select(select(there, share, 0.0) > LEAST_SHARE, share, 0.0)
+    if any_lane(share > 0.0):
+        scale = sqrt(inverse)
+        scale = select(h < 0.0, -scale, scale)
+        normal, d = times(scale, across), h * scale
+        speed = minus(
+            plus(times(1.0 - s, row_each(w, i)), times(s, row_each(w, j))),
+            plus(times(1.0 - t, row_each(w, m)), times(t, row_each(w, n))),
+        )
+        through = d - near.lead * dot(normal, speed) < 0.0
+        normal, d = choose(through, times(-1.0, normal), normal), select(through, -d, d)
+        met = Contact((i, j, m, n), (1.0 - s, s, t - 1.0, -t), normal, d - near.radius, share)
+        count = add_contact(count, first, 4, met, near, seen)
+    return count
 
 
 @compiled

@@ -13,54 +13,82 @@ pinned, nothing turns. Two balls alone never slip: points cannot roll, nor be he
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from springgym.compiling import compiled
 from springgym.forces.pairs.terms import FRICTION, spend, tell
 from springgym.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt
+from springgym.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
 from springgym.vectors import (
     TINY,
     choose,
     cross,
     dot,
+    inverse_symmetric,
     minus,
+    multiplied,
+    plus,
     plus_scaled,
     row,
+    row_each,
     set_row,
-    solve_symmetric,
+    set_row_each,
     times,
 )
-
-if TYPE_CHECKING:
-    from springgym.forces import Particles
-
 
 FIRM = 1e-6
 """Where K is less than this share of W, there is nothing to hold back."""
 
 
-SWEEPS, TURNS = 2, 4
+SWEEPS, TURNS = 2, 3
 """Turns of `rub` that hold back what slips, and all."""
 
 
 @compiled
+def lay_out(x: Rows, k: Any, particles: Any, friction: Numbers, room: Any) -> None:
+    """Find what the particles of contact k turn about, and how hard they are to turn."""
+    if friction is not None:
+        none = 0.0 * load(room.distance, k)
+        pins, whole = none, none + TINY
+        centre, pin = (none, none, none), (none, none, none)
+        for j in range(room.members[k]):
+            i = load(room.particle, 4 * k + j)
+            place, free = row_each(x, i), load_each(particles.inverse_mass, i) > 0.0
+            m = select(free, load_each(particles.mass, i), none)
+            pins, pin = pins + select(free, none, 1.0), choose(free, pin, place)
+            whole, centre = whole + m, plus_scaled(centre, m, place)
+            store(room.mass, 4 * k + j, m)
+        centre = choose(pins > 0.0, pin, times(1.0 / whole, centre))
+        apart = (none, none, none)
+        xx, yy, zz, xy, xz, yz = none, none, none, none, none, none
+        for j in range(room.members[k]):
+            r = minus(row_each(x, load(room.particle, 4 * k + j)), centre)
+            m = load(room.mass, 4 * k + j)
+            apart = plus_scaled(apart, load(room.weight, 4 * k + j), r)
+            xx, yy, zz = xx + m * r[0] * r[0], yy + m * r[1] * r[1], zz + m * r[2] * r[2]
+            xy, xz, yz = xy + m * r[0] * r[1], xz + m * r[0] * r[2], yz + m * r[1] * r[2]
+            set_row(room.arm, 4 * k + j, r)
+        set_row(room.apart, k, apart)
+        total = (none, none, none)
+        for j in range(room.members[k]):
+            total = plus_scaled(total, load(room.mass, 4 * k + j), row(room.arm, 4 * k + j))
+        for j in range(room.members[k]):
+            m = load(room.mass, 4 * k + j)
+            lever = choose(m > 0.0, times(m, row(room.arm, 4 * k + j)), times(-1.0, total))
+            set_row(room.lever, 4 * k + j, lever)
+        diagonal, across = inverse_symmetric((yy + zz, xx + zz, xx + yy, -xy, -xz, -yz))
+        turns = pins < 1.5
+        set_row(room.turn, 2 * k, choose(turns, diagonal, (none, none, none)))
+        set_row(room.turn, 2 * k + 1, choose(turns, across, (none, none, none)))
+
+
+@compiled
 def rub(
-    x: Rows,
-    w: Any,
-    v: Rows,
-    turn: Any,
-    count: Number,
-    particles: Particles,
-    pairs: Any,
-    friction: Numbers,
-    room: Any,
-    tally: Numbers,
+    w: Rows, v: Rows, turn: Any, count: Any, pairs: Any, friction: Numbers, room: Any, tally: Any
 ) -> None:
-    """Hold back what slips, in two turns; in two more tell the loss, j times the mean of the slips before
+    """Hold back what slips, in two turns; in the third tell the loss, j times the mean of the slips before
     and after."""
     if friction is not None:
-        velocities = w if turn == TURNS - 1 else v
         for m in range(count):
             k = count - 1 - m if turn == 1 else m
             p = room.pair[k]
@@ -69,104 +97,59 @@ def rub(
             if turn < SWEEPS:
                 acts = maximum(limit, dot(given, given)) > 0.0  # what was given may have to be taken back
             if any_lane(acts):
-                slip, about, pins, centre, apart = slipping(x, velocities, k, particles, room)
+                slip = slipping(v, k, room)
                 if turn < SWEEPS:
-                    j = held_back(slip, about, pins, apart, given, limit, load(room.inverse, k))
-                    change = minus(j, given)
-                    turn_with(x, v, k, change, about, pins, centre, apart, acts, particles, room)
+                    j = held_back(slip, k, given, limit, room)
+                    turn_with(v, k, minus(j, given), acts, room)
                     set_row(room.rub, k, choose(acts, j, given))
                 else:
+                    slip = plus(slip, slipping(w, k, room))
                     lost = select(acts, -0.5 * dot(given, slip), 0.0)
                     spend(room, p, 1, lost)
                     tell(tally, p, FRICTION, lost)
 
 
 @compiled
-def slipping(x: Rows, v: Rows, k: Number, particles: Particles, room: Any) -> Any:
-    """How contact k slips, and what its particles turn about.
-
-    Returns
-    -------
-    slip (3,); inertia (xx, yy, zz, xy, xz, yz); how many of them are pinned; centre (3,); D (3,)
-    """
-    pins, pin = 0, 0
+def slipping(v: Rows, k: Any, room: Any) -> Any:
+    """How contact k slips (3,)."""
+    none = 0.0 * load(room.distance, k)
+    slip, spin = (none, none, none), (none, none, none)
     for j in range(room.members[k]):
-        if not particles.free[room.particles[k, j]]:
-            pins, pin = pins + 1, j
-    first = room.particles[k, pin]
-    centre, speed = row(x, first), row(v, first)
-    if pins == 0:
-        total = load(particles.mass, first) + 0.0 * centre[0]
-        centre, speed = times(total, centre), times(total, speed)
-        for j in range(1, room.members[k]):
-            i = room.particles[k, j]
-            m = load(particles.mass, i)
-            total = total + m
-            centre, speed = plus_scaled(centre, m, row(x, i)), plus_scaled(speed, m, row(v, i))
-        centre, speed = times(1.0 / total, centre), times(1.0 / total, speed)
-    zero = 0.0 * centre[0]
-    apart, slip, spin = (zero, zero, zero), (zero, zero, zero), (zero, zero, zero)
-    xx, yy, zz, xy, xz, yz = zero, zero, zero, zero, zero, zero
-    for j in range(room.members[k]):
-        i = room.particles[k, j]
-        weight = load(room.weight, 4 * k + j)
-        r, u = minus(row(x, i), centre), minus(row(v, i), speed)
-        apart, slip = plus_scaled(apart, weight, r), plus_scaled(slip, weight, u)
-        if particles.free[i]:
-            m = load(particles.mass, i)
-            xx, yy, zz = xx + m * r[0] * r[0], yy + m * r[1] * r[1], zz + m * r[2] * r[2]
-            xy, xz, yz = xy + m * r[0] * r[1], xz + m * r[0] * r[2], yz + m * r[1] * r[2]
-            spin = plus_scaled(spin, m, cross(r, u))
-    about = (yy + zz, xx + zz, xx + yy, -xy, -xz, -yz)
-    slip = minus(slip, cross(turning(about, pins, spin), apart))
+        u = row_each(v, load(room.particle, 4 * k + j))
+        slip = plus_scaled(slip, load(room.weight, 4 * k + j), u)
+        spin = plus(spin, cross(row(room.lever, 4 * k + j), u))
+    slip = minus(slip, cross(turning(k, spin, room), row(room.apart, k)))
     n = row(room.toward, k)
-    return minus(slip, times(dot(slip, n), n)), about, pins, centre, apart
+    return minus(slip, times(dot(slip, n), n))
 
 
 @compiled
-def turning(about: Any, pins: Any, moment: Vector) -> Any:
-    """The angular velocity of particles with a moment of momentum; with two of them pinned, none."""
-    turn = times(0.0, moment)
-    if pins < 2:
-        turn = solve_symmetric(about, moment)
-    return turn
+def turning(k: Any, moment: Vector, room: Any) -> Any:
+    """The angular velocity of a contact's particles with a moment of momentum; with two pinned, none."""
+    return multiplied(row(room.turn, 2 * k), row(room.turn, 2 * k + 1), moment)
 
 
 @compiled
-def held_back(
-    slip: Vector, about: Any, pins: Any, apart: Vector, given: Vector, limit: Number, inverse: Number
-) -> Any:
+def held_back(slip: Vector, k: Any, given: Vector, limit: Number, room: Any) -> Any:
     """The impulse that stops a slip, besides what was ``given``, or as much of it as friction can give."""
     along = times(1.0 / (sqrt(dot(slip, slip)) + TINY), slip)
-    lever = cross(apart, along)
-    k = inverse - dot(lever, turning(about, pins, lever))
-    firm = k > FIRM * inverse
-    stop = select(firm, 1.0 / select(firm, k, 1.0), 0.0)
+    lever, inverse = cross(row(room.apart, k), along), load(room.inverse, k)
+    yielding = inverse - dot(lever, turning(k, lever, room))
+    firm = yielding > FIRM * inverse
+    stop = select(firm, 1.0 / select(firm, yielding, 1.0), 0.0)
     wanted = minus(given, times(stop, slip))
     size = sqrt(dot(wanted, wanted)) + TINY
     return times(minimum(limit / size, 1.0), wanted)
 
 
 @compiled
-def turn_with(
-    x: Rows,
-    v: Rows,
-    k: Number,
-    j: Vector,
-    about: Any,
-    pins: Any,
-    centre: Vector,
-    apart: Vector,
-    acts: Mask,
-    particles: Particles,
-    room: Any,
-) -> None:
+def turn_with(v: Rows, k: Any, j: Vector, acts: Mask, room: Any) -> None:
     """Give contact k an impulse across its normal, and the turn that takes its torque back."""
-    turn = turning(about, pins, cross(apart, j))
+    turn = turning(k, cross(row(room.apart, k), j), room)
     for n in range(room.members[k]):
-        i = room.particles[k, n]
-        if particles.free[i]:
-            before = row(v, i)
-            share = load(room.weight, 4 * k + n) * load(particles.inverse_mass, i)
-            after = minus(plus_scaled(before, share, j), cross(turn, minus(row(x, i), centre)))
-            set_row(v, i, choose(acts, after, before))
+        i = load(room.particle, 4 * k + n)
+        before = row_each(v, i)
+        after = plus_scaled(before, load(room.gain, 4 * k + n), j)
+        after = minus(after, cross(turn, row(room.arm, 4 * k + n)))
+        moves = select(acts, load(room.mass, 4 * k + n), 0.0) > 0.0
+        set_row_each(v, i, choose(moves, after, before))

@@ -17,11 +17,12 @@ than there is.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from springgym.compiling import compiled
 from springgym.forces.pairs.features import TAPER, smooth
-from springgym.forces.pairs.law import energy, meet, meet_losing
+from springgym.forces.pairs.friction import lay_out
+from springgym.forces.pairs.law import energy, meet
 from springgym.forces.pairs.terms import (
     CONTACT,
     ENERGY,
@@ -36,8 +37,21 @@ from springgym.forces.pairs.terms import (
     tell,
 )
 from springgym.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
-from springgym.vectors import TINY, choose, cross, dot, minus, plus, plus_scaled, row, set_row, times
+from springgym.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
+from springgym.vectors import (
+    TINY,
+    choose,
+    cross,
+    dot,
+    minus,
+    plus,
+    plus_scaled,
+    row,
+    row_each,
+    set_row,
+    set_row_each,
+    times,
+)
 
 if TYPE_CHECKING:
     from springgym.forces import Particles
@@ -50,9 +64,22 @@ QUICK = 0.2
 """Share of Δ that a contact may move by in a step, to be computed well."""
 
 
+class Approach(NamedTuple):
+    """How a contact comes: the arguments of `springgym.forces.pairs.law.meet` that are its own."""
+
+    start: Any
+    """the height where the step begins [m]"""
+    free: Any
+    """where it ends without this contact [m]"""
+    strength: Any
+    """c Φ W [m³/s²]"""
+    reach: Any
+    """Δ [m]"""
+
+
 @compiled
 def prepare(
-    w: Rows, span: Any, count: Any, particles: Particles, pairs: Any, room: Any, tally: Numbers
+    x: Rows, w: Rows, span: Any, count: Any, particles: Particles, pairs: Any, room: Any, tally: Numbers
 ) -> None:
     """Find the speeds that contacts come with, and how much an impulse changes them."""
     for p in range(pairs.first.size):
@@ -62,37 +89,38 @@ def prepare(
         inverse = 0.0 * u
         for j in range(room.members[k]):
             weight = load(room.weight, 4 * k + j)
-            inverse = inverse + weight * weight * load(particles.inverse_mass, room.particles[k, j])
+            gain = weight * load_each(particles.inverse_mass, load(room.particle, 4 * k + j))
+            store(room.gain, 4 * k + j, gain)
+            inverse = inverse + weight * gain
         store(room.before, k, u)
         store(room.inverse, k, inverse)
         store(room.push, k, 0.0)
         store(room.lost, k, 0.0)
         set_row(room.rub, k, (0.0, 0.0, 0.0))
+        lay_out(x, k, particles, pairs.friction, room)
         p = room.pair[k]
         missed = load(room.distance, k) - span.lead * u < LOW * pairs.reach[p]
         tell(tally, p, MISSES, select(missed, 1.0 + 0.0 * u, 0.0))
 
 
 @compiled
-def speed(v: Rows, k: Number, room: Any) -> Any:
+def speed(v: Rows, k: Any, room: Any) -> Any:
     """u of contact k."""
-    u = times(load(room.weight, 4 * k), row(v, room.particles[k, 0]))
-    for j in range(1, room.members[k]):
-        u = plus(u, times(load(room.weight, 4 * k + j), row(v, room.particles[k, j])))
+    u = times(0.0, row(room.toward, k))
+    for j in range(room.members[k]):
+        u = plus_scaled(u, load(room.weight, 4 * k + j), row_each(v, load(room.particle, 4 * k + j)))
     return dot(row(room.toward, k), u)
 
 
 @compiled
-def give(v: Rows, i: int, s: Number, u: Vector, on: Mask) -> None:
-    """Add s u to a velocity, in some lanes; the others are left as they are to the bit."""
-    before = row(v, i)
-    set_row(v, i, choose(on, plus_scaled(before, s, u), before))
+def give(v: Rows, i: Number, s: Number, u: Vector, on: Mask) -> None:
+    """Add s u to the velocity of each copy's own particle, in some lanes; the others are left to the bit."""
+    before = row_each(v, i)
+    set_row_each(v, i, choose(on, plus_scaled(before, s, u), before))
 
 
 @compiled
-def sweep(
-    v: Rows, span: Any, count: Number, backward: bool, particles: Particles, pairs: Any, room: Any
-) -> None:
+def sweep(v: Rows, span: Any, count: Any, backward: bool, pairs: Any, room: Any) -> None:
     """Solve one contact after another for its impulse, given all others' as they are by now."""
     for m in range(count):
         k = count - 1 - m if backward else m
@@ -104,37 +132,34 @@ def sweep(
         free = start + span.lead * u0 + span.out * u
         meets = select(inverse > 0.0, minimum(start, free), FAR) < reach
         if any_lane(select(meets, 1.0, old) > 0.0):  # what the first sweep gave may have to be taken back
-            c = load(pairs.strength, p) * load(room.share, k) * inverse
-            change = solve(k, p, start, free, span, c, reach, inverse, meets, pairs.damping, room)
-            new = select(meets, change / (inverse + TINY), 0.0)
+            come = Approach(start, free, load(pairs.strength, p) * load(room.share, k) * inverse, reach)
+            new = select(meets, solve(k, come, span, inverse, meets, pairs.damping, room), 0.0)
             store(room.push, k, new)
             impulse = times(new - old, row(room.toward, k))
             on = d < 0.5 * FAR
             for j in range(room.members[k]):
-                i = room.particles[k, j]
-                give(v, i, load(room.weight, 4 * k + j) * load(particles.inverse_mass, i), impulse, on)
+                give(v, load(room.particle, 4 * k + j), load(room.gain, 4 * k + j), impulse, on)
+
+
+@compiled
+def loss_of(damping: Numbers, pair: Any, like: Number) -> Any:
+    """δ of a pair [s/m]."""
+    loss = 0.0 * like
+    if damping is not None:
+        loss = loss + load(damping, pair)
+    return loss
 
 
 @compiled
 def solve(
-    k: int,
-    p: Any,
-    start: Number,
-    free: Number,
-    span: Any,
-    c: Number,
-    reach: Number,
-    inverse: Number,
-    meets: Mask,
-    damping: Numbers,
-    room: Any,
+    k: Any, come: Approach, span: Any, inverse: Number, meets: Mask, damping: Numbers, room: Any
 ) -> Any:
-    """The change of speed by contact k; what it loses is stored."""
-    if damping is None:
-        return meet(start, free, span, c, reach)
-    change, lost = meet_losing(start, free, span, c, reach, load(damping, p))
-    store(room.lost, k, select(meets, lost / (inverse + TINY), 0.0))
-    return change
+    """The impulse of contact k; what it loses is stored."""
+    loss = loss_of(damping, room.pair[k], inverse)
+    change, lost = meet(come.start, come.free, span, come.strength, come.reach, loss)
+    if damping is not None:
+        store(room.lost, k, select(meets, lost / (inverse + TINY), 0.0))
+    return change / (inverse + TINY)
 
 
 @compiled
@@ -174,8 +199,10 @@ def push_along_gradient(
     With D = r + s a − t b, D·a = D·b = 0 says how s and t change as the four points move; lengths stay.
     """
     p = room.pair[k]
-    i, j, m, n = room.particles[k, 0], room.particles[k, 1], room.particles[k, 2], room.particles[k, 3]
-    a, b, r = minus(row(x, j), row(x, i)), minus(row(x, n), row(x, m)), minus(row(x, i), row(x, m))
+    i, j = load(room.particle, 4 * k), load(room.particle, 4 * k + 1)
+    m, n = load(room.particle, 4 * k + 2), load(room.particle, 4 * k + 3)
+    here, there = row_each(x, i), row_each(x, m)
+    a, b, r = minus(row_each(x, j), here), minus(row_each(x, n), there), minus(here, there)
     across = cross(a, b)
     square = select(on, dot(across, across), 1.0)
     inverse = 1.0 / square
@@ -200,8 +227,8 @@ def push_along_gradient(
     g1 = plus(plus(times(s, lever), times(along_a, apart)), by_a)
     g2 = minus(minus(times(t - 1.0, lever), times(along_b, apart)), by_b)
     g3 = plus(plus(times(-t, lever), times(along_b, apart)), by_b)
-    mi, mj = load(particles.inverse_mass, i), load(particles.inverse_mass, j)
-    mm, mn = load(particles.inverse_mass, m), load(particles.inverse_mass, n)
+    mi, mj = load_each(particles.inverse_mass, i), load_each(particles.inverse_mass, j)
+    mm, mn = load_each(particles.inverse_mass, m), load_each(particles.inverse_mass, n)
     size = mi * dot(g0, g0) + mj * dot(g1, g1) + mm * dot(g2, g2) + mn * dot(g3, g3)
     q = (-1.0 * span.whole) * mean / (1.0 + (span.out * span.whole) * mean * size)
     give(v, i, q * mi, g0, on)

@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.kinds import Number
+from springgym.kinds import Mask, Number
 from springgym.lanes import any_lane, maximum, minimum, select, sqrt
 
 ROUNDS = 30
@@ -38,51 +38,80 @@ def positive_root(square: Number, linear: Number, product: Number) -> Any:
 
 
 @compiled
-def meet(start: Number, free: Number, span: Any, c: Number, reach: Number) -> Any:
-    """The change of speed [m/s] by a barrier without loss.
+def meet(start: Number, free: Number, span: Any, c: Number, reach: Number, damping: Number) -> Any:
+    """The change of speed [m/s] by a barrier with loss δ [s/m], and the energy lost per mass [m²/s²].
 
     ``start`` is the height h₀ [m], ``free`` the height a, of which at least one must be less than ``reach``;
-    ``c`` is the strength per mass [m³/s²].
+    ``c`` is the strength per mass [m³/s²]. With κ = δ/τ and G = t τ c, the heights h₀ and h₁ both in reach
+    make a quadratic of the law,
+
+        (1 − G κ/Δ²) h₁² + (G (κ/h₀ + (1 + κ h₀)/Δ²) − a) h₁ = G (1 + κ h₀)/h₀,
+
+    and so does a way y out of reach, with U in units of c: y² + (h₀ − a + G κ U(h₀)) y = G U(h₀). Only what
+    enters takes Newton's method, with the factors h₁ (h₀ − h₁) multiplied out.
     """
     start = maximum(start, LEAST * reach)
-    gain, flat = (span.out * span.whole) * c, 1.0 / (reach * reach)
-    inverse = 1.0 / start
-    end = positive_root(1.0 + 0.0 * start, gain * flat - free, gain * inverse)
-    mean = inverse / end - flat
-    inside = start < reach
-    leaving = select(inside, end, 0.0) > reach
+    gain, flat, kappa = (span.out * span.whole) * c, 1.0 / (reach * reach), damping / span.whole
+    inverse, inside = 1.0 / start, start < reach
+    most, nearest = 1.0 + kappa * start, maximum(inverse, 1.0 / reach)
+    square = 1.0 - (gain * kappa) * flat
+    linear = gain * (kappa * nearest + flat * most) - free
+    product = gain * most * nearest
+    slack = kappa * (free - start) >= 1.0  # what leaves so fast is not held
+    end = select(slack, free, positive_root(square, linear, product))
+    mean, loss = inverse / end - flat, 1.0 - kappa * (end - start)
+    beyond = select(slack, reach - free, (square * reach + linear) * reach - product)
+    leaving = select(inside, beyond, 1.0) < 0.0
     if any_lane(leaving):
         depth = reach - start
         energy = depth * depth * inverse * flat
-        away = start - free  # (h - a)(h - h₀) = gain U(h₀), for the way h - h₀ > 0
-        way = positive_root(1.0 + 0.0 * away, away, gain * energy)
-        mean = select(leaving, energy / way, mean)
-    entering = start >= reach
+        way = positive_root(1.0 + 0.0 * start, start - free + (gain * kappa) * energy, gain * energy)
+        way = select(slack, free - start, way)
+        mean, loss = select(leaving, energy / way, mean), select(leaving, 1.0 - kappa * way, loss)
+    entering = select(inside, reach, free) < reach
     if any_lane(entering):
-        low, high = maximum(free, 0.0), reach + 0.0 * free
-        guess = minimum(maximum(end, low), high)
-        active = select(entering, 1.0 + 0.0 * free, 0.0)
-        for _ in range(ROUNDS):
-            here = maximum(guess, LEAST * reach)
-            depth, gap = reach - here, maximum(start - here, 1e-30)
-            share = flat * depth * depth / (here * gap)
-            wrong = here - free - gain * share
-            above = wrong > 0.0
-            high, low = select(above, here, high), select(above, low, here)
-            slope = share * (1.0 / gap - 1.0 / here) - 2.0 * flat * depth / (here * gap)
-            new = here - wrong / (1.0 - gain * slope)
-            outside = minimum(new - low, high - new) < 0.0
-            new = select(outside, 0.5 * (low + high), new)
-            change = maximum(new - here, here - new)
-            guess = select(active > 0.5, new, guess)
-            active = select(change > CONVERGED * here, active, 0.0)
-            if not any_lane(active > 0.5):
-                break
-        guess = maximum(guess, LEAST * reach)
-        depth = reach - guess
-        gap = maximum(start - guess, 1e-30)
-        mean = select(entering, flat * depth * depth / (guess * gap), mean)
-    return span.whole * c * maximum(mean, 0.0)
+        end = entry(start, free, gain, flat, kappa, reach, end, entering)
+        depth, gap = reach - end, maximum(start - end, 1e-30)
+        mean = select(entering, flat * depth * depth / (end * gap), mean)
+        loss = select(entering, 1.0 + kappa * gap, loss)
+    loss = maximum(loss, 0.0)
+    push = span.whole * c * maximum(mean, 0.0)
+    speed = (free + span.out * (push * loss) - start) / span.whole
+    return push * loss, push * speed * (1.0 - loss)
+
+
+@compiled
+def entry(
+    start: Number,
+    free: Number,
+    gain: Number,
+    flat: float,
+    kappa: Number,
+    reach: Number,
+    guess: Number,
+    entering: Mask,
+) -> Any:
+    """The height where a step ends that begins out of reach, between 0 or ``free`` and Δ."""
+    low, high = maximum(free, LEAST * reach), reach + 0.0 * free
+    guess = minimum(maximum(guess, low), high)
+    active = select(entering, 1.0 + 0.0 * free, 0.0)
+    strength = gain * flat
+    for _ in range(ROUNDS):
+        gap, depth = start - guess, reach - guess
+        way, loss, pull = (guess - free) * guess, 1.0 + kappa * gap, strength * depth
+        wrong = way * gap - pull * depth * loss
+        steep = (2.0 * guess - free) * gap - way + pull * (2.0 * loss + kappa * depth)
+        above = wrong > 0.0
+        high, low = select(above, guess, high), select(above, low, guess)
+        new = guess - wrong / steep
+        new = select(minimum(new - low, high - new) >= 0.0, new, 0.5 * (low + high))
+        change = maximum(new - guess, guess - new)
+        going = active > 0.5
+        active = select(change > CONVERGED * guess, active, 0.0)
+        guess = select(going, new, guess)
+        if not any_lane(active > 0.5):
+            break
+    return guess
 
 
 @compiled
@@ -90,55 +119,3 @@ def energy(height: Number, c: Number, reach: Number) -> Any:
     """U of the barrier, cut off at ``reach``."""
     depth = maximum(reach - height, 0.0)
     return c * depth * depth / (maximum(height, LEAST * reach) * (reach * reach))
-
-
-@compiled
-def mean_force(start: Number, end: Number, reach: Number) -> Any:
-    """F̄ and its slope in the height at the end, both per c."""
-    flat = 1.0 / (reach * reach)
-    a, b = select(start < reach, 1.0 / start, 0.0), select(end < reach, 1.0 / end, 0.0)
-    # inside at both ends the quotient cancels to this; else one of the energies is 0
-    both = select(start < reach, select(end < reach, 1.0 + 0.0 * end, 0.0), 0.0) > 0.5
-    way = end - start
-    way = select(select(way < 0.0, -way, way) < 1e-30, 1e-30, way)
-    before, after = flat * (reach - start) * (reach - start) * a, flat * (reach - end) * (reach - end) * b
-    quotient = (before - after) / way
-    slope = (select(end < reach, b * b - flat, 0.0) - quotient) / way
-    return select(both, a * b - flat, quotient), select(both, -a * b * b, slope)
-
-
-@compiled
-def meet_losing(start: Number, free: Number, span: Any, c: Number, reach: Number, damping: Number) -> Any:
-    """The change of speed [m/s] by a barrier with loss δ [s/m], and the energy lost per mass [m²/s²].
-
-    The other arguments are those of `meet`. Loss pushes more on what comes, and less on what leaves: the end
-    is not beyond the start or, if that is farther, the end without loss.
-    """
-    start = maximum(start, LEAST * reach)
-    gain = (span.out * span.whole) * c
-    elastic = free + span.out * meet(start, free, span, c, reach)
-    low, high = maximum(free, 0.0), select(start < reach, maximum(elastic, start), reach)
-    guess = maximum(minimum(elastic, high), low)
-    active = 1.0 + 0.0 * free
-    for _ in range(2 * ROUNDS):
-        here = maximum(guess, LEAST * reach)
-        mean, slope = mean_force(start, here, reach)
-        loss = maximum(1.0 - damping * (here - start) / span.whole, 0.0)
-        steep = select(loss > 0.0, damping / span.whole + 0.0 * loss, 0.0)
-        wrong = here - free - gain * mean * loss
-        above = wrong > 0.0
-        high, low = select(above, here, high), select(above, low, here)
-        new = here - wrong / (1.0 - gain * (slope * loss - mean * steep))
-        inside = minimum(new - low, high - new) >= 0.0
-        new = select(inside, new, 0.5 * (low + high))
-        change = maximum(new - here, here - new)
-        guess = select(active > 0.5, new, guess)
-        active = select(change > CONVERGED * here, active, 0.0)
-        if not any_lane(active > 0.5):
-            break
-    here = maximum(guess, LEAST * reach)
-    mean, _ = mean_force(start, here, reach)
-    speed = (here - start) / span.whole
-    loss = maximum(1.0 - damping * speed, 0.0)
-    push = span.whole * c * maximum(mean, 0.0)
-    return push * loss, push * speed * (1.0 - loss)

@@ -1,9 +1,10 @@
 """Which features of the bodies are near each other: by boxes around bodies, then between two bodies.
 
-Boxes are found anew at each node, so that bodies may change shape; the velocities have boxes, too, and
-say how much farther than Δ to look. What is left of a pair is what lies in the slab between both along
-the line of their centres. Every test is made for all copies of a block, and passed where one copy passes
-it; which contacts a copy has does not depend on the others.
+Boxes are found anew at each node, so that bodies may change shape; how fast bodies move says how much farther
+than Δ to look. What is left of a pair is what lies in the slab between both along the line of their centres.
+It is listed copy by copy (`springgym.forces.pairs.terms.Room`): copies of a block that touch in different
+places have as many rows of candidates, and of contacts, as the one that has most. Every test is made for all
+copies of a block, and none knows of another.
 """
 
 from __future__ import annotations
@@ -11,11 +12,33 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces.pairs.features import ball_ball, edge_edge, vertex_faces, vertex_rods
-from springgym.forces.pairs.terms import FAR
+from springgym.forces.pairs.features import (
+    ball_ball,
+    begin,
+    corners,
+    crossing,
+    edge_edge,
+    enlist,
+    grown,
+    tips,
+    vertex_faces,
+    vertex_rods,
+)
+from springgym.forces.pairs.terms import FAR, NONE, Near, Search
 from springgym.kinds import Number, Numbers, Rows, Vector
-from springgym.lanes import any_lane, load, maximum, minimum, sqrt, store
-from springgym.vectors import TINY, cross, dot, minus, plus, row, set_row, times
+from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
+from springgym.vectors import (
+    TINY,
+    choose,
+    cross,
+    dot,
+    minus,
+    plus,
+    row,
+    row_each,
+    set_row,
+    times,
+)
 
 SPARE = 1.05
 """Contacts are looked for up to this many Δ, and farther by the way of half a step."""
@@ -38,27 +61,17 @@ def smaller(u: Vector, w: Vector) -> Any:
 
 
 @compiled
-def surround(x: Rows, w: Rows, shapes: Any, room: Any) -> None:
-    """Find the boxes around all bodies and their velocities."""
+def surround(x: Rows, shapes: Any, room: Any) -> None:
+    """Find the boxes around all bodies."""
     for body in range(shapes.radius.size):
         first, last = shapes.start[0, body], shapes.start[0, body + 1]
         low = row(x, shapes.vertices[first])
-        slow = row(w, shapes.vertices[first])
-        high, fast = low, slow
+        high = low
         for k in range(first + 1, last):
-            place, velocity = row(x, shapes.vertices[k]), row(w, shapes.vertices[k])
+            place = row(x, shapes.vertices[k])
             low, high = smaller(low, place), larger(high, place)
-            slow, fast = smaller(slow, velocity), larger(fast, velocity)
         set_row(room.low, body, low)
         set_row(room.high, body, high)
-        set_row(room.slow, body, slow)
-        set_row(room.fast, body, fast)
-
-
-@compiled
-def widest(low: Rows, high: Rows, a: Any, b: Any) -> Any:
-    """For each axis, the largest difference of what lies in the boxes of two bodies."""
-    return larger(minus(row(high, a), row(low, b)), minus(row(high, b), row(low, a)))
 
 
 @compiled
@@ -69,39 +82,51 @@ def outside(low: Vector, high: Vector, body: Any, room: Any) -> Any:
 
 
 @compiled
+def closing(w: Rows, a: Any, b: Any, shapes: Any) -> Any:
+    """A bound on how fast particles of two bodies come nearer: both move, and what they are of turns."""
+    first, turning = motion(w, a, shapes)
+    second, other = motion(w, b, shapes)
+    apart = minus(first, second)
+    return sqrt(dot(apart, apart)) + turning + other
+
+
+@compiled
+def motion(w: Rows, body: Any, shapes: Any) -> Any:
+    """The mean velocity of a body's vertices, and the largest difference from it."""
+    first, last = shapes.start[0, body], shapes.start[0, body + 1]
+    mean = row(w, shapes.vertices[first])
+    for k in range(first + 1, last):
+        mean = plus(mean, row(w, shapes.vertices[k]))
+    mean = times(1.0 / (last - first), mean)
+    fastest = 0.0 * mean[0]
+    for k in range(first, last):
+        own = minus(row(w, shapes.vertices[k]), mean)
+        fastest = maximum(fastest, dot(own, own))
+    return mean, sqrt(fastest)
+
+
+@compiled
 def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any, tally: Numbers) -> int:
-    """List the contacts of all pairs, with velocities ``w`` (N, 3) before the node; how many there are.
+    """List the contacts of all pairs, with velocities ``w`` (N, 3) before the node; how many rows that makes.
 
     ``span`` is the time of the node.
     """
-    shapes = pairs.shapes
-    surround(x, w, shapes, room)
+    shapes, seen = pairs.shapes, Search(x, w, pairs, room, tally)
+    surround(x, shapes, room)
     store(room.have, 0, 0.0)
     count = 0
     for p in range(pairs.first.size):
         a, b = pairs.first[p], pairs.second[p]
         reach, radius = pairs.reach[p], shapes.radius[a] + shapes.radius[b]
-        fast = widest(room.slow, room.fast, a, b)
-        way = span.out * sqrt(dot(fast, fast))
-        near = SPARE * reach + minimum(way, FARTHEST * reach) + radius
-        if any_lane(outside(row(room.low, a), row(room.high, a), b, room) < near):
-            last, first = slab(x, a, b, shapes, room)
-            if any_lane(first - last < near):
-                collect(x, MARGIN * near, last, first, a, b, shapes, shapes.triangles, shapes.edges, room)
-                count = compare(
-                    x,
-                    w,
-                    span.lead,
-                    p,
-                    near,
-                    radius,
-                    count,
-                    pairs,
-                    shapes.triangles,
-                    shapes.edges,
-                    room,
-                    tally,
-                )
+        between = outside(row(room.low, a), row(room.high, a), b, room)
+        if any_lane(between < (SPARE + FARTHEST) * reach + radius):
+            way = minimum(span.out * closing(w, a, b, shapes), FARTHEST * reach)
+            near = Near(p, (a, b), span.lead, SPARE * reach + way + radius, radius)
+            if any_lane(between < near.reach):
+                last, first = slab(x, a, b, shapes, room)
+                if any_lane(first - last < near.reach):
+                    collect(last, first, near, seen, shapes.triangles, shapes.edges)
+                    count = compare(count, near, seen, shapes.triangles, shapes.edges)
     return count
 
 
@@ -131,127 +156,143 @@ def slab(x: Rows, a: Number, b: Number, shapes: Any, room: Any) -> Any:
 
 
 @compiled
-def collect(
-    x: Rows,
-    near: Any,
-    last: Number,
-    first: Number,
-    a: Any,
-    b: Any,
-    shapes: Any,
-    triangles: Any,
-    edges: Any,
-    room: Any,
-) -> None:
-    """List what of two bodies is in the slab and the other's box, and find the normals of its triangles."""
+def collect(last: Number, first: Number, near: Near, seen: Search, triangles: Any, edges: Any) -> None:
+    """List what of two bodies is in the slab and the other's box, and find where it is."""
+    room = seen.room
     vs = ts = es = 0
     for side in range(2):
-        body, other = (a, b) if side == 0 else (b, a)
-        for kind in range(3):
-            room.ends[side, kind] = vs if kind == 0 else (ts if kind == 1 else es)
-        for k in range(shapes.start[0, body], shapes.start[0, body + 1]):
-            i = shapes.vertices[k]
-            place = load(room.along, i)
-            gap = first - place if side == 0 else place - last
-            room.between[i] = any_lane(gap < near)
-            if room.between[i] and any_lane(outside(row(x, i), row(x, i), other, room) < near):
-                room.near[0, vs] = i
-                vs += 1
-        if triangles is not None:
-            for t in range(shapes.start[1, body], shapes.start[1, body + 1]):
-                i, j, m = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-                if room.between[i] or room.between[j] or room.between[m]:
-                    room.near[1, ts] = t
-                    corner = row(x, i)
-                    across = cross(minus(row(x, j), corner), minus(row(x, m), corner))
-                    set_row(room.normal, ts, across)
-                    store(room.square, ts, dot(across, across))
-                    ts += 1
-        if edges is not None:
-            for e in range(shapes.start[2, body], shapes.start[2, body + 1]):
-                i, j = edges[e, 0], edges[e, 1]
-                if room.between[i] or room.between[j]:
-                    here, there = row(x, i), row(x, j)
-                    if any_lane(outside(smaller(here, there), larger(here, there), other, room) < near):
-                        room.near[2, es] = e
-                        es += 1
-    room.ends[2, 0], room.ends[2, 1], room.ends[2, 2] = vs, ts, es
+        body = near.bodies[0] if side == 0 else near.bodies[1]
+        other = near.bodies[1] if side == 0 else near.bodies[0]
+        room.ends[0, side], room.ends[1, side], room.ends[2, side] = vs, ts, es
+        vs += list_vertices(vs, side, body, other, last if side == 1 else first, near, seen)
+        ts += list_triangles(ts, body, other, near, seen, triangles)
+        es += list_edges(es, body, other, near, seen, edges)
+    room.ends[0, 2], room.ends[1, 2], room.ends[2, 2] = vs, ts, es
 
 
 @compiled
-def compare(
-    x: Rows,
-    w: Rows,
-    lead: Number,
-    p: Number,
-    near: Number,
-    radius: Number,
-    count: Number,
-    pairs: Any,
-    triangles: Any,
-    edges: Any,
-    room: Any,
-    tally: Numbers,
-) -> int:
-    """List the contacts of a pair behind ``count`` others; ``lead`` is the time since the step began."""
-    shapes, ends = pairs.shapes, room.ends
-    for side in range(2):
-        other = 1 - side
-        for m in range(ends[side, 0], ends[side + 1, 0]):
-            i = room.near[0, m]
-            count = vertex_faces(
-                count,
-                p,
-                i,
-                ends[other, 1],
-                ends[other + 1, 1],
-                x,
-                w,
-                lead,
-                near,
-                radius,
-                triangles,
-                pairs,
-                room,
-                tally,
-            )
-            count = vertex_rods(
-                count,
-                p,
-                i,
-                ends[other, 2],
-                ends[other + 1, 2] if is_of(pairs, p, other, shapes.rods) else 0,
-                x,
-                w,
-                lead,
-                near,
-                radius,
-                edges,
-                shapes.rods,
-                pairs,
-                room,
-                tally,
-            )
-    if is_of(pairs, p, 0, shapes.balls) and is_of(pairs, p, 1, shapes.balls):
-        i, j = (
-            shapes.vertices[shapes.start[0, pairs.first[p]]],
-            shapes.vertices[shapes.start[0, pairs.second[p]]],
-        )
-        count = ball_ball(count, p, i, j, x, near, radius, shapes.balls, pairs, room, tally)
+def list_vertices(first: Any, side: Any, body: Any, other: Any, end: Number, near: Near, seen: Search) -> Any:
+    """List the vertices of a body from row ``first`` on; ``end`` of the other body along the slab's axis."""
+    x, room, shapes = seen.x, seen.room, seen.pairs.shapes
+    reach = MARGIN * near.reach
+    have, rows = 0.0 * reach, 0
+    for k in range(shapes.start[0, body], shapes.start[0, body + 1]):
+        i = shapes.vertices[k]
+        place = load(room.along, i)
+        gap = end - place if side == 0 else place - end
+        store(room.along, i, gap)
+        if any_lane(gap < reach):
+            wanted = maximum(gap, outside(row(x, i), row(x, i), other, room)) < reach
+            if any_lane(wanted):
+                enlist(room.vertex, first, have, 1.0 * i, wanted)
+                have = have + select(wanted, 1.0, 0.0 * have)
+                rows = grown(rows, have)
+    for m in range(rows):
+        there = have > 1.0 * m
+        i = select(there, load(room.vertex, first + m), NONE)
+        store(room.vertex, first + m, i)
+        set_row(room.point, first + m, row_each(x, maximum(i, 0.0)))
+    return rows
+
+
+@compiled
+def list_triangles(first: Any, body: Any, other: Any, near: Near, seen: Search, triangles: Any) -> Any:
+    """List the triangles of a body from row ``first`` on."""
+    rows = 0
+    if triangles is not None:
+        x, room, shapes = seen.x, seen.room, seen.pairs.shapes
+        reach = MARGIN * near.reach
+        have = 0.0 * reach
+        for t in range(shapes.start[1, body], shapes.start[1, body + 1]):
+            i, j, m = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            gap = minimum(minimum(load(room.along, i), load(room.along, j)), load(room.along, m))
+            if any_lane(gap < reach):
+                a, b, c = row(x, i), row(x, j), row(x, m)
+                low, high = smaller(smaller(a, b), c), larger(larger(a, b), c)
+                wanted = maximum(gap, outside(low, high, other, room)) < reach
+                if any_lane(wanted):
+                    enlist(room.triangle, first, have, 1.0 * t, wanted)
+                    have = have + select(wanted, 1.0, 0.0 * have)
+                    rows = grown(rows, have)
+        for n in range(rows):
+            there = have > 1.0 * n
+            k = first + n
+            store(room.triangle, k, select(there, load(room.triangle, k), NONE))
+            i, j, m = corners(k + 0.0 * have, room, triangles)
+            corner = row_each(x, i)
+            u, q = minus(row_each(x, j), corner), minus(row_each(x, m), corner)
+            across = cross(u, q)
+            set_row(room.corner, k, corner)
+            set_row(room.first, k, u)
+            set_row(room.second, k, q)
+            set_row(room.normal, k, across)
+            store(room.square, k, select(there, dot(across, across), NONE))
+    return rows
+
+
+@compiled
+def list_edges(first: Any, body: Any, other: Any, near: Near, seen: Search, edges: Any) -> Any:
+    """List the edges of a body from row ``first`` on."""
+    rows = 0
     if edges is not None:
-        for m in range(ends[0, 2], ends[1, 2]):
-            i, j = edges[room.near[2, m], 0], edges[room.near[2, m], 1]
-            start = row(x, i)
-            along = minus(row(x, j), start)
-            for n in range(ends[1, 2], ends[2, 2]):
-                these = (i, j, edges[room.near[2, n], 0], edges[room.near[2, n], 1])
-                count = edge_edge(count, p, these, start, along, x, w, lead, near, radius, pairs, room, tally)
+        x, room, shapes = seen.x, seen.room, seen.pairs.shapes
+        reach = MARGIN * near.reach
+        have = 0.0 * reach
+        for e in range(shapes.start[2, body], shapes.start[2, body + 1]):
+            i, j = edges[e, 0], edges[e, 1]
+            gap = minimum(load(room.along, i), load(room.along, j))
+            if any_lane(gap < reach):
+                here, there = row(x, i), row(x, j)
+                wanted = maximum(gap, outside(smaller(here, there), larger(here, there), other, room)) < reach
+                if any_lane(wanted):
+                    enlist(room.edge, first, have, 1.0 * e, wanted)
+                    have = have + select(wanted, 1.0, 0.0 * have)
+                    rows = grown(rows, have)
+        for n in range(rows):
+            listed = have > 1.0 * n
+            k = first + n
+            store(room.edge, k, select(listed, load(room.edge, k), NONE))
+            i, j = tips(k + 0.0 * have, room, edges)
+            start = row_each(x, i)
+            way = minus(row_each(x, j), start)
+            far = FAR + 0.0 * have
+            set_row(room.start, k, choose(listed, start, (far, far, far)))
+            set_row(room.way, k, choose(listed, way, times(0.0, way)))
+    return rows
+
+
+@compiled
+def compare(count: Any, near: Near, seen: Search, triangles: Any, edges: Any) -> int:
+    """List the contacts of a pair behind ``count`` others."""
+    pairs, room = seen.pairs, seen.room
+    shapes, ends = pairs.shapes, room.ends
+    rods, balls = shapes.rods, shapes.balls
+    begin(room)
+    first = count
+    for side in range(2):
+        for m in range(ends[0, side], ends[0, side + 1]):
+            count = vertex_faces(count, first, m, 1 - side, near, seen, triangles)
+    if edges is not None:
+        for k in range(crossing(near, seen)):
+            count = edge_edge(count, first, k, near, seen, edges)
+    if rods is not None:
+        begin(room)
+        first = count
+        for side in range(2):
+            if is_of(near.bodies[1 - side], rods):
+                for m in range(ends[0, side], ends[0, side + 1]):
+                    count = vertex_rods(count, first, m, 1 - side, near, seen, edges, rods)
+    if is_of(near.bodies[0], balls) and is_of(near.bodies[1], balls):
+        i = shapes.vertices[shapes.start[0, near.bodies[0]]]
+        j = shapes.vertices[shapes.start[0, near.bodies[1]]]
+        begin(room)
+        count = ball_ball(count, count, i, j, near, seen, balls)
     return count
 
 
 @compiled
-def is_of(pairs: Any, p: Any, side: Any, kind: Any) -> bool:
-    """Whether a body of a pair, the first or the second, is of rods or a ball."""
+def is_of(body: Any, kind: Any) -> bool:
+    """Whether a body is of a kind."""
     if kind is None:
         return False
-    return kind[pairs.first[p] if side == 0 else pairs.second[p]]
+    return kind[body]

@@ -74,40 +74,54 @@ class Pairs(NamedTuple):
 
 
 class Room(NamedTuple):
-    """What a thread finds contacts in. Those of a block's copies are in one list of rows."""
+    """What a thread finds contacts in.
+
+    Rows of lists hold something of each copy, its own: row r of a list the r-th of each. A copy that has
+    less than others has `NONE` there. So a list is as long as the longest of a copy, and what a copy has, and
+    in which order, does not depend on the others.
+    """
 
     low: np.ndarray
     """(bodies, 3) boxes around the bodies [m]"""
     high: np.ndarray
-    slow: np.ndarray
-    """(bodies, 3) and around their velocities [m/s]"""
-    fast: np.ndarray
     along: np.ndarray
-    """(particles,) places along the line of a pair's centres [m]"""
-    between: np.ndarray
-    """(particles,) whether a place is in the slab between both, in any copy"""
-    near: np.ndarray
-    """(3, ·) vertices, triangles and edges of a pair that lie between the two bodies, the first's before"""
-    ends: np.ndarray
-    """(3, 3) where they begin and end"""
-    normal: np.ndarray
-    """(T, 3) of those triangles, as long as twice their area [m²]"""
-    square: np.ndarray
-    """(T,) squares of these lengths [m⁴]"""
-    key: np.ndarray
-    """(T or E,) how near they are to a vertex"""
+    """(particles,) places along the line of a pair's centres; then how far from the slab between both [m]"""
+    vertex: np.ndarray
+    """(V + 1,) list: vertices of a pair that lie between the two bodies, the first's before"""
+    point: np.ndarray
+    """(V + 1, 3) where they are [m]"""
+    triangle: np.ndarray
+    """(T + 1,) list: triangles likewise"""
+    corner: np.ndarray
+    """(T + 1, 3) their first corner [m]"""
     first: np.ndarray
-    """(T,) weights of their second corner in the nearest point"""
+    """(T + 1, 3) from there to the second [m]"""
     second: np.ndarray
-    """(T,) and of their third"""
+    """(T + 1, 3) and to the third"""
+    normal: np.ndarray
+    """(T + 1, 3) their product, as long as twice the area [m²]"""
+    square: np.ndarray
+    """(T + 1,) the square of that length [m⁴]; −1 where there is none"""
+    edge: np.ndarray
+    """(E + 1,) list: edges likewise"""
+    start: np.ndarray
+    """(E + 1, 3) where they begin [m]"""
+    way: np.ndarray
+    """(E + 1, 3) from there to the end; 0 where there is none"""
+    ends: np.ndarray
+    """(3, 3) where vertices, triangles and edges begin of the first body, of the second, and end"""
+    crossed: np.ndarray
+    """(most + 1,) list: edges that meet others, by their rows,"""
+    crossing: np.ndarray
+    """(most + 1,) and these"""
     have: np.ndarray
-    """(1,) contacts of each copy"""
+    """(2,) contacts of each copy: in all, and of this pair"""
     pair: np.ndarray
-    """(rows,) whose contact it is"""
-    particles: np.ndarray
-    """(rows, 4)"""
+    """(rows,) whose contact it is, in all copies"""
     members: np.ndarray
-    """(rows,) how many of them there are"""
+    """(rows,) how many particles it has, in all copies"""
+    particle: np.ndarray
+    """(4 rows,) which"""
     weight: np.ndarray
     """(4 rows,) w: they sum to 0"""
     toward: np.ndarray
@@ -118,6 +132,8 @@ class Room(NamedTuple):
     """(rows,) Φ"""
     before: np.ndarray
     """(rows,) u₀, the speed along the normal before the node [m/s]"""
+    gain: np.ndarray
+    """(4 rows,) w/m [1/kg]"""
     inverse: np.ndarray
     """(rows,) W [1/kg]"""
     push: np.ndarray
@@ -126,8 +142,57 @@ class Room(NamedTuple):
     """(rows,) energy lost to the damping [J]"""
     rub: np.ndarray
     """(rows, 3) the impulse of friction [N·s]"""
+    apart: np.ndarray
+    """(rows, 3) D [m]"""
+    mass: np.ndarray
+    """(4 rows,) m, of pinned particles 0 [kg]"""
+    arm: np.ndarray
+    """(4 rows, 3) x − x_c [m]"""
+    lever: np.ndarray
+    """(4 rows, 3) m (x − x_c), of a pinned particle less their sum [kg·m]"""
+    turn: np.ndarray
+    """(2 rows, 3) I⁻¹: xx, yy, zz; xy, xz, yz [1/(kg·m²)]"""
     spent: np.ndarray
     """(pairs, 3) energy lost to damping, and to friction, and given by the barriers, at this node [J]"""
+
+
+NONE = -1.0
+"""Of a list, in a copy that has less than others."""
+
+
+class Near(NamedTuple):
+    """Two bodies near each other."""
+
+    pair: Any
+    bodies: tuple[Any, Any]
+    lead: Any
+    """time since the step began [s]"""
+    reach: Any
+    """how far to look for contacts [m]"""
+    radius: Any
+    """of what lies around their features, both together [m]"""
+
+
+class Contact(NamedTuple):
+    """A contact of each copy, where its ``share`` is positive."""
+
+    particles: tuple[Any, Any, Any, Any]
+    weights: tuple[Any, Any, Any, Any]
+    normal: Any
+    distance: Any
+    share: Any
+
+
+class Search(NamedTuple):
+    """Where contacts are looked for, and listed."""
+
+    x: np.ndarray
+    """positions (N, 3) [m]"""
+    w: np.ndarray
+    """velocities (N, 3) before the node [m/s]"""
+    pairs: Pairs
+    room: Room
+    tally: np.ndarray | None
 
 
 TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW = range(9)
@@ -216,13 +281,11 @@ def parallel(meeting: Meeting, shapes: Sequence[Shape], positions: Sequence[np.n
 
 
 def most_contacts(meetings: Sequence[Meeting], shapes: Sequence[Shape]) -> tuple[int, int]:
-    """Contacts that a copy may have, and those there can be in a block: of each vertex with each triangle."""
+    """Contacts that a copy may have, and rows of a list: of each vertex, and of each edge with each."""
     found = 0
     for met in meetings:
         a, b = shapes[met.first], shapes[met.second]
-        for own, other in ((a, b), (b, a)):
-            found += len(own.vertices) * max(len(other.triangles), len(other.edges), 1)
-        found += len(a.edges) * len(b.edges)
+        found += len(a.vertices) + len(b.vertices) + len(a.edges) * len(b.edges)
     return min(found, MOST_CONTACTS * len(shapes)), found
 
 
@@ -230,10 +293,12 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
     """What a thread finds contacts in, on elements of ``dtype``; ``rows`` is the most a block can have."""
     shapes = pairs.shapes
     bodies = len(shapes.radius)
-    triangles = 0 if shapes.triangles is None else len(shapes.triangles)
-    edges = 0 if shapes.edges is None else len(shapes.edges)
+    vertices = len(shapes.vertices) + 1  # the last row of a list takes what is not to be listed
+    triangles = 1 if shapes.triangles is None else len(shapes.triangles) + 1
+    edges = 1 if shapes.edges is None else len(shapes.edges) + 1
     width = np.dtype(dtype)["lanes"].shape[0]
-    rows = min(rows, pairs.most * width)
+    rows = min(rows, pairs.most * width) + 1
+    rubbing = 1 if pairs.friction is None else rows
 
     def lanes(*shape: int) -> np.ndarray:
         return aligned_zeros(shape, dtype)
@@ -241,29 +306,39 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
     return Room(
         low=lanes(bodies, 3),
         high=lanes(bodies, 3),
-        slow=lanes(bodies, 3),
-        fast=lanes(bodies, 3),
         along=lanes(particles),
-        between=np.zeros(particles, bool),
-        near=np.zeros((3, max(len(shapes.vertices), triangles, edges)), np.int32),
-        ends=np.zeros((3, 3), np.int64),
+        vertex=lanes(vertices),
+        point=lanes(vertices, 3),
+        triangle=lanes(triangles),
+        corner=lanes(triangles, 3),
+        first=lanes(triangles, 3),
+        second=lanes(triangles, 3),
         normal=lanes(triangles, 3),
         square=lanes(triangles),
-        key=lanes(max(triangles, edges)),
-        first=lanes(triangles),
-        second=lanes(triangles),
-        have=lanes(1),
+        edge=lanes(edges),
+        start=lanes(edges, 3),
+        way=lanes(edges, 3),
+        ends=np.zeros((3, 3), np.int64),
+        crossed=lanes(pairs.most + 1),
+        crossing=lanes(pairs.most + 1),
+        have=lanes(2),
         pair=np.zeros(rows, np.int32),
-        particles=np.zeros((rows, 4), np.int32),
         members=np.zeros(rows, np.int32),
+        particle=lanes(4 * rows),
         weight=lanes(4 * rows),
         toward=lanes(rows, 3),
         distance=lanes(rows),
         share=lanes(rows),
         before=lanes(rows),
+        gain=lanes(4 * rows),
         inverse=lanes(rows),
         push=lanes(rows),
         lost=lanes(rows),
         rub=lanes(rows, 3),
+        apart=lanes(rubbing, 3),
+        mass=lanes(4 * rubbing),
+        arm=lanes(4 * rubbing, 3),
+        lever=lanes(4 * rubbing, 3),
+        turn=lanes(2 * rubbing, 3),
         spent=lanes(len(pairs.first), 3),
     )
