@@ -23,7 +23,7 @@ import itertools
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -165,10 +165,10 @@ def tournament(players: Sequence[Player], duels: int) -> list[Duels]:
     return played
 
 
-def duel(env: parallel, first: Player, second: Player, seed: int) -> float:
+def duel(env: Any, first: Player, second: Player, seed: int) -> float:
     """Points of the first."""
     seen, _ = env.reset(seed=seed)
-    infos = {}
+    infos: dict[str, Any] = {}
     while env.agents:
         actions = {name: who(seen[name][None])[0] for name, who in (("first", first), ("second", second))}
         seen, _, _, _, infos = env.step(actions)

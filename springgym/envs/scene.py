@@ -125,7 +125,7 @@ class SceneTask(Task):
     actions: ClassVar = {"actuators": 0}
     terms = ("own",)
     metrics = ()
-    entries: ClassVar[tuple[Entry, ...]] = ()
+    entries: tuple[Entry, ...] = ()
     apart = False
 
     def __init__(
@@ -232,7 +232,7 @@ class SceneTask(Task):
     def prepare(self, m: Measures, x: np.ndarray, v: np.ndarray) -> None:
         if self._observe is not None:
             size = self._seen(m, x, v, (len(x), None)).shape[1]
-            self.entries = (Entry("own", size),)  # type: ignore[misc]
+            self.entries = (Entry("own", size),)
 
     def _seen(self, m: Measures, x: np.ndarray, v: np.ndarray, shape: tuple[int | None, ...]) -> np.ndarray:
         assert self._observe is not None

@@ -246,6 +246,8 @@ class SpringShoveEnv(SpringEnv, gym.Env):
 
     ## Information
     `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`.
+    Of the pairs of bodies, since the episode began: `pairs_touching` now, `pairs_impulse` [N·s],
+    `pairs_least_gap` [m], `pairs_missed`.
 
     ## Arguments
     - `observation`: above.

@@ -61,7 +61,7 @@ class Task:
     """names of the reward's terms: each in [0, 1], they sum to the reward"""
     metrics: ClassVar[tuple[str, ...]]
     """names of the quantities reported in ``info``"""
-    entries: ClassVar[tuple[Entry, ...]]
+    entries: tuple[Entry, ...]
     """what the numbers of the compact observation are, in their order"""
     goal_size: ClassVar[int] = 0
     period: ClassVar[float] = 0.02
