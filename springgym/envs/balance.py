@@ -48,7 +48,7 @@ TILT_UNIT, TURNING_UNIT = 0.2, 1.0  # of the axis [1], of the plate's angular ve
 
 
 @compiled
-def gap_of(m: Any, x: Any, c: Any) -> Any:
+def gap_of(m: Measures, x: np.ndarray, c: Any) -> Any:
     """How high the ball is above the plate's plane [m]."""
     crown, centre, n = x.shape[1] - 3, m.centre[c, BALL], m.axis[c, PLATE]
     height = 0.0
@@ -58,7 +58,15 @@ def gap_of(m: Any, x: Any, c: Any) -> Any:
 
 
 @kernel
-def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+def evaluate(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    action: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    out: np.ndarray,
+) -> None:
     for c in range(out.shape[0]):
         error = math.hypot(m.centre[c, BALL, 0] - goal[c, 0], m.centre[c, BALL, 1] - goal[c, 1])
         gap, tilt = gap_of(m, x, c), math.acos(min(max(m.axis[c, PLATE, 2], -1.0), 1.0))
@@ -73,7 +81,14 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    observation: np.ndarray,
+) -> None:
     for c in range(observation.shape[0]):
         for axis in range(2):
             observation[c, axis] = (m.centre[c, BALL, axis] - goal[c, axis]) / WAY_UNIT
@@ -85,7 +100,7 @@ def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any
 
 
 @kernel
-def move(goal: Any) -> None:
+def move(goal: np.ndarray) -> None:
     """The place goes on along its circle: x, y, z, its velocity x, y, and its angular velocity."""
     for c in range(goal.shape[0]):
         turn = goal[c, 5] * PERIOD

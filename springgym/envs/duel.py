@@ -49,18 +49,26 @@ Opponent = Callable[[np.ndarray], np.ndarray]
 
 
 @compiled
-def tilt_of(m: Any, c: Any, body: Any) -> Any:
+def tilt_of(m: Measures, c: Any, body: Any) -> Any:
     return math.acos(min(max(m.axis[c, body, 2], -1.0), 1.0))
 
 
 @compiled
-def away_of(m: Any, c: Any, body: Any) -> Any:
+def away_of(m: Measures, c: Any, body: Any) -> Any:
     """Distance of a top's centre of mass from the middle [m]."""
     return math.hypot(m.centre[c, body, 0], m.centre[c, body, 1])
 
 
 @kernel
-def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+def evaluate(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    action: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    out: np.ndarray,
+) -> None:
     own = int(parameters[0])
     other = 1 - own
     for c in range(out.shape[0]):
@@ -79,7 +87,14 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    observation: np.ndarray,
+) -> None:
     """In axes that are turned by half a turn for the second player, so that both see the same duel."""
     own = int(parameters[0])
     sign = 1.0 - 2.0 * own

@@ -49,7 +49,7 @@ TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular v
 
 
 @compiled
-def apex_of(m: Any, c: Any, ball: int) -> Any:
+def apex_of(m: Measures, c: Any, ball: int) -> Any:
     """Where a ball would be highest if it met nothing, above the place where the paddle begins [m]."""
     return m.centre[c, ball, 2] - BALL_RADIUS + m.centre_velocity[c, ball, 2] ** 2 / (2.0 * FALL)
 
@@ -61,7 +61,15 @@ def column_of(balls: int, ball: int) -> Any:
 
 
 @kernel
-def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+def evaluate(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    action: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    out: np.ndarray,
+) -> None:
     balls = m.centre.shape[1] - 1
     crown = x.shape[1] - 2 - balls
     for c in range(out.shape[0]):
@@ -92,7 +100,14 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    observation: np.ndarray,
+) -> None:
     balls = m.centre.shape[1] - 1
     for c in range(observation.shape[0]):
         for axis in range(3):

@@ -44,13 +44,21 @@ PUSHER_SPEED = 1.0  # the same of the pusher's velocity [m/s]
 
 
 @compiled
-def heading_of(m: Any, c: Any) -> Any:
+def heading_of(m: Measures, c: Any) -> Any:
     """The angle of the box's first axis from the x axis [rad]."""
     return math.atan2(m.side[c, BOX, 1], m.side[c, BOX, 0])
 
 
 @kernel
-def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, out: Any) -> None:
+def evaluate(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    action: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    out: np.ndarray,
+) -> None:
     for c in range(out.shape[0]):
         place, velocity = m.centre[c, BOX], m.centre_velocity[c, BOX]
         error, heading = math.hypot(place[0], place[1]), heading_of(m, c)
@@ -70,7 +78,14 @@ def evaluate(m: Any, x: Any, v: Any, action: Any, goal: Any, parameters: Any, ou
 
 
 @kernel
-def compact(m: Any, x: Any, v: Any, goal: Any, parameters: Any, observation: Any) -> None:
+def compact(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    observation: np.ndarray,
+) -> None:
     for c in range(observation.shape[0]):
         heading = heading_of(m, c)
         cosine, sine = math.cos(heading), math.sin(heading)

@@ -117,7 +117,14 @@ def lean(x: Rows, span: Any, found: Any, fresh: Any, last: Any, own: Any, terms:
 
 @compiled
 def waiting(
-    i: int, place: Vector, start: Vector, velocity: Vector, span: Any, own: Any, planes: Any, bowl: Any
+    i: int,
+    place: Vector,
+    start: Vector,
+    velocity: Vector,
+    span: Any,
+    own: Any,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
 ) -> Any:
     """1 where surfaces gave particle ``i`` nothing and are not near, else 0."""
     change = row(own.change, i)
@@ -154,7 +161,9 @@ def lean_on(
 
 
 @compiled
-def leans(turn: int, count: Number, planes: Any, bowl: Any, friction: Numbers) -> bool:
+def leans(
+    turn: int, count: Number, planes: Planes | None, bowl: HollowSphere | None, friction: Numbers
+) -> bool:
     """Whether surfaces have a turn: the last one always, as it sums up, others if something changed."""
     last = turn == TURNS
     if planes is None and bowl is None:
@@ -204,7 +213,7 @@ def arrive(v: Rows, span: Any, own: Any, foresees: bool, memory: Any) -> None:
 
 
 @compiled
-def unmet(contacts: Number, last: Any, planes: Any, bowl: Any) -> bool:
+def unmet(contacts: Number, last: Any, planes: Planes | None, bowl: HollowSphere | None) -> bool:
     """Whether nothing touches anything at a node, so that it is two kicks; the last one is read, too."""
     if planes is None and bowl is None:
         return contacts == 0 and not last

@@ -146,7 +146,7 @@ def _kernel(
         h: Any,
         steps: int,
         settles: bool,
-        terms: Any,
+        terms: Terms,
         reading: Any,
         reads: bool,
     ) -> None:

@@ -32,7 +32,7 @@ from springgym.forces.barrier import (
 from springgym.forces.ledger import CONTACT, FRICTION, WORK, record
 from springgym.forces.memory import HELD, halve
 from springgym.forces.node import lifted
-from springgym.kinds import Ledger, Number, Rows, Vector
+from springgym.kinds import Ledger, Mask, Number, Rows, Vector
 from springgym.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, store
 from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
@@ -93,25 +93,25 @@ class Node(NamedTuple):
 
 
 @compiled
-def velocity_of(place: Vector, motion: Any, solid: Solid) -> Any:
+def velocity_of(place: Vector, motion: Vector, solid: Solid) -> Any:
     """Velocity of a particle."""
     return plus(motion[0], cross(angular_velocity(motion[1], solid.rigid), place))
 
 
 @compiled
-def pushed(motion: Any, place: Vector, push: Vector, solid: Solid) -> Any:
+def pushed(motion: Vector, place: Vector, push: Vector, solid: Solid) -> Any:
     """The motion after an impulse at a particle."""
     return plus_scaled(motion[0], solid.lightness, push), plus(motion[1], cross(place, push))
 
 
 @compiled
-def sum_of(one: Any, scale: Any, other: Any) -> Any:
+def sum_of(one: Vector, scale: Number, other: Vector) -> Any:
     """A motion, and ``scale`` times another."""
     return plus_scaled(one[0], scale, other[0]), plus_scaled(one[1], scale, other[1])
 
 
 @compiled
-def product_of(one: Any, other: Any, solid: Solid) -> Any:
+def product_of(one: Vector, other: Vector, solid: Solid) -> Any:
     """Of two motions: twice the kinetic energy of one is its product with itself [J]."""
     turning = dot(one[1], angular_velocity(other[1], solid.rigid))
     return solid.total * dot(one[0], other[0]) + turning
@@ -163,7 +163,7 @@ def energy_in_barriers(state: State, solid: Solid) -> Any:
 
 
 @compiled
-def guessed(given: Any, known: Any, workspace: np.ndarray, solid: Solid) -> Any:
+def guessed(given: Vector, known: Mask, workspace: np.ndarray, solid: Solid) -> Any:
     """What the impulses of the node before change, where they are ``known``; there are none elsewhere."""
     nothing = times(0.0, given[0])
     for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
@@ -182,7 +182,7 @@ def guessed(given: Any, known: Any, workspace: np.ndarray, solid: Solid) -> Any:
 
 
 @compiled
-def meet_surfaces(node: Node, known: Any, active: Number, workspace: np.ndarray, solid: Solid) -> Any:
+def meet_surfaces(node: Node, known: Mask, active: Number, workspace: np.ndarray, solid: Solid) -> Any:
     """What surfaces and friction change where ``active`` is 1: motion, and place (`leave`)."""
     _, reach = strength_and_reach(solid.terms.planes, solid.terms.bowl)
     nothing = times(0.0, node.before[0])
@@ -209,7 +209,7 @@ def meet_surfaces(node: Node, known: Any, active: Number, workspace: np.ndarray,
 
 
 @compiled
-def straight(n: Vector, arm: Vector, node: Node, after: Any, bends: Any, solid: Solid) -> Any:
+def straight(n: Vector, arm: Vector, node: Node, after: Vector, bends: Vector, solid: Solid) -> Any:
     """The way along n of a particle that flies straight, with its velocities at the node."""
     way = node.span.lead * dot(n, velocity_of(arm, node.before, solid))
     way = way + node.span.out * dot(n, velocity_of(arm, after, solid))
@@ -218,7 +218,7 @@ def straight(n: Vector, arm: Vector, node: Node, after: Any, bends: Any, solid: 
 
 @compiled
 def touch(
-    i: int, k: int, way: Any, found: Any, going: Any, node: Node, workspace: np.ndarray, solid: Solid
+    i: int, k: int, way: Vector, found: Any, going: Mask, node: Node, workspace: np.ndarray, solid: Solid
 ) -> Any:
     """Find anew what surface ``k`` gives particle ``i``.
 
@@ -274,7 +274,7 @@ def touch(
 
 
 @compiled
-def stick(n: Vector, arm: Vector, old: Vector, limit: Number, given: Any, node: Node, solid: Solid) -> Any:
+def stick(n: Vector, arm: Vector, old: Vector, limit: Number, given: Vector, node: Node, solid: Solid) -> Any:
     """Friction that stops a particle along a surface or, at its limit, works against its motion.
 
     ``old`` is the friction that is in the motion already. Returns the new one, the change of motion, and that
@@ -324,7 +324,7 @@ def reach_node(begin: State, state: State, span: Any, b: Rows, solid: Solid) -> 
 
 
 @compiled
-def leave(node: Node, given: Any, bends: Any, solid: Solid) -> Any:
+def leave(node: Node, given: Vector, bends: Vector, solid: Solid) -> Any:
     """The state half a step later, where surfaces change the motion by ``given`` and the place by ``bends``.
 
     A change of place is given as the velocity and angular momentum that would do it in a second.
@@ -338,7 +338,9 @@ def leave(node: Node, given: Any, bends: Any, solid: Solid) -> Any:
 
 
 @compiled
-def pass_node(node: Node, near: Any, last: Any, ledger: Ledger, workspace: np.ndarray, solid: Solid) -> Any:
+def pass_node(
+    node: Node, near: Vector, last: Any, ledger: Ledger, workspace: np.ndarray, solid: Solid
+) -> Any:
     """Let all act at a node.
 
     ``near`` is the `clearance` half a step before, and a number: 1 where surfaces were near at the last
@@ -364,7 +366,13 @@ def pass_node(node: Node, near: Any, last: Any, ledger: Ledger, workspace: np.nd
 
 @compiled
 def record_losses(
-    node: Node, given: Any, bends: Any, middle: Any, ledger: Ledger, workspace: np.ndarray, solid: Solid
+    node: Node,
+    given: Vector,
+    bends: Vector,
+    middle: Vector,
+    ledger: Ledger,
+    workspace: np.ndarray,
+    solid: Solid,
 ) -> None:
     """Enter what contact and friction took; ``middle`` is the mean motion at the node."""
     span, none = node.span, 0.0 * node.before[0][0]
@@ -386,7 +394,7 @@ def record_losses(
 
 
 @compiled
-def read_node(node: Node, end: State, given: Any, ledger: Ledger, solid: Solid) -> Any:
+def read_node(node: Node, end: State, given: Vector, ledger: Ledger, solid: Solid) -> Any:
     """The state amid a node, where it is read; half of the node's entries are left in the ledger."""
     memory, terms = solid.terms.memory, solid.terms
     halve(ledger, memory)

@@ -213,7 +213,7 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
         h: float,
         steps: int,
         settles: bool,
-        terms: Any,
+        terms: Terms,
         reading: Any,
         reads: bool,
     ) -> None:

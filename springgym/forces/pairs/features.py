@@ -93,13 +93,13 @@ def on_sides(uu: Number, uw: Number, ww: Number, e: Number, f: Number) -> Any:
 
 
 @compiled
-def enlist(kind: Numbers, first: Any, have: Number, what: Any, wanted: Mask) -> None:
+def enlist(kind: Numbers, first: Number, have: Number, what: Number, wanted: Mask) -> None:
     """Put ``what`` into a list in the copies where it is wanted, which ``have`` so many from a row on."""
     store_each(kind, select(wanted, have + first, kind.shape[0] - 1.0), what + 0.0 * have)
 
 
 @compiled
-def grown(rows: Any, have: Number) -> Any:
+def grown(rows: Number, have: Number) -> Any:
     """How many rows a list has of which one was filled: ``rows``, or one more."""
     return rows + (1 if any_lane(have > 1.0 * rows) else 0)
 
@@ -111,7 +111,7 @@ def begin(room: Any) -> None:
 
 
 @compiled
-def add_contact(count: Any, first: Any, members: Any, met: Contact, near: Near, seen: Search) -> Any:
+def add_contact(count: Number, first: Number, members: Any, met: Contact, near: Near, seen: Search) -> Any:
     """List a contact of each copy behind its others from row ``first`` on; the rows that makes."""
     room = seen.room
     whole, own, wanted = load(room.have, 0), load(room.have, 1), met.share > 0.0
@@ -142,7 +142,7 @@ def add_contact(count: Any, first: Any, members: Any, met: Contact, near: Near, 
 
 
 @compiled
-def clear(k: Any, pair: Any, members: Any, room: Any) -> None:
+def clear(k: Number, pair: Any, members: Any, room: Any) -> None:
     """Make a row of contacts in which no copy has one yet."""
     room.pair[k], room.members[k] = pair, members
     for n in range(4):
@@ -157,7 +157,9 @@ def clear(k: Any, pair: Any, members: Any, room: Any) -> None:
 
 
 @compiled
-def vertex_faces(count: Any, first: Any, m: Any, other: Any, near: Near, seen: Search, triangles: Any) -> Any:
+def vertex_faces(
+    count: Number, first: Number, m: Any, other: Number, near: Near, seen: Search, triangles: Any
+) -> Any:
     """The contact of a vertex in row ``m`` with the nearest of the triangles of the ``other`` body.
 
     Each triangle is asked no more than it takes to know that it is not near: first its plane, then its sides.
@@ -234,7 +236,7 @@ def weighted(x: Any, i: Number, wi: Number, j: Number, wj: Number, k: Number, wk
 
 @compiled
 def vertex_rods(
-    count: Any, first: Any, m: Any, other: Any, near: Near, seen: Search, edges: Any, rods: Any
+    count: Number, first: Number, m: Any, other: Number, near: Near, seen: Search, edges: Any, rods: Any
 ) -> Any:
     """The contact of a vertex in row ``m`` with the nearest of the rods of the ``other`` body."""
     if rods is not None:
@@ -273,7 +275,7 @@ def tips(n: Number, room: Any, edges: Any) -> Any:
 
 
 @compiled
-def ball_ball(count: Any, first: Any, i: Any, j: Any, near: Near, seen: Search, balls: Any) -> Any:
+def ball_ball(count: Number, first: Number, i: int, j: Any, near: Near, seen: Search, balls: Any) -> Any:
     """The contact of two balls."""
     if balls is not None:
         apart = minus(row(seen.x, i), row(seen.x, j))
@@ -320,7 +322,7 @@ def crossing(near: Near, seen: Search) -> Any:
 
 
 @compiled
-def edge_edge(count: Any, first: Any, k: Any, near: Near, seen: Search, edges: Any) -> Any:
+def edge_edge(count: Number, first: Number, k: int, near: Near, seen: Search, edges: Any) -> Any:
     """The contact of the edges or rods that meet by row ``k`` of the list."""
     room, w = seen.room, seen.w
     there = load(room.crossed, k) >= 0.0

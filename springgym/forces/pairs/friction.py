@@ -13,7 +13,7 @@ pinned, nothing turns. Two balls alone never slip: points cannot roll, nor be he
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from springgym.compiling import compiled
 from springgym.forces.pairs.terms import FRICTION, spend, tell
@@ -36,6 +36,10 @@ from springgym.vectors import (
     times,
 )
 
+if TYPE_CHECKING:
+    from springgym.forces import Particles
+
+
 FIRM = 1e-6
 """Where K is less than this share of W, there is nothing to hold back."""
 
@@ -45,7 +49,7 @@ SWEEPS, TURNS = 2, 3
 
 
 @compiled
-def lay_out(x: Rows, k: Any, particles: Any, friction: Numbers, room: Any) -> None:
+def lay_out(x: Rows, k: Number, particles: Particles, friction: Numbers, room: Any) -> None:
     """Find what the particles of contact k turn about, and how hard they are to turn."""
     if friction is not None:
         none = 0.0 * load(room.distance, k)
@@ -84,7 +88,7 @@ def lay_out(x: Rows, k: Any, particles: Any, friction: Numbers, room: Any) -> No
 
 @compiled
 def rub(
-    w: Rows, v: Rows, turn: Any, count: Any, pairs: Any, friction: Numbers, room: Any, tally: Any
+    w: Rows, v: Rows, turn: Any, count: Number, pairs: Any, friction: Numbers, room: Any, tally: Numbers
 ) -> None:
     """Hold back what slips, in two turns; in the third tell the loss, j times the mean of the slips before
     and after."""
@@ -110,7 +114,7 @@ def rub(
 
 
 @compiled
-def slipping(v: Rows, k: Any, room: Any) -> Any:
+def slipping(v: Rows, k: Number, room: Any) -> Any:
     """How contact k slips (3,)."""
     none = 0.0 * load(room.distance, k)
     slip, spin = (none, none, none), (none, none, none)
@@ -124,13 +128,13 @@ def slipping(v: Rows, k: Any, room: Any) -> Any:
 
 
 @compiled
-def turning(k: Any, moment: Vector, room: Any) -> Any:
+def turning(k: Number, moment: Vector, room: Any) -> Any:
     """The angular velocity of a contact's particles with a moment of momentum; with two pinned, none."""
     return multiplied(row(room.turn, 2 * k), row(room.turn, 2 * k + 1), moment)
 
 
 @compiled
-def held_back(slip: Vector, k: Any, given: Vector, limit: Number, room: Any) -> Any:
+def held_back(slip: Vector, k: Number, given: Vector, limit: Number, room: Any) -> Any:
     """The impulse that stops a slip, besides what was ``given``, or as much of it as friction can give."""
     along = times(1.0 / (sqrt(dot(slip, slip)) + TINY), slip)
     lever, inverse = cross(row(room.apart, k), along), load(room.inverse, k)
@@ -143,7 +147,7 @@ def held_back(slip: Vector, k: Any, given: Vector, limit: Number, room: Any) -> 
 
 
 @compiled
-def turn_with(v: Rows, k: Any, j: Vector, acts: Mask, room: Any) -> None:
+def turn_with(v: Rows, k: Number, j: Vector, acts: Mask, room: Any) -> None:
     """Give contact k an impulse across its normal, and the turn that takes its torque back."""
     turn = turning(k, cross(row(room.apart, k), j), room)
     for n in range(room.members[k]):

@@ -104,7 +104,7 @@ def prepare(
 
 
 @compiled
-def speed(v: Rows, k: Any, room: Any) -> Any:
+def speed(v: Rows, k: Number, room: Any) -> Any:
     """u of contact k."""
     u = times(0.0, row(room.toward, k))
     for j in range(room.members[k]):
@@ -120,7 +120,7 @@ def give(v: Rows, i: Number, s: Number, u: Vector, on: Mask) -> None:
 
 
 @compiled
-def sweep(v: Rows, span: Any, count: Any, backward: bool, pairs: Any, room: Any) -> None:
+def sweep(v: Rows, span: Any, count: Number, backward: bool, pairs: Any, room: Any) -> None:
     """Solve one contact after another for its impulse, given all others' as they are by now."""
     for m in range(count):
         k = count - 1 - m if backward else m
@@ -152,7 +152,7 @@ def loss_of(damping: Numbers, pair: Any, like: Number) -> Any:
 
 @compiled
 def solve(
-    k: Any, come: Approach, span: Any, inverse: Number, meets: Mask, damping: Numbers, room: Any
+    k: int, come: Approach, span: Any, inverse: Number, meets: Mask, damping: Numbers, room: Any
 ) -> Any:
     """The impulse of contact k; what it loses is stored."""
     loss = loss_of(damping, room.pair[k], inverse)

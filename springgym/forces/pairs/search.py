@@ -82,7 +82,7 @@ def outside(low: Vector, high: Vector, body: Any, room: Any) -> Any:
 
 
 @compiled
-def closing(w: Rows, a: Any, b: Any, shapes: Any) -> Any:
+def closing(w: Rows, a: Number, b: Number, shapes: Any) -> Any:
     """A bound on how fast particles of two bodies come nearer: both move, and what they are of turns."""
     first, turning = motion(w, a, shapes)
     second, other = motion(w, b, shapes)
@@ -91,7 +91,7 @@ def closing(w: Rows, a: Any, b: Any, shapes: Any) -> Any:
 
 
 @compiled
-def motion(w: Rows, body: Any, shapes: Any) -> Any:
+def motion(w: Rows, body: Number, shapes: Any) -> Any:
     """The mean velocity of a body's vertices, and the largest difference from it."""
     first, last = shapes.start[0, body], shapes.start[0, body + 1]
     mean = row(w, shapes.vertices[first])
@@ -171,7 +171,9 @@ def collect(last: Number, first: Number, near: Near, seen: Search, triangles: An
 
 
 @compiled
-def list_vertices(first: Any, side: Any, body: Any, other: Any, end: Number, near: Near, seen: Search) -> Any:
+def list_vertices(
+    first: Number, side: Any, body: Number, other: Any, end: Number, near: Near, seen: Search
+) -> Any:
     """List the vertices of a body from row ``first`` on; ``end`` of the other body along the slab's axis."""
     x, room, shapes = seen.x, seen.room, seen.pairs.shapes
     reach = MARGIN * near.reach
@@ -196,7 +198,7 @@ def list_vertices(first: Any, side: Any, body: Any, other: Any, end: Number, nea
 
 
 @compiled
-def list_triangles(first: Any, body: Any, other: Any, near: Near, seen: Search, triangles: Any) -> Any:
+def list_triangles(first: Number, body: Number, other: Any, near: Near, seen: Search, triangles: Any) -> Any:
     """List the triangles of a body from row ``first`` on."""
     rows = 0
     if triangles is not None:
@@ -231,7 +233,7 @@ def list_triangles(first: Any, body: Any, other: Any, near: Near, seen: Search, 
 
 
 @compiled
-def list_edges(first: Any, body: Any, other: Any, near: Near, seen: Search, edges: Any) -> Any:
+def list_edges(first: Number, body: Number, other: Any, near: Near, seen: Search, edges: Any) -> Any:
     """List the edges of a body from row ``first`` on."""
     rows = 0
     if edges is not None:
@@ -262,7 +264,7 @@ def list_edges(first: Any, body: Any, other: Any, near: Near, seen: Search, edge
 
 
 @compiled
-def compare(count: Any, near: Near, seen: Search, triangles: Any, edges: Any) -> int:
+def compare(count: Number, near: Near, seen: Search, triangles: Any, edges: Any) -> int:
     """List the contacts of a pair behind ``count`` others."""
     pairs, room = seen.pairs, seen.room
     shapes, ends = pairs.shapes, room.ends
