@@ -13,7 +13,6 @@ import numpy as np
 import springgym.registration
 from springgym import measures
 from springgym.envs.agent import Algorithm, Network, Policy, load_agent
-from springgym.measures import Measures
 from springgym.strict_yaml import build, read_yaml
 from springgym.view.motion import Motion, fastest_turn, graphs
 from springgym.view.page import Changes, Subject
@@ -110,6 +109,10 @@ def _random(env: gym.Env) -> Policy:
     return lambda observations: np.stack([env.action_space.sample() for _ in observations])
 
 
+ACTUATORS = ("terms.wrench.", "terms.thrust.", "terms.drive.")
+"""How the names of what an action sets begin, in the state of a simulator."""
+
+
 def played(agent: Agent, seed: int) -> Motion:
     """One episode of an agent."""
     try:
@@ -122,12 +125,13 @@ def played(agent: Agent, seed: int) -> Motion:
     policy, task, simulator = agent.policy(env), inner.episodes.task, inner.episodes.simulator
     observation, info = env.reset(seed=seed)
     parts = min(inner.episodes.steps, max(1, round(task.period / INTERVAL)))
-    rows, positions, marks = [], [], []
+    rows, bodies, positions, marks = [], [], [], []
 
     def keep() -> None:
         rows.append(simulator.readout.rows[0].copy())
+        bodies.append(simulator.readout.bodies[0].copy())
         positions.append(simulator.readout.positions[0].copy())
-        m = Measures(*(values[0] for values in measures.view(rows[-1][None])))
+        m = inner.episodes.measures_of(0)
         marks.append(task.marks(m, positions[-1], inner.episodes.action[0], inner.episodes.goal[0]))
 
     keep()
@@ -138,7 +142,8 @@ def played(agent: Agent, seed: int) -> Motion:
         observation, reward, terminated, truncated, info = env.step(policy(observation[None])[0])
         total, over = total + float(reward), terminated or truncated
         after = simulator.state()
-        simulator.restore(before)
+        acting = {name: values for name, values in after.items() if name.startswith(ACTUATORS)}
+        simulator.restore(before | acting)
         taken = 0
         for n in range(1, parts):  # the same period again, to see what is between
             until = round(n * inner.episodes.steps / parts)
@@ -151,6 +156,11 @@ def played(agent: Agent, seed: int) -> Motion:
         keep()
         times.append(start + task.period)
     m, x = measures.view(np.stack(rows)), np.stack(positions)
+    turning = [
+        measures.view(np.stack(bodies)[:, n])
+        for n, placed in enumerate(task.scene.bodies)
+        if not placed.body.floppy
+    ]
     look, camera = task.look(), task.camera()
     away = np.subtract(camera.eye, camera.target)
     env.close()
@@ -161,9 +171,9 @@ def played(agent: Agent, seed: int) -> Motion:
         positions=x,
         look=look,
         scenery=task.scenery(),
-        lengths=task.scene.body.lengths,
+        lengths=task.scene.of_bodies("lengths"),
         centre=m.centre,
-        fastest=0.0 if task.scene.body.floppy else fastest_turn(m),
+        fastest=max((fastest_turn(own) for own in turning), default=0.0),
         direction=(
             float(np.arctan2(away[1], away[0])),
             float(np.arctan2(away[2], np.hypot(away[0], away[1]))),

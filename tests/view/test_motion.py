@@ -88,6 +88,34 @@ def test_energies_that_hardly_move_are_shown_as_changes(top):
     assert np.ptp(curves["sum"].values) < 1e-3 * np.ptp(curves["kinetic"].values)
 
 
+@pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringRope-v0", "SpringDetumble-v0", "SpringJuggle-v0"])
+def test_the_states_between_are_those_under_the_action(env_id):
+    """Not under the one before."""
+    motion = played(find_agent("random", env_id), 3)
+    env = gym.make(env_id).unwrapped
+    env.action_space.seed(0)
+    env.reset(seed=3)
+    task, simulator, steps = env.episodes.task, env.episodes.simulator, env.episodes.steps
+    parts = round(task.period / motion.times[1])
+    for period in range(3):
+        action = env.action_space.sample()
+        before = simulator.state()
+        simulator.actuate(**task.actuate(action[None].astype(float)))
+        simulator.advance(round(steps / parts), read=True)
+        now = simulator.readout.positions[0]
+        np.testing.assert_allclose(motion.positions[period * parts + 1], now, rtol=0, atol=1e-12)
+        simulator.restore(before)
+        simulator.read()
+        env.step(action)
+
+
+@pytest.mark.parametrize("env_id", ["SpringBalance-v0", "SpringShove-v0", "SpringJuggle-v0", "SpringDuel-v0"])
+def test_episodes_of_several_bodies_are_shown(env_id):
+    motion = played(find_agent("zero", env_id), 3)
+    assert np.isfinite(motion.positions).all()
+    assert any(marks.text for marks in motion.marks)
+
+
 @pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringRope-v0"])
 def test_an_episode_is_the_environment_s_own(env_id):
     """The states between come from playing each control period again; its end must stay as it was."""
