@@ -105,10 +105,10 @@ class _Common:
             always["step_error"] = episodes.error.last[copies]
         if task.scene.meetings:
             met = episodes.simulator.pairs()
-            always["pairs_touching"] = met.touching[copies].sum(axis=-1)
+            always["pairs_touching"] = met.touching[copies].sum(axis=-1, dtype=float)
             always["pairs_impulse"] = met.impulse[copies].sum(axis=-1)
             always["pairs_least_gap"] = met.least_gap[copies].min(axis=-1)
-            always["pairs_missed"] = met.misses[copies].sum(axis=-1).astype(int)
+            always["pairs_missed"] = met.misses[copies].sum(axis=-1)
         if episodes.ranges:
             drawn = episodes.factors[copies]
             always["randomization"] = {name: drawn[..., n] for n, name in enumerate(episodes.ranges)}
