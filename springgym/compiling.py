@@ -14,7 +14,8 @@ The cache needs a few things of Numba that are not of its public interface: `INS
 version of Numba lacks one, a warning says so, every process compiles anew, and results are the same.
 
 With ``NUMBA_BOUNDSCHECK=1`` in the environment all compiled functions check every index, those of `lanes` and
-`blocks` too, and raise an `IndexError`: slow, for the search of a fault.
+`blocks` too, and raise an `IndexError`: slow, for the search of a fault. Set ``NUMBA_OPT=1`` as well: to
+optimise all these checks where bodies collide takes LLVM many minutes, to leave most of that a minute.
 """
 
 from __future__ import annotations
