@@ -345,8 +345,8 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     height = np.maximum(ball[..., 2] - juggle.BALL_RADIUS - 0.003, 0.0)
     left = (velocity[..., 2] + np.sqrt(velocity[..., 2] ** 2 + 2.0 * G * height)) / G
     first, last, here = left.argmin(axis=0), left.max(axis=0), (left.argmin(axis=0), rows)
-    columns = np.array([juggle.column_of.py_func(task.balls, juggle.BALL + n) for n in range(task.balls)])
-    column, ball, velocity, left = columns[first, None] * [1.0, 0.0], ball[here], velocity[here], left[here]
+    column = np.array(task.columns)[first, None] * [1.0, 0.0]
+    ball, velocity, left = ball[here], velocity[here], left[here]
     error = np.stack([seen[f"{name}error"][:, 0] for name in names])[here]
     up = np.sqrt(8.0 / G * np.maximum(seen["wanted"][:, 0] - 0.3 * error, 0.05))
     if task.balls == 2:

@@ -22,6 +22,7 @@ import csv
 import itertools
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,19 +54,16 @@ Player = Callable[[np.ndarray], np.ndarray]
 class League:
     """The opponents of all copies: copy n plays the one it was given, whichever agents join meanwhile."""
 
-    def __init__(self, copies: int) -> None:
+    def __init__(self) -> None:
         self.players: list[Player] = list(OPPONENTS.values())
-        self.copies = copies
 
     def __call__(self, observations: np.ndarray) -> np.ndarray:
         """What each copy's opponent does."""
         actions = np.zeros((len(observations), 2))
-        newest, others = len(self.players) - 1, len(self.players)
-        for n, player in enumerate(self.players):
-            rows = np.arange(len(observations))
-            plays = np.where(2 * rows < self.copies, newest, rows % others) == n
-            if plays.any():
-                actions[plays] = player(observations[plays])
+        copies, count = np.arange(len(observations)), len(self.players)
+        played = np.where(2 * copies < len(copies), count - 1, copies % count)
+        for n in np.unique(played):
+            actions[played == n] = self.players[n](observations[played == n])
         return actions
 
 
@@ -106,12 +104,17 @@ class Keeper(BaseCallback):
             self.bar.set_postfix(won=f"{100 * np.mean(self.model.ep_success_buffer):.0f} %", refresh=False)
 
 
+@cache
+def spaces() -> tuple[Any, Any]:
+    """What a player observes and does, as spaces."""
+    env = parallel(ID, **SEEN)
+    env.close()
+    return env.observation_space("first"), env.action_space("first")
+
+
 def player(run: Run, path: Path) -> Player:
     """An agent that was kept."""
-    space = parallel(ID, **SEEN)
-    policy = load_agent(path, run.config, space.observation_space("first"), space.action_space("first"))
-    space.close()
-    return policy
+    return load_agent(path, run.config, *spaces())
 
 
 def members(run: Run) -> dict[str, Path]:
@@ -122,7 +125,7 @@ def members(run: Run) -> dict[str, Path]:
 def learn(run: Run, every: int) -> None:
     """Train, from the last agent that was kept if there is one."""
     assert isinstance(run.config, PPOConfig)
-    league = League(run.config.n_envs)
+    league = League()
     league.players += [player(run, path) for path in members(run).values()]
     env = make_sb3(ID, run.config.n_envs, run.seed, stagger=True, opponent=league, **SEEN)
     torch.manual_seed(run.seed)
@@ -197,7 +200,7 @@ def ratings(played: Sequence[Duels], count: int, points: Sequence[np.ndarray] | 
 def rate(run: Run, duels: int) -> list[dict[str, str]]:
     """The rows of elo.csv, the best first."""
     kept = members(run)
-    chosen = sorted({round(n) for n in np.linspace(0, len(kept) - 1, min(MOST_RATED, len(kept)))})
+    chosen = {round(n) for n in np.linspace(0, len(kept) - 1, min(MOST_RATED, len(kept)))}
     players: Mapping[str, Player] = {
         **OPPONENTS,
         **{name: player(run, path) for n, (name, path) in enumerate(kept.items()) if n in chosen},

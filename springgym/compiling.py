@@ -265,17 +265,24 @@ class SourceKeyedCache:
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled function of a signature, if there is an entry of it."""
+        found = self._load(sig, target_context)
+        if found is None:
+            LOGGER.info("compiling: a first run takes seconds to a minute, later ones start at once")
+        return found
+
+    def _load(self, sig: Any, target_context: Any) -> Any:
         try:
             target_context.refresh()
             path = self._path(sig, target_context.codegen())
-            content = path.read_bytes() if path is not None else b""
+            if path is None:
+                return None
+            content = path.read_bytes()
             payload = content[DIGEST:]
-            if path is not None and content[:DIGEST] == _checksum(path, payload):
-                return REBUILD(target_context, *pickle.loads(payload))
+            if content[:DIGEST] != _checksum(path, payload):
+                return None
+            return REBUILD(target_context, *pickle.loads(payload))
         except Exception:  # whatever is wrong with an entry: it is compiled anew, and replaced
-            pass
-        LOGGER.info("compiling: a first run takes seconds to a minute, later ones start at once")
-        return None
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a compiled function."""

@@ -11,7 +11,7 @@ from springgym.compiling import compiled
 from springgym.forces import potential_energy
 from springgym.forces.ledger import ENTRIES, WORK
 from springgym.forces.memory import held
-from springgym.integrators.record import Motion
+from springgym.integrators.record import Phase
 from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.lanes import bodies_of, load, maximum, of_body, sqrt, store
 from springgym.vectors import (
@@ -137,7 +137,7 @@ class Readout(NamedTuple):
     """(copies, bodies, `SIZE`) measures of each body; of one, the same numbers as ``rows``"""
 
 
-class Marks(NamedTuple):
+class Markers(NamedTuple):
     """The particles by which bodies are measured: of one body, or of each."""
 
     pivot: np.ndarray
@@ -152,7 +152,7 @@ class Reading(NamedTuple):
     readout: Readout
     space: np.ndarray
     """(`SIZE`,) workspace for one block; of several bodies (2, `SIZE`)"""
-    marks: Marks
+    markers: Markers
 
 
 def view(values: np.ndarray) -> Measures:
@@ -172,7 +172,7 @@ def write(out: Numbers, n: Number, u: Any) -> None:
 
 
 @compiled
-def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, marks: Marks, terms: Terms) -> None:
+def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Markers, terms: Terms) -> None:
     particles = terms.particles
     mass = particles.mass
     kinetic = 0.0 * load(x, (0, 0))
@@ -191,10 +191,10 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, marks: Marks, 
     store(out, STRAIN, sqrt(strain))
     energy = kinetic + gravity + elastic + contact
     centre = mass_centre(x, mass)
-    about = row(x, marks.pivot) if marks.pivot >= 0 else centre
+    about = row(x, markers.pivot) if markers.pivot >= 0 else centre
     spin = angular_momentum(x, v, mass, about)
-    e1, _, e3 = triad(x, marks.triad)
-    sideways = minus(row(x, marks.triad[2]), row(x, marks.triad[0]))
+    e1, _, e3 = triad(x, markers.triad)
+    sideways = minus(row(x, markers.triad[2]), row(x, markers.triad[0]))
     across, share = cross(e3, sideways), ROUND_OFF * epsilon(kinetic)
     straight = dot(across, across) <= share * share * dot(sideways, sideways)
     e1 = choose(straight, times(0.0, e1), e1)
@@ -216,23 +216,23 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, marks: Marks, 
 
 
 @compiled
-def read(block: int, motion: Motion, reading: Reading, terms: Terms) -> None:
+def read(block: int, phase: Phase, reading: Reading, terms: Terms) -> None:
     """Write measures, positions and velocities of the copies of a block to their rows, for one body."""
-    x, v, ledger = motion
-    readout, space, marks = reading
-    measure_block(x, v, ledger, space, marks, terms)
+    x, v, ledger = phase
+    readout, space, markers = reading
+    measure_block(x, v, ledger, space, markers, terms)
     write_copies(block, 0, 0, x, v, readout, space)
 
 
 @compiled
-def read_bodies(block: int, motion: Motion, reading: Reading, terms: Any) -> None:
+def read_bodies(block: int, phase: Phase, reading: Reading, terms: Any) -> None:
     """As `read`, for several bodies."""
-    x, v, ledger = motion
-    readout, space, marks = reading
+    x, v, ledger = phase
+    readout, space, markers = reading
     whole, own = space[0], space[1]
     for body in range(bodies_of(x)):
         xb, vb = of_body(x, body), of_body(v, body)
-        measure_block(xb, vb, of_body(ledger, body), own, of_body(marks, body), of_body(terms, body))
+        measure_block(xb, vb, of_body(ledger, body), own, of_body(markers, body), of_body(terms, body))
         write_copies(block, body, x.start[body], xb, vb, readout, own)
         for n in range(SIZE):
             value = load(own, n)

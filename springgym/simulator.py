@@ -25,9 +25,9 @@ from springgym.compiling import SameTypes
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.pairs import PairReadings
-from springgym.integrators.record import COUNTS, Control, Motion
+from springgym.integrators.record import COUNTS, Control, Phase
 from springgym.lanes import Ragged
-from springgym.measures import Marks, Measures, Reading, Readout
+from springgym.measures import Markers, Measures, Reading, Readout
 from springgym.packing import PARAMETERS, Options, Packed, pack
 from springgym.ragged import share, stacked
 from springgym.scene import Scene
@@ -148,7 +148,7 @@ class Simulator:
         """what was read off the copies last, see `read`: one row a copy, of no use to write to"""
         room = (measures.SIZE,) if bodies == 1 else (2, measures.SIZE)
         self._space = aligned_zeros((len(shares), *room), self._x.dtype)
-        self._marks = Marks(
+        self._markers = Markers(
             stacked([placed.pivot for placed in scene.bodies]),
             stacked([np.array(placed.body.markers, np.uint32) for placed in scene.bodies]),
         )
@@ -220,20 +220,20 @@ class Simulator:
         return Control(self.step, float(relative), float(absolute), self._blocks(COUNTS))
 
     @cached_property
-    def _motion(self) -> Motion:
+    def _phase(self) -> Phase:
         """Positions, velocities and ledger as kernels take them."""
         slices = self.scene.slices
         if len(slices) == 1:
-            return Motion(self._x, self._v, self._ledger)
+            return Phase(self._x, self._v, self._ledger)
         particles = np.array([0, *(own.stop for own in slices)])
         entries = np.arange(len(slices) + 1) * ENTRIES
         ledger = None if self._ledger is None else Ragged(self._ledger, entries)
-        return Motion(Ragged(self._x, particles), Ragged(self._v, particles), ledger)
+        return Phase(Ragged(self._x, particles), Ragged(self._v, particles), ledger)
 
     @cached_property
     def _readings(self) -> list[Reading]:
         """How each thread reads copies off."""
-        return [Reading(self.readout, space, self._marks) for space in self._space]
+        return [Reading(self.readout, space, self._markers) for space in self._space]
 
     @cached_property
     def _acting(self) -> Any:
@@ -556,7 +556,7 @@ class Simulator:
         In rigid dynamics, particles are put onto the rigid shape first if ``settles``: no step without it.
         """
         self._advance(
-            self._motion,
+            self._phase,
             self._workspace[thread],
             (first, last),
             self._control,
@@ -676,7 +676,7 @@ class Simulator:
         left_out = (
             "_advance",
             "_actuators",
-            "_motion",
+            "_phase",
             "_readings",
             "_acting",
             "_packed",

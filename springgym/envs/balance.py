@@ -18,7 +18,7 @@ from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import number
-from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
@@ -50,11 +50,8 @@ TILT_UNIT, TURNING_UNIT = 0.2, 1.0  # of the axis [1], of the plate's angular ve
 @compiled
 def gap_of(m: Measures, x: np.ndarray, c: Any) -> Any:
     """How high the ball is above the plate's plane [m]."""
-    crown, centre, n = x.shape[1] - 3, m.centre[c, BALL], m.axis[c, PLATE]
-    height = 0.0
-    for axis in range(3):
-        height += (centre[axis] - x[c, crown, axis]) * n[axis]
-    return height - BALL_RADIUS
+    crown = x.shape[1] - 3
+    return height_above(x[c, crown], m.centre[c, BALL], m.axis[c, PLATE]) - BALL_RADIUS
 
 
 @kernel
@@ -69,7 +66,7 @@ def evaluate(
 ) -> None:
     for c in range(out.shape[0]):
         error = math.hypot(m.centre[c, BALL, 0] - goal[c, 0], m.centre[c, BALL, 1] - goal[c, 1])
-        gap, tilt = gap_of(m, x, c), math.acos(min(max(m.axis[c, PLATE, 2], -1.0), 1.0))
+        gap, tilt = gap_of(m, x, c), angle_of(m.axis[c, PLATE, 2])
         on = thrift(action, c) if abs(gap) < TOUCHING else 0.0
         out["reward_near"][c] = 0.5 * on * long_tail(error, 0.3, 0.02)
         out["reward_placed"][c] = 0.5 * on * gaussian(error, 0.15, 0.02)

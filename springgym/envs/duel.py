@@ -19,7 +19,7 @@ from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, values
 from springgym.envs.options import number
-from springgym.envs.rewards import gaussian, thrift
+from springgym.envs.rewards import angle_of, gaussian, thrift
 from springgym.envs.starts import ORIGIN, tilted
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
@@ -50,7 +50,7 @@ Opponent = Callable[[np.ndarray], np.ndarray]
 
 @compiled
 def tilt_of(m: Measures, c: Any, body: Any) -> Any:
-    return math.acos(min(max(m.axis[c, body, 2], -1.0), 1.0))
+    return angle_of(m.axis[c, body, 2])
 
 
 @compiled

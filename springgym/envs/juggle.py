@@ -18,7 +18,7 @@ from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import number
-from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -40,18 +40,22 @@ STRUCK = 0.9 * REACH  # closer to the paddle, a ball is being hit: it rests at 0
 WANTED, HARD_WANTED = (0.4, 0.7), (0.4, 1.0)  # what height is asked for [m]
 DROPPED = (0.3, 0.7)  # the height that the ball has at first [m]
 HOME = 0.25  # how far the paddle may go, up or down and sideways [m]
+TIPPED = 0.8  # and its tilt [rad]
 COLUMN = 0.12  # where two balls bounce, to the left and to the right of home [m]
 ASIDE = 0.5  # how far a ball may stray from its vertical [m]
-TIPPED = 0.8  # and the tilt of the paddle [rad]
 WAY_UNIT, SPEED_UNIT = 0.1, 1.0  # what the compact observation shows as 1 of the paddle: [m], [m/s]
 BALL_WAY_UNIT, BALL_SPEED_UNIT = 0.25, 2.0  # of the ball [m], [m/s]
 TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular velocity [rad/s]
 
 
 @compiled
-def apex_of(m: Measures, c: Any, ball: int) -> Any:
-    """Where a ball would be highest if it met nothing, above the place where the paddle begins [m]."""
-    return m.centre[c, ball, 2] - BALL_RADIUS + m.centre_velocity[c, ball, 2] ** 2 / (2.0 * FALL)
+def apex_of(height: Any, rising: Any) -> Any:
+    """Where a ball's lowest point would be highest if it met nothing [m].
+
+    ``height`` is that of its centre [m], ``rising`` its velocity [m/s]; heights count from the place where
+    the paddle begins.
+    """
+    return height - BALL_RADIUS + rising**2 / (2.0 * FALL)
 
 
 @compiled
@@ -77,10 +81,9 @@ def evaluate(
         high, true, worst, farthest, met, dropped = 0.0, 0.0, 0.0, 0.0, True, False
         for k in range(BALL, BALL + balls):
             ball = m.centre[c, k]
-            error, aside = apex_of(m, c, k) - goal[c, 0], math.hypot(ball[0] - column_of(balls, k), ball[1])
-            above = 0.0
-            for axis in range(3):
-                above += (ball[axis] - x[c, crown, axis]) * n[axis]
+            error = apex_of(ball[2], m.centre_velocity[c, k, 2]) - goal[c, 0]
+            aside = math.hypot(ball[0] - column_of(balls, k), ball[1])
+            above = height_above(x[c, crown], ball, n)
             high += long_tail(error, 0.3, 0.03)
             true += gaussian(error, 0.15, 0.03) * gaussian(aside, 0.3, 0.05)
             worst = error if abs(error) > abs(worst) else worst
@@ -94,7 +97,7 @@ def evaluate(
         out["reward_true"][c] = 0.5 * effort * true / balls
         out["error"][c] = worst
         out["aside"][c] = farthest
-        out["tilt"][c] = math.acos(min(max(n[2], -1.0), 1.0))
+        out["tilt"][c] = angle_of(n[2])
         out["met"][c] = met
         out["failed"][c] = dropped or strayed > HOME or farthest > ASIDE or n[2] < math.cos(TIPPED)
 
@@ -119,10 +122,11 @@ def compact(
         observation[c, 10] = goal[c, 0] / BALL_WAY_UNIT
         for k in range(balls):
             first, ball = 11 + 7 * k, BALL + k
+            apex = apex_of(m.centre[c, ball, 2], m.centre_velocity[c, ball, 2])
             for axis in range(3):
                 observation[c, first + axis] = m.centre[c, ball, axis] / BALL_WAY_UNIT
                 observation[c, first + 3 + axis] = m.centre_velocity[c, ball, axis] / BALL_SPEED_UNIT
-            observation[c, first + 6] = (apex_of(m, c, ball) - goal[c, 0]) / WAY_UNIT
+            observation[c, first + 6] = (apex - goal[c, 0]) / WAY_UNIT
 
 
 def ball_entries(which: str) -> tuple[Entry, ...]:
@@ -164,6 +168,8 @@ class SpringJuggle(Task):
     ) -> None:
         super().__init__(observation, action)
         self.balls = whole("balls", balls, 1, 2)
+        self.columns = [column_of.py_func(self.balls, BALL + n) for n in range(self.balls)]
+        """where each ball is to bounce: x of its vertical [m]"""
         if balls == 2:
             self.entries = (*type(self).entries, *ball_entries("other_"))
         self.contact = Contact(restitution=restitution, strength=STRENGTH, reach=REACH)
@@ -173,9 +179,9 @@ class SpringJuggle(Task):
 
     @cached_property
     def scene(self) -> Scene:
-        above = [np.array([[column_of.py_func(self.balls, BALL + k), 0.0, 0.5]]) for k in range(self.balls)]
         balls = [
-            Placed(self.ball, place, name=name) for place, name in zip(above, ("ball", "other"), strict=False)
+            Placed(self.ball, np.array([[column, 0.0, 0.5]]), name=name)
+            for column, name in zip(self.columns, ("ball", "other"), strict=False)
         ]
         paddle = Placed(self.paddle, self._shape, wrench=WrenchActuator(axial=False), name="paddle")
         return Scene(bodies=(paddle, *balls), collisions=self.contact)
@@ -199,13 +205,12 @@ class SpringJuggle(Task):
         wanted = number(options, "wanted", wanted, 0.4, 1.0)
         height = number(options, "height", height, 0.1, 1.0)
         away = number(options, "away", away, 0.0, 0.2)
-        column = column_of.py_func(self.balls, BALL)
-        dropped = [column + away * math.cos(bearing), away * math.sin(bearing), height + BALL_RADIUS]
+        dropped = [self.columns[0] + away * math.cos(bearing), away * math.sin(bearing), height + BALL_RADIUS]
         positions = np.vstack([factors["scale"] * self._shape, dropped])
         velocities = np.zeros_like(positions)
         velocities[-1, :2] = east, north
         if self.balls == 2:  # the other has just left the paddle, and comes to the height that is asked for
-            begun = [-column, 0.0, 2 * BALL_RADIUS]
+            begun = [self.columns[1], 0.0, 2 * BALL_RADIUS]
             speed = math.sqrt(2.0 * FALL * max(wanted - BALL_RADIUS, 0.0))
             positions, velocities = np.vstack([positions, begun]), np.vstack([velocities, [0.0, 0.0, speed]])
         return Start(positions, velocities, (wanted,))
@@ -232,13 +237,12 @@ class SpringJuggle(Task):
 
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
         height = goal[0] + BALL_RADIUS
-        columns = [column_of.py_func(self.balls, BALL + k) for k in range(self.balls)]
-        heights = m.centre[BALL:, 2] - BALL_RADIUS + m.centre_velocity[BALL:, 2] ** 2 / (2 * FALL)
+        apexes = apex_of.py_func(m.centre[BALL:, 2], m.centre_velocity[BALL:, 2])
         return Marks(
-            rings=[((column, 0.0, height), 0.1) for column in columns],
+            rings=[((column, 0.0, height), 0.1) for column in self.columns],
             arrows=[Arrow(m.centre[PADDLE], tuple((0.2 * action[:3]).tolist()))],
             key=((GREEN, "bounce up to this ring"),),
-            text=tuple(f"{100 * (reached - goal[0]):+5.1f} cm off the height" for reached in heights),
+            text=tuple(f"{100 * (reached - goal[0]):+5.1f} cm off the height" for reached in apexes),
         )
 
 

@@ -46,6 +46,21 @@ def spinning(m: Measures, c: Any) -> Any:
 
 
 @compiled
+def angle_of(cosine: Any) -> Any:
+    """The angle of a cosine that rounding may have brought beyond ±1 [rad]."""
+    return math.acos(min(max(cosine, -1.0), 1.0))
+
+
+@compiled
+def height_above(place: Vector, point: Vector, normal: Vector) -> Any:
+    """Height of a point (3,) above the plane through ``place`` across ``normal`` [m]."""
+    height = 0.0
+    for axis in range(3):
+        height += (point[axis] - place[axis]) * normal[axis]
+    return height
+
+
+@compiled
 def angle_between(u: Vector, w: Vector) -> Any:
     """Angle between two vectors (3,) [rad], exact for small ones."""
     x, y, z = u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]

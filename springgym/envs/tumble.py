@@ -17,7 +17,7 @@ from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import number
-from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
 from springgym.envs.starts import ORIGIN, any_rotation
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
@@ -78,7 +78,7 @@ def evaluate(
         out["reward_placed"][c] = 0.3 * placed
         out["reward_still"][c] = 0.7 * placed * gaussian(speed, 1.0, 0.1)
         out["error"][c] = error
-        out["angle"][c] = math.acos(min(max(down, -1.0), 1.0))
+        out["angle"][c] = angle_of(down)
         out["speed"][c] = speed
         out["met"][c] = error < 0.1 and down > 0.97 and speed < 0.15
         out["failed"][c] = max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > ARENA

@@ -15,7 +15,7 @@ import numpy as np
 from springgym.blocks import at
 from springgym.checks import instance, shown
 from springgym.compiling import Inner, compiled, kernel
-from springgym.integrators.record import Integrator, Motion
+from springgym.integrators.record import Integrator, Phase
 from springgym.kinds import Ledger
 from springgym.lanes import bodies_of, of_body
 
@@ -140,7 +140,7 @@ def _kernel(
 ) -> Callable[..., None]:
     @kernel
     def advance(
-        motion: Motion,
+        phase: Phase,
         workspace: np.ndarray,
         blocks: tuple[int, int],
         h: Any,
@@ -151,7 +151,7 @@ def _kernel(
         reads: bool,
     ) -> None:
         for block in range(blocks[0], blocks[1]):
-            here, own = at(motion, block), at(terms, block)
+            here, own = at(phase, block), at(terms, block)
             if steps > 0:
                 take(integrate, here.x, here.v, here.ledger, workspace, at(h, block), steps, own)
             if reads:

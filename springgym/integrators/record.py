@@ -60,8 +60,11 @@ STEPS, REJECTIONS, ITERATIONS = range(3)
 COUNTS = 3
 
 
-class Motion(NamedTuple):
-    """How copies move, and what became of their energy: of several bodies, each field is a `Ragged`."""
+class Phase(NamedTuple):
+    """Where copies are, how they move, and what became of their energy.
+
+    Of several bodies, each field is a `Ragged`.
+    """
 
     x: Any
     """positions [m]"""

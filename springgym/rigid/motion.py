@@ -23,7 +23,7 @@ from springgym.blocks import at
 from springgym.compiling import compiled, kernel
 from springgym.forces.memory import PHASE, remember, resume, share_actions
 from springgym.forces.node import span_of
-from springgym.integrators.record import Motion
+from springgym.integrators.record import Phase
 from springgym.kinds import Ledger, Number, Numbers, Rows
 from springgym.lanes import bodies_of, load, of_body
 from springgym.rigid.contact import LOADS, clearance, pass_node, reach_node, read_node, set_loads
@@ -207,7 +207,7 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
 
     @kernel
     def advance(
-        motion: Motion,
+        phase: Phase,
         workspace: np.ndarray,
         blocks: tuple[int, int],
         h: float,
@@ -218,7 +218,7 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
         reads: bool,
     ) -> None:
         for block in range(blocks[0], blocks[1]):
-            here, all_terms = at(motion, block), at(terms, block)
+            here, all_terms = at(phase, block), at(terms, block)
             if settles:
                 for body in range(bodies_of(here.x)):
                     x, v, ledger = of_body(here, body)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from springgym.bodies import Body
+from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Renderer, Scenery, save_video, two_tone
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, ORANGE, STEEL, TEAL, Color, together
 from springgym.scene import Scene
@@ -59,7 +60,7 @@ def save_film(recording: Recording, path: str | PathLike[str], speed: float | No
 def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -> Iterator[np.ndarray]:
     """Pictures (height, width, 3) of a recording at a rate, see `save_film`."""
     plan, x = recording.plan, recording.positions
-    pace = speed or plan.view.speed or visible_speed(turning(recording), fps)
+    pace = speed or plan.view.speed or visible_speed(turning(plan.scene, recording.bodies), fps)
     renderer = Renderer(look(plan.scene, plan.trace), camera(recording), scenery(recording), SIZE)
     along = way(recording)
     still, note = renderer.camera, () if pace == 1 else (told(pace),)
@@ -81,10 +82,10 @@ def visible_speed(fastest: float, fps: float) -> float:
     return max((s for s in SPEEDS if s <= 1 and fastest * s <= TURN_A_FRAME * fps), default=SPEEDS[0])
 
 
-def turning(recording: Recording) -> float:
-    """The largest angular velocity of a body [rad/s]; of what changes shape, 0."""
-    bodies = zip(recording.plan.scene.bodies, recording.bodies, strict=True)
-    turns = [m.angular_velocity for placed, m in bodies if not placed.body.floppy]
+def turning(scene: Scene, bodies: Sequence[Measures]) -> float:
+    """The largest angular velocity of a body [rad/s], from the measures of each; of what changes shape, 0."""
+    pairs = zip(scene.bodies, bodies, strict=True)
+    turns = [m.angular_velocity for placed, m in pairs if not placed.body.floppy]
     return max((float(np.linalg.norm(omega, axis=1).max()) for omega in turns), default=0.0)
 
 

@@ -13,8 +13,9 @@ import numpy as np
 import springgym.registration
 from springgym import measures
 from springgym.envs.agent import Algorithm, Network, Policy, load_agent
+from springgym.scenes import film
 from springgym.strict_yaml import build, read_yaml
-from springgym.view.motion import Motion, fastest_turn, graphs
+from springgym.view.motion import Motion, graphs
 from springgym.view.page import Changes, Subject
 
 INTERVAL = 5e-3
@@ -156,11 +157,7 @@ def played(agent: Agent, seed: int) -> Motion:
         keep()
         times.append(start + task.period)
     m, x = measures.view(np.stack(rows)), np.stack(positions)
-    turning = [
-        measures.view(np.stack(bodies)[:, n])
-        for n, placed in enumerate(task.scene.bodies)
-        if not placed.body.floppy
-    ]
+    of_bodies = [measures.view(own) for own in np.stack(bodies, axis=1)]
     look, camera = task.look(), task.camera()
     away = np.subtract(camera.eye, camera.target)
     env.close()
@@ -173,7 +170,7 @@ def played(agent: Agent, seed: int) -> Motion:
         scenery=task.scenery(),
         lengths=task.scene.of_bodies("lengths"),
         centre=m.centre,
-        fastest=max((fastest_turn(own) for own in turning), default=0.0),
+        fastest=film.turning(task.scene, of_bodies),
         direction=(
             float(np.arctan2(away[1], away[0])),
             float(np.arctan2(away[2], np.hypot(away[0], away[1]))),

@@ -121,7 +121,7 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
         scenery=film.scenery(recording),
         lengths=scene.of_bodies("lengths"),
         centre=m.centre,
-        fastest=film.turning(recording),
+        fastest=film.turning(scene, recording.bodies),
         pace=recording.plan.view.speed,
         direction=(plan.view.azimuth, plan.view.elevation),
         graphs=graphs(m, scene),
@@ -133,11 +133,6 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
             f"unaccounted {m.balance[-1] - m.balance[0]:.1e} J"
         ),
     )
-
-
-def fastest_turn(m: Measures) -> float:
-    """The largest angular velocity [rad/s]."""
-    return float(np.linalg.norm(m.angular_velocity, axis=-1).max())
 
 
 def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:

@@ -30,7 +30,7 @@ def test_who_wins_all_duels_is_rated_higher_by_a_finite_amount() -> None:
 
 
 def test_half_of_the_copies_play_the_newest() -> None:
-    league = self_play.League(64)
+    league = self_play.League()
     league.players = [lambda seen, n=n: np.full((len(seen), 2), n) for n in range(5)]
     actions = league(np.zeros((64, 18)))
     np.testing.assert_array_equal(actions[:32], 4)

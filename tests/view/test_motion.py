@@ -88,7 +88,7 @@ def test_energies_that_hardly_move_are_shown_as_changes(top):
     assert np.ptp(curves["sum"].values) < 1e-3 * np.ptp(curves["kinetic"].values)
 
 
-@pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringRope-v0", "SpringDetumble-v0", "SpringJuggle-v0"])
+@pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringFreeTop-v0", "SpringRope-v0", "SpringJuggle-v0"])
 def test_the_states_between_are_those_under_the_action(env_id):
     """Not under the one before."""
     motion = played(find_agent("random", env_id), 3)

@@ -20,7 +20,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces.pairs.terms import FAR, NONE, OVERFLOW, Contact, Near, Search, tell
+from springgym.forces.pairs.terms import FAR, NONE, OVERFLOW, Near, Search, Touch, tell
 from springgym.kinds import Mask, Number, Numbers
 from springgym.lanes import (
     any_lane,
@@ -93,9 +93,13 @@ def on_sides(uu: Number, uw: Number, ww: Number, e: Number, f: Number) -> Any:
 
 
 @compiled
-def enlist(kind: Numbers, first: Number, have: Number, what: Number, wanted: Mask) -> None:
-    """Put ``what`` into a list in the copies where it is wanted, which ``have`` so many from a row on."""
+def enlist(kind: Numbers, first: Number, have: Number, what: Number, wanted: Mask) -> Any:
+    """Put ``what`` into a list, from row ``first`` on, in the copies where it is wanted.
+
+    They ``have`` so many there; returns how many they have then.
+    """
     store_each(kind, select(wanted, have + first, kind.shape[0] - 1.0), what + 0.0 * have)
+    return have + select(wanted, 1.0, 0.0 * have)
 
 
 @compiled
@@ -111,7 +115,7 @@ def begin(room: Any) -> None:
 
 
 @compiled
-def add_contact(count: Number, first: Number, members: Any, met: Contact, near: Near, seen: Search) -> Any:
+def add_contact(count: Number, first: Number, members: Any, met: Touch, near: Near, seen: Search) -> Any:
     """List a contact of each copy behind its others from row ``first`` on; the rows that makes."""
     room = seen.room
     whole, own, wanted = load(room.have, 0), load(room.have, 1), met.share > 0.0
@@ -216,7 +220,7 @@ def vertex_faces(
             a, b, c = corners(face, room, triangles)
             particles = (maximum(i, 0.0), a, b, c)
             weights = (one, second + third - 1.0, -second, -third)
-            met = Contact(particles, weights, n, d - near.radius, select(won, one, 0.0))
+            met = Touch(particles, weights, n, d - near.radius, select(won, one, 0.0))
             count = add_contact(count, first, 4, met, near, seen)
     return count
 
@@ -262,7 +266,7 @@ def vertex_rods(
             n, d = choose(through, times(-1.0, n), n), select(through, -d, d)
             one = 1.0 + 0.0 * d
             weights = (one, t - 1.0, -t, 0.0 * d)
-            met = Contact((i, a, b, i), weights, n, d - near.radius, select(won, one, 0.0))
+            met = Touch((i, a, b, i), weights, n, d - near.radius, select(won, one, 0.0))
             count = add_contact(count, first, 3, met, near, seen)
     return count
 
@@ -285,7 +289,7 @@ def ball_ball(count: Number, first: Number, i: int, j: Any, near: Near, seen: Se
             one = 1.0 + 0.0 * d
             weights = (one, -one, 0.0 * d, 0.0 * d)
             normal = times(1.0 / d, apart)
-            met = Contact((i, j, i, j), weights, normal, d - near.radius, select(meets, one, 0.0))
+            met = Touch((i, j, i, j), weights, normal, d - near.radius, select(meets, one, 0.0))
             count = add_contact(count, first, 2, met, near, seen)
     return count
 
@@ -308,11 +312,10 @@ def crossing(near: Near, seen: Search) -> Any:
                 inside = minimum(minimum(minimum(s, square - s), minimum(t, square - t)), spare) > 0.0
                 if any_lane(inside):
                     fits = select(inside, have, FAR) < 1.0 * seen.pairs.most
+                    one = 1.0 + 0.0 * have
+                    tell(seen.tally, near.pair, OVERFLOW, select(inside, select(fits, 0.0, one), 0.0))
                     enlist(room.crossed, 0, have, 1.0 * m, fits)
-                    enlist(room.crossing, 0, have, 1.0 * n, fits)
-                    one = select(fits, 1.0, 0.0 * have)
-                    tell(seen.tally, near.pair, OVERFLOW, select(inside, 1.0 - one, 0.0))
-                    have = have + one
+                    have = enlist(room.crossing, 0, have, 1.0 * n, fits)
                     rows = grown(rows, have)
     for k in range(rows):
         there = have > 1.0 * k
@@ -348,7 +351,7 @@ def edge_edge(count: Number, first: Number, k: int, near: Near, seen: Search, ed
         )
         through = d - near.lead * dot(normal, speed) < 0.0
         normal, d = choose(through, times(-1.0, normal), normal), select(through, -d, d)
-        met = Contact((i, j, m, n), (1.0 - s, s, t - 1.0, -t), normal, d - near.radius, share)
+        met = Touch((i, j, m, n), (1.0 - s, s, t - 1.0, -t), normal, d - near.radius, share)
         count = add_contact(count, first, 4, met, near, seen)
     return count
 

@@ -186,8 +186,7 @@ def list_vertices(
         if any_lane(gap < reach):
             wanted = maximum(gap, outside(row(x, i), row(x, i), other, room)) < reach
             if any_lane(wanted):
-                enlist(room.vertex, first, have, 1.0 * i, wanted)
-                have = have + select(wanted, 1.0, 0.0 * have)
+                have = enlist(room.vertex, first, have, 1.0 * i, wanted)
                 rows = grown(rows, have)
     for m in range(rows):
         there = have > 1.0 * m
@@ -213,8 +212,7 @@ def list_triangles(first: Number, body: Number, other: Any, near: Near, seen: Se
                 low, high = smaller(smaller(a, b), c), larger(larger(a, b), c)
                 wanted = maximum(gap, outside(low, high, other, room)) < reach
                 if any_lane(wanted):
-                    enlist(room.triangle, first, have, 1.0 * t, wanted)
-                    have = have + select(wanted, 1.0, 0.0 * have)
+                    have = enlist(room.triangle, first, have, 1.0 * t, wanted)
                     rows = grown(rows, have)
         for n in range(rows):
             there = have > 1.0 * n
@@ -247,8 +245,7 @@ def list_edges(first: Number, body: Number, other: Any, near: Near, seen: Search
                 here, there = row(x, i), row(x, j)
                 wanted = maximum(gap, outside(smaller(here, there), larger(here, there), other, room)) < reach
                 if any_lane(wanted):
-                    enlist(room.edge, first, have, 1.0 * e, wanted)
-                    have = have + select(wanted, 1.0, 0.0 * have)
+                    have = enlist(room.edge, first, have, 1.0 * e, wanted)
                     rows = grown(rows, have)
         for n in range(rows):
             listed = have > 1.0 * n

@@ -173,7 +173,7 @@ class Near(NamedTuple):
     """of what lies around their features, both together [m]"""
 
 
-class Contact(NamedTuple):
+class Touch(NamedTuple):
     """A contact of each copy, where its ``share`` is positive."""
 
     particles: tuple[Any, Any, Any, Any]
