@@ -163,6 +163,27 @@ VARIANTS = (
         "hard",
         "nothing is rewarded outside of the circle, or at another spin",
     ),
+    Variant(
+        "SpringShoveHard-v0",
+        "SpringShove-v0",
+        {"hard": True},
+        "hard",
+        "the box is farther away, and turned any way: it has to be turned about while it is brought",
+    ),
+    Variant(
+        "SpringShoveSparse-v0",
+        "SpringShove-v0",
+        {"sparse": True},
+        "hard",
+        "nothing is rewarded before the box lies at its place, turned as it should, and at rest",
+    ),
+    Variant(
+        "SpringDuelStrong-v0",
+        "SpringDuel-v0",
+        {"opponent": "strong"},
+        "standard",
+        "the opponent goes for the other with all it has, and rights itself",
+    ),
 )
 
 
