@@ -27,7 +27,6 @@ from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
-from numba.np.arrayobj import populate_array
 
 from springgym.compiling import compiled
 from springgym.kinds import Number
@@ -240,6 +239,43 @@ def epsilon(typingctx: Any, value: Any) -> Any:
 # --- Memory -----------------------------------------------------------------------------------------
 
 
+class _Array(NamedTuple):
+    """LLVM values of an array's fields: Numba's own proxy writes the whole array to the stack to read one."""
+
+    meminfo: Any
+    parent: Any
+    itemsize: Any
+    data: Any
+    shape: list[Any]
+    strides: list[Any]
+
+
+def _unpacked(context: Any, builder: Any, array_type: Any, value: Any) -> _Array:
+    """The fields of an array."""
+    field = context.data_model_manager[array_type].get_field_position
+
+    def axes(name: str) -> list[Any]:
+        return [builder.extract_value(value, (field(name), axis)) for axis in range(array_type.ndim)]
+
+    single = (builder.extract_value(value, field(name)) for name in _Array._fields[:4])
+    return _Array(*single, axes("shape"), axes("strides"))
+
+
+def _packed(context: Any, builder: Any, array_type: Any, array: _Array) -> Any:
+    """The array of these fields."""
+    field = context.data_model_manager[array_type].get_field_position
+    value = ir.Constant(context.get_value_type(array_type), ir.Undefined)
+    count = array.itemsize.type(1)
+    for extent in array.shape:
+        count = builder.mul(count, extent)
+    for name, part in (*zip(_Array._fields[:4], array[:4], strict=True), ("nitems", count)):
+        value = builder.insert_value(value, part, field(name))
+    for name, parts in (("shape", array.shape), ("strides", array.strides)):
+        for axis, part in enumerate(parts):
+            value = builder.insert_value(value, part, (field(name), axis))
+    return value
+
+
 def _element(array: types.Array) -> types.Type:
     """What `load` gives for an array: `Lanes` for an array of blocks, else its number."""
     if isinstance(array.dtype, types.Record):
@@ -276,14 +312,14 @@ def _address(context: Any, builder: Any, sig: Any, args: Any) -> tuple[Any, int]
     """Pointer to ``array[index]`` of a C-contiguous array, and its alignment in bytes."""
     array_type, index_type = sig.args[:2]
     element = _element(array_type)
-    array = context.make_array(array_type)(context, builder, args[0])
+    array = _unpacked(context, builder, array_type, args[0])
     if isinstance(index_type, types.BaseTuple):
         index = cgutils.unpack_tuple(builder, args[1])
         given = tuple(index_type)
     else:
         index, given = [args[1]], (index_type,)
     index = [context.cast(builder, i, integer, types.intp) for i, integer in zip(index, given, strict=True)]
-    extents = cgutils.unpack_tuple(builder, array.shape, array_type.ndim)
+    extents = array.shape.copy()
     if array_type.ndim == 2:
         three = ir.Constant(extents[1].type, 3)  # the second index is an axis: a constant offset
         if context.enable_boundscheck:
@@ -330,14 +366,14 @@ def _own_numbers(context: Any, builder: Any, sig: Any, args: Any) -> tuple[list[
     """Pointers to ``array[index]`` of a C-contiguous array, one for each lane, and what they point to."""
     array_type, index_type = sig.args[:2]
     element = _element(array_type)
-    array = context.make_array(array_type)(context, builder, args[0])
+    array = _unpacked(context, builder, array_type, args[0])
     axis = None
     index, lanes = args[1], index_type
     if isinstance(index_type, types.BaseTuple):
         index, axis = cgutils.unpack_tuple(builder, index)
         lanes = index_type[0]
         axis = context.cast(builder, axis, index_type[1], types.intp)
-    extents = cgutils.unpack_tuple(builder, array.shape, array_type.ndim)
+    extents = array.shape
     whole = ir.IntType(32)
     rows = builder.fptosi(index, whole if lanes.width == 1 else ir.VectorType(whole, lanes.width))
     own = isinstance(element, Lanes)
@@ -438,13 +474,11 @@ def _at(context: Any, builder: Any, term: types.Type, value: Any, block: Any) ->
         items = cgutils.unpack_tuple(builder, value)
         chosen = [_at(context, builder, t, v, block) for t, v in zip(term, items, strict=True)]
         return context.make_tuple(builder, _one_block(term), chosen)
-    array = context.make_array(term)(context, builder, value)
-    view = context.make_array(_one_block(term))(context, builder)
-    shape, strides = (cgutils.unpack_tuple(builder, of) for of in (array.shape, array.strides))
-    check_index(context, builder, block, shape[0])
-    data = cgutils.pointer_add(builder, array.data, builder.mul(block, strides[0]))
-    populate_array(view, data, shape[1:], strides[1:], array.itemsize, array.meminfo, array.parent)
-    return view._getvalue()
+    array = _unpacked(context, builder, term, value)
+    check_index(context, builder, block, array.shape[0])
+    data = cgutils.pointer_add(builder, array.data, builder.mul(block, array.strides[0]))
+    one = array._replace(data=data, shape=array.shape[1:], strides=array.strides[1:])
+    return _packed(context, builder, _one_block(term), one)
 
 
 @intrinsic
@@ -496,9 +530,8 @@ def _of_body_type(term: types.Type) -> types.Type:
 
 def _item(context: Any, builder: Any, array_type: Any, value: Any, n: Any) -> Any:
     """A number of a one-dimensional array."""
-    array = context.make_array(array_type)(context, builder, value)
-    (extent,) = cgutils.unpack_tuple(builder, array.shape, 1)
-    check_index(context, builder, n, extent)
+    array = _unpacked(context, builder, array_type, value)
+    check_index(context, builder, n, array.shape[0])
     return context.unpack_value(builder, array_type.dtype, builder.gep(array.data, [n]))
 
 
@@ -514,13 +547,10 @@ def _of_body(context: Any, builder: Any, term: types.Type, value: Any, body: Any
         first = _item(context, builder, term[1], items[1], body)
         after = builder.add(body, body.type(1))
         last = _item(context, builder, term[1], items[1], after)
-        array = context.make_array(term[0])(context, builder, items[0])
-        view = context.make_array(term[0])(context, builder)
-        shape, strides = (cgutils.unpack_tuple(builder, of) for of in (array.shape, array.strides))
-        data = cgutils.pointer_add(builder, array.data, builder.mul(first, strides[0]))
-        shape = [builder.sub(last, first), *shape[1:]]
-        populate_array(view, data, shape, strides, array.itemsize, array.meminfo, array.parent)
-        return view._getvalue()
+        array = _unpacked(context, builder, term[0], items[0])
+        data = cgutils.pointer_add(builder, array.data, builder.mul(first, array.strides[0]))
+        shape = [builder.sub(last, first), *array.shape[1:]]
+        return _packed(context, builder, term[0], array._replace(data=data, shape=shape))
     chosen = [_of_body(context, builder, t, v, body) for t, v in zip(term, items, strict=True)]
     return context.make_tuple(builder, result, chosen)
 
@@ -545,8 +575,7 @@ def bodies_of(typingctx: Any, term: Any) -> Any:
         if not several:
             return context.get_constant(types.intp, 1)
         start = cgutils.unpack_tuple(builder, args[0])[1]
-        array = context.make_array(sig.args[0][1])(context, builder, start)
-        (extent,) = cgutils.unpack_tuple(builder, array.shape, 1)
+        (extent,) = _unpacked(context, builder, sig.args[0][1], start).shape
         return builder.sub(extent, extent.type(1))
 
     return types.intp(term), codegen
