@@ -37,7 +37,7 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.extending import is_jitted
+from numba.extending import is_jitted, models, register_model
 
 if numba.config.DISABLE_JIT:
     raise ImportError("springgym computes on LLVM values, for which it is compiled: unset NUMBA_DISABLE_JIT")
@@ -107,6 +107,28 @@ if LOCK is not None and hasattr(os, "register_at_fork"):
         after_in_parent=LOCK.release,
         after_in_child=LOCK.release,
     )
+
+
+class WholeTuple(models.TupleModel):
+    """Hands a named tuple on as one value: Numba's own model takes it apart at every call, a hundred arrays into
+    a thousand numbers, and the function called puts them together again."""
+
+    def get_argument_type(self) -> Any:
+        return self.get_value_type()
+
+    def as_argument(self, builder: Any, value: Any) -> Any:
+        return value
+
+    def from_argument(self, builder: Any, value: Any) -> Any:
+        return value
+
+
+@register_model(numba.types.NamedTuple)
+def _tuple_model(manager: Any, kind: Any) -> Any:
+    """Of this package's own tuples; those of others stay as they are, for code that others have compiled."""
+    own = kind.instance_class.__module__.partition(".")[0] == PACKAGE
+    return WholeTuple(manager, kind) if own else models.TupleModel(manager, kind)
+
 
 CHECKED = bool(numba.config.BOUNDSCHECK)
 """Whether compiled functions check indices, and `SameTypes` types."""
