@@ -110,8 +110,11 @@ if LOCK is not None and hasattr(os, "register_at_fork"):
 
 
 class WholeTuple(models.TupleModel):
-    """Hands a named tuple on as one value: Numba's own model takes it apart at every call, a hundred arrays into
-    a thousand numbers, and the function called puts them together again."""
+    """Hands a named tuple on as one value.
+
+    Numba's own model takes it apart at every call, a hundred arrays into a thousand numbers, and the function
+    that is called puts them together again: most of what there would be to compile.
+    """
 
     def get_argument_type(self) -> Any:
         return self.get_value_type()

@@ -257,8 +257,10 @@ def _unpacked(context: Any, builder: Any, array_type: Any, value: Any) -> _Array
     def axes(name: str) -> list[Any]:
         return [builder.extract_value(value, (field(name), axis)) for axis in range(array_type.ndim)]
 
-    single = (builder.extract_value(value, field(name)) for name in _Array._fields[:4])
-    return _Array(*single, axes("shape"), axes("strides"))
+    meminfo, parent, itemsize, data = (
+        builder.extract_value(value, field(name)) for name in _Array._fields[:4]
+    )
+    return _Array(meminfo, parent, itemsize, data, axes("shape"), axes("strides"))
 
 
 def _packed(context: Any, builder: Any, array_type: Any, array: _Array) -> Any:
