@@ -68,6 +68,9 @@ def tried(call: Callable[[], Any], name: str) -> Iterator[Any]:
         yield result
 
 
+FREE_OF_LOSS = {"friction": 0, "restitution": 1}
+
+
 @each_id
 @pytest.mark.parametrize("suffix", ["Env", "VectorEnv"])
 def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
@@ -82,7 +85,7 @@ def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
         for junk in JUNK:
             if name == "opponent" and callable(junk) and not isinstance(junk, type):
                 continue  # a function is asked when it is to act
-            if name == "friction" and isinstance(junk, (int, float)) and junk == 0:
+            if name in FREE_OF_LOSS and isinstance(junk, (int, float)) and junk == FREE_OF_LOSS[name]:
                 continue  # another scene, which is compiled: as good as any
             for env in tried(lambda name=name, junk=junk: kind(**{name: junk}), name):
                 made += 1
