@@ -104,10 +104,10 @@ class _Common:
         if episodes.error is not None:
             always["step_error"] = episodes.error.last[copies]
         if task.scene.meetings:
-            met = episodes.simulator.pairs()
+            met, reach = episodes.simulator.pairs(), [meeting.reach for meeting in task.scene.meetings]
             always["pairs_touching"] = met.touching[copies].sum(axis=-1, dtype=float)
             always["pairs_impulse"] = met.impulse[copies].sum(axis=-1)
-            always["pairs_least_gap"] = met.least_gap[copies].min(axis=-1)
+            always["pairs_least_gap"] = np.minimum(met.least_gap[copies], reach).min(axis=-1)
             always["pairs_missed"] = met.misses[copies].sum(axis=-1)
         if episodes.ranges:
             drawn = episodes.factors[copies]

@@ -31,6 +31,10 @@ def test_rounds(autoreset: str) -> None:
     assert play(USUAL._replace(copies=None)).steps == 120
 
 
+def test_a_round_of_bodies_that_collide() -> None:
+    assert play(Round("SpringBalance-v0", {"observation": "frame"}, 3, "SameStep", 1)).steps == 3 * 120
+
+
 def test_command_prints_seeds_and_repeats_itself(capsys: pytest.CaptureFixture[str]) -> None:
     def said(*options: str) -> list[str]:
         with pytest.MonkeyPatch.context() as patch:
