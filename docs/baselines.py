@@ -127,8 +127,8 @@ def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
     One seed has no spread: with tasks that have fewer than `SEEDS`, an interval would be too narrow.
     """
     lines = [
-        f"| algorithm | runs | steps each | seconds each | tasks with {SEEDS} seeds or more | success in these, "
-        "interquartile mean | 95 % interval |",
+        f"| algorithm | runs | steps each | seconds each | tasks with {SEEDS} seeds or more | "
+        "success in these, interquartile mean | 95 % interval |",
         "|---|---|---|---|---|---|---|",
     ]
     for name in TRAINED:
