@@ -107,7 +107,9 @@ def shown(runs: Sequence[dict[str, Any]]) -> str:
         return ""
     success = [100 * run["success_rate"] for run in runs]
     seeds = f" (≥ {min(success):.0f}, {len(runs)})" if len(runs) > 1 else ""
-    return f"{np.mean(success):.0f} %{seeds}<br>{np.mean([run['mean_return'] for run in runs]):.2f}"
+    earned = np.mean([run["mean_return"] for run in runs])
+    digits = 3 if 0.0005 <= earned < 0.005 else 2  # where all is earned in the last step
+    return f"{np.mean(success):.0f} %{seeds}<br>{earned:.{digits}f}"
 
 
 def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
