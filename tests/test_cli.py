@@ -3,6 +3,7 @@
 import logging
 import os
 import stat
+import subprocess
 import sys
 
 import numba
@@ -136,3 +137,9 @@ def test_how_to_install_is_of_the_package_or_of_the_clone(monkeypatch, tmp_path)
     assert install("view") == 'pip install "springgym[view]"'
     (tmp_path / "pyproject.toml").touch()
     assert install("view") == f'pip install -e "{tmp_path}[view]"'
+
+
+def test_the_module_is_the_command():
+    asked = [sys.executable, "-m", "springgym", "simulate", "--list"]
+    told = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
+    assert "newtons-cradle" in told

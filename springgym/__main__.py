@@ -1,0 +1,8 @@
+"""``python -m springgym``: the command ``springgym``, where scripts are not on the path."""
+
+import sys
+
+from springgym.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())
