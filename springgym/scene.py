@@ -402,6 +402,15 @@ class Scene(ReadOnly):
         free.setflags(write=False)
         return free
 
+    @cached_property
+    def sizes(self) -> np.ndarray:
+        """Of the body that each particle is of, (N,) [m]."""
+        sizes = np.repeat(
+            [placed.body.size for placed in self.bodies], [own.stop - own.start for own in self.slices]
+        )
+        sizes.setflags(write=False)
+        return sizes
+
     @property
     def pins(self) -> tuple[int, ...]:
         """The pinned particles of all bodies, by their number among all particles."""

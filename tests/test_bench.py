@@ -11,6 +11,7 @@ import pytest
 
 from springgym import bench
 from springgym.bench import peers
+from springgym.bench.environments import error_per_step
 from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
 from springgym.bench.ratios import ratios
 from springgym.bench.sections import SECTIONS
@@ -137,6 +138,12 @@ def test_error_falls_with_the_square_of_the_step() -> None:
 
 
 @pytest.mark.slow
+def test_error_of_a_step_where_others_act_too() -> None:
+    """Of bodies that collide, an opponent among them."""
+    _, median, worst, _ = error_per_step("SpringDuel-v0", 1, 5)
+    assert 0 < median < worst < 1e-4  # the opponent alone moves its top by 3e-4
+
+
 def test_rounding_is_that_of_single_precision() -> None:
     found = rounding(paper_top(), step=PAPER_STEP)
     assert 6e-8 < found["rounding_after_1_s"] < 1e-4
@@ -149,7 +156,7 @@ def test_mujoco_steps_the_same_springs(method: str) -> None:
     scene = paper_top()
     peer = peers.mujoco_springs(scene, method, PAPER_STEP / 4)
     assert peer is not None
-    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.body) < 5e-4
+    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.sizes) < 5e-4
 
 
 def test_mujoco_turns_the_same_rigid_body() -> None:
@@ -157,7 +164,7 @@ def test_mujoco_turns_the_same_rigid_body() -> None:
     scene = paper_top()
     peer = peers.mujoco_rigid(scene, "RK4", 1e-3)
     assert peer is not None
-    assert rms_distance(peer.positions, exact_positions(scene, 1.0, "rigid"), scene.body) < 1e-5
+    assert rms_distance(peer.positions, exact_positions(scene, 1.0, "rigid"), scene.sizes) < 1e-5
 
 
 def test_scipy_steps_the_same_springs() -> None:
@@ -165,7 +172,7 @@ def test_scipy_steps_the_same_springs() -> None:
     scene = paper_top()
     peer = peers.scipy_rk45(scene, PAPER_STEP)
     assert peer is not None
-    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.body) < 1e-4
+    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.sizes) < 1e-4
 
 
 def test_jax_steps_the_same_springs() -> None:
@@ -173,7 +180,7 @@ def test_jax_steps_the_same_springs() -> None:
     scene = paper_top()
     peer = peers.jax_batch(scene, PAPER_STEP, 2)
     assert peer is not None
-    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.body) < 5e-4
+    assert rms_distance(peer.positions, exact_positions(scene, 1.0), scene.sizes) < 5e-4
 
 
 @pytest.mark.parametrize("method", peers.CPP)
@@ -193,7 +200,7 @@ def test_reference_steps_as_the_package_does(precision: str, copies: int, method
     np.testing.assert_allclose(peer.positions, simulator.positions[0], atol=tolerance)
     assert np.abs(simulator.positions[0] - scene.positions).max() > 0.1
     mine, its = (
-        rms_distance(at, exact_positions(scene, 1.0), scene.body)
+        rms_distance(at, exact_positions(scene, 1.0), scene.sizes)
         for at in (simulator.positions[0], peer.positions)
     )
     assert its == pytest.approx(mine, rel=0.1)

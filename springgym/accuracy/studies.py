@@ -80,7 +80,7 @@ def rigid_gap(quick: bool = False) -> dict[str, Any]:
         for k in stiffness:
             scene = problem.scene(k)
             positions, _, _ = reference(problem, scene)
-            gaps.append(largest_distance(positions[-1], problem.rigid(problem.seconds), scene.body))
+            gaps.append(largest_distance(positions[-1], problem.rigid(problem.seconds), scene.sizes))
         result["gaps"][name] = gaps
         result["powers"][name] = float(np.polyfit(np.log(stiffness), np.log(gaps), 1)[0])
     return result

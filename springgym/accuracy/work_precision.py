@@ -138,15 +138,15 @@ def reference(problem: Problem, scene: Scene, quick: bool = False) -> tuple[np.n
         best = fine + (fine - coarse) / 3
         if isinstance(scene.contact, Contact) and scene.contact.friction == 0:
             (other,) = (rung.run()[0] for rung in scipy_rungs(problem, scene) if rung.step == 1e-12)
-            return best, largest_distance(best, other, scene.body), "verlet extrapolated and SciPy's DOP853"
-        return best, largest_distance(best, fine, scene.body), "verlet extrapolated, and verlet"
+            return best, largest_distance(best, other, scene.sizes), "verlet extrapolated and SciPy's DOP853"
+        return best, largest_distance(best, fine, scene.sizes), "verlet extrapolated, and verlet"
     damped = scene.body.damping.any()
     name, parts = ("rk4", 128) if damped else ("blanes_moan", 24)
     count = SAMPLES * math.ceil(problem.seconds * parts / largest_step(scene, integrator(name)) / SAMPLES)
     fixed = advance_and_sample(_simulator(scene, name, problem.seconds / count), count)
     count = edge(problem, scene, "dopri5")
     adaptive = advance_and_sample(_simulator(scene, "dopri5", problem.seconds / count, (1e-13, 1e-13)), count)
-    return adaptive if damped else fixed, largest_distance(adaptive, fixed, scene.body), f"{name} and dopri5"
+    return adaptive if damped else fixed, largest_distance(adaptive, fixed, scene.sizes), f"{name} and dopri5"
 
 
 def model_error(problem: Problem) -> dict[str, Any]:
@@ -157,7 +157,7 @@ def model_error(problem: Problem) -> dict[str, Any]:
     for factor in factors:
         scene = problem.scene(factor * problem.stiffness)
         positions, _, _ = reference(problem, scene)
-        gaps.append(largest_distance(positions[-1], rigid, scene.body))
+        gaps.append(largest_distance(positions[-1], rigid, scene.sizes))
     stiffness = [factor * problem.stiffness for factor in factors]
     power = float(np.polyfit(np.log(stiffness), np.log(gaps), 1)[0])
     return {"stiffness": stiffness, "errors": gaps, "power": power}
@@ -186,7 +186,7 @@ def consistency(problem: Problem, scene: Scene, quick: bool) -> list[dict[str, A
         for (x, v), end in zip(states, ends, strict=True):
             simulator.place(x, v)
             simulator.advance(count, check=False)
-            errors.append(largest_distance(simulator.positions[0], end, scene.body))
+            errors.append(largest_distance(simulator.positions[0], end, scene.sizes))
         walls = []
         for _ in range(5 if quick else 20):
             walls.append(0.0)
@@ -229,7 +229,7 @@ def rows_of(rungs: list[Rung], exact: np.ndarray, scene: Scene, runs: int) -> li
     ran = []
     for rung in rungs:
         positions, evaluations, wall = rung.run()
-        ran.append((rung, largest_distance(positions, exact, scene.body), evaluations, *rung.piece(wall)))
+        ran.append((rung, largest_distance(positions, exact, scene.sizes), evaluations, *rung.piece(wall)))
     costs: list[list[float]] = [[] for _ in ran]
     for _ in range(runs):
         for own, (rung, _, _, part, simulated) in zip(costs, ran, strict=True):

@@ -163,7 +163,7 @@ def error_per_step(
     env: Any = gym.make(env_id)
     at = env.unwrapped.episodes
     task, step = at.task, at.simulator.step
-    body = task.scene.body
+    sizes = task.scene.sizes
     simulators = references(task, step)
     rng = np.random.default_rng(0)
     errors, apart = [], [0.0]
@@ -172,14 +172,15 @@ def error_per_step(
         for _ in range(steps):
             start = [values[0].copy() for values in at.particles]
             action = rng.uniform(-1, 1, env.action_space.shape)
+            driven = at.driven_by(action[None])
             _, _, terminated, truncated, _ = env.step(action)
             for simulator in simulators:
                 simulator.place(*start)
-                simulator.actuate(**task.actuate(action[None]))
+                simulator.actuate(**driven)
                 simulator.advance(round(task.period / simulator.step))
-            exact, *others = (simulator.positions for simulator in simulators)
-            errors.append(largest_distance(at.particles[0], exact, body))
-            apart += [largest_distance(other, exact, body) for other in others]
+            exact, *others = (simulator.positions[0] for simulator in simulators)
+            errors.append(largest_distance(at.particles[0], exact, sizes))
+            apart += [largest_distance(other, exact, sizes) for other in others]
             if terminated or truncated:
                 break
     return step, float(np.median(errors)), max(errors), max(apart)
@@ -207,11 +208,12 @@ def estimates(
         for _ in range(steps):
             simulator.place(at.simulator.positions, at.simulator.velocities)
             action = rng.uniform(-1, 1, env.action_space.shape)
+            driven = at.driven_by(action[None])
             *_, terminated, truncated, info = env.step(action)
-            simulator.actuate(**task.actuate(action[None]))
+            simulator.actuate(**driven)
             simulator.advance(steps_of_reference)
             said.append(info["step_error"])
-            true.append(rms_distance(at.simulator.positions[0], simulator.positions[0], task.scene.body))
+            true.append(rms_distance(at.simulator.positions[0], simulator.positions[0], task.scene.sizes))
             if terminated or truncated:
                 break
     return np.array(said), np.array(true)

@@ -58,7 +58,10 @@ def error(scene: Scene, dynamics: str = "springs", **options: Any) -> dict[str, 
     steps = round(1 / simulator.step)
     simulator.advance(steps)
     exact = exact_positions(scene, steps * simulator.step, dynamics)
-    return {"step_ms": 1e3 * simulator.step, "error": rms_distance(simulator.positions[0], exact, scene.body)}
+    return {
+        "step_ms": 1e3 * simulator.step,
+        "error": rms_distance(simulator.positions[0], exact, scene.sizes),
+    }
 
 
 @cache
@@ -86,5 +89,5 @@ def rounding(scene: Scene, **options: Any) -> dict[str, float]:
     for seconds, more in ((1, 1), (10, 9)):
         for simulator in both:
             simulator.advance(round(more / simulator.step))
-        found[f"rounding_after_{seconds}_s"] = rms_distance(both[1].positions, both[0].positions, scene.body)
+        found[f"rounding_after_{seconds}_s"] = rms_distance(both[1].positions, both[0].positions, scene.sizes)
     return found

@@ -163,7 +163,7 @@ def against_peers(rounds: int) -> list[Row]:
         **facts: Any,
     ) -> None:
         if peer is not None:
-            facts["error"] = rms_distance(peer.positions, exact_positions(scene, 1.0, dynamics), scene.body)
+            facts["error"] = rms_distance(peer.positions, exact_positions(scene, 1.0, dynamics), scene.sizes)
             what = {"program": program, "precision": precision, "copies": copies}
             cases.append(
                 Case(what, peer.run, peer.steps, facts=facts | ({"note": peer.note} if peer.note else {}))
@@ -219,7 +219,7 @@ def equal_error(rounds: int) -> list[Row]:
             peer = peers.mujoco_springs(scene, method, step)
             if peer is None:
                 break
-            found = rms_distance(peer.positions, exact_positions(scene, 1.0), scene.body)
+            found = rms_distance(peer.positions, exact_positions(scene, 1.0), scene.sizes)
             if found <= wanted["error"]:
                 facts = {"step_ms": 1e3 * step, "error": found}
                 what = {"program": f"MuJoCo {method}", "precision": "float64", "copies": 1}

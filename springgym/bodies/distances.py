@@ -1,36 +1,32 @@
-"""How far particles are from where they should be, as a share of the body's size (`Body.size`).
+"""How far particles are from where they should be, as a share of the size of their body (`Scene.sizes`).
 
 There are two kinds, and each figure says which it is. The largest distance of a particle bounds the error of
-all of them; the root mean square is smoother, for programs that are compared at equal error.
+all of them; the root mean square is smoother, for programs that are compared at equal error. Both are of each
+copy, for positions (…, N, 3) and sizes (N,) [m], and infinite where a position is not finite.
 """
 
 from __future__ import annotations
 
-import math
+from typing import Any
 
 import numpy as np
 
-from springgym.bodies.body import Body
+
+def largest_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> Any:
+    """The largest distance of a particle."""
+    return _finite(_shares(positions, others, sizes).max(axis=-1))
 
 
-def largest_distance(positions: np.ndarray, others: np.ndarray, body: Body) -> float:
-    """The largest distance of a particle, over the body's size; infinite if one is not finite."""
+def rms_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> Any:
+    """Root mean square of the distances between particles."""
     with np.errstate(all="ignore"):
-        apart = np.linalg.norm(positions - others, axis=-1).max() / body.size
-    return float(apart) if np.isfinite(apart) else math.inf
+        return _finite(np.sqrt(np.square(_shares(positions, others, sizes)).mean(axis=-1)))
 
 
-def rms_distance(positions: np.ndarray, others: np.ndarray, body: Body) -> float:
-    """Root mean square of the distances between particles, over the body's size."""
-    return float(math.sqrt(np.square(positions - others).sum(axis=-1).mean()) / body.size)
-
-
-def rms_distances(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """The same of each copy (n,), for positions (n, N, 3); infinite where one is not finite.
-
-    ``sizes`` (N,) [m] are those of the bodies that the particles are of.
-    """
+def _shares(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     with np.errstate(all="ignore"):
-        apart = np.sqrt(np.square((positions - others) / sizes[:, None]).sum(axis=-1).mean(axis=-1))
-    apart[~np.isfinite(apart)] = math.inf
-    return apart
+        return np.linalg.norm(positions - others, axis=-1) / sizes
+
+
+def _finite(apart: np.ndarray) -> Any:
+    return np.where(np.isfinite(apart), apart, np.inf)[()]

@@ -274,7 +274,7 @@ class Episodes:
         self._given[:] = action
         if not self._take(self._given, self.strength, self.action, self._driven):
             raise ValueError(f"action holds a value that is not finite: {action}")
-        simulator.actuate(**self.task.actuate(self._driven), **self.task.respond(*self._whole[:3], self.goal))
+        simulator.actuate(**self.driven_by(self._driven))
         if self.error is not None:
             self.error.finer.take_over(simulator)
         result = Step(np.empty(copies), np.empty(copies, bool), np.empty(copies, bool))
@@ -291,6 +291,10 @@ class Episodes:
         if self.error is not None:
             self.error.estimate(simulator, self.steps)
         return result, seen
+
+    def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
+        """What the actuators do in the next control period, by actions (n, A) in [−1, 1] and by others'."""
+        return self.task.actuate(actions) | self.task.respond(*self._whole[:3], self.goal)
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
         """Outcome, end and observation of the copies from ``first`` to the one before ``last``."""

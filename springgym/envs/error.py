@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from springgym.bodies.distances import rms_distances
+from springgym.bodies.distances import rms_distance
 from springgym.simulator import Simulator
 
 FINER = 2
@@ -41,16 +41,14 @@ class StepError:
                 f"error is True: that compares with steps of half the length, but {method.name} chooses its "
                 "steps itself. Take another integrator, or read the error off its tolerance"
             )
-        scene = simulator.scene
-        self.finer = Simulator(scene, step=simulator.step / FINER, **made)
+        self.finer = Simulator(simulator.scene, step=simulator.step / FINER, **made)
         self._share = 1 / (1 - FINER**-method.order)
-        counts = [len(placed.body.masses) for placed in scene.bodies]
-        self._sizes = np.repeat([placed.body.size for placed in scene.bodies], counts)
         self.last = np.zeros(simulator.copies)
         """root mean square distance of the particles after the last period, as a share of the body's size"""
 
     def estimate(self, simulator: Simulator, steps: int) -> None:
         """Find the error of the ``steps`` that the simulator took since the finer one took over from it."""
         self.finer.advance(FINER * steps, check=False, read=True)
-        apart = rms_distances(simulator.readout.positions, self.finer.readout.positions, self._sizes)
+        own, finer = simulator.readout.positions, self.finer.readout.positions
+        apart = rms_distance(own, finer, simulator.scene.sizes)
         self.last[:] = self._share * apart

@@ -69,7 +69,7 @@ def test_mujoco_is_given_the_same_springs() -> None:
     scene = problem.scene(problem.stiffness)
     (exact,) = (rung.run()[0] for rung in scipy_rungs(problem, scene) if rung.step == 1e-9)
     rungs = [rung for rung in mujoco_rungs(problem, scene) if rung.method == "MuJoCo RK4"]
-    errors = [largest_distance(rung.run()[0], exact, scene.body) for rung in rungs[1:]]
+    errors = [largest_distance(rung.run()[0], exact, scene.sizes) for rung in rungs[1:]]
     assert np.abs(exact[-1] - scene.positions).max() > 0.01
     assert errors[-1] < 1e-7
     assert errors[0] / errors[-1] > 100  # fourth order over two halvings: 256
@@ -157,7 +157,7 @@ def test_distances_are_shares_of_the_size() -> None:
     moved = body.positions.copy()
     moved[3] += 1.0
     assert body.size == pytest.approx(math.sqrt(3))
-    assert largest_distance(moved, body.positions, body) == pytest.approx(1.0)
-    assert rms_distance(moved, body.positions, body) == pytest.approx(1 / math.sqrt(8))
+    assert largest_distance(moved, body.positions, body.size) == pytest.approx(1.0)
+    assert rms_distance(moved, body.positions, body.size) == pytest.approx(1 / math.sqrt(8))
     moved[0] = np.nan
-    assert largest_distance(moved, body.positions, body) == math.inf
+    assert largest_distance(moved, body.positions, body.size) == math.inf
