@@ -1,32 +1,33 @@
 """How far particles are from where they should be, as a share of the size of their body (`Scene.sizes`).
 
 There are two kinds, and each figure says which it is. The largest distance of a particle bounds the error of
-all of them; the root mean square is smoother, for programs that are compared at equal error. Both are of each
-copy, for positions (…, N, 3) and sizes (N,) [m], and infinite where a position is not finite.
+all of them; the root mean square is smoother, for programs that are compared at equal error. Positions are
+(…, N, 3), sizes (N,) [m]; what is not finite is infinitely far.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import math
 
 import numpy as np
 
 
-def largest_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> Any:
+def largest_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> float:
     """The largest distance of a particle."""
-    return _finite(_shares(positions, others, sizes).max(axis=-1))
+    return float(_shares(positions, others, sizes).max())
 
 
-def rms_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> Any:
+def rms_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> float:
     """Root mean square of the distances between particles."""
-    with np.errstate(all="ignore"):
-        return _finite(np.sqrt(np.square(_shares(positions, others, sizes)).mean(axis=-1)))
+    return math.sqrt(np.square(_shares(positions, others, sizes)).mean())
+
+
+def rms_distances(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """The same of each copy (n,), for positions (n, N, 3)."""
+    return np.asarray(np.sqrt(np.square(_shares(positions, others, sizes)).mean(axis=-1)))
 
 
 def _shares(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     with np.errstate(all="ignore"):
-        return np.linalg.norm(positions - others, axis=-1) / sizes
-
-
-def _finite(apart: np.ndarray) -> Any:
-    return np.where(np.isfinite(apart), apart, np.inf)[()]
+        shares = np.linalg.norm(positions - others, axis=-1) / sizes
+    return np.where(np.isfinite(shares), shares, np.inf)

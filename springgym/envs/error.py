@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from springgym.bodies.distances import rms_distance
+from springgym.bodies.distances import rms_distances
 from springgym.simulator import Simulator
 
 FINER = 2
@@ -50,5 +50,5 @@ class StepError:
         """Find the error of the ``steps`` that the simulator took since the finer one took over from it."""
         self.finer.advance(FINER * steps, check=False, read=True)
         own, finer = simulator.readout.positions, self.finer.readout.positions
-        apart = rms_distance(own, finer, simulator.scene.sizes)
+        apart = rms_distances(own, finer, simulator.scene.sizes)
         self.last[:] = self._share * apart

@@ -11,7 +11,7 @@ import pytest
 
 import springgym
 from springgym.bodies import cube
-from springgym.bodies.distances import rms_distance
+from springgym.bodies.distances import rms_distance, rms_distances
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from tests.envs.test_contract import answered
@@ -146,7 +146,7 @@ def test_distances_of_copies() -> None:
     body = cube()
     x = body.positions + np.random.default_rng(0).normal(size=(3, len(body.masses), 3))
     x[2, 0, 0] = np.nan
-    found = rms_distance(x, body.positions[None], np.full(len(body.masses), body.size))
+    found = rms_distances(x, body.positions[None], np.full(len(body.masses), body.size))
     assert found[:2] == pytest.approx([rms_distance(own, body.positions, body.size) for own in x[:2]])
     assert found[2] == np.inf
 
