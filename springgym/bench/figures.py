@@ -18,8 +18,8 @@ def draw(report: dict[str, Any], path: Path) -> None:
     figure = Figure(figsize=(11.5, 4.8))
     FigureCanvasAgg(figure)
     rows = [row for row in report.get("peers", {}).get("rows", ()) if row["precision"] == "float64"]
-    _peers(plain(figure, 0.15, 0.14, 0.36, 0.76), rows)
-    _sizes(plain(figure, 0.6, 0.14, 0.24, 0.76), report.get("sizes", {}).get("rows", ()))
+    _peers(plain(figure, 0.18, 0.14, 0.36, 0.76), rows)
+    _sizes(plain(figure, 0.62, 0.14, 0.22, 0.76), report.get("sizes", {}).get("rows", ()))
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, metadata={"Date": None})
 
