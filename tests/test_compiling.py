@@ -11,7 +11,7 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -24,6 +24,7 @@ from springgym.blocks import at, block_array
 from springgym.bodies import cube
 from springgym.compiling import SameTypes, _checksum, cache_directory, compiled, kernel
 from springgym.integrators import verlet
+from springgym.integrators.record import Phase
 from springgym.lanes import any_lane, load, store
 from springgym.measures import read
 from springgym.scene import Scene, WrenchActuator
@@ -327,6 +328,59 @@ def test_inner_functions_are_lowered_as_far_as_numba_lets_us(
     (inner,) = twice.overloads.values()
     passes = inner.metadata["pipeline_times"]["nopython"]
     assert any("native_lowering" in name for name in passes) == lacking
+
+
+@compiled
+def wander(a: float, n: int) -> float:
+    """Values that other blocks read: made before, within and after loops, and in one branch of two."""
+    first = 2.0 * a
+    total = 0.0
+    for i in range(n):
+        step = first + i
+        if step > 3.0:
+            high = step * step
+            total += high
+        else:
+            total -= step
+            if total < -5.0:
+                return total * first
+        for j in range(i):
+            if j == 2:
+                break
+            total += j * first - step
+    if n == 0:
+        return first
+    mean = total / n
+    while mean > 1.0:
+        mean = 0.5 * mean
+        total += mean
+    return total + first
+
+
+def test_what_is_kept_as_a_value_is_what_it_was(cache: Path) -> None:
+    @kernel
+    def wandered(a: float, n: int) -> float:
+        return wander(a, n)
+
+    for a in (-2.0, -0.3, 0.0, 0.7, 5.0):
+        for n in range(6):
+            assert wandered(a, n) == wander.py_func(a, n)
+
+
+class Pair(NamedTuple):
+    """Of a module that is not springgym's."""
+
+    one: np.ndarray
+    other: np.ndarray
+
+
+def test_only_tuples_of_this_package_are_handed_on_whole() -> None:
+    """What others have compiled takes theirs apart."""
+    x = np.zeros((2, 3))
+    model = numba.core.datamodel.default_manager.lookup
+    assert isinstance(model(typeof(Pair(x, x[0]))).get_argument_type(), tuple)
+    whole = model(typeof(Phase(x, x[0], None)))
+    assert whole.get_argument_type() == whole.get_value_type()
 
 
 LATE = """
