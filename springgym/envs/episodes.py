@@ -447,6 +447,7 @@ class Episodes:
         for name in STATE:
             getattr(self, name)[:] = state[name]
         self._vary(np.arange(self.copies), [self._drawn(copy) for copy in range(self.copies)])
+        self.simulator.restore(state["simulator"])  # what varies starts anew, without its memory of contact
         self.simulator.read()
 
     def _named(self, out: np.ndarray) -> np.ndarray:

@@ -65,6 +65,22 @@ def test_state_of_a_batch_returns_through_wrappers(autoreset: str, options: dict
         assert other.unwrapped.np_random_seed == (3, 4, 5)
 
 
+@pytest.mark.parametrize("env_id", ["SpringFreeTop-v0", "SpringBalance-v0"])
+def test_state_amid_contact_returns_where_masses_vary(env_id: str) -> None:
+    """What a surface or another body holds is part of it."""
+    env = make_vec(env_id, 4, "native", "SameStep", randomize={"masses": (0.9, 1.1)})
+    env.reset(seed=1)
+    env.action_space.seed(1)
+    actions = [0.2 * env.action_space.sample() for _ in range(15)]
+    for action in actions[:5]:
+        env.step(action)
+    state = springgym.get_state(env)
+    first = [env.step(action)[0] for action in actions[5:]]
+    springgym.set_state(env, state)
+    again = [env.step(action)[0] for action in actions[5:]]
+    np.testing.assert_array_equal(again, first)
+
+
 def test_state_of_a_scene_environment_returns() -> None:
     def make_own() -> Any:
         return springgym.make_scene_env(
