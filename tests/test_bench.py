@@ -137,13 +137,13 @@ def test_error_falls_with_the_square_of_the_step() -> None:
     assert coarse / fine == pytest.approx(4.0, rel=0.05)
 
 
-@pytest.mark.slow
 def test_error_of_a_step_where_others_act_too() -> None:
     """Of bodies that collide, an opponent among them."""
     _, median, worst, _ = error_per_step("SpringDuel-v0", 1, 5)
     assert 0 < median < worst < 1e-4  # the opponent alone moves its top by 3e-4
 
 
+@pytest.mark.slow
 def test_rounding_is_that_of_single_precision() -> None:
     found = rounding(paper_top(), step=PAPER_STEP)
     assert 6e-8 < found["rounding_after_1_s"] < 1e-4
