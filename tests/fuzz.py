@@ -9,9 +9,9 @@ it: actions that are uniform, at the bounds, held, off and far beyond; resets of
 options; states taken and set back; copies and pickles in mid-episode; calls that must be refused.
 
 Checked are: observations in their space, rewards in [0, 1] and the sum of their terms, info finite, no
-divergence, an energy drift within `DRIFT`, no warning; one copy of a batch against a single environment, to
-the bit; what follows a state that was set back, to the bit; nothing changed by a refusal. The exit status is
-1 if a round failed.
+divergence, an energy drift within `DRIFT`, no contact missed, no warning; one copy of a batch against a
+single environment, to the bit; what follows a state that was set back, to the bit; nothing changed by a
+refusal. The exit status is 1 if a round failed.
 """
 
 from __future__ import annotations
@@ -281,6 +281,7 @@ class Player:
             )
             check(np.allclose(total, reward, rtol=0, atol=1e-12), "terms do not sum to the reward")
         self.bound_drift(done | fresh | lost)
+        self.see_misses()
         self.over = done if self.what.autoreset != "SameStep" or not self.what.copies else np.zeros_like(done)
 
     def bound_drift(self, changed: np.ndarray) -> None:
@@ -302,6 +303,15 @@ class Player:
         self.drift = max(self.drift, float(seen[~changed].max(initial=0.0)))
         self.scale[changed] = 0.0
         check(not too_much.any(), f"energy drift of copy {int(np.argmax(too_much))}: {drift[too_much][:1]} J")
+
+    def see_misses(self) -> None:
+        """What moves no faster than contact is computed well for misses no contact."""
+        simulator = self.env.unwrapped.episodes.simulator
+        if simulator.scene.meetings:
+            pairs = simulator.pairs()
+            slow = pairs.too_fast.sum(axis=-1) == 0
+            check(not (slow & (pairs.misses.sum(axis=-1) > 0)).any(), "bodies missed each other")
+            check(not pairs.overflow.any(), "more contacts than are listed")
 
     def follow(self, action: np.ndarray, result: Any, fresh: bool) -> None:
         """Step the single environment, and compare it with its copy in the batch."""

@@ -9,7 +9,7 @@ import numpy as np
 from springgym.blocks import at, block_array, numbers, set_all
 from springgym.bodies import ball, top
 from springgym.compiling import kernel
-from springgym.forces.pairs.search import find
+from springgym.forces.pairs.search import SPARE, find
 from springgym.forces.pairs.terms import Span
 from springgym.packing import pack_room
 from springgym.scene import Placed, Scene
@@ -22,25 +22,51 @@ def found(x: Any, v: Any, pairs: Any, room: Any) -> int:
     return find(at(x, 0), at(v, 0), Span(0.0, 5e-4, 1e-3), pairs, room, None)
 
 
+COPIES, RADIUS, REACH = 16, 0.06, 5e-3
+PLATE = top(12, 0.5, 0.25, 1.0, 1.6e4)
+CROWN = PLATE.positions[PLATE.particle("crown")]
+
+
+def contacts(places: np.ndarray) -> tuple[int, Any]:
+    """The rows of contacts of copies (16, 3) of where a ball is above a plate."""
+    bodies = (Placed(PLATE, name="plate"), Placed(ball(RADIUS, 0.2), CROWN[None] + [0, 0, 1.0], name="ball"))
+    scene = Scene(bodies=bodies, collisions=Contact(strength=1.25e-3, reach=REACH))
+    meets = Simulator(scene, copies=COPIES, step=1e-3)._terms.meets
+    assert meets is not None
+    x, v = (block_array(COPIES, (len(scene.positions), 3), float) for _ in range(2))
+    positions = np.repeat(scene.positions[None], COPIES, axis=0)
+    positions[:, -1] = places
+    set_all(x, positions)
+    room = pack_room(scene, meets.pairs, x.dtype)
+    return found(x, v, meets.pairs, room), room
+
+
 def test_a_row_for_all_who_touch_elsewhere() -> None:
     """Balls on different triangles of a plate share a row; each copy's is that of its own triangle."""
-    plate, copies = top(12, 0.5, 0.25, 1.0, 1.6e4), 16
-    contact = Contact(strength=1.25e-3, reach=5e-3)
-    crown = plate.positions[plate.particle("crown")]
-    bodies = (Placed(plate, name="plate"), Placed(ball(0.06, 0.2), crown[None] + [0, 0, 1.0], name="ball"))
-    scene = Scene(bodies=bodies, collisions=contact)
-    meets = Simulator(scene, copies=copies, step=1e-3)._terms.meets
-    assert meets is not None
-    places = np.repeat(scene.positions[None], copies, axis=0)
-    angles = 2 * np.pi * np.arange(copies) / copies + 0.1
-    places[:, -1] = crown + 0.25 * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    places[:, -1, 2] += 0.06 + 2e-3
-    places[3, -1, 2] += 0.1  # one is aloft
-    x, v = (block_array(copies, (len(scene.positions), 3), float) for _ in range(2))
-    set_all(x, places)
-    room = pack_room(scene, meets.pairs, x.dtype)
-    assert found(x, v, meets.pairs, room) == 1
+    angles = 2 * np.pi * np.arange(COPIES) / COPIES + 0.1
+    places = CROWN + 0.25 * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    places[:, 2] += RADIUS + 2e-3
+    places[3, 2] += 0.1  # one is aloft
+    rows, room = contacts(places)
+    assert rows == 1
     shares, particles = numbers(room.share)[0], numbers(room.particle)[:4]
-    assert (shares > 0).tolist() == [n != 3 for n in range(copies)]
+    assert (shares > 0).tolist() == [n != 3 for n in range(COPIES)]
     assert len({tuple(sorted(corners)) for corners in particles[1:, shares > 0].T}) >= 10
     np.testing.assert_allclose(numbers(room.distance)[0][shares > 0], 2e-3, rtol=1e-9)
+
+
+def test_a_ball_that_comes_to_an_edge_is_outside() -> None:
+    """As far as contacts are looked for, the plate's upper side is found at least as soon as its lower one.
+
+    The ball is behind that, and would be as deep inside as it is far outside were it found alone.
+    """
+    middle = 0.5 * (PLATE.positions[PLATE.triangles[0]].sum(axis=0) - CROWN)  # of an edge of the rim
+    farthest = SPARE * REACH + RADIUS
+    heights = farthest * (1 + np.linspace(-3e-6, 3e-6, COPIES))
+    places = middle + 1e-6 * (CROWN - middle) + np.stack([0 * heights, 0 * heights, heights], axis=1)
+    rows, room = contacts(places)
+    assert rows == 1
+    listed = numbers(room.share)[0] > 0
+    assert listed[:8].all()
+    assert not listed[-1]
+    np.testing.assert_allclose(numbers(room.distance)[0][listed], heights[listed] - RADIUS, rtol=1e-6)

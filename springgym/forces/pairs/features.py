@@ -8,7 +8,8 @@ Vertex and face. Of the triangles of a closed surface the nearest counts, by the
 D from the nearest point and h the height over its plane: of triangles that share this point the second
 term picks the one that the vertex faces, whose sign of h is that of the distance. A vertex behind a
 triangle must have come through it since the step began, in t seconds: h − t ḣ > 0. If it came through
-another, that one counts, be it farther.
+another, that one counts, be it farther. Those that it faces are looked for a little farther, lest the
+nearest be left out where its neighbour, behind which the vertex lies, is not.
 
 Edge and edge, or rods. At the critical point of the two lines, if it lies inside both. Φ falls to 0
 towards the ends and towards parallel lines, where vertices take over. The normal is that of the step's
@@ -171,14 +172,16 @@ def vertex_faces(
     if triangles is not None:
         room = seen.room
         i, point = load(room.vertex, m), row(room.point, m)
+        tie = TIE + ROUGH * epsilon(point[0])
         limit = near.reach * near.reach
+        wide = (1.0 + tie) * limit
         best, face, side_of = FAR + 0.0 * i, 0.0 * i, 0.0 * i
         second, third, away = 0.0 * i, 0.0 * i, times(0.0, point)
         for n in range(room.ends[1, other], room.ends[1, other + 1]):
             normal, square = row(room.normal, n), load(room.square, n)
             r = minus(point, row(room.corner, n))
             height = dot(normal, r)  # times |normal|
-            close = height * height < limit * square
+            close = height * height < wide * square
             if any_lane(close):
                 u, q = row(room.first, n), row(room.second, n)
                 uu, uw, ww, e, f = dot(u, u), dot(u, q), dot(q, q), dot(u, r), dot(q, r)
@@ -187,15 +190,16 @@ def vertex_faces(
                 side = minimum(minimum(wb, wc), 1.0 - wb - wc)
                 past = minimum(side, 0.0)
                 longest = maximum(maximum(uu, ww), uu - 2.0 * uw + ww)
-                close = select(close, past * past * square, FAR) < limit * longest
+                close = select(close, past * past * square, FAR) < wide * longest
                 if any_lane(close):
                     if any_lane(select(close, side, 0.0) < 0.0):
                         sb, sc = on_sides(uu, uw, ww, e, f)
                         wb, wc = select(side < 0.0, sb, wb), select(side < 0.0, sc, wc)
                     apart = minus(minus(r, times(wb, u)), times(wc, q))
-                    key = dot(apart, apart) - (TIE + ROUGH * epsilon(r[0])) * (height * height * inverse)
-                    key = select(select(close, key, FAR) < limit, key, FAR)
                     behind = select(close, height, 1.0) < 0.0
+                    squared = select(close, dot(apart, apart), FAR)
+                    key = squared - tie * (height * height * inverse)
+                    key = select(squared < select(behind, limit, wide), key, FAR)
                     if any_lane(behind):
                         w = seen.w
                         a, b, c = corners(0.0 * i + n, room, triangles)
