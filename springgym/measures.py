@@ -60,6 +60,9 @@ SIZE = sum(FIELDS.values())
 OFFSETS = dict(zip(FIELDS, accumulate(FIELDS.values(), initial=0), strict=False))
 """Where each measure starts in a row."""
 
+COLUMNS = tuple((..., n if FIELDS[name] == 1 else slice(n, n + FIELDS[name])) for name, n in OFFSETS.items())
+"""The indices of each measure in rows."""
+
 # The same as constants, for compiled functions.
 (
     KINETIC,
@@ -157,12 +160,7 @@ class Reading(NamedTuple):
 
 def view(values: np.ndarray) -> Measures:
     """Measures as views of an array (copies, `SIZE`)."""
-    return Measures(
-        *(
-            values[..., start] if FIELDS[name] == 1 else values[..., start : start + FIELDS[name]]
-            for name, start in OFFSETS.items()
-        )
-    )
+    return Measures(*[values[own] for own in COLUMNS])
 
 
 @compiled

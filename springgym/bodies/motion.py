@@ -9,7 +9,7 @@ import numpy as np
 
 from springgym.bodies.body import Body
 from springgym.bodies.equilibrium import relative_equilibrium
-from springgym.bodies.rotations import aligning, rotating
+from springgym.bodies.rotations import aligning, cross, rotating
 from springgym.bodies.rotations import axes as axes
 from springgym.checks import array, flag, indices, instance, number
 
@@ -26,12 +26,7 @@ class InitialState(NamedTuple):
 def rigid_velocities(positions: np.ndarray, omega: Any, about: Any) -> np.ndarray:
     """Velocities ω × (x − about) [m/s] of a rigid rotation, shape of ``positions``."""
     arms = array("positions", positions, (3,), (None, 3), (None, None, 3)) - array("about", about, (3,))
-    x, y, z = array("omega", omega, (3,)).tolist()
-    velocities = np.empty(arms.shape)
-    velocities[..., 0] = y * arms[..., 2] - z * arms[..., 1]
-    velocities[..., 1] = z * arms[..., 0] - x * arms[..., 2]
-    velocities[..., 2] = x * arms[..., 1] - y * arms[..., 0]
-    return velocities
+    return cross(array("omega", omega, (3,)), arms)
 
 
 def start(
@@ -131,7 +126,7 @@ def start(
         shape = relative_equilibrium(body, place.T @ rate, pinned, pull)
     reference = shape[pinned[0]] if pinned else body.masses @ shape / body.mass
     arm = (shape - reference) @ place.T
-    velocities = rigid_velocities(arm, rate, (0.0, 0.0, 0.0)) + velocity
+    velocities = cross(rate, arm) + velocity
     held = list(pinned)
     if np.abs(velocities[held]).max(initial=0.0) > 1e-9 * np.abs(velocities).max(initial=1.0):
         raise ValueError(f"body {body.name!r} is pinned at {held} and cannot move so: the pins would move")

@@ -19,6 +19,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
+from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
@@ -168,7 +169,7 @@ class SpringBalance(Task):
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         low = (0.0, -math.pi, 0.0, -math.pi, ORBIT[0], -math.pi, self.rate[0], -1.0)
         high = (0.05, math.pi, 1.0, math.pi, ORBIT[1], math.pi, self.rate[1], 1.0)
-        tilt, azimuth, share, bearing, radius, phase, rate, sense = rng.uniform(low, high).tolist()
+        tilt, azimuth, share, bearing, radius, phase, rate, sense = uniform(rng, low, high)
         tilt = number(options, "tilt", tilt, 0.0, TIPPED)
         away = number(options, "away", FAR * math.sqrt(share), 0.0, 0.4)
         radius = number(options, "radius", radius, 0.0, 0.4)

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, box, rigid_velocities
-from springgym.bodies.rotations import axes
+from springgym.bodies.rotations import axes, cross
 from springgym.checks import chosen, flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, thrift
-from springgym.envs.starts import ORIGIN, any_rotation, direction, principal_axes
+from springgym.envs.starts import any_rotation, direction, principal_axes
 from springgym.envs.task import Start, Task
 from springgym.kinds import Vector
 from springgym.measures import Measures
@@ -151,7 +151,7 @@ class SpringDetumble(Task):
         speed = number(options, "speed", speed, 0.0, FASTEST)
         omega = turn @ (speed / np.linalg.norm(axis) * axis)
         positions = factors["scale"] * self._shape @ turn.T
-        return Start(positions, rigid_velocities(positions, omega, ORIGIN))
+        return Start(positions, cross(omega, positions))
 
     @property
     def limits(self) -> np.ndarray:

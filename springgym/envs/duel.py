@@ -12,7 +12,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, rigid_velocities, stretched_shapes, top
+from springgym.bodies import Body, stretched_shapes, top
+from springgym.bodies.rotations import cross
 from springgym.checks import chosen, shown
 from springgym.compiling import compiled, kernel
 from springgym.envs import observation as observing
@@ -20,7 +21,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, values
 from springgym.envs.options import number
 from springgym.envs.rewards import angle_of, gaussian, thrift
-from springgym.envs.starts import ORIGIN, tilted
+from springgym.envs.starts import tilted, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -233,7 +234,7 @@ class SpringDuel(Task):
         inwards = (BOWL - height) * math.sin(steepness)
         foot = np.array([inwards * math.cos(bearing), inwards * math.sin(bearing), BOWL])
         foot[2] -= (BOWL - height) * math.cos(steepness)
-        return foot + arm, rigid_velocities(arm, spin * turn[:, 2], ORIGIN)
+        return foot + arm, cross(spin * turn[:, 2], arm)
 
     @cached_property
     def particles(self) -> ObservedParticles:
@@ -248,7 +249,7 @@ class SpringDuel(Task):
         low, high = (0.0, -math.pi, SPINS[0], -1.0), (0.08, math.pi, SPINS[1], 1.0)
         placed = []
         for n, whose in enumerate(("", "other_")):
-            tilt, azimuth, spin, sense = rng.uniform(low, high).tolist()
+            tilt, azimuth, spin, sense = uniform(rng, low, high)
             tilt = number(options, f"{whose}tilt", tilt, 0.0, 0.45)
             spin = number(options, f"{whose}spin", math.copysign(spin, sense), -SPINS[1], SPINS[1])
             placed.append(self._standing(bearing + n * math.pi, tilt, azimuth, spin, factors))

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, rigid_velocities, stretched_shapes, top
+from springgym.bodies.rotations import cross
 from springgym.checks import chosen, flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, spinning, thrift
-from springgym.envs.starts import ORIGIN, tilted
+from springgym.envs.starts import tilted, uniform
 from springgym.envs.task import Start, Task
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
@@ -155,7 +156,7 @@ class SpringFreeTop(Task):
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         low = (0.02, -math.pi, self.spins[0], 0.0, -math.pi)
         high = (self.steepest, math.pi, self.spins[1], 1.0, math.pi)
-        drawn_tilt, azimuth, drawn_spin, share, bearing = rng.uniform(low, high).tolist()
+        drawn_tilt, azimuth, drawn_spin, share, bearing = uniform(rng, low, high)
         tilt = number(options, "tilt", drawn_tilt, 0.0, FALLEN)
         spin = number(options, "spin", drawn_spin, WANTED - BAND, WANTED + BAND)
         away = number(options, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
@@ -171,7 +172,7 @@ class SpringFreeTop(Task):
             foot[2] = BOWL - (BOWL - self._height(factors)) * math.cos(steepness)
         positions = foot + arm
         positions[:, 2] += self._lift(positions[self._others], self._height(factors))
-        return Start(positions, rigid_velocities(arm, spin * turn[:, 2], ORIGIN))
+        return Start(positions, cross(spin * turn[:, 2], arm))
 
     def _lift(self, positions: np.ndarray, height: float) -> float:
         """How far a top that leans its ring into the surface must be lifted for it to lie on the ring [m]."""

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import gyroscope, rigid_velocities, rotation, stretched_shapes
+from springgym.bodies.rotations import cross
 from springgym.checks import flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import angle_between, long_tail, spinning, thrift
-from springgym.envs.starts import direction, tilted
+from springgym.envs.starts import direction, tilted, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
@@ -131,7 +132,7 @@ class SpringGyroscope(Task):
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         axis, sideways = direction(rng), rng.uniform(-math.pi, math.pi)
-        drawn_spin, drawn_away = rng.uniform((25.0, 0.5), (45.0, 1.5)).tolist()
+        drawn_spin, drawn_away = uniform(rng, (25.0, 0.5), (45.0, 1.5))
         sign = rng.choice((-1.0, 1.0)) if self.hard else 1.0
         spin = number(options, "spin", sign * drawn_spin, -FASTEST, FASTEST)
         away = number(options, "angle", drawn_away, 0.0, math.pi)
@@ -140,7 +141,7 @@ class SpringGyroscope(Task):
         softer = math.sqrt(factors["masses"] / factors["stiffness"])
         positions = factors["scale"] * self._shape(spin * softer) @ turn.T
         centre = positions[self.body.particle("centre")]
-        return Start(positions, rigid_velocities(positions, spin * axis, centre), target.tolist())
+        return Start(positions, cross(spin * axis, positions - centre), target.tolist())
 
     @property
     def limits(self) -> np.ndarray:

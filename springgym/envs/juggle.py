@@ -19,6 +19,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
+from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -201,7 +202,7 @@ class SpringJuggle(Task):
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         low = (self.wanted[0], DROPPED[0], 0.0, -math.pi, -0.1, -0.1)
         high = (self.wanted[1], DROPPED[1], 0.1, math.pi, 0.1, 0.1)
-        wanted, height, away, bearing, east, north = rng.uniform(low, high).tolist()
+        wanted, height, away, bearing, east, north = uniform(rng, low, high)
         wanted = number(options, "wanted", wanted, 0.4, 1.0)
         height = number(options, "height", height, 0.1, 1.0)
         away = number(options, "away", away, 0.0, 0.2)

@@ -18,6 +18,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, spinning, thrift
+from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
@@ -116,9 +117,9 @@ class SpringPendulum(Task):
         return ObservedParticles(tuple(range(1, 8)), reach, 4.0 * reach)
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        anywhere, near, azimuth, roll = rng.uniform(
-            (0.0, 0.0, -math.pi, -math.pi), (math.pi, 0.3, math.pi, math.pi)
-        ).tolist()
+        anywhere, near, azimuth, roll = uniform(
+            rng, (0.0, 0.0, -math.pi, -math.pi), (math.pi, 0.3, math.pi, math.pi)
+        )
         tilt = math.pi - near
         if rng.uniform() < 0.5 and self.starts == "mixed":
             tilt = anywhere

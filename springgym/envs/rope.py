@@ -11,14 +11,15 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import rigid_velocities, rope, solid_rope
+from springgym.bodies import rope, solid_rope
+from springgym.bodies.rotations import cross
 from springgym.checks import flag, shown
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
-from springgym.envs.starts import ORIGIN, tilted
+from springgym.envs.starts import tilted, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
@@ -121,10 +122,11 @@ class SpringRope(Task):
         return ObservedParticles(tuple(range(count)), two, two, about="goal", skipped=((0, 2),))
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        azimuth, turning, bearing, rate, drawn_sway, drawn_distance = rng.uniform(
+        azimuth, turning, bearing, rate, drawn_sway, drawn_distance = uniform(
+            rng,
             (-math.pi, -math.pi, -math.pi, -self.rate, 0.0, 1.5),
             (math.pi, math.pi, math.pi, self.rate, self.sway, self.farthest),
-        ).tolist()
+        )
         sway = number(options, "sway", drawn_sway, 0.0, 1.0)
         distance = number(options, "distance", drawn_distance, 0.0, 20.0)
         below = self.body.mass - np.cumsum(self.body.masses)[:-1]
@@ -135,7 +137,7 @@ class SpringRope(Task):
         positions = positions @ tilted(azimuth, sway).T
         omega = rate * np.array([math.cos(turning), math.sin(turning), 0.0])
         goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0)
-        return Start(positions, rigid_velocities(positions, omega, ORIGIN), goal)
+        return Start(positions, cross(omega, positions), goal)
 
     @property
     def limits(self) -> np.ndarray:

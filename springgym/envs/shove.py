@@ -19,6 +19,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import number
 from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -164,7 +165,7 @@ class SpringShove(Task):
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         low = (0.3, -math.pi, -self.turned, 0.35, -math.pi)
         high = (self.farthest, math.pi, self.turned, 0.6, math.pi)
-        away, bearing, heading, apart, side = rng.uniform(low, high).tolist()
+        away, bearing, heading, apart, side = uniform(rng, low, high)
         away = number(options, "error", away, 0.0, 1.2)
         heading = number(options, "heading", heading, -math.pi, math.pi)
         place = np.array([away * math.cos(bearing), away * math.sin(bearing)])

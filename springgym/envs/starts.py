@@ -7,21 +7,27 @@ returns: another version may choose others, and every seed start otherwise.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body
-
-ORIGIN = np.zeros(3)
+from springgym.bodies.rotations import cross
 
 EQUAL = 1e-9
 """Moments that differ by a smaller share are equal: their axes are any in the plane, or in space."""
 
 
+def uniform(rng: Generator, low: Sequence[float], high: Sequence[float]) -> list[float]:
+    """A number between each two, to the bit as by `Generator.uniform`, which takes five times as long."""
+    shares = rng.random(len(low)).tolist()
+    return [start + (end - start) * share for start, end, share in zip(low, high, shares, strict=True)]
+
+
 def direction(rng: Generator) -> np.ndarray:
     """A unit vector (3,), every direction alike."""
-    z, azimuth = rng.uniform(-1.0, 1.0), rng.uniform(-math.pi, math.pi)
+    z, azimuth = uniform(rng, (-1.0, -math.pi), (1.0, math.pi))
     across = math.sqrt(1 - z * z)
     return np.array([across * math.cos(azimuth), across * math.sin(azimuth), z])
 
@@ -31,7 +37,7 @@ def any_rotation(rng: Generator) -> np.ndarray:
     first, second, third = rng.normal(size=(3, 3)).T
     first = _unit(first)
     second = _unit(second - (first * second).sum() * first)
-    across = np.cross(first, second)
+    across = cross(first, second)
     side = math.copysign(1.0, (across * third).sum())
     return np.column_stack([side * first, side * second, across])
 
@@ -63,7 +69,7 @@ def principal_axes(body: Body) -> np.ndarray:
         axis = projector[:, _first_largest(sizes)]
         axis = _unit(axis)
         chosen.append(math.copysign(1.0, axis[_first_largest(np.abs(axis))]) * axis)
-    chosen[2] = np.cross(chosen[0], chosen[1])
+    chosen[2] = cross(chosen[0], chosen[1])
     return np.column_stack(chosen)
 
 

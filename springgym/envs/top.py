@@ -12,13 +12,14 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, rigid_velocities, solid_top, stretched_shapes, top
+from springgym.bodies.rotations import cross
 from springgym.checks import flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import long_tail, spinning, thrift
-from springgym.envs.starts import tilted
+from springgym.envs.starts import tilted, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -145,7 +146,7 @@ class SpringTop(Task):
         return ObservedParticles((*ring, self.upper), reach, WANTED * outwards + 2.0 * reach)
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        drawn = rng.uniform((0.1, -math.pi, self.spins[0]), (0.6, math.pi, self.spins[1])).tolist()
+        drawn = uniform(rng, (0.1, -math.pi, self.spins[0]), (0.6, math.pi, self.spins[1]))
         tilt = number(options, "tilt", drawn[0], 0.0, FALLEN)
         azimuth = number(options, "azimuth", drawn[1], -math.pi, math.pi)
         spin = number(options, "spin", drawn[2], -FASTEST, FASTEST)
@@ -153,7 +154,7 @@ class SpringTop(Task):
         softer = math.sqrt(factors["masses"] / factors["stiffness"])
         positions = factors["scale"] * self._shape(spin * softer) @ turn.T
         tip = positions[self.body.particle("tip")]
-        return Start(positions, rigid_velocities(positions, spin * turn[:, 2], tip))
+        return Start(positions, cross(spin * turn[:, 2], positions - tip))
 
     @property
     def limits(self) -> np.ndarray:

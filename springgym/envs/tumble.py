@@ -11,14 +11,15 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, from_points, rigid_velocities
+from springgym.bodies import Body, from_points
+from springgym.bodies.rotations import cross
 from springgym.checks import flag, whole
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import number
 from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
-from springgym.envs.starts import ORIGIN, any_rotation
+from springgym.envs.starts import any_rotation, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -158,9 +159,9 @@ class SpringTumble(Task):
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         turn, omega = any_rotation(rng), rng.uniform(-4.0, 4.0, 3)
-        drawn_height, drawn_distance, bearing = rng.uniform(
-            (0.5, 0.5, -math.pi), (0.9, self.farthest, math.pi)
-        ).tolist()
+        drawn_height, drawn_distance, bearing = uniform(
+            rng, (0.5, 0.5, -math.pi), (0.9, self.farthest, math.pi)
+        )
         height = number(options, "height", drawn_height, 0.4, 5.0)
         distance = number(options, "distance", drawn_distance, 0.0, 3.0)
         corner = int(rng.integers(4))
@@ -168,7 +169,7 @@ class SpringTumble(Task):
             corner = whole("reset option 'corner'", options.pop("corner"), 0, len(CORNERS) - 1)
         arm = factors["scale"] * self._shape @ turn.T
         goal = (distance * math.cos(bearing), distance * math.sin(bearing), 0.0, corner)
-        velocities = rigid_velocities(arm, omega, ORIGIN)
+        velocities = cross(omega, arm)
         return Start(arm + np.array([0.0, 0.0, height]), velocities, goal)
 
     @property
