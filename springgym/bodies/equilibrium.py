@@ -105,11 +105,12 @@ class StretchedShapes:
     coefficients: np.ndarray
     """(5, N, 3), of the powers 4 … 0 of (spin/fastest)²"""
 
-    def __call__(self, spin: float) -> np.ndarray:
-        """The shape (N, 3) at a spin [rad/s]."""
-        spin = number("spin", spin)
-        powers = (spin / self.fastest) ** POWERS
-        return np.dot(powers, self.coefficients.reshape(5, -1)).reshape(self.coefficients.shape[1:])
+    def __call__(self, spin: float | np.ndarray) -> np.ndarray:
+        """The shape (N, 3) at a spin [rad/s], or shapes (k, N, 3) at several (k,)."""
+        spins = array("spin", spin, (), (None,))
+        powers = (spins / self.fastest)[..., None, None] ** POWERS
+        shapes = powers @ self.coefficients.reshape(5, -1)
+        return shapes.reshape(*spins.shape, *self.coefficients.shape[1:])
 
 
 def stretched_shapes(body: Body, axis: Any, fastest: float, pinned: tuple[int, ...] = ()) -> StretchedShapes:

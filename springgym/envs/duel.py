@@ -37,6 +37,7 @@ RING, RADIUS, HEIGHT, MASS, STIFFNESS = 12, 0.5, 0.5, 10.0, 2e5  # of each top
 BOWL = 4.0  # radius of the bowl [m]
 RIM = 1.1  # a top is out from this distance of its centre of mass from the middle [m]
 FALLEN = 0.7  # tilt [rad]; at 0.79 it lies on its side
+STEEPEST = 0.35  # at the start; from 0.37 on, two that lean to each other touch [rad]
 APART = 0.65  # how far each starts from the middle [m]
 SPINS = (22.0, 30.0)  # [rad/s], of either sign
 FORCE = 40.0  # on the crown [N]
@@ -230,7 +231,7 @@ class SpringDuel(Task):
         turn = tilted(azimuth, tilt)
         shape = factors["scale"] * self._shape(spin * math.sqrt(factors["masses"] / factors["stiffness"]))
         arm = (shape - shape[self._tip]) @ turn.T
-        steepness = math.asin(APART / BOWL)
+        steepness = math.asin(factors["scale"] * APART / BOWL)
         inwards = (BOWL - height) * math.sin(steepness)
         foot = np.array([inwards * math.cos(bearing), inwards * math.sin(bearing), BOWL])
         foot[2] -= (BOWL - height) * math.cos(steepness)
@@ -250,7 +251,7 @@ class SpringDuel(Task):
         placed = []
         for n, whose in enumerate(("", "other_")):
             tilt, azimuth, spin, sense = uniform(rng, low, high)
-            tilt = number(options, f"{whose}tilt", tilt, 0.0, 0.45)
+            tilt = number(options, f"{whose}tilt", tilt, 0.0, STEEPEST)
             spin = number(options, f"{whose}spin", math.copysign(spin, sense), -SPINS[1], SPINS[1])
             placed.append(self._standing(bearing + n * math.pi, tilt, azimuth, spin, factors))
         (x, v), (others_x, others_v) = placed

@@ -208,24 +208,22 @@ class Episodes:
             raise
 
     def _begin(self, copies: np.ndarray, generators: Sequence[Generator], options: dict[str, Any]) -> Begun:
-        starts, drawn = [], []
-        for rng in generators:
-            left = dict(options)
-            factors = randomisation.drawn(self.ranges, rng, left)
-            starts.append(self.task.start(rng, left, factors))
-            drawn.append(factors)
-            if left:
-                raise ValueError(f"{type(self.task).__name__} has no reset option {next(iter(left))!r}")
-        positions = np.stack([s.positions for s in starts])
+        left = [dict(options) for _ in generators]
+        drawn = [
+            randomisation.drawn(self.ranges, rng, own) for rng, own in zip(generators, left, strict=True)
+        ]
+        positions, velocities, goals = self.task.draw_starts(generators, left, drawn)
+        for own in filter(None, left):
+            raise ValueError(f"{type(self.task).__name__} has no reset option {next(iter(own))!r}")
         self._check_strain(positions, drawn)
         before = [self._drawn(copy) for copy in copies] if self.ranges else []
         self._vary(copies, drawn)
         try:
-            self.simulator.place(positions, np.stack([s.velocities for s in starts]), copies)
+            self.simulator.place(positions, velocities, copies)
         except BaseException:
             self._vary(copies, before)
             raise
-        self.goal[copies] = [s.goal for s in starts]
+        self.goal[copies] = goals
         self.elapsed[copies] = 0
         self.held[copies] = 0
         self.action[copies] = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -12,14 +12,13 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, rigid_velocities, stretched_shapes, top
-from springgym.bodies.rotations import cross
 from springgym.checks import chosen, flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, spinning, thrift
-from springgym.envs.starts import tilted, uniform
+from springgym.envs.starts import standing, uniform
 from springgym.envs.task import Start, Task
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
@@ -153,33 +152,42 @@ class SpringFreeTop(Task):
         count = len(outwards)
         return ObservedParticles(tuple(range(count)), np.full(count, 0.5), WANTED * outwards + 0.5)
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+    def draw_starts(
+        self,
+        generators: Sequence[Generator],
+        options: Sequence[dict[str, Any]],
+        factors: Sequence[Mapping[str, float]],
+    ) -> Start:
         low = (0.02, -math.pi, self.spins[0], 0.0, -math.pi)
         high = (self.steepest, math.pi, self.spins[1], 1.0, math.pi)
-        drawn_tilt, azimuth, drawn_spin, share, bearing = uniform(rng, low, high)
-        tilt = number(options, "tilt", drawn_tilt, 0.0, FALLEN)
-        spin = number(options, "spin", drawn_spin, WANTED - BAND, WANTED + BAND)
-        away = number(options, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
-        turn = tilted(azimuth, tilt)
-        softer = math.sqrt(factors["masses"] / factors["stiffness"])
-        shape = factors["scale"] * self._shape(spin * softer)
-        arm = (shape - shape[self._tip]) @ turn.T
-        foot = np.array([away * math.cos(bearing), away * math.sin(bearing), self._height(factors)])
-        if self.surface == "bowl":
-            steepness = math.asin(away / BOWL)
-            inwards = (BOWL - foot[2]) * math.sin(steepness)
-            foot = np.array([inwards * math.cos(bearing), inwards * math.sin(bearing), 0.0])
-            foot[2] = BOWL - (BOWL - self._height(factors)) * math.cos(steepness)
-        positions = foot + arm
-        positions[:, 2] += self._lift(positions[self._others], self._height(factors))
-        return Start(positions, cross(spin * turn[:, 2], arm))
+        poses, feet, heights = [], [], []
+        for rng, own, varied in zip(generators, options, factors, strict=True):
+            tilt, azimuth, spin, share, bearing = uniform(rng, low, high)
+            tilt = number(own, "tilt", tilt, 0.0, FALLEN)
+            spin = number(own, "spin", spin, WANTED - BAND, WANTED + BAND)
+            away = number(own, "error", self.farthest * math.sqrt(share), 0.0, ARENA)
+            height = self._height(varied)
+            poses.append((azimuth, tilt, spin))
+            feet.append(self._foot(away, bearing, height))
+            heights.append(height)
+        arms, velocities = standing(self._shape, self._tip, np.array(poses), factors)
+        positions = np.array(feet)[:, None] + arms
+        positions[:, :, 2] += self._lift(positions[:, self._others], np.array(heights)[:, None])
+        return Start(positions, velocities)
 
-    def _lift(self, positions: np.ndarray, height: float) -> float:
-        """How far a top that leans its ring into the surface must be lifted for it to lie on the ring [m]."""
-        ground: Any = height
+    def _foot(self, away: float, bearing: float, height: float) -> tuple[float, float, float]:
+        """Where a tip stands that is ``height`` above the surface [m]."""
         if self.surface == "bowl":
-            ground = BOWL - np.sqrt((BOWL - height) ** 2 - (positions[:, :2] ** 2).sum(axis=1))
-        return max(0.0, float((ground - positions[:, 2]).max()))
+            steepness, radius = math.asin(away / BOWL), BOWL - height
+            away, height = radius * math.sin(steepness), BOWL - radius * math.cos(steepness)
+        return away * math.cos(bearing), away * math.sin(bearing), height
+
+    def _lift(self, positions: np.ndarray, height: np.ndarray) -> np.ndarray:
+        """How far tops that lean their rings into the surface must be lifted to lie on them [m], (k, 1)."""
+        ground = height
+        if self.surface == "bowl":
+            ground = BOWL - np.sqrt((BOWL - height) ** 2 - (positions[:, :, :2] ** 2).sum(axis=2))
+        return np.maximum((ground - positions[:, :, 2]).max(axis=1, keepdims=True), 0.0)
 
     @property
     def limits(self) -> np.ndarray:

@@ -7,12 +7,14 @@ returns: another version may choose others, and every seed start otherwise.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body
+from springgym.bodies.equilibrium import StretchedShapes
 from springgym.bodies.rotations import cross
 
 EQUAL = 1e-9
@@ -42,14 +44,41 @@ def any_rotation(rng: Generator) -> np.ndarray:
     return np.column_stack([side * first, side * second, across])
 
 
-def tilted(azimuth: float, tilt: float) -> np.ndarray:
-    """The rotation (3, 3) by ``tilt`` [rad] about y, then by ``azimuth`` [rad] about z.
+def tilted(azimuth: Any, tilt: Any) -> np.ndarray:
+    """The rotation (3, 3) by ``tilt`` [rad] about y, then ``azimuth`` [rad] about z; of (k,) each, (k, 3, 3).
 
     To the bit the product of two of `springgym.bodies.rotation`, in which a cosine c is 1 − (1 − c).
     """
     angles = np.array((azimuth, tilt))
-    (s, sine), (c, cosine) = np.sin(angles).tolist(), (1 - (1 - np.cos(angles))).tolist()
-    return np.array([[c * cosine, -s, c * sine], [s * cosine, c, s * sine], [-sine, 0.0, cosine]])
+    (s, sine), (c, cosine) = np.sin(angles), 1 - (1 - np.cos(angles))
+    turn = np.array([[c * cosine, -s, c * sine], [s * cosine, c, s * sine], [-sine, 0 * c, cosine]])
+    return turn if angles.ndim == 1 else np.ascontiguousarray(turn.transpose(2, 0, 1))
+
+
+def standing(
+    shape: StretchedShapes, tip: int, poses: np.ndarray, factors: Sequence[Mapping[str, float]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Tops that spin and lean, each with the factors of its episode's randomisation.
+
+    Parameters
+    ----------
+    shape
+        At any spin.
+    tip
+        The particle they stand on.
+    poses : (k, 3)
+        Azimuth and tilt [rad], and spin [rad/s].
+
+    Returns
+    -------
+    positions from the tip (k, N, 3) [m], velocities (k, N, 3) [m/s] if that is at rest
+    """
+    azimuth, tilt, spin = poses.T
+    softer = np.sqrt([own["masses"] / own["stiffness"] for own in factors])
+    shapes = np.array([own["scale"] for own in factors])[:, None, None] * shape(spin * softer)
+    turn = tilted(azimuth, tilt)
+    arms = (shapes - shapes[:, tip, None]) @ turn.transpose(0, 2, 1)
+    return arms, cross((spin[:, None] * turn[:, :, 2])[:, None], arms)
 
 
 def principal_axes(body: Body) -> np.ndarray:

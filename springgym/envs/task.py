@@ -29,13 +29,13 @@ MET, FAILED = -2, -1
 
 
 class Start(NamedTuple):
-    """How an episode starts."""
+    """How an episode starts, or how several do: (k, …)."""
 
     positions: np.ndarray
     """(N, 3) [m]"""
     velocities: np.ndarray
     """(N, 3) [m/s]"""
-    goal: Sequence[float] = ()
+    goal: Sequence[Any] = ()
     """what the task wants this time, of the length `Task.goal_size`"""
 
 
@@ -121,6 +121,23 @@ class Task:
         of this episode's randomisation, 1 if there is none.
         """
         raise NotImplementedError
+
+    def draw_starts(
+        self,
+        generators: Sequence[Generator],
+        options: Sequence[dict[str, Any]],
+        factors: Sequence[Mapping[str, float]],
+    ) -> Start:
+        """Draw the starts of k episodes, each as by `start`.
+
+        A task whose episodes often end may find them all at once instead, in less time.
+        """
+        each = [self.start(*own) for own in zip(generators, options, factors, strict=True)]
+        return Start(
+            np.stack([start.positions for start in each]),
+            np.stack([start.velocities for start in each]),
+            [start.goal for start in each],
+        )
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         """What the actuators do, as `Simulator.actuate` takes it, for clipped actions (n, A)."""

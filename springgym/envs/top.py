@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -12,14 +12,13 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, rigid_velocities, solid_top, stretched_shapes, top
-from springgym.bodies.rotations import cross
 from springgym.checks import flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import long_tail, spinning, thrift
-from springgym.envs.starts import tilted, uniform
+from springgym.envs.starts import standing, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -145,16 +144,22 @@ class SpringTop(Task):
         outwards = np.hypot(self.body.positions[:, 0], self.body.positions[:, 1])
         return ObservedParticles((*ring, self.upper), reach, WANTED * outwards + 2.0 * reach)
 
-    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        drawn = uniform(rng, (0.1, -math.pi, self.spins[0]), (0.6, math.pi, self.spins[1]))
-        tilt = number(options, "tilt", drawn[0], 0.0, FALLEN)
-        azimuth = number(options, "azimuth", drawn[1], -math.pi, math.pi)
-        spin = number(options, "spin", drawn[2], -FASTEST, FASTEST)
-        turn = tilted(azimuth, tilt)
-        softer = math.sqrt(factors["masses"] / factors["stiffness"])
-        positions = factors["scale"] * self._shape(spin * softer) @ turn.T
-        tip = positions[self.body.particle("tip")]
-        return Start(positions, cross(spin * turn[:, 2], positions - tip))
+    def draw_starts(
+        self,
+        generators: Sequence[Generator],
+        options: Sequence[dict[str, Any]],
+        factors: Sequence[Mapping[str, float]],
+    ) -> Start:
+        low, high = (0.1, -math.pi, self.spins[0]), (0.6, math.pi, self.spins[1])
+        poses = []
+        for rng, own in zip(generators, options, strict=True):
+            tilt, azimuth, spin = uniform(rng, low, high)
+            tilt = number(own, "tilt", tilt, 0.0, FALLEN)
+            azimuth = number(own, "azimuth", azimuth, -math.pi, math.pi)
+            poses.append((azimuth, tilt, number(own, "spin", spin, -FASTEST, FASTEST)))
+        return Start(
+            *standing(self._shape, self.body.particle("tip"), np.array(poses), factors), [()] * len(poses)
+        )
 
     @property
     def limits(self) -> np.ndarray:

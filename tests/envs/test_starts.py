@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from springgym.bodies import box, cube, rotation, top
-from springgym.envs.starts import any_rotation, direction, principal_axes, tilted
+from springgym.envs.duel import SPINS, STEEPEST, SpringDuel
+from springgym.envs.randomisation import RANDOMIZABLE
+from springgym.envs.starts import any_rotation, direction, principal_axes, tilted, uniform
 from tests import fuzz
 from tests.envs.cases import IDS, make, task_type
 
@@ -121,6 +123,48 @@ def test_every_direction_and_orientation_is_alike() -> None:
     for drawn in (turns, np.array([direction(rng) for _ in range(4000)])):
         assert np.abs(drawn.mean(axis=0)).max() < 5 / np.sqrt(3 * 4000)
         assert np.abs((drawn**2).mean(axis=0) - 1 / 3).max() < 5 * np.sqrt(4 / 45 / 4000)
+
+
+def test_numbers_are_drawn_as_numpy_does() -> None:
+    low, high = (-1.0, 0.3, 25.0), (np.pi, 0.3, 45.0)
+    ours, theirs = np.random.default_rng(5), np.random.default_rng(5)
+    for _ in range(1000):
+        assert uniform(ours, low, high) == theirs.uniform(low, high).tolist()
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_starts_found_at_once_are_those_of_each(env_id: str) -> None:
+    """To the bit: what a copy of a batch starts with does not depend on how many others start with it."""
+    task, rng = task_type(env_id)(), np.random.default_rng(1)
+    factors = [dict(zip(RANDOMIZABLE, rng.uniform(0.8, 1.2, 8), strict=True)) for _ in range(13)]
+
+    def starts(seeds: range) -> Any:
+        generators = [np.random.default_rng(seed) for seed in seeds]
+        return task.draw_starts(generators, [{} for _ in seeds], factors[seeds.start : seeds.stop])
+
+    every = starts(range(13))
+    for n in range(13):
+        for one, many in zip(starts(range(n, n + 1)), every, strict=True):
+            assert np.array_equal(one, many[n : n + 1])
+
+
+@pytest.mark.parametrize("scale", [0.8, 1.0, 1.2])
+def test_the_steepest_tops_of_a_duel_do_not_touch(scale: float) -> None:
+    """Both lean to the middle: no draw of bearings brings them nearer."""
+    task = task_type("SpringDuel-v0")()
+    assert isinstance(task, SpringDuel)
+    factors = {"masses": 1.0, "stiffness": 1.0, "gravity": 1.0, "scale": scale}
+
+    def start(tilt: float) -> None:
+        one, other = (
+            task._standing(bearing, tilt, bearing + np.pi, SPINS[1], factors)
+            for bearing in (0.7, 0.7 + np.pi)
+        )
+        task.scene.check_start(*(np.concatenate(both) for both in zip(one, other, strict=True)))
+
+    start(STEEPEST)
+    with pytest.raises(ValueError, match="deep in each other"):
+        start(STEEPEST + 0.03)
 
 
 @pytest.mark.parametrize("env_id", ["SpringDetumble-v0", "SpringTumble-v0"])
