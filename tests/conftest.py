@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
+import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadScopeScheduling
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -16,3 +19,22 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 settings.register_profile("springgym", derandomize=True, deadline=None)
 settings.register_profile("explore", derandomize=False, deadline=None, max_examples=1000)
 settings.load_profile("springgym")
+
+COLLIDING = ("tests/collisions/", "SpringBalance", "SpringShove", "SpringJuggle", "SpringDuel", "self_play")
+"""In the names of tests of bodies that collide."""
+
+
+class ByWhatIsCompiled(LoadScopeScheduling):
+    """Runs the tests of a file in one process, and so all of bodies that collide.
+
+    Their steps take the longest to compile, and have parts in common that a process compiles once.
+    """
+
+    def _split_scope(self, nodeid: str) -> str:
+        if any(word in nodeid for word in COLLIDING):
+            return "colliding"
+        return nodeid.partition("::")[0]
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByWhatIsCompiled:
+    return ByWhatIsCompiled(config, log)

@@ -167,6 +167,7 @@ def test_every_way_to_meet(speed: float, most: float) -> None:
     assert worst[1].max() < most / 6
 
 
+@pytest.mark.slow
 def test_through_each_other_in_half_a_step() -> None:
     """At v h = Δ crossed edges pass each other within half a step: the history of signs brings them back."""
     gained, misses = [], []

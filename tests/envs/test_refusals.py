@@ -19,6 +19,7 @@ from springgym.measures import Measures
 from springgym.scene import Scene, ThrustActuator
 from springgym.simulator import STRAIN_LIMIT
 from springgym.surfaces import floor
+from tests import fuzz
 from tests.envs.cases import IDS, QUICK, each_id, make, make_vec, task_type
 from tests.envs.test_contract import answered, same
 from tests.envs.test_states import frozen
@@ -85,7 +86,7 @@ def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
         for junk in JUNK:
             if name == "opponent" and callable(junk) and not isinstance(junk, type):
                 continue  # a function is asked when it is to act
-            if type(junk) is int and junk == FREE_OF_LOSS.get(name):
+            if isinstance(junk, (int, np.ndarray)) and np.array_equal(junk, FREE_OF_LOSS.get(name)):
                 continue  # another scene, which is compiled: as good as any
             for env in tried(lambda name=name, junk=junk: kind(**{name: junk}), name):
                 made += 1
@@ -127,12 +128,13 @@ def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> No
     env.reset(seed=3)
     env.step(np.zeros(env.action_space.shape, np.float32))
     names = [*options(env_id), "mood", *(("reset_mask",) if copies else ())]
+    right, _ = fuzz.allowed(make(env_id))[names[0]]
     calls = [({"options": {name: junk}}, name) for name in names for junk in JUNK]
     calls += [({"options": {"randomize": {factor: junk}}}, factor) for junk in JUNK]
     calls += [({"options": {"randomize": junk}}, "randomize") for junk in JUNK]
     calls += [({"options": junk}, "option") for junk in JUNK]
     calls += [({"seed": junk}, "seed") for junk in JUNK]
-    calls += [({"seed": 1, "options": {"mood": 1}}, "mood"), ({"options": {"x": 1, names[0]: 0.4}}, "x")]
+    calls += [({"seed": 1, "options": {"mood": 1}}, "mood"), ({"options": {"x": 1, names[0]: right}}, "x")]
     taken = 0
     before = frozen(env)
     for given, name in calls:

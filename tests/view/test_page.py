@@ -17,6 +17,7 @@ bodies:
     body: {kind: top, mass: 6}
     pinned: [tip]
     start: {tilt: 0.3, spin: 40, position: [3, 0, 0]}
+collisions: none
 trace: right.crown
 duration: 0.1
 """
