@@ -54,12 +54,17 @@ def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
     yield case("SyncVectorEnv", _stepping(sync, _actions(sync.action_space)), 128, copies=64)
     for copies in (64, 1024):
         for threads in (1, 2) if top else (1,):
-            env = gym.make_vec(env_id, num_envs=copies, threads=threads, **NATIVE)  # type: ignore[arg-type]
-            env.reset(seed=0)
-            run = _stepping(env, _actions(env.action_space))
+            run = _native(env_id, copies, threads)
             yield case("native", run, 2 * copies, copies=copies, threads=threads)
         if top:
             yield _compiled_alone(env_id, copies, facts)
+    if top:  # the most there is
+        _, median, worst, _ = error_per_step(env_id, 3, 10, dtype="float32")
+        rounded = facts | {"error": median, "worst": worst}
+        for threads in (1, 2):
+            run = _native(env_id, 4096, threads, dtype="float32")
+            what = {"environment": env_id, "how": "native, float32", "copies": 4096, "threads": threads}
+            yield Case(what, run, 2 * 4096, facts=rounded)
     try:
         from springgym.envs.sb3 import make_sb3
     except ImportError:
@@ -104,6 +109,14 @@ def _single(env_id: str) -> Callable[[], None]:
                 env.reset()
 
     return run
+
+
+def _native(env_id: str, copies: int, threads: int, **options: Any) -> Callable[[], None]:
+    """2 steps of a native batch."""
+    how: dict[str, Any] = NATIVE | {"threads": threads} | options
+    env = gym.make_vec(env_id, num_envs=copies, **how)
+    env.reset(seed=0)
+    return _stepping(env, _actions(env.action_space))
 
 
 def _stepping(envs: Any, actions: np.ndarray) -> Callable[[], None]:
@@ -153,14 +166,15 @@ def error_per_step(
     episodes: int,
     steps: int,
     references: Callable[[Task, float], tuple[Simulator, ...]] = finer,
+    **options: Any,
 ) -> tuple[float, float, float, float]:
     """Step h [s]; median and largest error of the particles after a control period, by the body's size,
     and how far the other references are from the first at the most.
 
     Each control period, with a random action, is repeated by the references from the same state. Episodes
-    are left after so many steps.
+    are left after so many steps. ``options`` are those of the environment.
     """
-    env: Any = gym.make(env_id)
+    env: Any = gym.make(env_id, **options)
     at = env.unwrapped.episodes
     task, step = at.task, at.simulator.step
     sizes = task.scene.sizes
