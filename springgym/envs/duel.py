@@ -13,7 +13,6 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, stretched_shapes, top
-from springgym.bodies.rotations import cross
 from springgym.checks import chosen, shown
 from springgym.compiling import compiled, kernel
 from springgym.envs import observation as observing
@@ -21,7 +20,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, values
 from springgym.envs.options import number
 from springgym.envs.rewards import angle_of, gaussian, thrift
-from springgym.envs.starts import tilted, uniform
+from springgym.envs.starts import above_bowl, standing, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
@@ -228,14 +227,10 @@ class SpringDuel(Task):
         """Positions and velocities of a top that stands on its tip in the bowl."""
         weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
         height = rest_height(weight, STRENGTH, REACH)
-        turn = tilted(azimuth, tilt)
-        shape = factors["scale"] * self._shape(spin * math.sqrt(factors["masses"] / factors["stiffness"]))
-        arm = (shape - shape[self._tip]) @ turn.T
-        steepness = math.asin(factors["scale"] * APART / BOWL)
-        inwards = (BOWL - height) * math.sin(steepness)
-        foot = np.array([inwards * math.cos(bearing), inwards * math.sin(bearing), BOWL])
-        foot[2] -= (BOWL - height) * math.cos(steepness)
-        return foot + arm, cross(spin * turn[:, 2], arm)
+        away, height = above_bowl(BOWL, factors["scale"] * APART, height)
+        foot = np.array([away * math.cos(bearing), away * math.sin(bearing), height])
+        arms, velocities = standing(self._shape, self._tip, np.array([(azimuth, tilt, spin)]), [factors])
+        return foot + arms[0], velocities[0]
 
     @cached_property
     def particles(self) -> ObservedParticles:

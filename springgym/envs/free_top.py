@@ -18,7 +18,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
 from springgym.envs.rewards import gaussian, spinning, thrift
-from springgym.envs.starts import standing, uniform
+from springgym.envs.starts import above_bowl, standing, uniform
 from springgym.envs.task import Start, Task
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
@@ -178,8 +178,7 @@ class SpringFreeTop(Task):
     def _foot(self, away: float, bearing: float, height: float) -> tuple[float, float, float]:
         """Where a tip stands that is ``height`` above the surface [m]."""
         if self.surface == "bowl":
-            steepness, radius = math.asin(away / BOWL), BOWL - height
-            away, height = radius * math.sin(steepness), BOWL - radius * math.cos(steepness)
+            away, height = above_bowl(BOWL, away, height)
         return away * math.cos(bearing), away * math.sin(bearing), height
 
     def _lift(self, positions: np.ndarray, height: np.ndarray) -> np.ndarray:

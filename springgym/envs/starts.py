@@ -81,6 +81,15 @@ def standing(
     return arms, cross((spin[:, None] * turn[:, :, 2])[:, None], arms)
 
 
+def above_bowl(radius: float, away: float, height: float) -> tuple[float, float]:
+    """How far from a bowl's axis and how high a point is [m].
+
+    It is ``height`` above the bowl, along the normal of a place that is ``away`` from the axis.
+    """
+    steepness, left = math.asin(away / radius), radius - height
+    return left * math.sin(steepness), radius - left * math.cos(steepness)
+
+
 def principal_axes(body: Body) -> np.ndarray:
     """The principal axes about the centre of mass, ascending by moment: the columns of a rotation (3, 3).
 

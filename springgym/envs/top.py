@@ -157,9 +157,7 @@ class SpringTop(Task):
             tilt = number(own, "tilt", tilt, 0.0, FALLEN)
             azimuth = number(own, "azimuth", azimuth, -math.pi, math.pi)
             poses.append((azimuth, tilt, number(own, "spin", spin, -FASTEST, FASTEST)))
-        return Start(
-            *standing(self._shape, self.body.particle("tip"), np.array(poses), factors), [()] * len(poses)
-        )
+        return Start(*standing(self._shape, self.body.particle("tip"), np.array(poses), factors))
 
     @property
     def limits(self) -> np.ndarray:
