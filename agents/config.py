@@ -74,6 +74,8 @@ class NetworkConfig(Config):
     gamma: float
     net_arch: list[int]
     activation: Literal["tanh", "relu"]
+    anneal: bool = False
+    """whether the learning rate falls to 0 in a straight line"""
     normalize: bool = False
     log_every: int = 4096
     checkpoint_every: int = 32768

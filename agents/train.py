@@ -64,7 +64,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, filter_excluded_keys
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
-from stable_baselines3.common.utils import safe_mean
+from stable_baselines3.common.utils import LinearSchedule, safe_mean
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from tensorboard.compat.proto.event_pb2 import Event, SessionLog
 from tensorboard.compat.proto.summary_pb2 import Summary
@@ -146,7 +146,9 @@ def _new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
     common: dict[str, Any] = {
         "policy": "MlpPolicy",
         "env": VecNormalize(env, gamma=config.gamma) if config.normalize else env,
-        "learning_rate": config.learning_rate,
+        "learning_rate": LinearSchedule(config.learning_rate, 0.0, 1.0)
+        if config.anneal
+        else config.learning_rate,
         "batch_size": config.batch_size,
         "gamma": config.gamma,
         "seed": run.seed,
