@@ -51,7 +51,9 @@ def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> An
             train_batch_size_per_learner=options.runners * options.copies * config.n_steps,
             minibatch_size=config.batch_size,
             num_epochs=config.n_epochs,
-            lr=config.learning_rate,
+            lr=[[0, config.learning_rate], [config.total_timesteps, 0.0]]
+            if config.anneal
+            else config.learning_rate,
             gamma=config.gamma,
             lambda_=config.gae_lambda,
             clip_param=0.2,

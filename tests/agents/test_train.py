@@ -127,8 +127,8 @@ def test_killed_and_resumed_run_equals_one_in_one_go(finished, tmp_path):
 
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
 def test_interrupted_run_with_normalisation(algo, tmp_path, monkeypatch, capsys):
-    """Ctrl-C, and running statistics; for SAC a replay buffer and several optimisers."""
-    options = ["--set", "normalize=true", f"total_timesteps={4096 if algo == 'ppo' else 1600}",
+    """Ctrl-C; running statistics, a learning rate that falls; of SAC a replay buffer, several optimisers."""
+    options = ["--set", "normalize=true", "anneal=true", f"total_timesteps={4096 if algo == 'ppo' else 1600}",
                "--episodes", "4", "--seed", "3"]  # fmt: skip
     assert train.main(start(tmp_path / "one", *options, algo=algo)) == 0
     monkeypatch.setattr(toy_env, "interrupt_at", 300 if algo == "ppo" else 130)
@@ -173,6 +173,15 @@ def test_stop_before_the_first_checkpoint(tmp_path, monkeypatch):
     monkeypatch.setattr(toy_env, "interrupt_at", None)
     assert train.main(["--resume", str(folder), "--episodes", "4"]) == 0
     assert [row["timesteps"] for row in rows(folder)] == ["512", "1024"]
+
+
+def test_a_learning_rate_falls_to_nothing(tmp_path):
+    options = ["--set", "anneal=true", "--timesteps", "2048", "--episodes", "0"]
+    assert train.main(start(tmp_path / "run", *options)) == 0
+    log = EventAccumulator(str(tmp_path / "run" / "tensorboard"))
+    log.Reload()
+    rates = [event.value for event in log.Scalars("train/learning_rate")]
+    np.testing.assert_allclose(rates, 3e-3 * (1 - np.arange(1, len(rates) + 1) / 4), rtol=1e-6)
 
 
 def test_finished_run_trains_on_for_longer(tmp_path):
