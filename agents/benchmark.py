@@ -26,7 +26,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import MISSING, Field, dataclass, fields
 from functools import partial
 from hashlib import sha256
 from importlib.util import find_spec
@@ -170,8 +170,20 @@ def asked(cell: Cell, plan: Plan) -> Any:
 
 
 def digest(cell: Cell, plan: Plan) -> str:
-    """A few letters that change with the configuration of a cell."""
-    return sha256(repr(asked(cell, plan)).encode()).hexdigest()[:8]
+    """A few letters that change with the configuration of a cell: with fields that have not their default."""
+    config = asked(cell, plan)
+    given = (
+        {}
+        if config is None
+        else {own.name: (getattr(config, own.name), usual(own)) for own in fields(config)}
+    )
+    told = {name: value for name, (value, default) in given.items() if value != default}
+    return sha256(repr(told).encode()).hexdigest()[:8]
+
+
+def usual(field: Field[Any]) -> Any:
+    """What a field is if it is not given; `MISSING` if it has to be."""
+    return field.default if field.default_factory is MISSING else field.default_factory()
 
 
 def probe(task: str) -> float:
