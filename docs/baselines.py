@@ -79,8 +79,8 @@ The first command trains and evaluates everything, on all cores or on a Ray clus
 way, it goes on. The second writes this page. The same command, seed and machine give the same curve to the
 bit. *Linear* is a ← clip(W o + b) over the compact observation, found by the cross-entropy method;
 *classical* is the controller in `agents/controllers.py`, which is not learned. Hyperparameters are those of
-`configs/`, of which PPO sees particles and the others the compact observation. A variant is trained with
-those of its environment.
+`configs/`, which say what is observed, too: PPO sees particles where nothing is said, the others the compact
+observation. A variant is trained with those of its environment.
 
 The rows are in `docs/baselines.json`, each with the versions and the commit it was made with, a digest of
 its configuration, and a probe of its task: the mean reward of given actions from given starts. A test holds

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import benchmark
 import pytest
@@ -256,3 +257,14 @@ def test_a_cluster_that_loses_a_node(configs, tmp_path):
         reference = tmp_path / f"reference-{seed}"
         assert train.main([TOY, "--seed", str(seed), "--run", str(reference), *config]) == 0
         assert_same_run(folder, reference)
+
+
+def test_digests_know_of_defaults():
+    """What is said and is so by default changes none: nor does a field that is new."""
+
+    def told(*overrides):
+        plan = benchmark.Plan(Path(), 100, overrides, None)
+        return benchmark.digest(benchmark.Cell("SpringTop-v0", "ppo", 0), plan)
+
+    assert told() == told("anneal=false") == told("env_kwargs={}")
+    assert len({told(), told("anneal=true"), told("learning_rate=1e-4"), told("env_kwargs.hard=true")}) == 4
