@@ -75,9 +75,13 @@ def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Ite
             start, stop = end[0] + cut[0] * unit, end[1] - cut[1] * unit
             items += rod(canvas, start, stop, radius, color)
 
-    for center, far, radius, color in zip(pixels, depth, radii, np.asarray(look.ball_colors), strict=False):
+    faces = x[np.asarray(look.triangles)]
+    for place, center, far, radius, color in zip(
+        x, pixels, depth, radii, np.asarray(look.ball_colors), strict=False
+    ):
         if radius > 0.0 and np.isfinite(center).all():
-            items.append((far, partial(canvas.ball, center, far, radius, color)))
+            key = min(far, nearest_under(canvas, faces, place, far, radius))
+            items.append((key, partial(canvas.ball, center, far, radius, color)))
 
     if strain is not None:
         springs = np.asarray(look.springs)
@@ -134,6 +138,26 @@ def mesh(
         for i in np.flatnonzero(drawn & np.isfinite(ends).all((1, 2))):
             items.append((near[i], partial(canvas.line, ends[i], 1.1 * OVERSAMPLE, dark[i])))
     return items
+
+
+def nearest_under(canvas: Canvas, faces: Array, place: Array, far: float, radius: float) -> float:
+    """The depth by which a ball is painted after all faces (T, 3, 3) that look at the eye and do not hide it.
+
+    It is outside of them, be their middles nearer.
+    """
+    if not len(faces):
+        return np.inf
+    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    looks = ((np.asarray(canvas.camera.eye) - faces[:, 0]) * normal).sum(axis=1) > 0.0
+    outside = ((place - faces[:, 0]) * normal).sum(axis=1) > 0.9 * radius
+    pixels, depth = canvas.image(faces)
+    center, _ = canvas.image(place)
+    size = radius * float(canvas.pixels_per_meter(far))
+    meets = (pixels.min(axis=1) <= center + size).all(axis=1)
+    meets &= (pixels.max(axis=1) >= center - size).all(axis=1)
+    under = looks & outside & meets
+    return float(depth[under].mean(axis=1).min()) * (1 - 1e-9) if under.any() else np.inf
 
 
 def one_by_one(

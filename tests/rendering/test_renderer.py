@@ -131,6 +131,17 @@ def test_balls_and_bars_hide_each_other_by_distance():
         assert strongest(pixel(picture, (-0.6, 0, 0))) == 0
 
 
+def test_a_ball_on_a_face_is_whole_though_its_middle_is_nearer():
+    """On its far end; below the face, the ball is hidden."""
+    above = Camera(eye=(0.0, -4.0, 3.0), target=(0.0, 0.0, 0.0), fov=FRONT.fov)
+    plate = np.array([(0, -1.2, 0), (0.8, 0.6, 0), (-0.8, 0.6, 0)])
+    look = Look(triangles=[(0, 1, 2)], triangle_colors=GREEN, radii=[0, 0, 0, 0.15], ball_colors=RED)
+    for height, seen in ((0.15, 0), (-0.15, 1)):
+        picture = draw(look, np.concatenate([plate, [(0, 0.2, height)]]), camera=above)
+        for across in (-0.1, 0.0, 0.1):
+            assert strongest(pixel(picture, (across, 0.2, height), above)) == seen
+
+
 def test_a_nearer_ball_hides_the_body_and_its_outline():
     look = Look(triangles=FACES, radii=[0, 0, 0, 0, 0.25], ball_colors=RED)
     positions = np.concatenate([CORNERS, [(0.2, -1.0, 0.2)]])
