@@ -172,12 +172,8 @@ def asked(cell: Cell, plan: Plan) -> Any:
 def digest(cell: Cell, plan: Plan) -> str:
     """A few letters that change with the configuration of a cell: with fields that have not their default."""
     config = asked(cell, plan)
-    given = (
-        {}
-        if config is None
-        else {own.name: (getattr(config, own.name), usual(own)) for own in fields(config)}
-    )
-    told = {name: value for name, (value, default) in given.items() if value != default}
+    known = () if config is None else fields(config)
+    told = {own.name: value for own in known if (value := getattr(config, own.name)) != usual(own)}
     return sha256(repr(told).encode()).hexdigest()[:8]
 
 

@@ -80,7 +80,7 @@ def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Ite
         x, pixels, depth, radii, np.asarray(look.ball_colors), strict=False
     ):
         if radius > 0.0 and np.isfinite(center).all():
-            key = min(far, nearest_under(canvas, faces, place, far, radius))
+            key = min(far, nearest_under(canvas, faces, place, center, far, radius))
             items.append((key, partial(canvas.ball, center, far, radius, color)))
 
     if strain is not None:
@@ -111,9 +111,7 @@ def mesh(
     """
     if not len(corners):
         return []
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    size = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal = normal / np.maximum(size, 1e-300)
+    normal, size = normals(corners)
     to_eye = np.asarray(canvas.camera.eye) - corners.mean(axis=1)
     to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True)
     facing = (normal * to_eye).sum(axis=1)
@@ -140,19 +138,26 @@ def mesh(
     return items
 
 
-def nearest_under(canvas: Canvas, faces: Array, place: Array, far: float, radius: float) -> float:
+def normals(faces: Array) -> tuple[Array, Array]:
+    """Unit normals (T, 3) of faces (T, 3, 3), and twice their areas (T, 1): where that is 0, so is the normal."""
+    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    return normal / np.maximum(size, 1e-300), size
+
+
+def nearest_under(
+    canvas: Canvas, faces: Array, place: Array, center: Array, far: float, radius: float
+) -> float:
     """The depth by which a ball is painted after all faces (T, 3, 3) that look at the eye and do not hide it.
 
     It is outside of them, be their middles nearer.
     """
     if not len(faces):
         return np.inf
-    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    normal, _ = normals(faces)
     looks = ((np.asarray(canvas.camera.eye) - faces[:, 0]) * normal).sum(axis=1) > 0.0
     outside = ((place - faces[:, 0]) * normal).sum(axis=1) > 0.9 * radius
     pixels, depth = canvas.image(faces)
-    center, _ = canvas.image(place)
     size = radius * float(canvas.pixels_per_meter(far))
     meets = (pixels.min(axis=1) <= center + size).all(axis=1)
     meets &= (pixels.max(axis=1) >= center - size).all(axis=1)

@@ -86,7 +86,7 @@ def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
         for junk in JUNK:
             if name == "opponent" and callable(junk) and not isinstance(junk, type):
                 continue  # a function is asked when it is to act
-            if isinstance(junk, (int, np.ndarray)) and np.array_equal(junk, FREE_OF_LOSS.get(name)):
+            if type(junk) in (int, np.ndarray) and np.array_equal(junk, FREE_OF_LOSS.get(name)):
                 continue  # another scene, which is compiled: as good as any
             for env in tried(lambda name=name, junk=junk: kind(**{name: junk}), name):
                 made += 1
