@@ -139,7 +139,7 @@ def mesh(
 
 
 def normals(faces: Array) -> tuple[Array, Array]:
-    """Unit normals (T, 3) of faces (T, 3, 3), and twice their areas (T, 1): where that is 0, so is the normal."""
+    """Unit normals (T, 3) of faces (T, 3, 3), and twice their areas (T, 1): where that is 0, both are."""
     normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     size = np.linalg.norm(normal, axis=1, keepdims=True)
     return normal / np.maximum(size, 1e-300), size
