@@ -284,27 +284,36 @@ def balance_torque(task: Task, observations: np.ndarray) -> np.ndarray:
     return _saturated(torque, task.limits)
 
 
-def shove_push(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringShove: push the box along its own axes, one after the other, beside its middle to turn it back.
+def _pushed(
+    seen: Mapping[str, np.ndarray],
+    lacking: np.ndarray,
+    along: np.ndarray,
+    turned: np.ndarray,
+    done: np.ndarray,
+) -> np.ndarray:
+    """Force (n, 2) in N on a ball that brings a box on and turns it back, by pushing at its faces.
 
-    In the axes of the box: the ball goes around it to the face from which it is to be pushed, the present one
-    as long as that serves, and to a place on it 0.25 m a radian off the middle. Its force is 8 kg/s times
-    what its velocity lacks, and what friction takes.
+    The ball goes around the box to the face from which it is to be pushed, and to a place on it 0.25 m a
+    radian off the middle. Its force is 8 kg/s times what its velocity lacks, and what friction takes.
+
+    Parameters
+    ----------
+    seen
+        What is observed: ``beside``, ``heading`` and ``pusher_velocity`` are needed.
+    lacking : (n, 2)
+        Way to where the box belongs, in its own axes [m].
+    along : (n,)
+        The axis, 0 or 1, along which it is to be pushed.
+    turned : (n,)
+        By how much it is turned too far [rad].
+    done : (n,)
+        Whether the ball is to stop.
     """
-    seen = task.seen(observations)
-    rows = np.arange(len(observations))
-    cosine, sine = seen["heading"].T
-    heading = np.arctan2(sine, cosine)
-    turn = np.stack([np.stack([cosine, sine], axis=1), np.stack([-sine, cosine], axis=1)], axis=1)
-    lacking = -np.einsum("nij,nj->ni", turn, seen["place"])
+    rows, at, across = np.arange(len(along)), seen["beside"], 1 - along
+    turn = _axes(seen)
     velocity = np.einsum("nij,nj->ni", turn, seen["pusher_velocity"])
-    at = seen["beside"]
-    here = np.abs(at).argmax(axis=1)
-    serves = (np.abs(lacking[rows, here]) > 0.02) & (at[rows, here] * lacking[rows, here] < 0)
-    along = np.where(serves, here, np.abs(lacking).argmax(axis=1))
     side = -np.sign(lacking[rows, along])
-    across = 1 - along
-    beside = np.clip(-0.25 * heading * side * np.where(along == 0, 1, -1), -0.1, 0.1)
+    beside = np.clip(-0.25 * turned * side * np.where(along == 0, 1, -1), -0.1, 0.1)
     face = np.where(along == 0, np.where(side > 0, 0.0, np.pi), side * np.pi / 2)
     bearing = np.arctan2(at[:, 1], at[:, 0])
     around = (face - bearing + np.pi) % (2 * np.pi) - np.pi
@@ -319,13 +328,54 @@ def shove_push(task: Task, observations: np.ndarray) -> np.ndarray:
     closing[rows, across] = np.clip(5.0 * off, -0.5, 0.5)
     near = np.abs(around) < 0.75
     wanted[near] = closing[near]
-    done = (np.abs(lacking).max(axis=1) < 0.03) & (np.abs(heading) < 0.12)
     wanted[done] = 0.0
     size = np.maximum(np.linalg.norm(wanted, axis=1, keepdims=True), 0.02)
     force = 8.0 * (wanted - velocity) + 4.0 * wanted / size
     pushing = near & (gap < 0.03) & ~done
     force[rows, along] -= side * 4.0 * pushing * aligned
-    return _saturated(np.einsum("nji,nj->ni", turn, force), task.limits)
+    return np.einsum("nji,nj->ni", turn, force)
+
+
+def _axes(seen: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The first two axes (n, 2, 2) of a box that is turned by its ``heading``, in rows."""
+    cosine, sine = seen["heading"].T
+    return np.stack([np.stack([cosine, sine], axis=1), np.stack([-sine, cosine], axis=1)], axis=1)
+
+
+def shove_push(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringShove: push the box along its own axes, one after the other, beside its middle to turn it back.
+
+    From the present face as long as that serves.
+    """
+    seen = task.seen(observations)
+    rows = np.arange(len(observations))
+    heading = np.arctan2(seen["heading"][:, 1], seen["heading"][:, 0])
+    lacking = -np.einsum("nij,nj->ni", _axes(seen), seen["place"])
+    at = seen["beside"]
+    here = np.abs(at).argmax(axis=1)
+    serves = (np.abs(lacking[rows, here]) > 0.02) & (at[rows, here] * lacking[rows, here] < 0)
+    along = np.where(serves, here, np.abs(lacking).argmax(axis=1))
+    done = (np.abs(lacking).max(axis=1) < 0.03) & (np.abs(heading) < 0.12)
+    return _saturated(_pushed(seen, lacking, along, heading, done), task.limits)
+
+
+def stack_push(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringStack: bring the box before the block, then over the edge, steering it by its heading.
+
+    Sideways while it is 0.35 m and more from the block, and 0.18 m and more aside, or 0.06 m if the ball is
+    at that face already. On the way it is to be turned to where the block is, up to 0.4 rad; within 0.2 m of
+    it, as the block is.
+    """
+    seen = task.seen(observations)
+    turned = np.arctan2(seen["turned"][:, 1], seen["turned"][:, 0])
+    ahead, aside = -seen["way"].T
+    lacking = np.einsum("nij,nj->ni", _axes(seen), -seen["way"])
+    here = np.abs(seen["beside"]).argmax(axis=1)
+    sideways = (ahead > 0.35) & (np.abs(lacking[:, 1]) > np.where(here == 1, 0.06, 0.18))
+    steered = np.clip(aside / np.maximum(ahead - 0.1, 0.05), -0.4, 0.4)
+    turned -= np.where(sideways, 0.0, steered * np.clip(10.0 * ahead - 1.0, 0.0, 1.0))
+    done = (np.hypot(ahead, aside) < 0.02) | (lacking[:, 0] < 0.01) & (ahead < 0.2)
+    return _saturated(_pushed(seen, lacking, np.where(sideways, 1, 0), turned, done), task.limits)
 
 
 def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.ndarray:
@@ -404,6 +454,7 @@ CLASSICAL: dict[str, dict[str, Controller]] = {
     "SpringFreeTop-v0": {"push": free_top_push},
     "SpringBalance-v0": {"torque": balance_torque},
     "SpringShove-v0": {"push": shove_push},
+    "SpringStack-v0": {"push": stack_push},
     "SpringJuggle-v0": {"wrench": juggle_wrench},
     "SpringDuel-v0": {"push": duel_push},
 }

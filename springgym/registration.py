@@ -46,6 +46,7 @@ ENVIRONMENTS = (
     Row("SpringFreeTop-v0", "free_top", "SpringFreeTop", 500, 450.0, "standard"),
     Row("SpringBalance-v0", "balance", "SpringBalance", 500, 425.0, "standard"),
     Row("SpringShove-v0", "shove", "SpringShove", 250, 150.0, "standard"),
+    Row("SpringStack-v0", "stack", "SpringStack", 300, 150.0, "standard"),
     Row("SpringJuggle-v0", "juggle", "SpringJuggle", 500, 400.0, "standard"),
     Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "standard"),
 )

@@ -45,9 +45,42 @@ PUSHER_SPEED = 1.0  # the same of the pusher's velocity [m/s]
 
 
 @compiled
-def heading_of(m: Measures, c: Any) -> Any:
-    """The angle of the box's first axis from the x axis [rad]."""
-    return math.atan2(m.side[c, BOX, 1], m.side[c, BOX, 0])
+def heading_of(m: Measures, c: Any, body: Any) -> Any:
+    """The angle of a body's first axis from the x axis [rad]."""
+    return math.atan2(m.side[c, body, 1], m.side[c, body, 0])
+
+
+@compiled
+def assess(m: Measures, c: Any, action: Any, error: Any, heading: Any, within: Any, out: Any) -> None:
+    """What is rewarded and told of a box that is so far from its place [m], and turned so far [rad].
+
+    It is there ``within`` so many metres, 0.2 rad, and at rest.
+    """
+    place, velocity = m.centre[c, BOX], m.centre_velocity[c, BOX]
+    apart = math.hypot(m.centre[c, PUSHER, 0] - place[0], m.centre[c, PUSHER, 1] - place[1])
+    speed = math.hypot(velocity[0], velocity[1]) + 0.2 * abs(m.angular_velocity[c, BOX, 2])
+    effort = thrift(action, c)
+    near = effort * (long_tail(error, 0.3, 0.03) + gaussian(error, 0.5, 0.03)) / 2
+    out["reward_approach"][c] = 0.05 * effort * gaussian(apart, 0.5, 0.3)
+    out["reward_near"][c] = 0.475 * near
+    out["reward_heading"][c] = 0.475 * near * gaussian(heading, 0.8, 0.05)
+    out["error"][c] = error
+    out["heading"][c] = heading
+    out["speed"][c] = speed
+    out["met"][c] = error < within and abs(heading) < 0.2 and speed < 0.1
+
+
+@compiled
+def see_pusher(m: Measures, c: Any, observation: Any, first: Any) -> None:
+    """Put where the ball is, from the box, and the same along the axes of that, into four numbers."""
+    heading = heading_of(m, c, BOX)
+    cosine, sine = math.cos(heading), math.sin(heading)
+    dx = m.centre[c, PUSHER, 0] - m.centre[c, BOX, 0]
+    dy = m.centre[c, PUSHER, 1] - m.centre[c, BOX, 1]
+    observation[c, first] = dx / NEAR_UNIT
+    observation[c, first + 1] = dy / NEAR_UNIT
+    observation[c, first + 2] = (cosine * dx + sine * dy) / NEAR_UNIT
+    observation[c, first + 3] = (cosine * dy - sine * dx) / NEAR_UNIT
 
 
 @kernel
@@ -61,19 +94,8 @@ def evaluate(
     out: np.ndarray,
 ) -> None:
     for c in range(out.shape[0]):
-        place, velocity = m.centre[c, BOX], m.centre_velocity[c, BOX]
-        error, heading = math.hypot(place[0], place[1]), heading_of(m, c)
-        apart = math.hypot(m.centre[c, PUSHER, 0] - place[0], m.centre[c, PUSHER, 1] - place[1])
-        speed = math.hypot(velocity[0], velocity[1]) + 0.2 * abs(m.angular_velocity[c, BOX, 2])
-        effort = thrift(action, c)
-        near = effort * (long_tail(error, 0.3, 0.03) + gaussian(error, 0.5, 0.03)) / 2
-        out["reward_approach"][c] = 0.05 * effort * gaussian(apart, 0.5, 0.3)
-        out["reward_near"][c] = 0.475 * near
-        out["reward_heading"][c] = 0.475 * near * gaussian(heading, 0.8, 0.05)
-        out["error"][c] = error
-        out["heading"][c] = heading
-        out["speed"][c] = speed
-        out["met"][c] = error < 0.08 and abs(heading) < 0.2 and speed < 0.1
+        error = math.hypot(m.centre[c, BOX, 0], m.centre[c, BOX, 1])
+        assess(m, c, action, error, heading_of(m, c, BOX), 0.08, out)
         gone = max(error, math.hypot(m.centre[c, PUSHER, 0], m.centre[c, PUSHER, 1])) > ARENA
         out["failed"][c] = gone or m.axis[c, BOX, 2] < 0.7
 
@@ -88,21 +110,15 @@ def compact(
     observation: np.ndarray,
 ) -> None:
     for c in range(observation.shape[0]):
-        heading = heading_of(m, c)
-        cosine, sine = math.cos(heading), math.sin(heading)
-        dx = m.centre[c, PUSHER, 0] - m.centre[c, BOX, 0]
-        dy = m.centre[c, PUSHER, 1] - m.centre[c, BOX, 1]
+        heading = heading_of(m, c, BOX)
         for axis in range(2):
             observation[c, axis] = m.centre[c, BOX, axis] / WAY_UNIT
             observation[c, 2 + axis] = m.centre_velocity[c, BOX, axis] / SPEED_UNIT
             observation[c, 11 + axis] = m.centre_velocity[c, PUSHER, axis] / PUSHER_SPEED
-        observation[c, 4] = cosine
-        observation[c, 5] = sine
+        observation[c, 4] = math.cos(heading)
+        observation[c, 5] = math.sin(heading)
         observation[c, 6] = m.angular_velocity[c, BOX, 2] / TURNING_UNIT
-        observation[c, 7] = dx / NEAR_UNIT
-        observation[c, 8] = dy / NEAR_UNIT
-        observation[c, 9] = (cosine * dx + sine * dy) / NEAR_UNIT
-        observation[c, 10] = (cosine * dy - sine * dx) / NEAR_UNIT
+        see_pusher(m, c, observation, 7)
 
 
 class SpringShove(Task):

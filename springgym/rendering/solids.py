@@ -44,14 +44,17 @@ def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Ite
     """Surface, bars, balls, and the springs if their strains are given."""
     whole = np.asarray(look.opacity)
     opacity = whole if strain is None else np.minimum(whole, _GLASS)
+    faces = x[np.asarray(look.triangles)]
+    normal, _ = normals(faces)
+    keys = depths(canvas, faces, normal, look.solids)
     items = mesh(
         canvas,
-        x[np.asarray(look.triangles)],
+        faces,
         np.asarray(look.triangle_colors),
         opacity,
         two_sided=whole < 1.0,
         edges=look.edges[(opacity[look.edges[:, [0, 2]]] == 1.0).all(axis=1)],
-        solids=look.solids,
+        keys=keys,
     )
     radii = np.asarray(look.radii)
     pixels, depth = canvas.image(x)
@@ -75,12 +78,13 @@ def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Ite
             start, stop = end[0] + cut[0] * unit, end[1] - cut[1] * unit
             items += rod(canvas, start, stop, radius, color)
 
-    faces = x[np.asarray(look.triangles)]
     for place, center, far, radius, color in zip(
         x, pixels, depth, radii, np.asarray(look.ball_colors), strict=False
     ):
         if radius > 0.0 and np.isfinite(center).all():
-            key = min(far, nearest_under(canvas, faces, place, center, far, radius))
+            size = radius * float(canvas.pixels_per_meter(far))
+            under = keys[beneath(canvas, faces, normal, place, center, size, radius)]
+            key = min(far, under.min(initial=np.inf) * (1 - 1e-9))
             items.append((key, partial(canvas.ball, center, far, radius, color)))
 
     if strain is not None:
@@ -101,13 +105,12 @@ def mesh(
     opacity: ArrayLike = 1.0,
     two_sided: ArrayLike = False,
     edges: NDArray[np.intp] | None = None,
-    solids: NDArray[np.intp] | None = None,
+    keys: Array | None = None,
 ) -> list[Item]:
     """Lit triangles (T, 3, 3): the faces turned to the eye, and those that are two-sided, (T,) or all.
 
-    ``edges`` (`Look.edges`) are outlined where they are sharp or bound the silhouette. Of several ``solids``
-    (`Look.solids`) one is painted whole before the next: what lies on a large face may be farther than its
-    middle.
+    ``edges`` (`Look.edges`) are outlined where they are sharp or bound the silhouette. The faces are painted
+    in the order of ``keys`` (T,), the largest first, in place of that of their middles.
     """
     if not len(corners):
         return []
@@ -117,11 +120,9 @@ def mesh(
     facing = (normal * to_eye).sum(axis=1)
     paint = shade(colors, normal * np.sign(facing)[:, None], to_eye, canvas.light)
     pixels, depth = canvas.image(corners)
-    middle = depth.mean(axis=1)
+    middle = depth.mean(axis=1) if keys is None else keys
     seen = np.isfinite(pixels).all((1, 2)) & (size[:, 0] > 0.0)
     seen &= (facing > 0.0) | np.asarray(two_sided)
-    if solids is not None and len(solids) and solids.max() > 0:
-        middle = one_by_one(solids, corners, normal, middle, pixels, np.asarray(canvas.camera.eye))
     alpha = np.rint(255 * np.broadcast_to(opacity, len(corners))).astype(int).tolist()
     items: list[Item] = [
         (middle[i], partial(canvas.polygon, pixels[i], paint[i], alpha[i])) for i in np.flatnonzero(seen)
@@ -145,24 +146,34 @@ def normals(faces: Array) -> tuple[Array, Array]:
     return normal / np.maximum(size, 1e-300), size
 
 
-def nearest_under(
-    canvas: Canvas, faces: Array, place: Array, center: Array, far: float, radius: float
-) -> float:
-    """The depth by which a ball is painted after all faces (T, 3, 3) that look at the eye and do not hide it.
+def depths(canvas: Canvas, corners: Array, normal: Array, solids: NDArray[np.intp]) -> Array:
+    """Depths (T,) by which faces (T, 3, 3) are painted: those of their middles, if they are of one solid.
 
-    It is outside of them, be their middles nearer.
+    Of several ``solids`` (`Look.solids`) one is painted whole before the next: what lies on a large face may
+    be farther than its middle.
     """
-    if not len(faces):
-        return np.inf
-    normal, _ = normals(faces)
-    looks = ((np.asarray(canvas.camera.eye) - faces[:, 0]) * normal).sum(axis=1) > 0.0
-    outside = ((place - faces[:, 0]) * normal).sum(axis=1) > 0.9 * radius
-    pixels, depth = canvas.image(faces)
-    size = radius * float(canvas.pixels_per_meter(far))
+    pixels, depth = canvas.image(corners)
+    middle = depth.mean(axis=1) if len(depth) else np.zeros(0)
+    if not len(solids) or solids.max() == 0:
+        return middle
+    return one_by_one(solids, corners, normal, middle, pixels, np.asarray(canvas.camera.eye))
+
+
+def beneath(
+    canvas: Canvas, corners: Array, normal: Array, place: Array, center: Array, size: float, radius: float
+) -> NDArray[np.bool_]:
+    """Which faces (T, 3, 3) a ball hides, if any: they look at the eye, and it is outside of them.
+
+    Their middles may be nearer than the ball's. ``center`` and ``size`` are its place and radius in pixels.
+    """
+    if not len(corners):
+        return np.zeros(0, bool)
+    looks = ((np.asarray(canvas.camera.eye) - corners[:, 0]) * normal).sum(axis=1) > 0.0
+    outside = ((place - corners[:, 0]) * normal).sum(axis=1) > 0.9 * radius
+    pixels, _ = canvas.image(corners)
     meets = (pixels.min(axis=1) <= center + size).all(axis=1)
     meets &= (pixels.max(axis=1) >= center - size).all(axis=1)
-    under = looks & outside & meets
-    return float(depth[under].mean(axis=1).min()) * (1 - 1e-9) if under.any() else np.inf
+    return looks & outside & meets
 
 
 def one_by_one(

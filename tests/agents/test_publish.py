@@ -12,7 +12,7 @@ import watch
 from runs import TRAINED
 
 CARDS = sorted(TRAINED.glob("*/card.json"))
-DEAR = ("SpringShove-v0", "SpringJuggle-v0", "SpringDuel-v0")
+DEAR = ("SpringShove-v0", "SpringStack-v0", "SpringJuggle-v0", "SpringDuel-v0")
 """What takes long to compile is left to slow runs, but for one of those whose bodies collide."""
 
 

@@ -25,6 +25,7 @@ RATES = {
     ("SpringFreeTop-v0", "push"): (0.98, 0.90),
     ("SpringBalance-v0", "torque"): (0.98, 0.92),
     ("SpringShove-v0", "push"): (0.95, 0.65),
+    ("SpringStack-v0", "push"): (0.90, 0.53),
     ("SpringJuggle-v0", "wrench"): (0.95, 0.94),
     ("SpringDuel-v0", "push"): (0.57, 1.2e-3),
 }

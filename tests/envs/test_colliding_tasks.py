@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.envs import duel, juggle, parallel
+from springgym.envs import duel, juggle, parallel, shove, stack
 from tests.envs.cases import make, make_vec, task_type
 from tests.envs.playing import play
 from tests.envs.test_cheats import classical
@@ -107,6 +107,67 @@ def test_the_right_place_with_the_wrong_heading_is_no_success() -> None:
         _, more, *_, info = right.step(np.zeros(2))
     assert info["is_success"]
     assert more > reward + 0.1
+
+
+# --- SpringStack ----------------------------------------------------------------------------------------
+
+
+def on_the_block(env: gym.Env, aside: float) -> None:
+    """Set the box on the block, its middle so far from that of the block along the shelf [m]."""
+    simulator = env.unwrapped.episodes.simulator
+    x, v = simulator.positions, simulator.velocities
+    x[0, 1:9] = x[0, 9:17] + (0.0, aside, shove.SIDES[2] + 0.0149)
+    simulator.place(x, v)
+
+
+@pytest.mark.parametrize(("aside", "success"), [(0.0, True), (0.045, True), (0.08, False)])
+def test_a_box_on_the_block_is_stacked(aside: float, success: bool) -> None:
+    """The block carries it alone: nothing touches the shelf but the ball."""
+    env = make("SpringStack-v0")
+    env.reset(seed=0)
+    on_the_block(env, aside)
+    for _ in range(20):
+        *_, terminated, _, info = env.step(np.zeros(2))
+        assert not terminated
+    assert info["is_success"] == success
+    if success:
+        simulator = env.unwrapped.episodes.simulator
+        pairs = [{meeting.first, meeting.second} for meeting in simulator.scene.meetings]
+        touching = simulator.pairs().touching[0]
+        assert touching[pairs.index({shove.BOX, stack.BLOCK})]
+        assert not touching[pairs.index({shove.BOX, stack.SHELF})]
+
+
+def test_a_box_off_the_shelf_ends_the_episode() -> None:
+    """Pushed straight on, with all there is, from where the block is far aside."""
+    env = make("SpringStack-v0")
+    env.reset(seed=0, options={"heading": 0.0})
+    simulator = env.unwrapped.episodes.simulator
+    x, v = simulator.positions, simulator.velocities
+    x[0, 9:17, 1] += 0.6 - x[0, 9:17, 1].mean()
+    x[0, 1:9, :2] += (-0.3, -0.3) - x[0, 1:9, :2].mean(axis=0)
+    x[0, 0, :2] = -0.6, -0.3
+    simulator.place(x, v)
+    for _ in range(100):
+        *_, terminated, _, info = env.step(np.array([0.9, 0.0]))
+        if terminated:
+            break
+    assert terminated
+    assert not info["diverged"]
+    assert not info["is_success"]
+
+
+def test_pushing_straight_at_the_block_does_not_pay() -> None:
+    """To push the box at the block, whichever way it is turned, earns less than a fifth of the honest way."""
+
+    def hasty(seen: np.ndarray) -> np.ndarray:
+        way = -seen[:, 9:11]
+        return way / np.linalg.norm(way, axis=1, keepdims=True)
+
+    cheat = play("SpringStack-v0", hasty, COPIES, observation="frame")
+    honest = play("SpringStack-v0", classical("SpringStack-v0"), COPIES, observation="frame")
+    assert not cheat.successes.any()
+    assert cheat.returns.mean() < 0.2 * honest.returns.mean()
 
 
 # --- SpringJuggle ---------------------------------------------------------------------------------------

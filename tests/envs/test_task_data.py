@@ -182,6 +182,12 @@ def of_several(task: Task, m: Any, goal: np.ndarray) -> dict[str, np.ndarray]:
         beside = np.column_stack([(heading * away).sum(axis=1), (across * away).sum(axis=1)])
         known = {"place": level[:, 1], "velocity": fast[:, 1], "heading": heading, "pusher": away}
         known |= {"beside": beside, "pusher_velocity": fast[:, 0]}
+        if "way" in names:
+            of_block = m.side[:, 2, :2] / np.linalg.norm(m.side[:, 2, :2], axis=1, keepdims=True)
+            cosine = (heading * of_block).sum(axis=1)
+            sine = of_block[:, 0] * heading[:, 1] - of_block[:, 1] * heading[:, 0]
+            known |= {"way": level[:, 1] - level[:, 2], "turned": np.column_stack([cosine, sine])}
+            known["pusher_place"] = level[:, 0]
         return known | {"turning": m.angular_velocity[:, 1, 2:]}
     spin = np.sum(m.angular_velocity * m.axis, axis=-1, keepdims=True)
     across = turning - spin * axis

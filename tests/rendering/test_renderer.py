@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.error import DependencyNotInstalled
 
+from springgym.bodies import box
 from springgym.rendering import Arrow, Camera, Look, Marks, Renderer, Scenery, two_tone
 from springgym.rendering.canvas import lamp, shade
 from springgym.rendering.renderer import CHORDS, _curve
@@ -140,6 +141,19 @@ def test_a_ball_on_a_face_is_whole_though_its_middle_is_nearer():
         picture = draw(look, np.concatenate([plate, [(0, 0.2, height)]]), camera=above)
         for across in (-0.1, 0.0, 0.1):
             assert strongest(pixel(picture, (across, 0.2, height), above)) == seen
+
+
+def test_a_ball_on_one_of_several_bodies_is_whole():
+    """On the far end of a slab, of which the sides and the lower face are nearer; behind a box, it is not."""
+    above = Camera(eye=(0.0, -4.0, 3.0), target=(0.0, 0.0, 0.0), fov=FRONT.fov)
+    slab, block = box((1.6, 1.6, 0.2)), box((0.3, 0.2, 0.4))
+    faces = np.concatenate([slab.triangles, block.triangles + 8])
+    look = Look(triangles=faces, triangle_colors=GREEN, radii=[*[0] * 16, 0.1], ball_colors=RED)
+    for beside, seen in ((0.4, 0), (0.0, 1)):
+        standing = block.positions + np.array((0.0, 0.4, 0.3))
+        picture = draw(look, np.vstack([slab.positions, standing, (beside, 0.65, 0.2)]), camera=above)
+        for height in (0.13, 0.2, 0.27):
+            assert strongest(pixel(picture, (beside, 0.65, height), above)) == seen
 
 
 def test_a_nearer_ball_hides_the_body_and_its_outline():

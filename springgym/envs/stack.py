@@ -1,0 +1,298 @@
+"""SpringStack: a ball pushes a box from a shelf onto a block, so that it lies on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, ball, box, rotation
+from springgym.compiling import compiled, kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.options import number
+from springgym.envs.shove import (
+    BOX,
+    FORCE,
+    MASS,
+    NEAR_UNIT,
+    PUSHER,
+    PUSHER_SPEED,
+    RADIUS,
+    REACH,
+    SIDES,
+    SLIPPERY,
+    SPEED_UNIT,
+    STRENGTH,
+    TURNING_UNIT,
+    WAY_UNIT,
+    assess,
+    heading_of,
+    see_pusher,
+)
+from springgym.envs.starts import uniform
+from springgym.envs.task import Start, Task
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import BLUE, GREEN, ORANGE, RED, STEEL, TEAL
+from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
+from springgym.scenes import film
+from springgym.surfaces import Contact, floor
+from springgym.theory.contact import rest_height
+
+BLOCK, SHELF = 2, 3
+"""Numbers of the bodies; pusher and box are those of SpringShove."""
+
+SHELF_SIDES = (1.6, 1.8, 0.15)  # [m]
+TOP = 0.22  # of the shelf; that of the block lies 1 cm lower [m]
+FRICTION = 0.4  # of floor, shelf and block
+GAPS = (0.05, 0.08)  # between shelf and block [m]
+SUNK = 0.1  # below the shelf: what has fallen [m]
+
+
+@compiled
+def turned_of(m: Measures, c: Any) -> Any:
+    """How far the box is turned from the block, from −π to π [rad]."""
+    turned = heading_of(m, c, BOX) - heading_of(m, c, BLOCK)
+    return math.atan2(math.sin(turned), math.cos(turned))
+
+
+@kernel
+def evaluate(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    action: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    for c in range(out.shape[0]):
+        box, block = m.centre[c, BOX], m.centre[c, BLOCK]
+        error = math.hypot(box[0] - block[0], box[1] - block[1])
+        assess(m, c, action, error, turned_of(m, c), GAPS[0], out)
+        fallen = min(box[2] - SIDES[2] / 2, m.centre[c, PUSHER, 2] - RADIUS) < TOP - SUNK
+        out["failed"][c] = fallen or min(m.axis[c, BOX, 2], m.axis[c, BLOCK, 2]) < 0.7
+
+
+@kernel
+def compact(
+    m: Measures,
+    x: np.ndarray,
+    v: np.ndarray,
+    goal: np.ndarray,
+    parameters: np.ndarray,
+    observation: np.ndarray,
+) -> None:
+    for c in range(observation.shape[0]):
+        heading, turned = heading_of(m, c, BOX), turned_of(m, c)
+        for axis in range(2):
+            observation[c, axis] = (m.centre[c, BOX, axis] - m.centre[c, BLOCK, axis]) / WAY_UNIT
+            observation[c, 2 + axis] = m.centre_velocity[c, BOX, axis] / SPEED_UNIT
+            observation[c, 13 + axis] = m.centre_velocity[c, PUSHER, axis] / PUSHER_SPEED
+            observation[c, 15 + axis] = m.centre[c, PUSHER, axis] / WAY_UNIT
+        observation[c, 4] = math.cos(heading)
+        observation[c, 5] = math.sin(heading)
+        observation[c, 6] = math.cos(turned)
+        observation[c, 7] = math.sin(turned)
+        observation[c, 8] = m.angular_velocity[c, BOX, 2] / TURNING_UNIT
+        see_pusher(m, c, observation, 9)
+
+
+class SpringStack(Task):
+    """The MDP of `SpringStackEnv`, where it is described."""
+
+    actions: ClassVar = {"push": 2}
+    terms = ("approach", "near", "heading")
+    metrics = ("error", "heading", "speed")
+    entries = (
+        Entry("way", 2, WAY_UNIT),
+        Entry("velocity", 2, SPEED_UNIT),
+        Entry("heading", 2),
+        Entry("turned", 2),
+        Entry("turning", 1, TURNING_UNIT),
+        Entry("pusher", 2, NEAR_UNIT),
+        Entry("beside", 2, NEAR_UNIT),
+        Entry("pusher_velocity", 2, PUSHER_SPEED),
+        Entry("pusher_place", 2, WAY_UNIT),
+    )
+    period = 0.04
+    finest = 0.04 / 32
+    hold = 12
+    evaluate = staticmethod(evaluate)
+    compact = staticmethod(compact)
+
+    def __init__(self, observation: str = "particles", action: str = "push") -> None:
+        super().__init__(observation, action)
+        self.box: Body = box(SIDES, MASS, stiffness=1.8e4, damping=5.0)
+        self.shelf: Body = box(SHELF_SIDES, 8.0, stiffness=1.8e4, damping=5.0)
+        self.pusher = ball(RADIUS, MASS)
+
+    @cached_property
+    def scene(self) -> Scene:
+        factors = {"masses": 1.0, "gravity": 1.0, "scale": 1.0}
+        started = self._placed((-0.7, 0.0), 0.0, (-1.1, 0.0), (0.2, 0.0), factors)
+        smooth = Contact(friction=SLIPPERY, restitution=0.3, strength=STRENGTH, reach=REACH)
+        rough = replace(smooth, friction=FRICTION)
+        return Scene(
+            bodies=(
+                Placed(self.pusher, started[:1], thrust=ThrustActuator((0,)), name="pusher"),
+                Placed(self.box, started[1:9], name="box"),
+                Placed(self.box, started[9:17], name="block"),
+                Placed(self.shelf, started[17:], pinned=tuple(range(8)), name="shelf"),
+            ),
+            surfaces=(floor(),),
+            contact=rough,
+            collisions=rough,
+        )
+
+    def _placed(
+        self, place: Any, heading: float, pusher: Any, block: Any, factors: Mapping[str, float]
+    ) -> np.ndarray:
+        """Positions (25, 3) of all bodies; pusher and box lie on the shelf, the block on the floor [m]."""
+        scale, weight = factors["scale"], -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
+        lying = rest_height(weight / 4, STRENGTH, REACH)
+        turned = scale * self.box.positions @ rotation((0, 0, 1), heading).T
+        turned += (*place, TOP + lying + scale * SIDES[2] / 2)
+        still = scale * self.box.positions + (*block, lying + scale * SIDES[2] / 2)
+        shelf = scale * self.shelf.positions
+        shelf += (-shelf[:, 0].max(), 0.0, TOP - shelf[:, 2].max())
+        carried = TOP + RADIUS + rest_height(weight, STRENGTH, REACH)
+        return np.vstack([(*pusher, carried), turned, still, shelf])
+
+    @cached_property
+    def particles(self) -> ObservedParticles:
+        seen = (0, 1, 2, 3, 4, 9, 10, 11, 12)  # the pusher, the upper corners of box and block
+        level = tuple((particle, 2) for particle in seen)
+        return ObservedParticles(seen, np.full(25, 0.5), np.full(25, 0.5), skipped=level)
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        low = (-0.9, -0.3, -0.5, 0.35, math.pi / 2, GAPS[0], -0.3)
+        high = (-0.5, 0.3, 0.5, 0.6, 3 * math.pi / 2, GAPS[1], 0.3)
+        along, across, heading, apart, bearing, gap, aside = uniform(rng, low, high)
+        heading = number(options, "heading", heading, -math.pi, math.pi)
+        place = np.array([along, across])
+        pusher = place + apart * np.array([math.cos(bearing), math.sin(bearing)])
+        block = np.array([gap + factors["scale"] * SIDES[0] / 2, aside])
+        positions = self._placed(place, heading, pusher, block, factors)
+        return Start(positions, np.zeros_like(positions))
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.full(2, FORCE)
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        return {"pusher.thrust": FORCE * np.pad(action, ((0, 0), (0, 1)))[:, None]}
+
+    def look(self) -> Look:
+        shown = film.look(self.scene, None)
+        colors, faces = np.array(shown.triangle_colors), len(self.box.triangles)
+        colors[faces : 2 * faces] = colors[:faces]
+        colors[faces : 2 * faces][(colors[:faces] == BLUE).all(axis=1)] = TEAL
+        colors[2 * faces :] = STEEL
+        radii = np.append(RADIUS, np.zeros(24))
+        return replace(shown, triangle_colors=colors, radii=radii, ball_colors=ORANGE)
+
+    def camera(self) -> Camera:
+        return Camera.framing((-0.4, 0, 0.2), 2.0, elevation=0.6)
+
+    def scenery(self) -> Scenery:
+        return Scenery(floor=0.0)
+
+    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+        way = m.centre[BOX] - m.centre[BLOCK]
+        corners = x[9:13]
+        return Marks(
+            lines=[(corners[n], corners[n - 1]) for n in range(4)],
+            arrows=[
+                Arrow(m.centre[PUSHER], (0.4 * action[0], 0.4 * action[1], 0.0)),
+                Arrow(m.centre[BOX] + 0.1 * m.axis[BOX], 0.15 * m.side[BOX], GREEN),
+            ],
+            key=((GREEN, "bring this box onto the other, turned alike"), (RED, "push")),
+            text=(f"off its place {100 * math.hypot(way[0], way[1]):3.0f} cm",),
+        )
+
+
+class SpringStackEnv(SpringEnv, gym.Env):
+    """
+    ## Description
+    A box lies on a shelf, and beyond the shelf's edge a block stands on the floor. A ball pushes the box over
+    the edge, so that it comes to lie on the block, square on it. The ball can only push, and falls if it
+    follows too far; so does the box if it comes over the edge where the block is not. Box and block are of 8
+    corners and 28 springs each, the shelf is fixed. The ball is a single particle with a radius; it slides.
+
+    The shelf's edge is the y axis; the shelf lies at x < 0, 22 cm above the floor, and 1 cm above the block.
+
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`, held for a control period of 40 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"push"` | 0, 1 | force on the ball along x, y | ±12 N |
+
+    Friction on the shelf takes 4 N of it, that of the box another 4 N. Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–17 | positions x, y of the ball, and of the upper corners of box and block | 0.5 m |
+    | | 18–35 | their velocities x, y | 0.5 m/s |
+    | `"frame"` | 0, 1 | centre of the box x, y, from that of the block | 0.5 m |
+    | | 2, 3 | its velocity x, y | 0.5 m/s |
+    | | 4, 5 | cosine and sine of its heading | 1 |
+    | | 6, 7 | cosine and sine of the angle by which it is turned from the block | 1 |
+    | | 8 | how fast it turns | 2 rad/s |
+    | | 9, 10 | ball x, y, from the centre of the box | 0.3 m |
+    | | 11, 12 | the same along the box's own axes | 0.3 m |
+    | | 13, 14 | velocity x, y of the ball | 1 m/s |
+    | | 15, 16 | ball x, y, from the middle of the shelf's edge | 0.5 m |
+
+    ## Rewards
+    With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the distance e between the
+    centres of box and block as seen from above, the angle φ by which the box is turned from the block, the
+    distance a between ball and box and the effort E = 1 − 0.1 mean(a²), the reward is
+    E [0.05 G(a; 0.3, 0.5) + 0.95 N (1 + G(φ; 0.05, 0.8))/2] with N = [L(e; 0.03, 0.3) + G(e; 0.03, 0.5)]/2:
+    from 0 to 1. Its terms in `info` are `reward_approach`, `reward_near` and `reward_heading`, its three
+    products.
+
+    ## Starting State
+    All are at rest. The middle of the box is U(0.5, 0.9) m from the edge and U(−0.3, 0.3) m along it from its
+    middle; it is turned by U(−0.5, 0.5) rad. The ball lies U(0.35, 0.6) m from it, away from the edge. The
+    block stands U(0.05, 0.08) m from the shelf and U(−0.3, 0.3) m from the middle, turned as the shelf is.
+    `reset(options={"heading": …})` sets the angle by which the box is turned.
+
+    ## Episode End
+    Termination: box or ball are 0.1 m below the shelf, box or block are tipped over, or the simulation
+    diverged (`info["diverged"]`; reward 0). Truncation: 300 steps, 12 s. `info["is_success"]`: e < 0.05 m,
+    |φ| < 0.2 rad, and the box moves slower than 0.1 m/s (0.2 m times its turning added), for the last 12
+    steps. A box whose middle is so near the block's lies on the block alone, none of it on the shelf.
+
+    ## Information
+    `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`.
+    Of the pairs of bodies, since the episode began: `pairs_touching` now, `pairs_impulse` [N·s],
+    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`.
+
+    ## Arguments
+    - `observation`: above.
+    - `integrator` ("verlet"), `step` (1.25e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringStack
+
+
+class SpringStackVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+    """A native batch of `SpringStackEnv`."""
+
+    task_type = SpringStack
