@@ -38,6 +38,7 @@ RADIUS = 0.1  # of the pusher [m]
 FORCE = 12.0  # on the pusher; friction takes 4 N of it, and another 4 N from the box [N]
 SLIPPERY = 0.2  # friction between both
 REACH, STRENGTH = 0.015, 0.03  # of all contacts: Δ [m], c [N·m²]
+CLOSE = 0.08  # to its place, for success [m]
 ARENA = 1.8  # where an episode ends [m]
 WAY_UNIT, SPEED_UNIT, NEAR_UNIT, TURNING_UNIT = 0.5, 0.5, 0.3, 2.0
 """What the compact observation shows as 1: ways [m], speeds [m/s], ways between both [m], turning [rad/s]."""
@@ -51,11 +52,8 @@ def heading_of(m: Measures, c: Any, body: Any) -> Any:
 
 
 @compiled
-def assess(m: Measures, c: Any, action: Any, error: Any, heading: Any, within: Any, out: Any) -> None:
-    """What is rewarded and told of a box that is so far from its place [m], and turned so far [rad].
-
-    It is there ``within`` so many metres, 0.2 rad, and at rest.
-    """
+def assess(m: Measures, c: Any, action: Any, error: Any, heading: Any, out: Any) -> None:
+    """What is rewarded and told of a box that is so far from its place [m], and turned so far [rad]."""
     place, velocity = m.centre[c, BOX], m.centre_velocity[c, BOX]
     apart = math.hypot(m.centre[c, PUSHER, 0] - place[0], m.centre[c, PUSHER, 1] - place[1])
     speed = math.hypot(velocity[0], velocity[1]) + 0.2 * abs(m.angular_velocity[c, BOX, 2])
@@ -67,7 +65,7 @@ def assess(m: Measures, c: Any, action: Any, error: Any, heading: Any, within: A
     out["error"][c] = error
     out["heading"][c] = heading
     out["speed"][c] = speed
-    out["met"][c] = error < within and abs(heading) < 0.2 and speed < 0.1
+    out["met"][c] = error < CLOSE and abs(heading) < 0.2 and speed < 0.1
 
 
 @compiled
@@ -95,7 +93,7 @@ def evaluate(
 ) -> None:
     for c in range(out.shape[0]):
         error = math.hypot(m.centre[c, BOX, 0], m.centre[c, BOX, 1])
-        assess(m, c, action, error, heading_of(m, c, BOX), 0.08, out)
+        assess(m, c, action, error, heading_of(m, c, BOX), out)
         gone = max(error, math.hypot(m.centre[c, PUSHER, 0], m.centre[c, PUSHER, 1])) > ARENA
         out["failed"][c] = gone or m.axis[c, BOX, 2] < 0.7
 

@@ -52,7 +52,7 @@ BLOCK, SHELF = 2, 3
 SHELF_SIDES = (1.6, 1.8, 0.15)  # [m]
 TOP = 0.22  # of the shelf; that of the block lies 1 cm lower [m]
 FRICTION = 0.4  # of floor, shelf and block
-GAPS = (0.05, 0.08)  # between shelf and block [m]
+GAPS = (0.08, 0.1)  # between shelf and block [m]
 SUNK = 0.1  # below the shelf: what has fallen [m]
 
 
@@ -76,7 +76,7 @@ def evaluate(
     for c in range(out.shape[0]):
         box, block = m.centre[c, BOX], m.centre[c, BLOCK]
         error = math.hypot(box[0] - block[0], box[1] - block[1])
-        assess(m, c, action, error, turned_of(m, c), GAPS[0], out)
+        assess(m, c, action, error, turned_of(m, c), out)
         fallen = min(box[2] - SIDES[2] / 2, m.centre[c, PUSHER, 2] - RADIUS) < TOP - SUNK
         out["failed"][c] = fallen or min(m.axis[c, BOX, 2], m.axis[c, BLOCK, 2]) < 0.7
 
@@ -266,12 +266,12 @@ class SpringStackEnv(SpringEnv, gym.Env):
     ## Starting State
     All are at rest. The middle of the box is U(0.5, 0.9) m from the edge and U(−0.3, 0.3) m along it from its
     middle; it is turned by U(−0.5, 0.5) rad. The ball lies U(0.35, 0.6) m from it, away from the edge. The
-    block stands U(0.05, 0.08) m from the shelf and U(−0.3, 0.3) m from the middle, turned as the shelf is.
+    block stands U(0.08, 0.1) m from the shelf and U(−0.3, 0.3) m from the middle, turned as the shelf is.
     `reset(options={"heading": …})` sets the angle by which the box is turned.
 
     ## Episode End
     Termination: box or ball are 0.1 m below the shelf, box or block are tipped over, or the simulation
-    diverged (`info["diverged"]`; reward 0). Truncation: 300 steps, 12 s. `info["is_success"]`: e < 0.05 m,
+    diverged (`info["diverged"]`; reward 0). Truncation: 300 steps, 12 s. `info["is_success"]`: e < 0.08 m,
     |φ| < 0.2 rad, and the box moves slower than 0.1 m/s (0.2 m times its turning added), for the last 12
     steps. A box whose middle is so near the block's lies on the block alone, none of it on the shelf.
 
