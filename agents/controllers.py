@@ -422,7 +422,7 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
 
 
 def duel_push(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringDuel: go for the other top, pass it on the side that rolls off it, and stay upright and in the ring.
+    """SpringDuel: go for the other top, to the side that rolls off it, and stay upright and in the ring.
 
     40 N towards it and 20 N across, to the right of a top that spins to the left; 60 N a metre back to the
     middle, 16 kg/s against the own velocity and 20 kg/s along that of the other, from the own one. 6.8 ω₃ z×n
