@@ -19,7 +19,7 @@ from gymnasium import spaces
 from runs import HELD_OUT_SEED
 
 from springgym.bodies.rotations import axes
-from springgym.envs import detumble, free_top, juggle, top, tumble
+from springgym.envs import detumble, duel, free_top, juggle, top, tumble
 from springgym.envs.agent import Policy
 from springgym.envs.task import Task
 from springgym.registration import find
@@ -422,22 +422,8 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
 
 
 def duel_push(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringDuel: go for the other top, to the side that rolls off it, and stay upright and in the ring.
-
-    40 N towards it and 20 N across, to the right of a top that spins to the left; 60 N a metre back to the
-    middle, 16 kg/s against the own velocity and 20 kg/s along that of the other, from the own one. 6.8 ω₃ z×n
-    rights the top: a push F moves the crown by (h − l) z×F over the angular momentum I₃ω₃.
-    """
-    seen = task.seen(observations)
-    way = seen["other_centre"] / np.maximum(np.linalg.norm(seen["other_centre"], axis=1, keepdims=True), 1e-3)
-    attack = 40.0 * way - 20.0 * np.sign(seen["spin"]) * _left(way) + 20.0 * seen["other_velocity"]
-    stay = -60.0 * seen["centre"] - 16.0 * seen["velocity"]
-    return _saturated(attack + stay + 6.8 * seen["spin"] * _left(seen["axis"]), task.limits)
-
-
-def _left(vectors: np.ndarray) -> np.ndarray:
-    """z × v of level vectors (n, 2)."""
-    return np.stack([-vectors[:, 1], vectors[:, 0]], axis=1)
+    """SpringDuel: the strongest of its scripts, see `springgym.envs.duel.Script`."""
+    return duel.OPPONENTS["strong"](observations).astype(np.float32)
 
 
 def _dot(u: np.ndarray, w: np.ndarray) -> np.ndarray:

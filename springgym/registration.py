@@ -183,7 +183,7 @@ VARIANTS = (
         "SpringDuel-v0",
         {"opponent": "strong"},
         "standard",
-        "the opponent goes for the other with all it has, and rights itself",
+        "the opponent goes for the other with all it has, rolls off it, and rights itself",
     ),
 )
 
