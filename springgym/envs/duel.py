@@ -38,11 +38,13 @@ RIM = 1.1  # a top is out from this distance of its centre of mass from the midd
 FALLEN = 0.7  # tilt [rad]; at 0.79 it lies on its side
 STEEPEST = 0.35  # at the start; from 0.37 on, two that lean to each other touch [rad]
 APART = 0.65  # how far each starts from the middle [m]
+LARGEST = 1.6  # scale of tops that randomisation makes: it moves them apart, too
 SPINS = (22.0, 30.0)  # [rad/s], of either sign
 FORCE = 40.0  # on the crown [N]
 GRIP, REBOUND = 0.02, 0.2  # friction and restitution between both
 REACH, STRENGTH = 0.02, 0.8  # of all contacts: Δ [m], c [N·m²]
-SPIN_UNIT = 25.0  # what the compact observation shows as 1 [rad/s]
+WAY_UNIT, TILT_UNIT, SPIN_UNIT = 0.5, 0.2, 25.0
+"""What the compact observation shows as 1: ways [m], of the axis [1], spins [rad/s]."""
 SHAPED = 2e-3  # the largest reward of a step in which nothing is decided
 
 Opponent = Callable[[np.ndarray], np.ndarray]
@@ -109,9 +111,9 @@ def compact(
                 if n == 1:
                     place -= m.centre[c, own, axis]
                     velocity -= m.centre_velocity[c, own, axis]
-                observation[c, k + axis] = a * place
+                observation[c, k + axis] = a * place / WAY_UNIT
                 observation[c, k + 2 + axis] = a * velocity
-                observation[c, k + 4 + axis] = a * along[axis]
+                observation[c, k + 4 + axis] = a * along[axis] / TILT_UNIT
                 observation[c, k + 6 + axis] = a * (w[axis] - spin * along[axis])
             observation[c, k + 8] = spin / SPIN_UNIT
 
@@ -120,9 +122,9 @@ ENTRIES = tuple(
     Entry(f"{whose}{name}", size, unit)
     for whose in ("", "other_")
     for name, size, unit in (
-        ("centre", 2, 1.0),
+        ("centre", 2, WAY_UNIT),
         ("velocity", 2, 1.0),
-        ("axis", 2, 1.0),
+        ("axis", 2, TILT_UNIT),
         ("across", 2, 1.0),
         ("spin", 1, SPIN_UNIT),
     )
@@ -254,6 +256,9 @@ class SpringDuel(Task):
         )
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        if factors["scale"] > LARGEST:
+            found = factors["scale"]
+            raise ValueError(f"randomize makes tops of scale {found:.4g}; above {LARGEST} two leave the ring")
         bearing = rng.uniform(-math.pi, math.pi)
         low, high = (0.0, -math.pi, SPINS[0], -1.0), (0.08, math.pi, SPINS[1], 1.0)
         placed = []
@@ -362,14 +367,14 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     |---|---|---|---|
     | `"particles"` | 0–83 | positions of ring particles 0–11, crown and tip, own top first | 0.7 m |
     | | 84–167 | their velocities | 30 rad/s × its distance from the axis + 1 m/s |
-    | `"frame"` | 0, 1 | centre of mass x, y of the own top, from the middle | 1 m |
+    | `"frame"` | 0, 1 | centre of mass x, y of the own top, from the middle | 0.5 m |
     | | 2, 3 | its velocity x, y | 1 m/s |
-    | | 4, 5 | its axis x, y | 1 |
+    | | 4, 5 | its axis x, y | 0.2 |
     | | 6, 7 | its angular velocity across the axis, x, y | 1 rad/s |
     | | 8 | its spin | 25 rad/s |
-    | | 9, 10 | centre of mass x, y of the other top, from the own one's | 1 m |
+    | | 9, 10 | centre of mass x, y of the other top, from the own one's | 0.5 m |
     | | 11, 12 | its velocity x, y, less the own one's | 1 m/s |
-    | | 13, 14 | its axis x, y | 1 |
+    | | 13, 14 | its axis x, y | 0.2 |
     | | 15, 16 | its angular velocity across the axis, x, y | 1 rad/s |
     | | 17 | its spin | 25 rad/s |
 

@@ -183,7 +183,7 @@ class SpringShove(Task):
         away = number(options, "error", away, 0.0, 1.2)
         heading = number(options, "heading", heading, -math.pi, math.pi)
         place = np.array([away * math.cos(bearing), away * math.sin(bearing)])
-        pusher = place + factors["scale"] * apart * np.array([math.cos(side), math.sin(side)])
+        pusher = place + max(1.0, factors["scale"]) * apart * np.array([math.cos(side), math.sin(side)])
         positions = self._placed(pusher, place, heading, factors)
         return Start(positions, np.zeros_like(positions))
 

@@ -27,7 +27,6 @@ from springgym.envs.shove import (
     RADIUS,
     REACH,
     SIDES,
-    SLIPPERY,
     SPEED_UNIT,
     STRENGTH,
     TURNING_UNIT,
@@ -49,11 +48,12 @@ from springgym.theory.contact import rest_height
 BLOCK, SHELF = 2, 3
 """Numbers of the bodies; pusher and box are those of SpringShove."""
 
-SHELF_SIDES = (1.6, 1.8, 0.15)  # [m]
-TOP = 0.22  # of the shelf; that of the block lies 1 cm lower [m]
-FRICTION = 0.4  # of floor, shelf and block
+SHELF_SIDES = (1.7, 1.9, 0.15)  # [m]
+SMALLEST = 0.7  # scale of bodies that randomisation makes: the ball keeps its size
+TOP = 0.22  # of the shelf; that of the block lies 5 mm lower [m]
+FRICTION = 0.4  # of all contacts
 GAPS = (0.08, 0.1)  # between shelf and block [m]
-SUNK = 0.1  # below the shelf: what has fallen [m]
+SUNK = 0.1  # above the block's middle: the middle of what has fallen is lower [m]
 
 
 @compiled
@@ -77,7 +77,7 @@ def evaluate(
         box, block = m.centre[c, BOX], m.centre[c, BLOCK]
         error = math.hypot(box[0] - block[0], box[1] - block[1])
         assess(m, c, action, error, turned_of(m, c), out)
-        fallen = min(box[2] - SIDES[2] / 2, m.centre[c, PUSHER, 2] - RADIUS) < TOP - SUNK
+        fallen = min(box[2], m.centre[c, PUSHER, 2]) < block[2] + SUNK
         out["failed"][c] = fallen or min(m.axis[c, BOX, 2], m.axis[c, BLOCK, 2]) < 0.7
 
 
@@ -138,8 +138,7 @@ class SpringStack(Task):
     def scene(self) -> Scene:
         factors = {"masses": 1.0, "gravity": 1.0, "scale": 1.0}
         started = self._placed((-0.7, 0.0), 0.0, (-1.1, 0.0), (0.2, 0.0), factors)
-        smooth = Contact(friction=SLIPPERY, restitution=0.3, strength=STRENGTH, reach=REACH)
-        rough = replace(smooth, friction=FRICTION)
+        contact = Contact(friction=FRICTION, restitution=0.3, strength=STRENGTH, reach=REACH)
         return Scene(
             bodies=(
                 Placed(self.pusher, started[:1], thrust=ThrustActuator((0,)), name="pusher"),
@@ -148,8 +147,8 @@ class SpringStack(Task):
                 Placed(self.shelf, started[17:], pinned=tuple(range(8)), name="shelf"),
             ),
             surfaces=(floor(),),
-            contact=rough,
-            collisions=rough,
+            contact=contact,
+            collisions=contact,
         )
 
     def _placed(
@@ -157,13 +156,13 @@ class SpringStack(Task):
     ) -> np.ndarray:
         """Positions (25, 3) of all bodies; pusher and box lie on the shelf, the block on the floor [m]."""
         scale, weight = factors["scale"], -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
-        lying = rest_height(weight / 4, STRENGTH, REACH)
+        lying, top = rest_height(weight / 4, STRENGTH, REACH), scale * TOP
         turned = scale * self.box.positions @ rotation((0, 0, 1), heading).T
-        turned += (*place, TOP + lying + scale * SIDES[2] / 2)
+        turned += (*place, top + lying + scale * SIDES[2] / 2)
         still = scale * self.box.positions + (*block, lying + scale * SIDES[2] / 2)
         shelf = scale * self.shelf.positions
-        shelf += (-shelf[:, 0].max(), 0.0, TOP - shelf[:, 2].max())
-        carried = TOP + RADIUS + rest_height(weight, STRENGTH, REACH)
+        shelf += (-shelf[:, 0].max(), 0.0, top - shelf[:, 2].max())
+        carried = top + RADIUS + rest_height(weight, STRENGTH, REACH)
         return np.vstack([(*pusher, carried), turned, still, shelf])
 
     @cached_property
@@ -173,13 +172,18 @@ class SpringStack(Task):
         return ObservedParticles(seen, np.full(25, 0.5), np.full(25, 0.5), skipped=level)
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        low = (-0.9, -0.3, -0.5, 0.35, math.pi / 2, GAPS[0], -0.3)
-        high = (-0.5, 0.3, 0.5, 0.6, 3 * math.pi / 2, GAPS[1], 0.3)
+        scale = factors["scale"]
+        if scale < SMALLEST:
+            raise ValueError(
+                f"randomize makes bodies of scale {scale:.4g}; below {SMALLEST} the ball has no room"
+            )
+        low = (-0.9, -0.3, -0.5, 0.35, 2 * math.pi / 3, GAPS[0], -0.3)
+        high = (-0.5, 0.3, 0.5, 0.5, 4 * math.pi / 3, GAPS[1], 0.3)
         along, across, heading, apart, bearing, gap, aside = uniform(rng, low, high)
         heading = number(options, "heading", heading, -math.pi, math.pi)
-        place = np.array([along, across])
-        pusher = place + apart * np.array([math.cos(bearing), math.sin(bearing)])
-        block = np.array([gap + factors["scale"] * SIDES[0] / 2, aside])
+        place = scale * np.array([along, across])
+        pusher = place + max(1.0, scale) * apart * np.array([math.cos(bearing), math.sin(bearing)])
+        block = np.array([gap + scale * SIDES[0] / 2, scale * aside])
         positions = self._placed(place, heading, pusher, block, factors)
         return Start(positions, np.zeros_like(positions))
 
@@ -227,7 +231,7 @@ class SpringStackEnv(SpringEnv, gym.Env):
     follows too far; so does the box if it comes over the edge where the block is not. Box and block are of 8
     corners and 28 springs each, the shelf is fixed. The ball is a single particle with a radius; it slides.
 
-    The shelf's edge is the y axis; the shelf lies at x < 0, 22 cm above the floor, and 1 cm above the block.
+    The shelf's edge is the y axis; the shelf lies at x < 0, 22 cm above the floor, and 5 mm above the block.
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`, held for a control period of 40 ms.
@@ -264,16 +268,18 @@ class SpringStackEnv(SpringEnv, gym.Env):
     products.
 
     ## Starting State
-    All are at rest. The middle of the box is U(0.5, 0.9) m from the edge and U(−0.3, 0.3) m along it from its
-    middle; it is turned by U(−0.5, 0.5) rad. The ball lies U(0.35, 0.6) m from it, away from the edge. The
-    block stands U(0.08, 0.1) m from the shelf and U(−0.3, 0.3) m from the middle, turned as the shelf is.
+    All are at rest. The middle of the box is U(0.5, 0.9) m from the edge and U(−0.3, 0.3) m along it from
+    its middle; it is turned by U(−0.5, 0.5) rad. The ball lies U(0.35, 0.5) m from it, away from the edge by
+    up to 60°. The block stands U(0.08, 0.1) m from the shelf and U(−0.3, 0.3) m from its middle, turned as it
+    is.
     `reset(options={"heading": …})` sets the angle by which the box is turned.
 
     ## Episode End
-    Termination: box or ball are 0.1 m below the shelf, box or block are tipped over, or the simulation
-    diverged (`info["diverged"]`; reward 0). Truncation: 300 steps, 12 s. `info["is_success"]`: e < 0.08 m,
-    |φ| < 0.2 rad, and the box moves slower than 0.1 m/s (0.2 m times its turning added), for the last 12
-    steps. A box whose middle is so near the block's lies on the block alone, none of it on the shelf.
+    Termination: the middle of box or ball is less than 0.1 m above that of the block, for it has fallen; box
+    or block are tipped over; or the simulation diverged (`info["diverged"]`; reward 0). Truncation:
+    300 steps, 12 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and the box moves slower than 0.1 m/s
+    (0.2 m times its turning added), for the last 12 steps. A box whose middle is so near the block's lies on
+    the block alone, none of it on the shelf.
 
     ## Information
     `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`.

@@ -162,7 +162,7 @@ class SpringTumble(Task):
         drawn_height, drawn_distance, bearing = uniform(
             rng, (0.5, 0.5, -math.pi), (0.9, self.farthest, math.pi)
         )
-        height = number(options, "height", drawn_height, 0.4, 5.0)
+        height = number(options, "height", max(1.0, factors["scale"]) * drawn_height, 0.4, 5.0)
         distance = number(options, "distance", drawn_distance, 0.0, 3.0)
         corner = int(rng.integers(4))
         if "corner" in options:
