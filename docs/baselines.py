@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -28,8 +28,8 @@ from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa:
 ROWS, PAGE, FIGURE = HERE / "baselines.json", HERE / "baselines.md", HERE / "figures" / "baselines.svg"
 ALGORITHMS = ("zero", "random", "classical", "linear", "ppo", "sac", "tqc", "crossq")
 TRAINED = ALGORITHMS[3:]
-SEEDS = 3
-"""Of a task at the least, for an interval."""
+SEEDS, WIDE = 3, 5
+"""Seeds of a task, and such tasks, that an algorithm has at the least if it is compared with others."""
 TIMES = HERE / "learning_time.json"
 """What ``agents/learning_time.py`` measured."""
 CARDS = HERE.parent / "agents" / "trained"
@@ -87,7 +87,7 @@ its configuration, and a probe of its task: the mean reward of given actions fro
 them against the present ones. Seconds are those of one processor core, so they do not depend on what else
 the machine does.
 
-The interquartile mean over all runs and its 95 % intervals (a bootstrap, stratified by task) are those that
+The interquartile mean over all these runs and its 95 % intervals (a bootstrap, stratified by task) are those that
 Agarwal et al. recommend in [Deep reinforcement learning at the edge of the statistical
 precipice](https://arxiv.org/abs/2108.13264).
 """
@@ -123,31 +123,42 @@ def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """What a run costs by algorithm, and what all of its runs reach together.
+def compared(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
+    """The algorithms that are compared, and the tasks of which all of them have `SEEDS` seeds or more."""
+    seeds = Counter((row["algorithm"], row["task"]) for row in rows)
+    tasks = {
+        name: {task for (algorithm, task), n in seeds.items() if algorithm == name and n >= SEEDS}
+        for name in TRAINED
+    }
+    wide = [name for name in TRAINED if len(tasks[name]) >= WIDE]
+    return wide, sorted(set.intersection(*(tasks[name] for name in wide))) if wide else []
 
-    One seed has no spread: with tasks that have fewer than `SEEDS`, an interval would be too narrow.
-    """
+
+def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """What a run costs by algorithm, and what those that are compared reach in the same tasks."""
+    wide, tasks = compared(rows)
     lines = [
-        f"| algorithm | runs | steps each | seconds each | tasks with {SEEDS} seeds or more | "
-        "success in these, interquartile mean | 95 % interval |",
-        "|---|---|---|---|---|---|---|",
+        f"| algorithm | runs | steps each | seconds each | success in {len(tasks)} tasks, interquartile mean "
+        "| 95 % interval |",
+        "|---|---|---|---|---|---|",
     ]
     for name in TRAINED:
         runs = [row for row in rows if row["algorithm"] == name]
         if not runs:
             continue
-        scores = [seeds for seeds in by_task(runs) if len(seeds) >= SEEDS]
         reached = "| |"
-        if scores:
+        if name in wide:
+            scores = by_task([run for run in runs if run["task"] in tasks])
             low, high = interval(scores, interquartile_mean)
             mean = interquartile_mean(np.concatenate(scores))
             reached = f"{100 * mean:.0f} % | {100 * low:.0f}–{100 * high:.0f} % |"
         steps, seconds = (np.array([run[key] for run in runs]) for key in ("steps", "seconds"))
         lines.append(
             f"| {name} | {len(runs)} | {steps.min():,.0f}–{steps.max():,.0f} | {seconds.min():.0f}–"
-            f"{seconds.max():.0f} | {len(scores)} | {reached}"
+            f"{seconds.max():.0f} | {reached}"
         )
+    if tasks:
+        lines += ["", f"These have {SEEDS} seeds or more of all: {', '.join(f'`{task}`' for task in tasks)}."]
     return lines
 
 
@@ -203,7 +214,7 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
         "## Algorithms\n",
         *table_of_costs(rows),
         "",
-        "![Share of the runs above each success rate](figures/baselines.svg)\n",
+        "![Share of the runs in these tasks above each success rate](figures/baselines.svg)\n",
         *(table_of_times(read(TIMES)) if TIMES.exists() else []),
         AGENTS,
         *table_of_agents(),
@@ -223,9 +234,10 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
     matplotlib.rcParams["svg.hashsalt"] = "springgym"
     figure, axes = plt.subplots(figsize=(6, 3.2), layout="constrained")
     levels = np.linspace(0, 1, 101)
-    for name in TRAINED:
-        if runs := [row["success_rate"] for row in rows if row["algorithm"] == name]:
-            axes.step(100 * levels, 100 * profile(np.array(runs), levels), where="post", label=name)
+    wide, tasks = compared(rows)
+    for name in wide:
+        runs = [row["success_rate"] for row in rows if row["algorithm"] == name and row["task"] in tasks]
+        axes.step(100 * levels, 100 * profile(np.array(runs), levels), where="post", label=name)
     axes.set(xlabel="success, %", ylabel="runs above it, %", xlim=(0, 100), ylim=(0, 102))
     axes.grid(alpha=0.3)
     axes.legend()
