@@ -87,8 +87,8 @@ its configuration, and a probe of its task: the mean reward of given actions fro
 them against the present ones. Seconds are those of one processor core, so they do not depend on what else
 the machine does.
 
-The interquartile mean over all these runs and its 95 % intervals (a bootstrap, stratified by task) are those that
-Agarwal et al. recommend in [Deep reinforcement learning at the edge of the statistical
+The interquartile mean over these tasks and its 95 % intervals (a bootstrap, stratified by task) are those
+that Agarwal et al. recommend in [Deep reinforcement learning at the edge of the statistical
 precipice](https://arxiv.org/abs/2108.13264).
 """
 

@@ -17,7 +17,7 @@ from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
-from springgym.envs.rewards import gaussian, spinning, thrift
+from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import above_bowl, standing, uniform
 from springgym.envs.task import Start, Task
 from springgym.envs.top import tilt_of
@@ -210,7 +210,7 @@ class SpringFreeTop(Task):
         return Scenery(floor=0.0)
 
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        tilt, spin = math.acos(np.clip(m.axis[2], -1, 1)), float(m.angular_velocity @ m.axis)
+        tilt, spin = angle_of.py_func(m.axis[2]), float(m.angular_velocity @ m.axis)
         push = (0.5 * action[0], 0.5 * action[1], 0.0)
         return Marks(
             rings=[((0.0, 0.0, 0.0), INSIDE)],

@@ -18,7 +18,7 @@ from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
-from springgym.envs.rewards import angle_between, long_tail, spinning, thrift
+from springgym.envs.rewards import angle_between, angle_of, long_tail, spinning, thrift
 from springgym.envs.starts import direction, tilted, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
@@ -77,7 +77,7 @@ def compact(
 
 def turn_to(axis: np.ndarray) -> np.ndarray:
     """Rotation (3, 3) that takes the vertical to a unit vector."""
-    azimuth, tilt = math.atan2(axis[1], axis[0]), math.acos(np.clip(axis[2], -1.0, 1.0))
+    azimuth, tilt = math.atan2(axis[1], axis[0]), angle_of.py_func(axis[2])
     return tilted(azimuth, tilt)
 
 
@@ -172,7 +172,7 @@ class SpringGyroscope(Task):
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
         centre = x[self.body.particle("centre")]
         reach = float(np.linalg.norm(self.body.positions, axis=1).max())
-        angle = math.degrees(math.acos(np.clip(m.axis @ goal, -1, 1)))
+        angle = math.degrees(angle_of.py_func(m.axis @ goal))
         return Marks(
             balls=[(centre + 1.4 * reach * goal, 0.06 * reach)],
             arrows=[Arrow(centre, 1.3 * reach * goal, GREEN)],

@@ -17,7 +17,7 @@ from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
-from springgym.envs.rewards import gaussian, spinning, thrift
+from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
@@ -154,7 +154,7 @@ class SpringPendulum(Task):
         return Scenery(floor=-1.25 * length, vertical=((0.0, 0.0, 0.0), 1.25 * length))
 
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        tilt = math.degrees(math.acos(np.clip(m.axis[2], -1, 1)))
+        tilt = math.degrees(angle_of.py_func(m.axis[2]))
         speed = float(np.linalg.norm(m.angular_velocity))
         top = (0.0, 0.0, float(self.body.lengths.max()))
         impulse = ((RED, "impulse"),) if self.action == "impulse" else ()

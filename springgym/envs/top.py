@@ -17,7 +17,7 @@ from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import made, number
-from springgym.envs.rewards import long_tail, spinning, thrift
+from springgym.envs.rewards import angle_of, long_tail, spinning, thrift
 from springgym.envs.starts import standing, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
@@ -179,7 +179,7 @@ class SpringTop(Task):
         return Scenery(floor=0.0, vertical=((0.0, 0.0, 0.0), 1.2 * float(self.body.positions[:, 2].max())))
 
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        tilt, spin = math.acos(np.clip(m.axis[2], -1, 1)), float(m.angular_velocity @ m.axis)
+        tilt, spin = angle_of.py_func(m.axis[2]), float(m.angular_velocity @ m.axis)
         arrows = []
         if self.action == "impulse":
             arrows = [Arrow(x[self.upper], 0.4 * action)]
