@@ -257,7 +257,9 @@ def play(options: argparse.Namespace) -> int:
     if (options.run / "config.yaml").exists() or options.rate:
         run = open_run(options.run)
     else:
-        overrides = [] if options.timesteps is None else [f"total_timesteps={options.timesteps}"]
+        overrides = ["normalize=false"]  # the scales would have to be kept beside the model, to go on with
+        if options.timesteps is not None:
+            overrides.append(f"total_timesteps={options.timesteps}")
         run = create_run(Run(options.run, "ppo", ID, options.seed, load_config("ppo", ID, overrides)))
     with locked(run.folder):
         if not options.rate:
