@@ -43,8 +43,9 @@ SPINS = (22.0, 30.0)  # [rad/s], of either sign
 FORCE = 40.0  # on the crown [N]
 GRIP, REBOUND = 0.02, 0.2  # friction and restitution between both
 REACH, STRENGTH = 0.02, 0.8  # of all contacts: Δ [m], c [N·m²]
-WAY_UNIT, TILT_UNIT, SPIN_UNIT = 0.5, 0.2, 25.0
-"""What the compact observation shows as 1: ways [m], of the axis [1], spins [rad/s]."""
+WAY_UNIT, TILT_UNIT, SPIN_UNIT, MOMENTUM_UNIT = 0.5, 0.2, 25.0, 6.0
+"""What the compact observation shows as 1: ways [m], of the axis [1], spins [rad/s], momenta [kg·m²/s]."""
+SEEN = 11  # numbers that are observed of each top
 SHAPED = 2e-3  # the largest reward of a step in which nothing is decided
 
 Opponent = Callable[[np.ndarray], np.ndarray]
@@ -103,7 +104,7 @@ def compact(
     sign = 1.0 - 2.0 * own
     for c in range(observation.shape[0]):
         for n in range(2):
-            body, k = (own, 0) if n == 0 else (1 - own, 9)
+            body, k = (own, 0) if n == 0 else (1 - own, SEEN)
             along, w, a = m.axis[c, body], m.angular_velocity[c, body], sign
             spin = w[0] * along[0] + w[1] * along[1] + w[2] * along[2]
             for axis in range(2):
@@ -115,6 +116,7 @@ def compact(
                 observation[c, k + 2 + axis] = a * velocity
                 observation[c, k + 4 + axis] = a * along[axis] / TILT_UNIT
                 observation[c, k + 6 + axis] = a * (w[axis] - spin * along[axis])
+                observation[c, k + 9 + axis] = a * m.angular_momentum[c, body, axis] / MOMENTUM_UNIT
             observation[c, k + 8] = spin / SPIN_UNIT
 
 
@@ -127,6 +129,7 @@ ENTRIES = tuple(
         ("axis", 2, TILT_UNIT),
         ("across", 2, 1.0),
         ("spin", 1, SPIN_UNIT),
+        ("momentum", 2, MOMENTUM_UNIT),
     )
 )
 """What the compact observation is: of the other top, centre and velocity count from the own ones."""
@@ -372,11 +375,13 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     | | 4, 5 | its axis x, y | 0.2 |
     | | 6, 7 | its angular velocity across the axis, x, y | 1 rad/s |
     | | 8 | its spin | 25 rad/s |
-    | | 9, 10 | centre of mass x, y of the other top, from the own one's | 0.5 m |
-    | | 11, 12 | its velocity x, y, less the own one's | 1 m/s |
-    | | 13, 14 | its axis x, y | 0.2 |
-    | | 15, 16 | its angular velocity across the axis, x, y | 1 rad/s |
-    | | 17 | its spin | 25 rad/s |
+    | | 9, 10 | its angular momentum x, y | 6 kg·m²/s |
+    | | 11, 12 | centre of mass x, y of the other top, from the own one's | 0.5 m |
+    | | 13, 14 | its velocity x, y, less the own one's | 1 m/s |
+    | | 15, 16 | its axis x, y | 0.2 |
+    | | 17, 18 | its angular velocity across the axis, x, y | 1 rad/s |
+    | | 19 | its spin | 25 rad/s |
+    | | 20, 21 | its angular momentum x, y | 6 kg·m²/s |
 
     ## Rewards
     With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the tilt θ of the own top, its distance a and the
@@ -407,7 +412,7 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     - `opponent="guard"`: a top that goes back to the middle, and rights itself.
     - `opponent="strong"`: one that goes for the other with all it has, on the side on which it rolls off it,
       and rights itself and keeps to the middle. It wins 87 % of duels with the usual one.
-    - `opponent` may be any function of what it observes, too: as `"frame"` (n, 18), in axes that are turned
+    - `opponent` may be any function of what it observes, too: as `"frame"` (n, 22), in axes that are turned
       by half a turn, so that both players see the same duel; it returns actions (n, 2). Agents that are
       trained here with `observation="frame"` are such functions, see `springgym.envs.agent`.
     - `integrator` ("verlet"), `step` (1e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see

@@ -259,7 +259,7 @@ def test_the_opponent_is_asked_for_all_copies_at_once(observation: str) -> None:
         action = np.ones((3, 2), np.float32)
         first, second = (envs.step(action) for envs in pair)
         np.testing.assert_array_equal(first[0], second[0])
-    assert set(asked) == {(3, 18)}
+    assert set(asked) == {(3, 22)}
 
 
 @pytest.mark.parametrize(

@@ -195,6 +195,7 @@ def of_several(task: Task, m: Any, goal: np.ndarray) -> dict[str, np.ndarray]:
     known |= {"other_velocity": fast[:, 1] - fast[:, 0]}
     for n, whose in enumerate(("", "other_")):
         known |= {f"{whose}axis": axis[:, n], f"{whose}across": across[:, n], f"{whose}spin": spin[:, n]}
+        known[f"{whose}momentum"] = m.angular_momentum[:, n, :2]
     return known
 
 

@@ -20,6 +20,8 @@ each_variant = pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: 
 CLASSICAL_FAILS = {
     "SpringFreeTopRough-v0",  # the tip sticks, which the controller knows nothing of
 }
+AGAINST_ITSELF = {"SpringDuelStrong-v0": 0.15}
+"""Where the controller is the opponent, and wins one duel in two; this many of 16 at the least."""
 
 
 @each_variant
@@ -65,7 +67,8 @@ def test_it_can_be_done(variant: Variant) -> None:
     assert controllers_of(variant.id)
     env = make(variant.id)
     policy = make_controller("classical", variant.id, {}, env.action_space)
-    assert play(variant.id, policy, 16, observation="frame").successes.mean() >= 0.5
+    least = AGAINST_ITSELF.get(variant.id, 0.5)
+    assert play(variant.id, policy, 16, observation="frame").successes.mean() >= least
 
 
 @each_variant
