@@ -214,7 +214,7 @@ class SpringShove(Task):
         return Marks(
             lines=edges,
             arrows=[
-                Arrow(m.centre[PUSHER], (0.4 * action[0], 0.4 * action[1], 0.0)),
+                Arrow(m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * action[0], 0.3 * action[1], 0.0)),
                 Arrow(top, ahead, GREEN),
                 Arrow((0.0, 0.0, 0.0), (0.15, 0.0, 0.0), GREEN),
             ],

@@ -204,7 +204,7 @@ class SpringStack(Task):
         return replace(shown, triangle_colors=colors, radii=radii, ball_colors=ORANGE)
 
     def camera(self) -> Camera:
-        return Camera.framing((-0.4, 0, 0.2), 2.0, elevation=0.6)
+        return Camera.framing((-0.4, 0, 0.2), 1.9, azimuth=-1.7, elevation=0.55)
 
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0)
@@ -215,8 +215,8 @@ class SpringStack(Task):
         return Marks(
             lines=[(corners[n], corners[n - 1]) for n in range(4)],
             arrows=[
-                Arrow(m.centre[PUSHER], (0.4 * action[0], 0.4 * action[1], 0.0)),
-                Arrow(m.centre[BOX] + 0.1 * m.axis[BOX], 0.15 * m.side[BOX], GREEN),
+                Arrow(m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * action[0], 0.3 * action[1], 0.0)),
+                Arrow(m.centre[BOX] + 0.14 * m.axis[BOX], 0.15 * m.side[BOX], GREEN),
             ],
             key=((GREEN, "bring this box onto the other, turned alike"), (RED, "push")),
             text=(f"off its place {100 * math.hypot(way[0], way[1]):3.0f} cm",),
