@@ -204,7 +204,7 @@ class SpringStack(Task):
         return replace(shown, triangle_colors=colors, radii=radii, ball_colors=ORANGE)
 
     def camera(self) -> Camera:
-        return Camera.framing((-0.4, 0, 0.2), 1.9, azimuth=-1.7, elevation=0.55)
+        return Camera.framing((-0.5, -0.1, 0.0), 2.1, azimuth=-1.7, elevation=0.55)
 
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0)

@@ -163,12 +163,12 @@ class Renderer:
                 items.append((float(depth), paint))
         for start, stop in marks.lines:
             items += rail(canvas, start, stop)
-        for mark in marks.arrows:
-            items += arrow(canvas, mark)
+        over = [item for mark in marks.arrows for item in arrow(canvas, mark)]
         if self.scenery.vertical is not None:
             items += dashes(canvas, *self.scenery.vertical)
-        for _, draw in sorted(items, key=lambda item: -item[0]):
-            draw()
+        for group in (items, over):  # what pushes is seen, be it behind or inside of the body
+            for _, draw in sorted(group, key=lambda item: -item[0]):
+                draw()
         self._paint_trace(canvas)
         picture = canvas.picture()
         self._write(picture, marks, strain is not None)
