@@ -182,8 +182,8 @@ VARIANTS = (
         "SpringDuelStrong-v0",
         "SpringDuel-v0",
         {"opponent": "strong"},
-        "standard",
-        "the opponent goes for the other with all it has, rolls off it, and rights itself",
+        "hard",
+        "the opponent is as good as classical control: it strikes hard, rolls off, and rights itself",
     ),
 )
 
