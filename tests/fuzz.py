@@ -57,7 +57,7 @@ VARIANTS: dict[str, tuple[dict[str, Any], ...]] = {
     "SpringFreeTop-v0": ({"hard": True}, {"surface": "bowl"}, {"friction": 0.1}),
     "SpringBalance-v0": ({"hard": True}, {"restitution": 0.8}),
     "SpringShove-v0": ({"hard": True}, {"friction": 0.3}),
-    "SpringStack-v0": ({"sparse": True},),
+    "SpringStack-v0": ({"step": 6.25e-4},),
     "SpringJuggle-v0": ({"hard": True}, {"restitution": 0.85}),
     "SpringDuel-v0": ({"opponent": "still"}, {"opponent": "strong"}),
 }
