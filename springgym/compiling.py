@@ -38,6 +38,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from numba.core import sigutils
 from numba.extending import is_jitted, models, register_model
 
 if numba.config.DISABLE_JIT:
@@ -302,6 +303,14 @@ def cache_directory() -> Path | None:
         return None
 
 
+def _asked(found: Any, sig: Any) -> Any:
+    """What was found, under the types that were asked for: those of a script's own classes are made anew."""
+    args, _ = sigutils.normalize_signature(sig)
+    if found.signature.args == tuple(args):
+        return found
+    return found._replace(signature=found.signature.replace(args=tuple(args)))
+
+
 class SourceKeyedCache:
     """Numba's cache interface over one file an entry, named by a hash of all it depends on."""
 
@@ -334,7 +343,7 @@ class SourceKeyedCache:
             payload = content[DIGEST:]
             if content[:DIGEST] != _checksum(path, payload):
                 return None
-            return REBUILD(target_context, *pickle.loads(payload))
+            return _asked(REBUILD(target_context, *pickle.loads(payload)), sig)
         except Exception:  # whatever is wrong with an entry: it is compiled anew, and replaced
             return None
 

@@ -520,3 +520,24 @@ def test_what_checks_bounds_is_not_what_others_get_from_the_cache(
         monkeypatch.setattr(numba.config, "BOUNDSCHECK", checks)
         assert (hits(), hits()) == (0, 1)
     assert len(list(cache.iterdir())) == 2
+
+
+def test_a_class_of_a_script_is_found_again(tmp_path, monkeypatch):
+    """Its class is another object in every run, and in what is kept of an earlier one."""
+    monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path))
+
+    def run() -> tuple[float, bool]:
+        class Pair(NamedTuple):
+            first: float
+            second: float
+
+        function = kernel(summed)
+        found = SameTypes(function)(Pair(1.0, 2.0))
+        return found, bool(function.stats.cache_hits)
+
+    assert run() == (3.0, False)
+    assert run() == (3.0, True)
+
+
+def summed(pair):
+    return pair.first + pair.second
