@@ -47,6 +47,7 @@ def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Ite
     faces = x[np.asarray(look.triangles)]
     normal, _ = normals(faces)
     keys = depths(canvas, faces, normal, look.solids)
+    eye, (corners, _) = np.asarray(canvas.camera.eye), canvas.image(faces)
     items = mesh(
         canvas,
         faces,
@@ -83,7 +84,7 @@ def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Ite
     ):
         if radius > 0.0 and np.isfinite(center).all():
             size = radius * float(canvas.pixels_per_meter(far))
-            under = keys[beneath(canvas, faces, normal, place, center, size, radius)]
+            under = keys[beneath(eye, faces, corners, normal, place, center, size, radius)]
             key = min(far, under.min(initial=np.inf) * (1 - 1e-9))
             items.append((key, partial(canvas.ball, center, far, radius, color)))
 
@@ -160,17 +161,24 @@ def depths(canvas: Canvas, corners: Array, normal: Array, solids: NDArray[np.int
 
 
 def beneath(
-    canvas: Canvas, corners: Array, normal: Array, place: Array, center: Array, size: float, radius: float
+    eye: Array,
+    corners: Array,
+    pixels: Array,
+    normal: Array,
+    place: Array,
+    center: Array,
+    size: float,
+    radius: float,
 ) -> NDArray[np.bool_]:
     """Which faces (T, 3, 3) a ball hides, if any: they look at the eye, and it is outside of them.
 
-    Their middles may be nearer than the ball's. ``center`` and ``size`` are its place and radius in pixels.
+    Their middles may be nearer than the ball's. ``pixels`` (T, 3, 2) is where their corners are seen,
+    ``center`` and ``size`` the ball's place and radius there.
     """
     if not len(corners):
         return np.zeros(0, bool)
-    looks = ((np.asarray(canvas.camera.eye) - corners[:, 0]) * normal).sum(axis=1) > 0.0
+    looks = ((eye - corners[:, 0]) * normal).sum(axis=1) > 0.0
     outside = ((place - corners[:, 0]) * normal).sum(axis=1) > 0.9 * radius
-    pixels, _ = canvas.image(corners)
     meets = (pixels.min(axis=1) <= center + size).all(axis=1)
     meets &= (pixels.max(axis=1) >= center - size).all(axis=1)
     return looks & outside & meets

@@ -27,7 +27,7 @@ RATES = {
     ("SpringShove-v0", "push"): (0.95, 0.65),
     ("SpringStack-v0", "push"): (0.90, 0.53),
     ("SpringJuggle-v0", "wrench"): (0.95, 0.94),
-    ("SpringDuel-v0", "push"): (0.57, 1.2e-3),
+    ("SpringDuel-v0", "push"): (0.82, 1.7e-3),
 }
 """Success and return per step that the classical controller reaches, measured on 200 seeds less a margin."""
 

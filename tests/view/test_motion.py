@@ -109,7 +109,9 @@ def test_the_states_between_are_those_under_the_action(env_id):
         env.step(action)
 
 
-@pytest.mark.parametrize("env_id", ["SpringBalance-v0", "SpringStack-v0", "SpringJuggle-v0", "SpringDuel-v0"])
+@pytest.mark.parametrize(
+    "env_id", ["SpringBalance-v0", "SpringShove-v0", "SpringStack-v0", "SpringJuggle-v0", "SpringDuel-v0"]
+)
 def test_episodes_of_several_bodies_are_shown(env_id):
     motion = played(find_agent("zero", env_id), 3)
     assert np.isfinite(motion.positions).all()
