@@ -25,6 +25,7 @@ from springgym.compiling import SameTypes
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.pairs import PairReadings
+from springgym.forces.together import START
 from springgym.integrators.record import COUNTS, Control, Phase
 from springgym.lanes import Ragged
 from springgym.measures import Markers, Measures, Reading, Readout
@@ -164,6 +165,7 @@ class Simulator:
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
             numbers(array)[:] = start[..., None]  # the padding of the last block, too
         self._settle(np.arange(self.copies))
+        self._meet(np.arange(self.copies))
 
     @classmethod
     def paper(cls, scene: Scene, **options: Any) -> Self:
@@ -305,6 +307,7 @@ class Simulator:
             packing.empty_tally(self._terms.meets, index)
         if self._ledger is not None:
             set_copies(self._ledger, index, 0.0)
+        self._meet(index)
         self.time[index] = 0.0
 
     def _check_settled(self, x: np.ndarray, v: np.ndarray, index: np.ndarray) -> None:
@@ -352,6 +355,12 @@ class Simulator:
         for array, others in zip((self._x, self._v), before, strict=True):
             lanes = numbers(array)
             lanes[blocks] = np.where(placed[:, None, None], lanes[blocks], others)
+
+    def _meet(self, index: np.ndarray) -> None:
+        """Find which bodies of copies that were placed touch, and what is in the barriers between them."""
+        if self._terms.meets is not None:
+            for first, last in self._block_ranges(index):
+                self._run(0, first, last, START, settles=False, reads=False)
 
     def vary(self, copies: Any, **values: Any) -> None:
         """Give some copies their own parameters.

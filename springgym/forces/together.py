@@ -39,7 +39,7 @@ from springgym.forces.node import (
 )
 from springgym.forces.pairs import terms as told
 from springgym.forces.pairs.friction import SWEEPS, TURNS, rub
-from springgym.forces.pairs.impulses import account, prepare, sweep, taper
+from springgym.forces.pairs.impulses import account, account_start, prepare, sweep, taper
 from springgym.forces.pairs.search import find
 from springgym.forces.pairs.terms import ENERGY, ENTRIES, IMPULSE, Room
 from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
@@ -49,6 +49,10 @@ from springgym.vectors import choose, dot, minus, plus, plus_scaled, row, set_ro
 if TYPE_CHECKING:
     from springgym.forces import Terms
     from springgym.forces.barrier import HollowSphere, Planes
+
+
+START = -1
+"""As a number of steps: none, but it is told which bodies of fresh copies touch."""
 
 
 class Bodies(NamedTuple):
@@ -362,28 +366,42 @@ def enter(span: Any, ledger: Ledger, pairs: Any, room: Any) -> None:
 
 
 @compiled
-def hold(pairs: Any, tally: Numbers, memory: Any) -> None:
-    """Let each body of a pair hold half of the energy in its barriers."""
+def hold(pairs: Any, tally: Numbers, memory: Any, share: Number) -> None:
+    """Let each body of a pair hold a share, half, of the energy in its barriers."""
     for p in range(pairs.first.size):
-        half = 0.5 * load(tally, p * ENTRIES + ENERGY)
+        half = share * load(tally, p * ENTRIES + ENERGY)
         for side in range(2):
             marks = of_body(memory, pairs.first[p] if side == 0 else pairs.second[p]).marks
             store(marks, HELD, load(marks, HELD) + half)
 
 
 @compiled
+def begin(phase: Number, contacts: Number, meets: Any, room: Any, memory: Any) -> None:
+    """Tell of fresh copies which of their bodies touch, and let them hold what is in the barriers between."""
+    fresh, none = phase < 0.5, 0.0 * phase
+    account_start(fresh, contacts, meets.pairs, room, meets.tally)
+    for body in range(bodies_of(memory)):
+        marks = of_body(memory, body).marks
+        store(marks, HELD, select(fresh, none, load(marks, HELD)))
+    hold(meets.pairs, meets.tally, memory, select(fresh, 0.5 + none, 0.0))
+
+
+@compiled
 def pass_together(
-    x: Any, v: Any, phase: Number, h: Number, last: Any, ledger: Ledger, work: Any, terms: Any
+    x: Any, v: Any, phase: Number, h: Number, last: Any, goes: Any, ledger: Ledger, work: Any, terms: Any
 ) -> bool:
     """Let all act on all bodies at a node: `springgym.forces.node.pass_node` where they collide.
 
-    Whether a way was bent.
+    If nothing ``goes`` on, only tell which bodies touch in fresh copies. Whether a way was bent.
     """
     span, meets, room = span_of(phase, h), terms.meets, work.room
     every, w = terms.particles, terms.memory.arrived.values
     particles = Particles(every.mass.values, every.inverse_mass.values, every.free.values)
     count = bodies_of(x)
-    contacts = find(x.values, v.values, span, meets.pairs, room, meets.tally)
+    contacts = find(x.values, v.values, span, meets.pairs, room)
+    if not goes:
+        begin(phase, contacts, meets, room, terms.memory)
+        return False
     alone = unmet(contacts, last, terms.planes, terms.bowl)
     for body in range(count):
         own = of_body(work, body)
@@ -437,7 +455,7 @@ def pass_together(
         ):
             bent = True
     if last:
-        hold(meets.pairs, meets.tally, terms.memory)
+        hold(meets.pairs, meets.tally, terms.memory, 0.5)
     return bent
 
 

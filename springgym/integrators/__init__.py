@@ -98,7 +98,8 @@ def advance_kernel(
     """The compiled function that takes blocks of copies through a number of steps by a method.
 
     The one for scenes with ``surfaces`` is another where these take code that others should not wait for.
-    Bodies that collide take each step ``together``, others one after another take all.
+    Bodies that collide take each step ``together``, or look around at their `START`; others one after another
+    take all.
 
     If the kernel is called with ``reads``, it then reads them off by ``read``, a compiled function like
     `springgym.measures.read`, which takes ``reading``, a `springgym.measures.Reading`. Only kernels of rigid
@@ -152,7 +153,7 @@ def _kernel(
     ) -> None:
         for block in range(blocks[0], blocks[1]):
             here, own = at(phase, block), at(terms, block)
-            if steps > 0:
+            if steps != 0:
                 take(integrate, here.x, here.v, here.ledger, workspace, at(h, block), steps, own)
             if reads:
                 read(block, here, reading, own)

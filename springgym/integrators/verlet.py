@@ -29,6 +29,7 @@ from springgym.forces.memory import (
 )
 from springgym.forces.node import Space, bow, next_phase, pass_node, span_of
 from springgym.forces.together import (
+    START,
     bow_together,
     halve_tally,
     pass_together,
@@ -123,36 +124,46 @@ def integrate_together(
 ) -> None:
     """The same where bodies collide: all of them take each step together.
 
-    ``x``, ``v`` and ``ledger`` are those of all bodies; ``workspace`` is of `springgym.forces.together`.
+    ``x``, ``v`` and ``ledger`` are those of all bodies; ``workspace`` is of `springgym.forces.together`. As
+    many steps as `START` are none: it is told which bodies of fresh copies touch.
     """
-    bodies = bodies_of(x)
-    phase = load(of_body(terms.memory, 0).marks, PHASE)
-    for body in range(bodies):
-        kept = of_body(terms.memory, body)
-        resume(of_body(x, body), of_body(v, body), of_body(ledger, body), kept)
-        recall(phase, of_body(workspace.space.given, body), kept.given)
-    resume_tally(phase, terms.meets)
-    bent = False
-    for n in range(steps + 1):
-        for body in range(bodies):
-            own, work = of_body(terms, body), of_body(workspace, body)
-            accelerate(of_body(x, body), work.a, work.space.direction, own)
-            actuate(of_body(x, body), work.b, own)
-        bow_together(bent, ledger, workspace, terms)
-        for body in range(bodies):
-            own, work = of_body(terms, body), of_body(workspace, body)
-            if n == 0:
-                share_actions(work.b, phase, own.memory, own.memory.pushed, own.drive)
-            else:
-                steer(own.memory, own.drive)
-            if n == steps:
-                entries = of_body(ledger, body)
-                remember(of_body(x, body), work.b, phase, entries, own.memory, own.memory.pushed)
-                keep_foreseen((0, work.b.shape[0]), work.space.given, own.memory.given)
-        if n == steps:
-            remember_tally(terms.meets)
-        bent = pass_together(x, v, phase, h, n == steps, ledger, workspace, terms)
+    phase, goes, bent = load(of_body(terms.memory, 0).marks, PHASE), steps != START, False
+    if goes:
+        for body in range(bodies_of(x)):
+            kept = of_body(terms.memory, body)
+            resume(of_body(x, body), of_body(v, body), of_body(ledger, body), kept)
+            recall(phase, of_body(workspace.space.given, body), kept.given)
+        resume_tally(phase, terms.meets)
+    for n in range(steps + 1 if goes else 1):
+        if goes:
+            come_together(x, phase, n == 0, n == steps, bent, ledger, workspace, terms)
+        bent = pass_together(x, v, phase, h, n == steps, goes, ledger, workspace, terms)
         if n < steps:
             phase = next_phase(phase)
             drift(x.values, v.values, h)
-    halve_tally(terms.meets)
+    if goes:
+        halve_tally(terms.meets)
+
+
+@compiled
+def come_together(
+    x: Any, phase: Number, first: Any, last: Any, bent: bool, ledger: Ledger, workspace: Any, terms: Terms
+) -> None:
+    """Find the forces at a node on all bodies, and remember how the ``last`` is reached."""
+    for body in range(bodies_of(x)):
+        own, work = of_body(terms, body), of_body(workspace, body)
+        accelerate(of_body(x, body), work.a, work.space.direction, own)
+        actuate(of_body(x, body), work.b, own)
+    bow_together(bent, ledger, workspace, terms)
+    for body in range(bodies_of(x)):
+        own, work = of_body(terms, body), of_body(workspace, body)
+        if first:
+            share_actions(work.b, phase, own.memory, own.memory.pushed, own.drive)
+        else:
+            steer(own.memory, own.drive)
+        if last:
+            entries = of_body(ledger, body)
+            remember(of_body(x, body), work.b, phase, entries, own.memory, own.memory.pushed)
+            keep_foreseen((0, work.b.shape[0]), work.space.given, own.memory.given)
+    if last:
+        remember_tally(terms.meets)

@@ -9,8 +9,8 @@ import pytest
 
 from springgym.blocks import aligned_zeros, block_dtype
 from springgym.compiling import kernel
+from springgym.forces.node import Span
 from springgym.forces.pairs.law import meet
-from springgym.forces.pairs.terms import Span
 from springgym.lanes import load, store
 
 COUNT, REACH, STEP = 4096, 0.0173, 5.5e-4

@@ -9,8 +9,8 @@ import numpy as np
 from springgym.blocks import at, block_array, numbers, set_all
 from springgym.bodies import ball, top
 from springgym.compiling import kernel
+from springgym.forces.node import Span
 from springgym.forces.pairs.search import SPARE, find
-from springgym.forces.pairs.terms import Span
 from springgym.packing import pack_room
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
@@ -19,7 +19,7 @@ from springgym.surfaces import Contact
 
 @kernel
 def found(x: Any, v: Any, pairs: Any, room: Any) -> int:
-    return find(at(x, 0), at(v, 0), Span(0.0, 5e-4, 1e-3), pairs, room, None)
+    return find(at(x, 0), at(v, 0), Span(0.0, 5e-4, 1e-3), pairs, room)
 
 
 COPIES, RADIUS, REACH = 16, 0.06, 5e-3

@@ -15,6 +15,7 @@ from springgym.forces.pairs import PairReadings
 from springgym.scene import Placed, Scene, WrenchActuator
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, Plane
+from springgym.theory.contact import energy
 from tests.collisions.impacts import impacts
 from tests.collisions.stepped import Stepped
 
@@ -145,14 +146,43 @@ def test_start_amid_contact() -> None:
     """A copy placed where bodies press each other has a half node, of which all is entered."""
     scene = among(put(BLOCK, (0, 0, 2.0), "a"), put(BLOCK, (0, 0, 2.503), "b"))
     simulator = Stepped(scene).simulator
+    start, told = simulator.measure(), simulator.pairs()
+    assert told.touching.all()
+    assert start.contact[0] == pytest.approx(told.energy[0, 0])
     simulator.advance(1)
     held = simulator.measure()
     assert held.contact[0] > 1e-3
+    assert held.balance[0] == pytest.approx(start.balance[0], abs=1e-3 * held.contact[0])
     simulator.advance(int(0.2 / simulator.step))
     parted = simulator.measure()
     assert not simulator.pairs().touching.any()
     assert parted.kinetic[0] > 0.5 * held.contact[0]
     assert parted.balance[0] == pytest.approx(held.balance[0], abs=0.02 * held.contact[0])
+
+
+def test_what_touches_is_told_at_the_start() -> None:
+    """Of two balls that press each other, the energy of the barrier; other copies tell what they told."""
+    contact = Contact(strength=0.02, reach=0.01)
+    balls = [Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.2) for _ in range(2)]
+    near, far = (np.array([[0.0, 0.0, 2.0], [0.4 + gap, 0.0, 2.0]]) for gap in (0.004, 0.1))
+    scene = among(put(balls[0], far[0], "a"), put(balls[1], far[1], "b"), contact=contact)
+    simulator = Simulator(scene, copies=3, step=1e-3)
+    assert not simulator.pairs().touching.any()
+    simulator.place(near, np.zeros((2, 3)), [0, 1])
+    simulator.advance(3)
+    before = simulator.pairs(), simulator.measure()
+    simulator.place(near, np.zeros((2, 3)), [1])
+    after = simulator.pairs(), simulator.measure()
+    for was, now in zip((*before[0], *before[1]), (*after[0], *after[1]), strict=True):
+        assert was[[0, 2]].tobytes() == now[[0, 2]].tobytes()
+    told, measured = after
+    stored = float(energy(0.004, 0.02, 0.01))
+    assert told.touching[:, 0].tolist() == [True, True, False]
+    assert told.energy[1, 0] == pytest.approx(stored)
+    assert measured.contact[1] == pytest.approx(stored)
+    assert told.least_gap[1, 0] == pytest.approx(0.004)
+    simulator.advance(1)
+    assert simulator.measure().balance[1] == pytest.approx(measured.balance[1], abs=1e-4 * stored)
 
 
 def impacts_on_floor(copies: int) -> tuple[Scene, np.ndarray, np.ndarray]:

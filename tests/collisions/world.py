@@ -13,10 +13,11 @@ import numpy as np
 from springgym.blocks import at, block_array, numbers
 from springgym.compiling import compiled, kernel
 from springgym.forces import Particles, Terms, accelerate, drift, kick, relax
+from springgym.forces.node import Span
 from springgym.forces.pairs.friction import TURNS, rub
 from springgym.forces.pairs.impulses import account, prepare, sweep, taper
 from springgym.forces.pairs.search import find
-from springgym.forces.pairs.terms import ENTRIES, GAP, Pairs, Span
+from springgym.forces.pairs.terms import ENTRIES, GAP, Pairs
 from springgym.forces.springs import Dampers, Decay, Springs, decay
 from springgym.lanes import load, minimum, sqrt
 from springgym.packing import Options, pack_pairs, pack_room
@@ -71,7 +72,7 @@ def one_step(
     kick(v, a, h)
     relax(v, direction, True, False, None, terms)
     span = Span(0.5 * h, 0.5 * h, h)
-    count = find(x, w, Span(0.0, 0.5 * h, h) if lacks == BLIND else span, pairs, room, tally)
+    count = find(x, w, Span(0.0, 0.5 * h, h) if lacks == BLIND else span, pairs, room)
     prepare(x, w, span, count, particles, pairs, room, tally)
     for turn in range(1 if lacks == SINGLE else 2):
         sweep(v, span, count, turn == 1, pairs, room)

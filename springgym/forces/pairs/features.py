@@ -21,7 +21,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.compiling import compiled
-from springgym.forces.pairs.terms import FAR, NONE, OVERFLOW, Near, Search, Touch, tell
+from springgym.forces.pairs.terms import FAR, NONE, Near, Search, Touch
 from springgym.kinds import Mask, Number, Numbers
 from springgym.lanes import (
     any_lane,
@@ -116,13 +116,19 @@ def begin(room: Any) -> None:
 
 
 @compiled
+def leave_out(pair: Any, one: Number, room: Any) -> None:
+    """Count a contact for which there is no room, where ``one`` is 1."""
+    store(room.left_out, pair, load(room.left_out, pair) + one)
+
+
+@compiled
 def add_contact(count: Number, first: Number, members: Any, met: Touch, near: Near, seen: Search) -> Any:
     """List a contact of each copy behind its others from row ``first`` on; the rows that makes."""
     room = seen.room
     whole, own, wanted = load(room.have, 0), load(room.have, 1), met.share > 0.0
     fits = select(wanted, whole, FAR) < 1.0 * seen.pairs.most
     one = select(fits, 1.0, 0.0 * whole)
-    tell(seen.tally, near.pair, OVERFLOW, select(wanted, 1.0 - one, 0.0))
+    leave_out(near.pair, select(wanted, 1.0 - one, 0.0), room)
     if any_lane(fits):
         store(room.have, 0, whole + one)
         store(room.have, 1, own + one)
@@ -317,7 +323,7 @@ def crossing(near: Near, seen: Search) -> Any:
                 if any_lane(inside):
                     fits = select(inside, have, FAR) < 1.0 * seen.pairs.most
                     one = 1.0 + 0.0 * have
-                    tell(seen.tally, near.pair, OVERFLOW, select(inside, select(fits, 0.0, one), 0.0))
+                    leave_out(near.pair, select(inside, select(fits, 0.0, one), 0.0), room)
                     enlist(room.crossed, 0, have, 1.0 * m, fits)
                     have = enlist(room.crossing, 0, have, 1.0 * n, fits)
                     rows = grown(rows, have)

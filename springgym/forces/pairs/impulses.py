@@ -32,6 +32,7 @@ from springgym.forces.pairs.terms import (
     GAP,
     IMPULSE,
     MISSES,
+    OVERFLOW,
     TOUCHING,
     spend,
     tell,
@@ -251,6 +252,7 @@ def account(v: Rows, span: Any, count: Any, pairs: Any, room: Any, tally: Number
         for p in range(pairs.first.size):
             store(tally, p * ENTRIES + TOUCHING, 0.0)
             store(tally, p * ENTRIES + ENERGY, 0.0)
+            tell(tally, p, OVERFLOW, load(room.left_out, p))
         for k in range(count):
             p = room.pair[k]
             push, reach, d, u0 = (
@@ -275,3 +277,22 @@ def account(v: Rows, span: Any, count: Any, pairs: Any, room: Any, tally: Number
             spend(room, p, 2, select(there, before - after, 0.0))
             quick = maximum(u0, -u0) * span.whole > QUICK * reach
             tell(tally, p, FAST, select(touches, select(quick, 1.0 + 0.0 * push, 0.0), 0.0))
+
+
+@compiled
+def account_start(fresh: Mask, count: Any, pairs: Any, room: Any, tally: Numbers) -> None:
+    """Tell what the contacts of ``fresh`` copies are before any step."""
+    for p in range(pairs.first.size):
+        for entry in (TOUCHING, ENERGY):
+            n = p * ENTRIES + entry
+            store(tally, n, select(fresh, 0.0, load(tally, n)))
+    for k in range(count):
+        p = room.pair[k]
+        at, d, reach = p * ENTRIES, load(room.distance, k), pairs.reach[p]
+        height = maximum(d, LOW * reach)
+        there = select(d < 0.5 * FAR, select(fresh, 1.0 + 0.0 * d, 0.0), 0.0) > 0.5
+        stored = energy(height, load(pairs.strength, p) * load(room.share, k), reach)
+        stored = select(there, stored, 0.0)
+        store(tally, at + TOUCHING, select(stored > 0.0, 1.0, load(tally, at + TOUCHING)))
+        store(tally, at + GAP, minimum(load(tally, at + GAP), select(there, height, FAR)))
+        tell(tally, p, ENERGY, stored)

@@ -25,7 +25,7 @@ from springgym.forces.pairs.features import (
     vertex_rods,
 )
 from springgym.forces.pairs.terms import FAR, NONE, Near, Search
-from springgym.kinds import Number, Numbers, Rows, Vector
+from springgym.kinds import Number, Rows, Vector
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
 from springgym.vectors import (
     TINY,
@@ -106,16 +106,17 @@ def motion(w: Rows, body: Number, shapes: Any) -> Any:
 
 
 @compiled
-def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any, tally: Numbers) -> int:
+def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> int:
     """List the contacts of all pairs, with velocities ``w`` (N, 3) before the node; how many rows that makes.
 
-    ``span`` is the time of the node.
+    ``span`` is the time of the node, a `springgym.forces.node.Span`.
     """
-    shapes, seen = pairs.shapes, Search(x, w, pairs, room, tally)
+    shapes, seen = pairs.shapes, Search(x, w, pairs, room)
     surround(x, shapes, room)
     store(room.have, 0, 0.0)
     count = 0
     for p in range(pairs.first.size):
+        store(room.left_out, p, 0.0)
         a, b = pairs.first[p], pairs.second[p]
         reach, radius = pairs.reach[p], shapes.radius[a] + shapes.radius[b]
         between = outside(row(room.low, a), row(room.high, a), b, room)

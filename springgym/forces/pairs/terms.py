@@ -25,15 +25,6 @@ PARALLEL = 2.0
 MOST_PARALLEL = 0.2
 
 
-class Span(NamedTuple):
-    """The time of a node: that of the drifts before and after it that are its own [s]."""
-
-    lead: Any
-    out: Any
-    whole: Any
-    """the sum"""
-
-
 class Shapes(NamedTuple):
     """Features of all bodies, one body after another, by the numbers of the scene's particles."""
 
@@ -116,6 +107,8 @@ class Room(NamedTuple):
     """(most + 1,) and these"""
     have: np.ndarray
     """(2,) contacts of each copy: in all, and of this pair"""
+    left_out: np.ndarray
+    """(pairs,) contacts for which there was no room, at this node"""
     pair: np.ndarray
     """(rows,) whose contact it is, in all copies"""
     members: np.ndarray
@@ -192,7 +185,6 @@ class Search(NamedTuple):
     """velocities (N, 3) before the node [m/s]"""
     pairs: Pairs
     room: Room
-    tally: np.ndarray | None
 
 
 TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW = range(9)
@@ -322,6 +314,7 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         crossed=lanes(pairs.most + 1),
         crossing=lanes(pairs.most + 1),
         have=lanes(2),
+        left_out=lanes(len(pairs.first)),
         pair=np.zeros(rows, np.int32),
         members=np.zeros(rows, np.int32),
         particle=lanes(4 * rows),
