@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from config import CONFIG_OF, MENDABLE, ConfigError, load_config, whole
-from controllers import controllers_of
+from controllers import controller_env_kwargs, controllers_of, make_controller
 from runs import locked, open_run, versions, write_atomically
 from tqdm import tqdm
 
@@ -170,7 +170,12 @@ def asked(cell: Cell, plan: Plan) -> Any:
 
 
 def digest(cell: Cell, plan: Plan) -> str:
-    """A few letters that change with the configuration of a cell: with fields that have not their default."""
+    """A few letters that change with the configuration of a cell: with fields that have not their default.
+
+    Of classical control, a number that changes with what it does.
+    """
+    if cell.algorithm == "classical":
+        return f"{answers(cell.task):.5f}"
     config = asked(cell, plan)
     known = () if config is None else fields(config)
     told = {own.name: value for own in known if (value := getattr(config, own.name)) != usual(own)}
@@ -182,28 +187,46 @@ def usual(field: Field[Any]) -> Any:
     return field.default if field.default_factory is MISSING else field.default_factory()
 
 
-def probe(task: str) -> float:
-    """A number that changes with what a task is: the mean reward of given actions from given starts.
+def wandering(task: str, **kwargs: Any) -> Iterator[tuple[Any, Any, Any]]:
+    """An environment of a task, what its copies see, and what they then earn, at given actions.
 
-    Rounding is left out of it, for 20 control periods are too short for it to grow.
+    Rounding does not grow in so few control periods.
     """
     import numpy as np
 
     from springgym.envs.sb3 import make_sb3
 
     copies = 8
-    env = make_sb3(task, copies, 0)
+    env = make_sb3(task, copies, 0, **kwargs)
     rng = np.random.default_rng(0)
     try:
-        env.reset()
+        seen = env.reset()
         space: Any = env.action_space
-        total = 0.0
         for _ in range(20):
             actions = rng.uniform(space.low, space.high, (copies, *space.shape))
-            total += float(env.step(actions.astype(np.float32))[1].sum())
-        return round(total / (20 * copies), 7)
+            before = seen
+            seen, rewards, _, _ = env.step(actions.astype(np.float32))
+            yield env, before, rewards
     finally:
         env.close()
+
+
+def probe(task: str) -> float:
+    """A number that changes with what a task is: the mean reward of given actions from given starts."""
+    rewards = [reward.mean(dtype=float) for _, _, reward in wandering(task)]
+    return round(sum(rewards) / len(rewards), 7)
+
+
+def answers(task: str) -> float:
+    """A number that changes with what classical control does: a sum of its actions, each weighted."""
+    import numpy as np
+
+    total, count = 0.0, 0
+    for env, seen, _ in wandering(task, **controller_env_kwargs("classical", {})):
+        actions = make_controller("classical", task, {}, env.action_space)(seen).ravel()
+        total += float(np.cos(count + np.arange(actions.size)) @ actions.astype(float))
+        count += actions.size
+    return total
 
 
 def made_with() -> dict[str, Any]:

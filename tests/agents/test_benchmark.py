@@ -259,6 +259,21 @@ def test_a_cluster_that_loses_a_node(configs, tmp_path):
         assert_same_run(folder, reference)
 
 
+def test_digests_know_of_controllers(monkeypatch):
+    """A row of classical control is of what the controller does: another gain makes it anew."""
+    plan = benchmark.Plan(Path(), 100, (), None)
+
+    def told(task="SpringTop-v0"):
+        return benchmark.digest(benchmark.Cell(task, "classical", 0), plan)
+
+    before = told()
+    assert before == told("SpringTopSparse-v0") != told("SpringTopImpulseHard-v0")
+    steer = benchmark.controllers_of("SpringTop-v0")["torque"]
+    changed = {"torque": lambda task, seen: 1.01 * steer(task, seen)}
+    monkeypatch.setattr("controllers.CLASSICAL", {"SpringTop-v0": changed})
+    assert told() != before
+
+
 def test_digests_know_of_defaults():
     """What is said and is so by default changes none: nor does a field that is new."""
 
