@@ -40,7 +40,7 @@ def stepping(
     At most 2000 steps are taken from the scene's start; each counts ``per_step`` units of work.
     """
     simulator = Simulator(scene, **({"ledger": False} | options))
-    steps = WORK / (len(scene.body.springs) * simulator.integrator.evaluations * simulator.copies)
+    steps = WORK / (len(scene.springs) * simulator.integrator.evaluations * simulator.copies)
     count = int(min(max(steps, 20), 2000))
     began = simulator.state()
     return Case(

@@ -18,9 +18,9 @@ from springgym.bench.environments import environments
 from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
 from springgym.bench.timing import Case, Row, measured
 from springgym.blocks import block_array
-from springgym.bodies import start
+from springgym.bodies import Body, cube, start
 from springgym.bodies.distances import rms_distance
-from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
+from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PAPER_STEP
 from springgym.surfaces import Bowl, Contact, floor
 
@@ -58,8 +58,22 @@ class Feature(NamedTuple):
     options: Mapping[str, Any] = {}
 
 
+HALF_REACH = 0.005
+"""Way between bodies that touch [m]."""
+
+
+def two_bodies(body: Body, way: tuple[float, float, float]) -> Feature:
+    """Two bodies at rest, one aside of the other, passing through each other and colliding.
+
+    What pushes them is so weak that they stay where they are.
+    """
+    other = Placed(body, body.positions + np.array(way), name="other")
+    scene = Scene(bodies=(Placed(body, name="one"), other), collisions=None)
+    return Feature(scene, scene.with_(collisions=Contact(strength=1e-8, reach=2 * HALF_REACH)))
+
+
 def all_features() -> dict[str, Feature]:
-    """What a scene may have, on the paper's top; where there are surfaces, loose."""
+    """What a scene may have, on the paper's top; where there are surfaces, loose. And bodies that collide."""
     plain, damped = paper_top(), paper_top(damping=100.0)
     crown, tip = (plain.body.particle(name) for name in ("crown", "tip"))
     body = plain.body
@@ -81,6 +95,9 @@ def all_features() -> dict[str, Feature]:
         "bowl": Feature(aloft, aloft.with_(surfaces=(bowl,))),
         "friction": Feature(standing, standing.with_(contact=Contact(friction=0.3))),
         "restitution": Feature(standing, standing.with_(contact=Contact(restitution=0.5))),
+        "bodies that may meet, apart": two_bodies(body, (2.0, 0.0, 0.0)),
+        "tops rim to rim": two_bodies(body, (float(np.ptp(body.positions[:, 0])) + HALF_REACH, 0.0, 0.0)),
+        "a cube's face on another's": two_bodies(cube(damping=0.0), (0.0, 0.0, 1.0 + HALF_REACH)),
         "varying stiffness": Feature(plain, plain, {"varying": four[1:2]}),
         "varying four parameters": Feature(plain, plain, {"varying": four}),
     }
