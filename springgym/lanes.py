@@ -580,7 +580,7 @@ def bodies_of(typingctx: Any, term: Any) -> Any:
         (extent,) = _unpacked(context, builder, sig.args[0][1], start).shape
         return builder.sub(extent, extent.type(1))
 
-    return types.intp(term), codegen
+    return types.intp(term) if several or isinstance(term, types.Array) else None, codegen
 
 
 # --- Compiled of these ------------------------------------------------------------------------------

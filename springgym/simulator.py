@@ -357,7 +357,7 @@ class Simulator:
             lanes[blocks] = np.where(placed[:, None, None], lanes[blocks], others)
 
     def _meet(self, index: np.ndarray) -> None:
-        """Find which bodies of copies that were placed touch, and what is in the barriers between them."""
+        """Find which bodies of fresh copies touch, and what is in the barriers between them."""
         if self._terms.meets is not None:
             for first, last in self._block_ranges(index):
                 self._run(0, first, last, START, settles=False, reads=False)
@@ -408,6 +408,7 @@ class Simulator:
         for packed, own, of in zip(self._packed, given, follows, strict=True):
             packing.vary(packed, index, self.step, own, of)
         packing.vary_pairs(self._terms.meets, self.scene, index, given[0])
+        self._meet(index)
 
     def actuate(self, **values: Any) -> None:
         """Set what the scene's actuators do until further notice.
@@ -499,6 +500,7 @@ class Simulator:
             array[:] = theirs[name]
         for packed in self._packed:
             packing.renew(packed, np.arange(self.copies))
+        self._meet(np.arange(self.copies))
 
     def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
         """Names and arrays of all that changes: what moves, what actuators do, and what was varied."""

@@ -380,7 +380,7 @@ def begin(phase: Number, contacts: Number, meets: Any, room: Any, memory: Any) -
     """Tell of fresh copies which of their bodies touch, and let them hold what is in the barriers between."""
     fresh, none = phase < 0.5, 0.0 * phase
     account_start(fresh, contacts, meets.pairs, room, meets.tally)
-    for body in range(bodies_of(memory)):
+    for body in range(bodies_of(memory.marks)):
         marks = of_body(memory, body).marks
         store(marks, HELD, select(fresh, none, load(marks, HELD)))
     hold(meets.pairs, meets.tally, memory, select(fresh, 0.5 + none, 0.0))

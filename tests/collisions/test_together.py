@@ -185,6 +185,25 @@ def test_what_touches_is_told_at_the_start() -> None:
     assert simulator.measure().balance[1] == pytest.approx(measured.balance[1], abs=1e-4 * stored)
 
 
+def test_what_varies_and_what_is_taken_over_keeps_its_energy() -> None:
+    """Both begin anew from where they are: what is in the barriers is found again."""
+    contact = Contact(friction=0.1)
+    scene = among(put(BLOCK, (0, 0, 2.0), "a"), put(BLOCK, (0, 0, 2.503), "b"), contact=contact)
+    simulator, other = (Simulator(scene, copies=2, step=1e-4, varying=["friction"]) for _ in range(2))
+    start = simulator.measure()
+    assert start.contact.min() > 1e-3
+    simulator.vary([1], friction=0.4)
+    other.take_over(simulator)
+    for now in (simulator.measure(), other.measure()):
+        assert now.energy.tobytes() == start.energy.tobytes()
+    simulator.advance(1)
+    other.take_over(simulator)
+    told, found = simulator.pairs(), other.pairs()
+    assert found.touching.all()
+    assert found.energy == pytest.approx(told.energy, rel=0.1)
+    assert other.measure().contact[0] == pytest.approx(found.energy[0, 0])
+
+
 def impacts_on_floor(copies: int) -> tuple[Scene, np.ndarray, np.ndarray]:
     body = cube(damping=5.0)
     scene = among(put(body, (0, 0, 3.0), "a"), put(body, (4, 0, 3.0), "b"))
