@@ -83,9 +83,9 @@ bit. *Linear* is a ← clip(W o + b) over the compact observation, found by the 
 observation. A variant is trained with those of its environment.
 
 The rows are in `docs/baselines.json`, each with the versions and the commit it was made with, a digest of
-its configuration, and a probe of its task: the mean reward of given actions from given starts. A test holds
-them against the present ones. Seconds are those of one processor core, so they do not depend on what else
-the machine does.
+its configuration (of classical control, a sum of what it does where given actions lead), and a probe of its
+task: the mean reward of given actions from given starts. A test holds them against the present ones. Seconds
+are those of one processor core, so they do not depend on what else the machine does.
 
 The interquartile mean over these tasks and its 95 % intervals (a bootstrap, stratified by task) are those
 that Agarwal et al. recommend in [Deep reinforcement learning at the edge of the statistical
@@ -203,12 +203,19 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
     lines = [INTRODUCTION]
     for tier, what in TIERS.items():
         lines += [f"## {tier.capitalize()}\n", what + "\n", *table_of(tier, rows), ""]
-        if tier == "hard":
-            lines += ["| task | is | what makes it hard |", "|---|---|---|"]
-            for variant in VARIANTS:
+        variants = [
+            variant
+            for variant in VARIANTS
+            if variant.tier == tier and any(row["task"] == variant.id for row in rows)
+        ]
+        if variants:
+            lines += [
+                f"| task | is | {'what makes it hard' if tier == 'hard' else 'what is different'} |",
+                "|---|---|---|",
+            ]
+            for variant in variants:
                 arguments = ", ".join(f"{name}={value!r}" for name, value in variant.arguments.items())
-                if variant.tier == tier and any(row["task"] == variant.id for row in rows):
-                    lines.append(f"| `{variant.id}` | `{variant.of}`, `{arguments}` | {variant.why} |")
+                lines.append(f"| `{variant.id}` | `{variant.of}`, `{arguments}` | {variant.why} |")
             lines.append("")
     lines += [
         "## Algorithms\n",
