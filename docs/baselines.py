@@ -10,7 +10,7 @@ import argparse
 import json
 import sys
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,7 @@ INTRODUCTION = """# Baselines
 
 What algorithms make of the tasks. Each cell tells how many of 100 held-out episodes succeed, in the mean
 over the seeds that the agent was trained from, then the lowest of the seeds in brackets and the number of
-seeds. Below is the return per step, whose largest value is 1. Success is judged, and the return summed,
+seeds, if there are several. Below is the return per step, whose largest value is 1. Success is judged, and the return summed,
 without exploration.
 """
 AGENTS = """## Trained agents
@@ -93,7 +93,7 @@ precipice](https://arxiv.org/abs/2108.13264).
 """
 
 
-def cells(rows: Sequence[dict[str, Any]]) -> dict[tuple[str, str], list[dict[str, Any]]]:
+def cells(rows: Iterable[dict[str, Any]]) -> dict[tuple[str, str], list[dict[str, Any]]]:
     """The rows of every task and algorithm."""
     found = defaultdict(list)
     for row in rows:
@@ -114,12 +114,14 @@ def shown(runs: Sequence[dict[str, Any]]) -> str:
 
 def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
     """The tasks of a tier with what was reached."""
-    by_cell, present = cells(rows), [name for name in ALGORITHMS if any(r["algorithm"] == name for r in rows)]
+    tasks = [task.id for task in TASKS if task.tier == tier]
+    by_cell = cells(row for row in rows if row["task"] in tasks)
+    present = [name for name in ALGORITHMS if any(algorithm == name for _, algorithm in by_cell)]
     lines = [f"| task | {' | '.join(present)} |", "|---" * (len(present) + 1) + "|"]
-    for task in TASKS:
-        if task.tier == tier and any(row["task"] == task.id for row in rows):
-            results = " | ".join(shown(by_cell.get((task.id, name), [])) for name in present)
-            lines.append(f"| `{task.id}` | {results} |")
+    for task in tasks:
+        if any(name == task for name, _ in by_cell):
+            results = " | ".join(shown(by_cell.get((task, name), [])) for name in present)
+            lines.append(f"| `{task}` | {results} |")
     return lines
 
 
