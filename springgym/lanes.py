@@ -22,9 +22,9 @@ import re
 from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir
+from llvmlite import binding, ir
 from numba import types
-from numba.core import cgutils
+from numba.core import cgutils, config
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
@@ -167,6 +167,84 @@ def sqrt(typingctx: Any, value: Any) -> Any:
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _call(builder, "sqrt", args[0])
+
+    return value(value), codegen
+
+
+def _estimates() -> bool:
+    """Whether this processor has an estimate of 1/√d that helps: AVX-512's, unless roots are fast, too."""
+    other = config.CPU_NAME or config.CPU_FEATURES  # Numba is told to compile for another
+    return bool(
+        not other
+        and binding.get_host_cpu_features().get("avx512f")
+        and not binding.get_host_cpu_name().startswith("znver")
+    )
+
+
+ESTIMATES, ESTIMATED = _estimates(), 8
+"""And of how many numbers at once, in double precision."""
+
+BELOW = 0.75 * 2.0**-53
+"""By this share the estimate is lowered, lest the root of the number before a power of 4, which lies just
+below the middle of two numbers, is rounded up."""
+
+
+def _rounded_inverse_sqrt(builder: Any, d: Any) -> Any:
+    """1/√d of vectors of `ESTIMATED` numbers, root and inverse rounded correctly without either operation.
+
+    The estimate is good for 14 bits, and for all but the last after a step of fourth order. A step each for
+    root and inverse then rounds them (Markstein 1990, doi:10.1147/rd.341.0111): of 10⁹ numbers, all.
+    """
+    of = d.type
+
+    def each(number: float) -> Any:
+        return ir.Constant(of, [number] * of.count)
+
+    def fused(a: Any, b: Any, c: Any) -> Any:
+        return _call(builder, "fma", a, b, c)
+
+    mask = ir.Constant(ir.IntType(8), -1)
+    signature = ir.FunctionType(of, [of, of, mask.type])
+    name = "llvm.x86.avx512.rsqrt14.pd.512"
+    y = builder.call(cgutils.get_or_insert_function(builder.module, signature, name), [d, d, mask])
+    e = fused(builder.fneg(builder.fmul(d, y)), y, each(1.0))
+    y = fused(builder.fmul(y, e), fused(fused(e, each(0.3125), each(0.375)), e, each(0.5)), y)
+    y = fused(y, each(-BELOW), y)
+    root = builder.fmul(d, y)
+    root = fused(fused(builder.fneg(root), root, d), builder.fmul(each(0.5), y), root)
+    e = fused(builder.fneg(root), y, each(1.0))
+    return fused(fused(e, e, e), y, y)
+
+
+@intrinsic
+def inverse_sqrt(typingctx: Any, value: Any) -> Any:
+    """1/√d in each lane, d being a normal number: root and inverse rounded as IEEE 754 says.
+
+    Some processors are busy with a square root and a division for twice as long as with the products and sums
+    that make the same of an estimate.
+    """
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        (d,) = args
+        of = d.type
+        count = of.count if isinstance(of, ir.VectorType) else 1
+        if not (ESTIMATES and count % ESTIMATED == 0 and isinstance(of.element, ir.DoubleType)):
+            one = ir.Constant(of, [1.0] * count) if count > 1 else ir.Constant(of, 1.0)
+            return builder.fdiv(one, _call(builder, "sqrt", d))
+
+        def numbers(first: int, behind: int) -> Any:
+            return ir.Constant(ir.VectorType(ir.IntType(32), behind - first), list(range(first, behind)))
+
+        found = [
+            _rounded_inverse_sqrt(builder, builder.shuffle_vector(d, d, numbers(n, n + ESTIMATED)))
+            for n in range(0, count, ESTIMATED)
+        ]
+        while len(found) > 1:  # two and two make one
+            together = numbers(0, 2 * found[0].type.count)
+            found = [
+                builder.shuffle_vector(a, b, together) for a, b in zip(found[::2], found[1::2], strict=True)
+            ]
+        return found[0]
 
     return value(value), codegen
 

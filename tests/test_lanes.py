@@ -17,6 +17,7 @@ from springgym.compiling import kernel
 from springgym.lanes import (
     any_lane,
     block_dtype,
+    inverse_sqrt,
     load,
     load_each,
     maximum,
@@ -32,6 +33,29 @@ from springgym.simulator import Simulator
 
 WIDTHS = (1, 8, 16)
 DTYPES = (np.float32, np.float64)
+
+
+@kernel
+def invert(a: Any, out: Any) -> None:
+    for n in range(a.shape[0]):
+        store(out, n, inverse_sqrt(load(a, n)))
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("width", WIDTHS)
+def test_inverse_roots_are_rounded_as_root_and_division(width: int, dtype: Any) -> None:
+    """However they are found: of any size, of squares, and beside powers of 4, which are hard to round."""
+    random, eps = np.random.default_rng(0), np.finfo(dtype).eps
+    spread = np.exp(random.uniform(-60, 60, 160_000))
+    squares = (1 + random.integers(0, 4096, 160_000) / 4096) ** 2 * (
+        1 + random.integers(-3, 4, 160_000) * eps
+    )
+    beside = 4.0 ** np.arange(-9, 11)[:, None] * (1 + np.arange(-4000, 4000) * eps / 2)
+    given = np.concatenate([spread, squares, beside.ravel()]).astype(dtype)
+    a, out = (aligned_zeros((given.size // width,), block_dtype(dtype, width)) for _ in range(2))
+    numbers(a)[:] = given.reshape(-1, width)
+    invert(a, out)
+    assert numbers(out).ravel().tobytes() == (dtype(1) / np.sqrt(given)).tobytes()
 
 
 @kernel

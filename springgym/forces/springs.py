@@ -16,7 +16,7 @@ import numpy as np
 from springgym.compiling import compiled
 from springgym.forces.ledger import DAMPING, WORK, record
 from springgym.kinds import Ledger, Mask, Number, Numbers, Rows
-from springgym.lanes import load, maximum, select, sqrt
+from springgym.lanes import inverse_sqrt, load, maximum, select, sqrt
 from springgym.vectors import TINY, add_scaled, dot, minus, plus, row, set_row, times
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def add_spring_forces(
         for s in range(springs.first.size):
             i, j = springs.first[s], springs.second[s]
             apart = minus(row(x, j), row(x, i))
-            inverse_length = 1.0 / sqrt(dot(apart, apart) + TINY)
+            inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
             k = load(springs.stiffness, s)
             pull = k - k * load(springs.length, s) * inverse_length
             if v is not None and dampers is not None:
@@ -169,7 +169,7 @@ def pull_jacobian(
     """
     i, j = springs.first[s], springs.second[s]
     apart = minus(row(x, j), row(x, i))
-    inverse_length = 1.0 / sqrt(dot(apart, apart) + TINY)
+    inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
     along = times(inverse_length, apart)
     k = load(springs.stiffness, s)
     slack = in_x * k * load(springs.length, s) * inverse_length
@@ -198,7 +198,7 @@ def pull_on(x: Rows, particle: Any, springs: Springs) -> Any:
         i, j = springs.first[s], springs.second[s]
         if i == particle or j == particle:
             apart = minus(row(x, j), row(x, i)) if i == particle else minus(row(x, i), row(x, j))
-            inverse_length = 1.0 / sqrt(dot(apart, apart) + TINY)
+            inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
             k = load(springs.stiffness, s)
             total = plus(total, times(k - k * load(springs.length, s) * inverse_length, apart))
     return total
