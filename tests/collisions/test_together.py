@@ -166,7 +166,7 @@ def test_what_touches_is_told_at_the_start() -> None:
     balls = [Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.2) for _ in range(2)]
     near, far = (np.array([[0.0, 0.0, 2.0], [0.4 + gap, 0.0, 2.0]]) for gap in (0.004, 0.1))
     scene = among(put(balls[0], far[0], "a"), put(balls[1], far[1], "b"), contact=contact)
-    simulator = Simulator(scene, copies=3, step=1e-3)
+    simulator = Stepped(scene, copies=3, step=1e-3).simulator
     assert not simulator.pairs().touching.any()
     simulator.place(near, np.zeros((2, 3)), [0, 1])
     simulator.advance(3)
@@ -189,7 +189,7 @@ def test_what_varies_and_what_is_taken_over_keeps_its_energy() -> None:
     """Both begin anew from where they are: what is in the barriers is found again."""
     contact = Contact(friction=0.1)
     scene = among(put(BLOCK, (0, 0, 2.0), "a"), put(BLOCK, (0, 0, 2.503), "b"), contact=contact)
-    simulator, other = (Simulator(scene, copies=2, step=1e-4, varying=["friction"]) for _ in range(2))
+    simulator, other = (Stepped(scene, step=1e-4).simulator for _ in range(2))
     start = simulator.measure()
     assert start.contact.min() > 1e-3
     simulator.vary([1], friction=0.4)
