@@ -43,8 +43,8 @@ INTRODUCTION = """# Baselines
 
 What algorithms make of the tasks. Each cell tells how many of 100 held-out episodes succeed, in the mean
 over the seeds that the agent was trained from, then the lowest of the seeds in brackets and the number of
-seeds, if there are several. Below is the return per step, whose largest value is 1. Success is judged, and the return summed,
-without exploration.
+seeds, if there are several. Below is the return per step, whose largest value is 1. Success is judged, and
+the return summed, without exploration.
 """
 AGENTS = """## Trained agents
 

@@ -28,7 +28,6 @@ from springgym.forces.pairs.terms import FAR, NONE, Near, Search
 from springgym.kinds import Number, Rows, Vector
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
 from springgym.vectors import (
-    TINY,
     choose,
     cross,
     dot,
@@ -38,6 +37,7 @@ from springgym.vectors import (
     row_each,
     set_row,
     times,
+    unit,
 )
 
 SPARE = 1.05
@@ -141,7 +141,7 @@ def slab(x: Rows, a: Number, b: Number, shapes: Any, room: Any) -> Any:
     """
     middle = plus(row(room.low, b), row(room.high, b))
     axis = minus(middle, plus(row(room.low, a), row(room.high, a)))
-    axis = times(1.0 / sqrt(dot(axis, axis) + TINY), axis)
+    axis = unit(axis)
     last, first = -FAR + 0.0 * axis[0], FAR + 0.0 * axis[0]
     for k in range(shapes.start[0, a], shapes.start[0, a + 1]):
         i = shapes.vertices[k]
