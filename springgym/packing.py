@@ -287,6 +287,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
     """What a thread computes in where bodies collide."""
     particles = np.array([0, *(own.stop for own in scene.slices)])
     springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
+    count = len(scene.positions)
 
     def rows(start: np.ndarray = particles) -> Ragged:
         return Ragged(aligned_zeros((int(start[-1]), 3), dtype), start)
@@ -295,6 +296,10 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
         a=rows(),
         b=rows(),
         space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype), rows()),
+        w=rows(),
+        met=Ragged(aligned_zeros((count,), dtype), particles),
+        touched=Ragged(np.zeros(count, bool), particles),
+        busy=Ragged(np.zeros(count, bool), particles),
         soon=rows(),
         velocity=rows(),
         base=rows(),
@@ -302,7 +307,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
         change=rows(),
         rub=rows(),
         force=rows(),
-        bends=rows(),
+        stirred=np.zeros(len(scene.bodies), bool),
         bowed=aligned_zeros((len(scene.bodies),), dtype),
         room=pack_room(scene, pairs, dtype),
     )

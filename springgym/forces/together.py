@@ -63,8 +63,16 @@ class Bodies(NamedTuple):
     b: Ragged
     """and by actuators"""
     space: Space
+    w: Ragged
+    """velocities amid the node, before contact, if anything else acts there [m/s]"""
+    met: Ragged
+    """(N,) 1 where a copy has the particle in a contact of bodies, else 0"""
+    touched: Ragged
+    """(N,) whether any copy of the block has"""
+    busy: Ragged
+    """(N,) whether bodies touch the particle or surfaces are near; at first as it was at the last node"""
     soon: Ragged
-    """velocities after the node, but for contact [m/s]"""
+    """of what is busy: velocities after the node, but for contact [m/s]"""
     velocity: Ragged
     """and with as much of it as is known"""
     base: Ragged
@@ -75,7 +83,8 @@ class Bodies(NamedTuple):
     """what surfaces give: see `springgym.forces.node.Given`"""
     rub: Ragged
     force: Ragged
-    bends: Ragged
+    stirred: np.ndarray
+    """(bodies,) whether anything of a body is busy"""
     bowed: np.ndarray
     """(bodies,) energy that belongs to the next node [J]"""
     room: Room
@@ -85,19 +94,21 @@ class Bodies(NamedTuple):
 
 
 @compiled
-def lean(x: Rows, span: Any, found: Any, fresh: Any, last: Any, own: Any, terms: Terms) -> None:
+def lean(x: Rows, v: Rows, span: Any, found: Any, fresh: Any, last: Any, own: Any, terms: Terms) -> None:
     """Let surfaces give a body's particles what follows from all else, and bodies' pushes among it.
 
-    After the ``fresh`` turn only those of copies whose velocity changed since. Before the ``last`` one, they
-    also wait where a surface gave nothing and is not near.
+    For good all that are busy, before that those that bodies touch. After the ``fresh`` turn only those of
+    copies whose velocity changed since. Before the ``last`` one, they also wait where a surface gave nothing
+    and is not near.
     """
-    arrived = terms.memory.arrived
     for i in range(x.shape[0]):
+        if not (own.busy[i] if found == FOUND else own.touched[i]):
+            continue
         velocity = row(own.velocity, i)
         more = minus(velocity, row(own.base, i))
         moved = select(dot(more, more) > 0.0, 1.0, 0.0 * load(terms.memory.marks, PHASE))
         if fresh or any_lane(moved > 0.5):
-            place, start = row(x, i), row(arrived, i)
+            place, start = row(x, i), row(v, i)
             if not (fresh or last):
                 calm = waiting(i, place, start, velocity, span, own, terms.planes, terms.bowl)
                 moved = select(calm > 0.5, 0.0, moved)
@@ -116,7 +127,7 @@ def lean(x: Rows, span: Any, found: Any, fresh: Any, last: Any, own: Any, terms:
                 set_row(own.change, i, choose(turns, given.change, row(own.change, i)))
                 set_row(own.rub, i, choose(turns, given.rub, row(own.rub, i)))
                 set_row(own.force, i, choose(turns, given.force, row(own.force, i)))
-                set_row(own.bends, i, choose(turns, given.bend, row(own.bends, i)))
+                set_row(own.space.bends, i, choose(turns, given.bend, row(own.space.bends, i)))
 
 
 @compiled
@@ -181,7 +192,8 @@ def leans(
 def touch(
     x: Any, w: Any, span: Any, count: Number, last: Any, particles: Particles, work: Any, terms: Terms
 ) -> None:
-    """Find what surfaces and bodies give at a node, for good at the ``last`` time."""
+    """Find what surfaces and bodies give at a node that is reached with velocities ``w``, for good at the
+    ``last`` time."""
     meets, room = terms.meets, work.room
     pairs = meets.pairs
     found = FOUND if last else FORESEEN
@@ -190,82 +202,155 @@ def touch(
     for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
         if leans(turn, count, terms.planes, terms.bowl, pairs.friction):
             for body in range(bodies_of(x)):
+                if last and not work.stirred[body]:
+                    continue
                 own = of_body(work, body)
-                lean(of_body(x, body), span, found, fresh, turn == TURNS, own, of_body(terms, body))
+                here, start, other = of_body(x, body), of_body(w, body), of_body(terms, body)
+                lean(here, start, span, found, fresh, turn == TURNS, own, other)
             fresh = False
         if turn < 2:
             sweep(v, span, count, turn == 1, pairs, room)
         if turn == 1 and last:
             taper(x.values, v, span, count, particles, pairs, room, pairs.shapes.edges)
         if 0 < turn <= SWEEPS or (last and turn > SWEEPS):
-            rub(w, v, turn - 1, count, pairs, pairs.friction, room, meets.tally)
+            rub(w.values, v, turn - 1, count, pairs, pairs.friction, room, meets.tally)
 
 
 # --- The node -----------------------------------------------------------------------------------------
 
 
 @compiled
-def arrive(v: Rows, span: Any, own: Any, foresees: bool, memory: Any) -> None:
-    """Keep how a body's particles come, and kick them with what leads to the node."""
-    for i in range(v.shape[0]):
-        start = row(v, i)
-        set_row(memory.arrived, i, start)
-        set_row(v, i, plus_scaled(start, span.lead, row(own.a, i)))
-        if not foresees:
-            set_row(own.space.given, i, (0.0, 0.0, 0.0))
-        set_row(own.pairs, i, (0.0, 0.0, 0.0))
+def arrive(contacts: Number, own: Any) -> None:
+    """Find which of a body's particles are in contacts, and let bodies have given nothing yet."""
+    for i in range(own.busy.size):
+        touched = False
+        if contacts > 0:
+            touched = any_lane(load(own.met, i) > 0.5)
+            store(own.met, i, 0.0)
+        own.touched[i] = touched
+        if touched or own.busy[i]:
+            set_row(own.pairs, i, (0.0, 0.0, 0.0))
 
 
 @compiled
-def unmet(contacts: Number, last: Any, planes: Planes | None, bowl: HollowSphere | None) -> bool:
-    """Whether nothing touches anything at a node, so that it is two kicks; the last one is read, too."""
-    if planes is None and bowl is None:
-        return contacts == 0 and not last
+def foresee(v: Rows, span: Any, own: Any, terms: Terms) -> None:
+    """Expect a body's particles that others touch to leave as if there were no dampers.
+
+    Less what surfaces are foreseen to give, too, though it is not given yet: it is found again by what leans
+    on them, and blocks that slide together keep closer to their friction so (0.03 %; else 0.4 %).
+    """
+    for i in range(own.touched.size):
+        if own.touched[i]:
+            soon = expected(i, v, span, own, terms)
+            soon = plus_scaled(soon, span.whole, pushed(own.b, i, soon, terms.wrench, terms.thrust))
+            expect(i, soon, own)
+
+
+@compiled
+def acts_amid(terms: Terms) -> bool:
+    """Whether anything but contact acts between the two kicks of a node."""
+    driven = terms.wrench is not None or terms.thrust is not None or terms.drive is not None
+    return driven or terms.dampers is not None
+
+
+@compiled
+def before_contact(i: int, v: Rows, span: Any, own: Any, terms: Terms) -> Any:
+    """The velocity of a particle amid a node, before contact is given."""
+    if acts_amid(terms):
+        return row(own.w, i)
+    return plus_scaled(row(v, i), span.lead, row(own.a, i))
+
+
+@compiled
+def expected(i: int, v: Rows, span: Any, own: Any, terms: Terms) -> Any:
+    """The velocity of a particle after a node, but for contact."""
+    now = before_contact(i, v, span, own, terms)
+    if foreseen(terms.dampers):
+        now = minus(now, row(own.space.given, i))
+    return plus_scaled(now, span.out, row(own.a, i))
+
+
+@compiled
+def expect(i: int, soon: Vector, own: Any) -> None:
+    """Let contact begin with this velocity of a particle, and with what bodies gave it as far as is known."""
+    with_pairs = plus(soon, row(own.pairs, i))
+    set_row(own.soon, i, soon)
+    set_row(own.velocity, i, with_pairs)
+    set_row(own.base, i, with_pairs)
+
+
+@compiled
+def give_half(own: Any) -> None:
+    """Give half of what contact is going to give, as far as is known, before dampers act: what surfaces gave
+    at the last node, and what bodies give as if there were no dampers."""
+    for i in range(own.busy.size):
+        if own.touched[i] or own.busy[i]:
+            half = plus(row(own.space.given, i), times(0.5, row(own.pairs, i)))
+            set_row(own.space.given, i, half)
+            set_row(own.w, i, plus(row(own.w, i), half))
+
+
+@compiled
+def go_on(x: Rows, v: Rows, span: Any, h: Number, last: Any, own: Any, terms: Terms) -> bool:
+    """Let a body's particles that nothing is near go on to the next node; whether any are left, busy.
+
+    The way of what was not busy begins where that of the last node ended, out of reach. At the ``last`` node,
+    all are busy. A sum with zero is never −0, as where contacts of other copies add theirs.
+    """
+    stirred = False
+    for i in range(x.shape[0]):
+        place, was = row(x, i), own.busy[i]
+        soon = expected(i, v, span, own, terms)
+        end = plus_scaled(place, span.out, soon)
+        begin = end
+        if was:
+            begin = plus_scaled(place, -1.0 * span.lead, row(v, i))
+        busy = last or own.touched[i] or reached(i, begin, end, terms.particles, terms.planes, terms.bowl)
+        own.busy[i] = busy
+        if busy:
+            stirred = True
+            if not (was or own.touched[i]):
+                set_row(own.pairs, i, (0.0, 0.0, 0.0))
+            expect(i, soon, own)
+        else:
+            soon = plus(soon, (0.0, 0.0, 0.0))
+            set_row(v, i, soon)
+            set_row(x, i, plus(place, times(h, soon)))
+            if was:
+                set_row(own.space.given, i, (0.0, 0.0, 0.0))
+                set_row(own.space.bends, i, (0.0, 0.0, 0.0))
+    return stirred
+
+
+@compiled
+def reached(
+    i: int,
+    begin: Vector,
+    end: Vector,
+    particles: Particles,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
+) -> bool:
+    """Whether surfaces, if there are any, are near the way of particle ``i`` in any copy."""
+    if planes is not None or bowl is not None:
+        return particles.free[i] and any_lane(near(begin, end, planes, bowl))
     return False
 
 
 @compiled
-def kick_on(v: Rows, time: Number, a: Rows) -> None:
-    """Kick a body's particles; a sum with zero is never −0, as where contacts of other copies add theirs."""
-    for i in range(v.shape[0]):
-        set_row(v, i, plus(plus_scaled(row(v, i), time, row(a, i)), (0.0, 0.0, 0.0)))
-
-
-@compiled
-def look_ahead(v: Rows, span: Any, last: Any, own: Any, terms: Terms) -> None:
-    """Find a body's velocities after the node, but for contact: as if there were no dampers, at first.
-
-    Less what surfaces are foreseen to give, at first, too, though it is not given yet: it is found again by
-    what leans on them, and blocks that slide together keep closer to their friction so (0.03 %; else 0.4 %).
-    """
-    for i in range(v.shape[0]):
-        now = row(v, i)
-        now = minus(now, row(own.space.given, i))
-        soon = plus_scaled(now, span.out, row(own.a, i))
-        if not last:
-            force = pushed(own.b, i, soon, terms.wrench, terms.thrust)
-            soon = plus_scaled(soon, span.whole, force)
-        with_pairs = plus(soon, row(own.pairs, i))
-        set_row(own.soon, i, soon)
-        set_row(own.velocity, i, with_pairs)
-        set_row(own.base, i, with_pairs)
-
-
-@compiled
-def give_half(v: Rows, own: Any) -> None:
-    """Give half of what contact is going to give, as far as is known, before dampers act: what surfaces gave
-    at the last node, and what bodies give as if there were no dampers."""
-    for i in range(v.shape[0]):
-        half = plus(row(own.space.given, i), times(0.5, row(own.pairs, i)))
-        set_row(own.space.given, i, half)
-        set_row(v, i, plus(row(v, i), half))
-
-
-@compiled
 def leave(
-    x: Rows, v: Rows, body: Any, span: Any, last: Any, ledger: Ledger, work: Any, own: Any, terms: Terms
+    x: Rows,
+    v: Rows,
+    body: Any,
+    span: Any,
+    h: Number,
+    last: Any,
+    ledger: Ledger,
+    work: Any,
+    own: Any,
+    terms: Terms,
 ) -> bool:
-    """Let a body's particles go on, and enter what they lost; or, at the ``last`` node, read them.
+    """Let what is busy of a body go on, and enter what it lost; or, at the ``last`` node, read it.
 
     Whether a way was bent.
     """
@@ -278,12 +363,14 @@ def leave(
     swung, thrown = none, none
     bent, raised = False, False
     for i in range(v.shape[0]):
-        place, start, acceleration = row(x, i), row(memory.arrived, i), row(own.a, i)
-        half, by_bodies, bend = row(own.space.given, i), row(own.pairs, i), row(own.bends, i)
+        if not own.busy[i]:
+            continue
+        place, start, acceleration = row(x, i), row(v, i), row(own.a, i)
+        half, by_bodies, bend = row(own.space.given, i), row(own.pairs, i), row(own.space.bends, i)
         change, slowed, force = row(own.change, i), row(own.rub, i), row(own.force, i)
         total = plus(by_bodies, plus(change, slowed))
         kicked = plus(plus_scaled(start, span.lead, acceleration), half)
-        others = minus(row(v, i), kicked)
+        others = minus(before_contact(i, v, span, own, terms), kicked)
         after, mass = row(own.velocity, i), load(particles.mass, i)
         if particles.free[i]:
             if any_lane(dot(half, half) + dot(total, total) + dot(force, force) > 0.0):
@@ -298,23 +385,26 @@ def leave(
                 bowed = bowed + 0.5 * mass * dot(acceleration, bend)
                 if any_lane(dot(bend, bend) > 0.0):
                     bent = True
-                set_row(x, i, plus(place, bend))
+                place = plus(place, bend)
             if last:
                 given = times(span.whole, pushed(own.b, i, start, terms.wrench, terms.thrust))
                 thrown = thrown + mass * dot(given, given)
                 swung = swung + mass * dot(others, others)
                 held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
-                more, lift = held_at(place, start, after, bend, span, terms, terms.planes, terms.bowl)
+                more, lift = held_at(row(x, i), start, after, bend, span, terms, terms.planes, terms.bowl)
                 held = held + more
                 if any_lane(dot(lift, lift) > 0.0):
                     raised = True
-                set_row(x, i, plus(place, lift))
+                place = plus(row(x, i), lift)
         if last:
+            set_row(x, i, place)
+            set_row(memory.arrived, i, start)
             set_row(v, i, times(0.5, plus(start, after)))
         else:
+            set_row(x, i, plus(place, times(h, after)))
             set_row(v, i, after)
-            set_row(own.space.bends, i, bend)
-            set_row(own.space.given, i, times(share, plus(change, slowed)))
+            if foreseen(terms.dampers):
+                set_row(own.space.given, i, times(share, plus(change, slowed)))
     store(work.bowed, body, bowed)
     record_stray(ledger, stray, terms.dampers)
     record(ledger, CONTACT, lost)
@@ -395,64 +485,41 @@ def pass_together(
     If nothing ``goes`` on, only tell which bodies touch in fresh copies. Whether a way was bent.
     """
     span, meets, room = span_of(phase, h), terms.meets, work.room
-    every, w = terms.particles, terms.memory.arrived.values
+    every = terms.particles
     particles = Particles(every.mass.values, every.inverse_mass.values, every.free.values)
     count = bodies_of(x)
     contacts = find(x.values, v.values, span, meets.pairs, room)
     if not goes:
         begin(phase, contacts, meets, room, terms.memory)
         return False
-    alone = unmet(contacts, last, terms.planes, terms.bowl)
+    if contacts > 0:
+        here, met = x.values, work.met.values
+        prepare(here, v.values, span, contacts, particles, meets.pairs, room, meets.tally, met)
     for body in range(count):
-        own = of_body(work, body)
-        if alone:
-            kick_on(of_body(v, body), span.lead, own.a)
-        else:
-            arrive(of_body(v, body), span, own, foreseen(terms.dampers), of_body(terms.memory, body))
-    prepare(x.values, w, span, contacts, particles, meets.pairs, room, meets.tally)
+        if contacts > 0 or work.stirred[body]:
+            arrive(contacts, of_body(work, body))
     for part in range(2):
-        if part == 1:
-            for body in range(count):
-                own = of_body(terms, body)
-                direction = of_body(work.space.direction, body)
-                act_and_damp(
-                    of_body(v, body),
-                    of_body(work.b, body),
-                    phase,
-                    span,
-                    direction,
-                    of_body(ledger, body),
-                    own,
-                )
-        if alone:
-            continue
-        if part == 1 or (foreseen(terms.dampers) and contacts > 0):
-            for body in range(count):
-                look_ahead(of_body(v, body), span, part == 1, of_body(work, body), of_body(terms, body))
-            touch(x, w, span, contacts, part == 1, particles, work, terms)
-        if part == 0 and foreseen(terms.dampers):
-            for body in range(count):
-                give_half(of_body(v, body), of_body(work, body))
-    account(work.velocity.values, span, contacts, meets.pairs, room, meets.tally)
-    if alone:
         for body in range(count):
-            kick_on(of_body(v, body), span.out, of_body(work, body).a)
-        return False
-    enter(span, ledger, meets.pairs, room)
+            own, terms_of = of_body(work, body), of_body(terms, body)
+            if part == 1:
+                if foreseen(terms.dampers) and (contacts > 0 or work.stirred[body]):
+                    give_half(own)
+                direction, entries = own.space.direction, of_body(ledger, body)
+                act_and_damp(own.w, own.b, phase, span, direction, entries, terms_of)
+                here, velocities = of_body(x, body), of_body(v, body)
+                work.stirred[body] = go_on(here, velocities, span, h, last, own, terms_of)
+            elif foreseen(terms.dampers) and contacts > 0:
+                foresee(of_body(v, body), span, own, terms_of)
+        if part == 1 or (foreseen(terms.dampers) and contacts > 0):
+            touch(x, v, span, contacts, part == 1, particles, work, terms)
+    account(work.velocity.values, span, contacts, meets.pairs, room, meets.tally)
+    if contacts > 0:
+        enter(span, ledger, meets.pairs, room)
     bent = False
     for body in range(count):
-        own = of_body(work, body)
-        if leave(
-            of_body(x, body),
-            of_body(v, body),
-            body,
-            span,
-            last,
-            of_body(ledger, body),
-            work,
-            own,
-            of_body(terms, body),
-        ):
+        own, entries = of_body(work, body), of_body(ledger, body)
+        here, velocities, terms_of = of_body(x, body), of_body(v, body), of_body(terms, body)
+        if work.stirred[body] and leave(here, velocities, body, span, h, last, entries, work, own, terms_of):
             bent = True
     if last:
         hold(meets.pairs, meets.tally, terms.memory, 0.5)
@@ -464,9 +531,10 @@ def bow_together(bent: Any, ledger: Ledger, work: Any, terms: Terms) -> None:
     """`springgym.forces.node.bow` for all bodies."""
     if bent:
         for body in range(bodies_of(work.a)):
-            own, entries = of_body(work, body), of_body(ledger, body)
-            record(entries, CONTACT, load(work.bowed, body))
-            bow(own.a, (0, own.a.shape[0]), own.space, entries, of_body(terms, body))
+            if work.stirred[body]:
+                own, entries = of_body(work, body), of_body(ledger, body)
+                record(entries, CONTACT, load(work.bowed, body))
+                bow(own.a, (0, own.a.shape[0]), own.space, entries, of_body(terms, body))
 
 
 # --- The tally ------------------------------------------------------------------------------------------

@@ -8,11 +8,10 @@ import numpy as np
 
 from springgym.compiling import compiled
 from springgym.forces import (
-    accelerate,
     act,
     actuate,
     divide_and_kick,
-    drift,
+    divide_by_mass,
     kick_and_drift,
     paired,
     relax,
@@ -30,6 +29,7 @@ from springgym.forces.memory import (
 from springgym.forces.node import Space, bow, next_phase, pass_node, span_of
 from springgym.forces.together import (
     START,
+    acts_amid,
     bow_together,
     halve_tally,
     pass_together,
@@ -130,30 +130,44 @@ def integrate_together(
     phase, goes, bent = load(of_body(terms.memory, 0).marks, PHASE), steps != START, False
     if goes:
         for body in range(bodies_of(x)):
-            kept = of_body(terms.memory, body)
+            kept, own = of_body(terms.memory, body), of_body(workspace, body)
+            own.busy[:] = True
+            workspace.stirred[body] = True
             resume(of_body(x, body), of_body(v, body), of_body(ledger, body), kept)
-            recall(phase, of_body(workspace.space.given, body), kept.given)
+            recall(phase, own.space.given, kept.given)
         resume_tally(phase, terms.meets)
     for n in range(steps + 1 if goes else 1):
         if goes:
-            come_together(x, phase, n == 0, n == steps, bent, ledger, workspace, terms)
+            come_together(x, v, h, phase, n == 0, n == steps, bent, ledger, workspace, terms)
         bent = pass_together(x, v, phase, h, n == steps, goes, ledger, workspace, terms)
         if n < steps:
             phase = next_phase(phase)
-            drift(x.values, v.values, h)
     if goes:
         halve_tally(terms.meets)
 
 
 @compiled
 def come_together(
-    x: Any, phase: Number, first: Any, last: Any, bent: bool, ledger: Ledger, workspace: Any, terms: Terms
+    x: Any,
+    v: Any,
+    h: Number,
+    phase: Number,
+    first: Any,
+    last: Any,
+    bent: bool,
+    ledger: Ledger,
+    workspace: Any,
+    terms: Terms,
 ) -> None:
     """Find the forces at a node on all bodies, and remember how the ``last`` is reached."""
     for body in range(bodies_of(x)):
         own, work = of_body(terms, body), of_body(workspace, body)
-        accelerate(of_body(x, body), work.a, work.space.direction, own)
+        set_forces(of_body(x, body), work.a, work.space.direction, own)
         actuate(of_body(x, body), work.b, own)
+        if acts_amid(own):
+            divide_and_kick(work.a, of_body(v, body), work.w, span_of(phase, h).lead, own.particles)
+        else:
+            divide_by_mass(work.a, own.particles)
     bow_together(bent, ledger, workspace, terms)
     for body in range(bodies_of(x)):
         own, work = of_body(terms, body), of_body(workspace, body)

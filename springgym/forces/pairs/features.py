@@ -74,13 +74,13 @@ def within(y: Number) -> Any:
 
 
 @compiled
-def on_sides(uu: Number, uw: Number, ww: Number, e: Number, f: Number) -> Any:
+def on_sides(uu: Number, uw: Number, ww: Number, inverse: Number, e: Number, f: Number) -> Any:
     """Weights of the far corners in the point of a triangle's sides nearest to r.
 
-    It is spanned by u and w, whose products are ``uu``, ``uw`` and ``ww``; ``e`` and ``f`` are u·r and w·r.
+    It is spanned by u and w, whose products are ``uu``, ``uw`` and ``ww``; ``inverse`` is that of the product
+    of its sides' squares, ``e`` and ``f`` are u·r and w·r.
     """
     third = uu - 2.0 * uw + ww
-    inverse = 1.0 / (uu * ww * third + TINY)
     t1, t2 = within(e * (ww * third * inverse)), within(f * (uu * third * inverse))
     q1, q2 = t1 * (t1 * uu - 2.0 * e), t2 * (t2 * ww - 2.0 * f)
     t3 = within((f - e + uu - uw) * (uu * ww * inverse))
@@ -190,23 +190,22 @@ def vertex_faces(
             close = height * height < wide * square
             if any_lane(close):
                 u, q = row(room.first, n), row(room.second, n)
-                uu, uw, ww, e, f = dot(u, u), dot(u, q), dot(q, q), dot(u, r), dot(q, r)
-                inverse = 1.0 / (square + TINY)
+                (uu, uw, ww), (inverse, of_sides, longest) = row(room.products, n), row(room.sizes, n)
+                e, f = dot(u, r), dot(q, r)
                 wb, wc = (ww * e - uw * f) * inverse, (uu * f - uw * e) * inverse
                 side = minimum(minimum(wb, wc), 1.0 - wb - wc)
                 past = minimum(side, 0.0)
-                longest = maximum(maximum(uu, ww), uu - 2.0 * uw + ww)
                 close = select(close, past * past * square, FAR) < wide * longest
                 if any_lane(close):
                     if any_lane(select(close, side, 0.0) < 0.0):
-                        sb, sc = on_sides(uu, uw, ww, e, f)
+                        sb, sc = on_sides(uu, uw, ww, of_sides, e, f)
                         wb, wc = select(side < 0.0, sb, wb), select(side < 0.0, sc, wc)
                     apart = minus(minus(r, times(wb, u)), times(wc, q))
                     behind = select(close, height, 1.0) < 0.0
                     squared = select(close, dot(apart, apart), FAR)
                     key = squared - tie * (height * height * inverse)
                     key = select(squared < select(behind, limit, wide), key, FAR)
-                    if any_lane(behind):
+                    if any_lane(select(behind, key, FAR) < best):
                         w = seen.w
                         a, b, c = corners(0.0 * i + n, room, triangles)
                         own = row_each(w, maximum(i, 0.0))

@@ -38,7 +38,7 @@ from springgym.forces.pairs.terms import (
     tell,
 )
 from springgym.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
+from springgym.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store, store_each
 from springgym.vectors import (
     TINY,
     choose,
@@ -80,17 +80,28 @@ class Approach(NamedTuple):
 
 @compiled
 def prepare(
-    x: Rows, w: Rows, span: Any, count: Any, particles: Particles, pairs: Any, room: Any, tally: Numbers
+    x: Rows,
+    w: Rows,
+    span: Any,
+    count: Any,
+    particles: Particles,
+    pairs: Any,
+    room: Any,
+    tally: Numbers,
+    met: Numbers,
 ) -> None:
-    """Find the speeds that contacts come with, and how much an impulse changes them."""
+    """Find the speeds that contacts come with, and how much an impulse changes them; ``met`` is set to 1 of
+    their particles."""
     for p in range(pairs.first.size):
         set_row(room.spent, p, (0.0, 0.0, 0.0))
     for k in range(count):
         u = speed(w, k, room)
-        inverse = 0.0 * u
+        inverse, there = 0.0 * u, load(room.distance, k) < 0.5 * FAR
         for j in range(room.members[k]):
             weight = load(room.weight, 4 * k + j)
-            gain = weight * load_each(particles.inverse_mass, load(room.particle, 4 * k + j))
+            i = load(room.particle, 4 * k + j)
+            gain = weight * load_each(particles.inverse_mass, i)
+            store_each(met, i, select(there, 1.0 + 0.0 * weight, load_each(met, i)))
             store(room.gain, 4 * k + j, gain)
             inverse = inverse + weight * gain
         store(room.before, k, u)

@@ -28,6 +28,7 @@ from springgym.forces.pairs.terms import FAR, NONE, Near, Search
 from springgym.kinds import Number, Rows, Vector
 from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
 from springgym.vectors import (
+    TINY,
     choose,
     cross,
     dot,
@@ -227,7 +228,13 @@ def list_triangles(first: Number, body: Number, other: Any, near: Near, seen: Se
             set_row(room.first, k, u)
             set_row(room.second, k, q)
             set_row(room.normal, k, across)
-            store(room.square, k, select(there, dot(across, across), NONE))
+            square = select(there, dot(across, across), NONE)
+            store(room.square, k, square)
+            uu, uw, ww = dot(u, u), dot(u, q), dot(q, q)
+            third = uu - 2.0 * uw + ww
+            inverse, of_sides = 1.0 / (square + TINY), 1.0 / (uu * ww * third + TINY)
+            set_row(room.products, k, (uu, uw, ww))
+            set_row(room.sizes, k, (inverse, of_sides, maximum(maximum(uu, ww), third)))
     return rows
 
 

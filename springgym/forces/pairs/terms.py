@@ -93,6 +93,11 @@ class Room(NamedTuple):
     """(T + 1, 3) their product, as long as twice the area [m²]"""
     square: np.ndarray
     """(T + 1,) the square of that length [m⁴]; −1 where there is none"""
+    products: np.ndarray
+    """(T + 1, 3) of the sides from the first corner: |u|², u·w and |w|² [m²]"""
+    sizes: np.ndarray
+    """(T + 1, 3) 1 over ``square`` [m⁻⁴], 1 over the product of all sides' squares [m⁻⁶], the largest of
+    these [m²]"""
     edge: np.ndarray
     """(E + 1,) list: edges likewise"""
     start: np.ndarray
@@ -307,6 +312,8 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         second=lanes(triangles, 3),
         normal=lanes(triangles, 3),
         square=lanes(triangles),
+        products=lanes(triangles, 3),
+        sizes=lanes(triangles, 3),
         edge=lanes(edges),
         start=lanes(edges, 3),
         way=lanes(edges, 3),
