@@ -171,8 +171,11 @@ def sqrt(typingctx: Any, value: Any) -> Any:
     return value(value), codegen
 
 
-def _estimates() -> bool:
-    """Whether this processor has an estimate of 1/√d that helps: AVX-512's, unless roots are fast, too."""
+def _intels() -> bool:
+    """Whether to compile for AVX-512 as Intel has it, with estimates of 1/√d and gathers that help.
+
+    On AMD's Zen roots are fast, too, and gathers slow.
+    """
     other = config.CPU_NAME or config.CPU_FEATURES  # Numba is told to compile for another
     return bool(
         not other
@@ -181,8 +184,8 @@ def _estimates() -> bool:
     )
 
 
-ESTIMATES, ESTIMATED = _estimates(), 8
-"""And of how many numbers at once, in double precision."""
+INTELS, ESTIMATED = _intels(), 8
+"""And how many numbers in double precision are estimated at once."""
 
 BELOW = 0.75 * 2.0**-53
 """By this share the estimate is lowered, lest the root of the number before a power of 4, which lies just
@@ -228,7 +231,7 @@ def inverse_sqrt(typingctx: Any, value: Any) -> Any:
         (d,) = args
         of = d.type
         count = of.count if isinstance(of, ir.VectorType) else 1
-        if not (ESTIMATES and count % ESTIMATED == 0 and isinstance(of.element, ir.DoubleType)):
+        if not (INTELS and count % ESTIMATED == 0 and isinstance(of.element, ir.DoubleType)):
             one = ir.Constant(of, [1.0] * count) if count > 1 else ir.Constant(of, 1.0)
             return builder.fdiv(one, _call(builder, "sqrt", d))
 
@@ -442,43 +445,85 @@ def store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
     return types.void(array, index, value), codegen
 
 
-def _own_numbers(context: Any, builder: Any, sig: Any, args: Any) -> tuple[list[Any], types.Type]:
-    """Pointers to ``array[index]`` of a C-contiguous array, one for each lane, and what they point to."""
+def _in_all(builder: Any, value: Any, like: Any) -> Any:
+    """A whole number in every lane of one ``like`` it, or as it is."""
+    if not isinstance(like.type, ir.VectorType):
+        return value
+    zeros = ir.Constant(ir.VectorType(ir.IntType(32), like.type.count), [0] * like.type.count)
+    one = builder.insert_element(ir.Constant(like.type, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(one, one, zeros)
+
+
+def _each(builder: Any, value: Any) -> list[Any]:
+    """What is in each lane."""
+    if not isinstance(value.type, ir.VectorType):
+        return [value]
+    lanes = (ir.Constant(ir.IntType(32), lane) for lane in range(value.type.count))
+    return [builder.extract_element(value, lane) for lane in lanes]
+
+
+def _number_of(element: types.Type) -> types.Type:
+    """What a lane of an array's elements is."""
+    return element.dtype if isinstance(element, Lanes) else element
+
+
+def _own_numbers(context: Any, builder: Any, sig: Any, args: Any, gathers: bool) -> Any:
+    """Where ``array[index]`` of a C-contiguous array is for each lane.
+
+    Returns
+    -------
+    the data, and the offsets in it: as one vector if something ``gathers`` them, else as a list
+    """
     array_type, index_type = sig.args[:2]
     element = _element(array_type)
     array = _unpacked(context, builder, array_type, args[0])
-    axis = None
-    index, lanes = args[1], index_type
+    axis, index, lanes = None, args[1], index_type
     if isinstance(index_type, types.BaseTuple):
         index, axis = cgutils.unpack_tuple(builder, index)
         lanes = index_type[0]
         axis = context.cast(builder, axis, index_type[1], types.intp)
-    extents = array.shape
-    whole = ir.IntType(32)
+    extents, whole = array.shape, ir.IntType(32)
+    long = extents[0].type
     rows = builder.fptosi(index, whole if lanes.width == 1 else ir.VectorType(whole, lanes.width))
-    own = isinstance(element, Lanes)
-    number = element.dtype if own else element
-    data = builder.bitcast(array.data, _llvm(number, 1).as_pointer()) if own else array.data
-    rows = [
-        rows if lanes.width == 1 else builder.extract_element(rows, ir.Constant(whole, lane))
-        for lane in range(lanes.width)
-    ]
-    rows = [builder.sext(row, extents[0].type) for row in rows]
     if context.enable_boundscheck:  # of the largest: one check is a hundredth of the code
-        most = rows[0]
-        for row in rows[1:]:
+        most, *others = (builder.sext(row, long) for row in _each(builder, rows))
+        for row in others:
             most = builder.select(builder.icmp_unsigned(">", row, most), row, most)
         check_index(context, builder, most, extents[0])
-    pointers = []
-    for lane, offset in enumerate(rows):
+    own = isinstance(element, Lanes)
+
+    def offset(row: Any, lane: Any) -> Any:
+        place = builder.sext(row, lane.type)
         if axis is not None:
-            across = ir.Constant(offset.type, 3) if own else extents[1]
-            offset = builder.add(builder.mul(offset, across), axis)
+            across = ir.Constant(long, 3) if own else extents[1]
+            place = builder.mul(place, _in_all(builder, across, place))
+            place = builder.add(place, _in_all(builder, axis, place))
         if own:
-            width = ir.Constant(offset.type, element.width)
-            offset = builder.add(builder.mul(offset, width), ir.Constant(offset.type, lane))
-        pointers.append(builder.gep(data, [offset]))
-    return pointers, number
+            place = builder.mul(place, _in_all(builder, ir.Constant(long, element.width), place))
+            place = builder.add(place, lane)
+        return place
+
+    data = builder.bitcast(array.data, _llvm(element.dtype, 1).as_pointer()) if own else array.data
+    if gathers:
+        every = ir.Constant(ir.VectorType(long, lanes.width), list(range(lanes.width)))
+        return data, offset(rows, every)
+    return data, [offset(row, ir.Constant(long, lane)) for lane, row in enumerate(_each(builder, rows))]
+
+
+def _gathered(builder: Any, data: Any, offset: Any, number: types.Float) -> Any:
+    """Numbers of all lanes, which the processor collects."""
+    width = offset.type.count
+    of, size = _llvm(number, width), number.bitwidth // 8
+    places = ir.VectorType(_llvm(number, 1).as_pointer(), width)
+    first = _in_all(builder, builder.ptrtoint(data, offset.type.element), offset)
+    offset = builder.mul(offset, ir.Constant(offset.type, [size] * width))
+    pointers = builder.inttoptr(builder.add(first, offset), places)
+    mask = ir.Constant(ir.VectorType(ir.IntType(1), width), [1] * width)
+    signature = ir.FunctionType(of, [places, ir.IntType(32), mask.type, of])
+    name = f"llvm.masked.gather.v{width}f{number.bitwidth}.v{width}p0"
+    gather = cgutils.get_or_insert_function(builder.module, signature, name)
+    alignment, none = ir.Constant(ir.IntType(32), size), ir.Constant(of, ir.Undefined)
+    return builder.call(gather, [pointers, alignment, mask, none])
 
 
 def _rows_of(array: Any, index: Any) -> Any:
@@ -499,10 +544,14 @@ def load_each(typingctx: Any, array: Any, index: Any) -> Any:
     lanes = _rows_of(array, index)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointers, number = _own_numbers(context, builder, sig, args)
+        number = _number_of(_element(sig.args[0]))
+        gathers = INTELS and lanes.width > 1 and number == lanes.dtype
+        data, offset = _own_numbers(context, builder, sig, args, gathers)
+        if gathers:
+            return _gathered(builder, data, offset, number)
         found = [
-            context.cast(builder, builder.load(pointer), number, lanes.dtype)
-            for pointer in pointers  # cast: counts, and numbers of another precision
+            context.cast(builder, builder.load(builder.gep(data, [place])), number, lanes.dtype)
+            for place in offset  # cast: counts, and numbers of another precision
         ]
         if lanes.width == 1:
             return found[0]
@@ -520,13 +569,10 @@ def store_each(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
     lanes = _rows_of(array, index)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointers, _ = _own_numbers(context, builder, sig, args)
+        data, offset = _own_numbers(context, builder, sig, args, gathers=False)
         values = _as_lanes(context, builder, args[2], sig.args[2], lanes)
-        for lane, pointer in enumerate(pointers):
-            one = values
-            if lanes.width > 1:
-                one = builder.extract_element(values, ir.Constant(ir.IntType(32), lane))
-            builder.store(one, pointer)
+        for place, value in zip(offset, _each(builder, values), strict=True):
+            builder.store(value, builder.gep(data, [place]))
         return context.get_dummy_value()
 
     return lanes and types.void(array, index, value), codegen
