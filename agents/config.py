@@ -90,6 +90,8 @@ class PPOConfig(NetworkConfig):
     gae_lambda: float
     log_std_init: float
     ent_coef: float = 0.0
+    imitate: int = 0
+    """steps, of the total, in which classical control plays and is imitated, see imitation.py"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,6 +163,7 @@ RANGES = {
     "gae_lambda": (0.0, 1.0),
     "log_std_init": (-10.0, 2.0),
     "ent_coef": (0.0, 1.0),
+    "imitate": (0, inf),
     "tau": (1e-6, 1.0),
     "buffer_size": (1, 1_000_000_000),
     "learning_starts": (0, inf),
@@ -244,6 +247,11 @@ def build_config(algo: Algorithm, tree: Tree, path: tuple[str, ...]) -> Config:
         raise ConfigError(
             f"{tree.where[*path, 'elites']}: elites {config.elites} must be at most the population, "
             f"{config.population}"
+        )
+    if isinstance(config, PPOConfig) and config.imitate >= config.total_timesteps:
+        here = tree.where[*path, "imitate"]
+        raise ConfigError(
+            f"{here}: imitate {config.imitate} must be less than total_timesteps, of which it is"
         )
     if isinstance(config, PPOConfig) and config.n_envs * config.n_steps % config.batch_size:
         raise ConfigError(

@@ -50,6 +50,7 @@ from config import (
 )
 from controllers import controllers_of
 from evaluate import MOST_EPISODES, Evaluation, evaluate, table, task_kwargs, write_json
+from imitation import imitate, teacher
 from linear import Search
 from runs import (
     HELD_OUT_SEED,
@@ -60,6 +61,7 @@ from runs import (
     write_atomically,
     write_config,
 )
+from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, filter_excluded_keys
@@ -130,9 +132,13 @@ def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
 
     Raises
     ------
+    ConfigError
+        If it is to imitate what there is not.
     MemoryError
         If it does not fit into memory.
     """
+    if isinstance(run.config, PPOConfig) and run.config.imitate:
+        teacher(run, env.action_space)
     try:
         return _new_model(run, env)
     except RuntimeError as error:
@@ -632,8 +638,10 @@ def resume(options: argparse.Namespace) -> int:
 
 def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Recorder, episodes: int) -> int:
     """Train what is left, then evaluate and show the agent."""
-    left = run.config.total_timesteps - model.num_timesteps
     try:
+        if isinstance(model, PPO) and not model.num_timesteps:
+            begin_with_imitation(run, model, recorder)
+        left = run.config.total_timesteps - model.num_timesteps
         if left > 0:
             with tqdm(
                 desc=run.env_id,
@@ -668,6 +676,15 @@ def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Reco
     except KeyboardInterrupt:
         print(f"\nstopped, with the agent trained; to see it: python agents/train.py --resume {run.folder}")
         return INTERRUPTED
+
+
+def begin_with_imitation(run: Run, model: PPO, recorder: Recorder) -> None:
+    """Let an agent imitate classical control first, if its configuration says so; those steps are its own."""
+    assert isinstance(run.config, PPOConfig)
+    if run.config.imitate:
+        began = recorder.clock()
+        model.num_timesteps = recorder.row_at = imitate(run, model)
+        recorder.seconds = recorder.clock() - began
 
 
 def finish_search(search: Search, episodes: int) -> int:

@@ -1,0 +1,71 @@
+"""PPO that begins by imitating classical control."""
+
+import numpy as np
+import pytest
+import runs
+import train
+from conftest import HERE
+from controllers import make_controller
+
+from springgym.envs.agent import Network, load_agent
+from springgym.envs.sb3 import make_sb3
+
+TASK, FRAME = "SpringTop-v0", "env_kwargs.observation=frame"
+
+
+def trained(folder, *overrides, seed=0):
+    """The deterministic policy of a short run that imitates for 16,384 steps."""
+    arguments = [TASK, "--seed", str(seed), "--run", str(folder), "--episodes", "0", "--set", FRAME]
+    arguments += ["imitate=16_384", "total_timesteps=20_480", *overrides]
+    assert train.main(arguments) == 0
+    run = runs.open_run(folder)
+    env = make_sb3(TASK, 1, 7, **run.config.env_kwargs)
+    network = Network(run.algo, run.config.net_arch, run.config.activation, run.config.normalize)
+    agent = load_agent(run.agent, network, env.observation_space, env.action_space)
+    teacher = make_controller("classical", TASK, run.config.env_kwargs, env.action_space)
+    observations = np.concatenate([env.reset() for _ in range(20)])
+    env.close()
+    return agent(observations), teacher(observations), run
+
+
+@pytest.mark.parametrize("normalize", ["false", "true"])
+def test_it_does_what_classical_control_does(tmp_path, normalize):
+    """After one iteration of its own; an agent that imitated nothing is as far off as can be."""
+    did, wanted, run = trained(tmp_path / "run", f"normalize={normalize}", "learning_rate=1e-5")
+    assert np.abs(wanted).mean() > 0.3
+    assert np.abs(did - wanted).mean() < 0.15
+    rows = (run.folder / "metrics.csv").read_text().splitlines()
+    assert rows[-1].startswith("20480,")  # what was imitated counts
+    plain, wanted, _ = trained(tmp_path / "plain", f"normalize={normalize}", "imitate=0")
+    assert np.abs(plain - wanted).mean() > 0.3
+
+
+def test_same_seed_same_agent(tmp_path):
+    one, other, third = (
+        trained(tmp_path / name, seed=seed)[0] for name, seed in zip("abc", (1, 1, 2), strict=True)
+    )
+    assert one.tobytes() == other.tobytes()
+    assert np.abs(one - third).max() > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        (["imitate=100"], "compact observation"),
+        (["imitate=-1", FRAME], "between 0"),
+        (["imitate=20_000_000", FRAME], "less than total_timesteps"),
+        (["imitate=0.5", FRAME], "whole number"),
+    ],
+)
+def test_what_cannot_be_imitated(tmp_path, capsys, overrides, said):
+    assert train.main([TASK, "--run", str(tmp_path / "run"), "--set", *overrides]) != 0
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_without_classical_control(tmp_path, capsys):
+    config = ["--config", str(HERE / "toy_ppo.yaml")]
+    more = ["--set", "imitate=100", FRAME]
+    assert train.main(["toy_env:Toy-v0", "--run", str(tmp_path / "run"), *config, *more]) != 0
+    assert "no classical controller" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
