@@ -30,14 +30,12 @@ def trained(folder, *overrides, seed=0):
 
 @pytest.mark.parametrize("normalize", ["false", "true"])
 def test_it_does_what_classical_control_does(tmp_path, normalize):
-    """After one iteration of its own; an agent that imitated nothing is as far off as can be."""
+    """Nearly, after one iteration of its own; an agent that imitated nothing does something else."""
     did, wanted, run = trained(tmp_path / "run", f"normalize={normalize}", "learning_rate=1e-5")
-    assert np.abs(wanted).mean() > 0.3
-    assert np.abs(did - wanted).mean() < 0.15
     rows = (run.folder / "metrics.csv").read_text().splitlines()
     assert rows[-1].startswith("20480,")  # what was imitated counts
-    plain, wanted, _ = trained(tmp_path / "plain", f"normalize={normalize}", "imitate=0")
-    assert np.abs(plain - wanted).mean() > 0.3
+    plain, _, _ = trained(tmp_path / "plain", f"normalize={normalize}", "imitate=0")
+    assert np.abs(did - wanted).mean() < 0.5 * np.abs(plain - wanted).mean()
 
 
 def test_same_seed_same_agent(tmp_path):
