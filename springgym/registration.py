@@ -168,7 +168,7 @@ VARIANTS = (
         "SpringShoveHard-v0",
         "SpringShove-v0",
         {"hard": True},
-        "hard",
+        "standard",
         "the box is farther away, and turned any way: it has to be turned about while it is brought",
     ),
     Variant(
