@@ -380,17 +380,17 @@ class Episodes:
 
     def _vary(self, copies: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
         """Give some copies (k,) their factors."""
-        if not self.ranges:
+        if not (self.ranges and len(copies)):
             return
-        for copy, factors in zip(copies, drawn, strict=True):
-            self.factors[copy] = [factors[name] for name in self.ranges]
-            self.strength[copy] = factors["actuator"]
-            values = randomisation.parameters(self.simulator.scene, self.ranges, factors)
-            own = {name: value[None] for name, value in values.items()}
-            if own:
-                self.simulator.vary(np.array([copy]), **own)
-                if self.error is not None:
-                    self.error.finer.vary(np.array([copy]), **own)
+        scene = self.simulator.scene
+        each = [randomisation.parameters(scene, self.ranges, factors) for factors in drawn]
+        values = {name: np.stack([own[name] for own in each]) for name in each[0]}
+        if values:
+            self.simulator.vary(copies, **values)
+            if self.error is not None:
+                self.error.finer.vary(copies, **values)
+        self.factors[copies] = [[factors[name] for name in self.ranges] for factors in drawn]
+        self.strength[copies] = [[factors["actuator"]] for factors in drawn]
 
     # --- State ------------------------------------------------------------------------------------
 

@@ -53,7 +53,9 @@ def test_apart_nothing_changes() -> None:
     One is so fast that it leaves the floor from within its reach to far out of it in a step.
     """
     body = cube(damping=30.0)
-    thrown = Placed(body, body.positions + [5, 0, 0.9], np.tile([0.0, 0.0, -15.0], (8, 1)), name="b")
+    thrown = Placed(
+        body, body.positions + np.array([5, 0, 0.9]), np.tile([0.0, 0.0, -15.0], (8, 1)), name="b"
+    )
     bodies = (put(body, (0, 0, 0.7), "a"), thrown)
     contact = Contact(friction=0.4, restitution=0.6)
     some, none = (
