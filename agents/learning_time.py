@@ -6,7 +6,8 @@
 Trains as train.py does, until the agent succeeds in 90 % of 20 held-out episodes without noise, which is
 asked at every checkpoint, or until its budget is spent. Seconds are those of one processor core, and so do
 not depend on what else the machine does; evaluating, and compiling the simulation, are not counted. Physics
-is the native step of the batch; the rest of a rollout is the policy and Stable-Baselines3.
+is the native step of the batch; the rest of a rollout is the policy and Stable-Baselines3. What an agent
+imitates first counts as learning.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import torch
 from config import CONFIG_FOLDER, MENDABLE, Config, load_config, whole
 from runs import HELD_OUT_SEED, Run, create_run, versions, write_atomically
 from tqdm import tqdm
-from train import Recorder, make_logger, make_training_env, native_env, new_model
+from train import Recorder, begin_with_imitation, make_logger, make_training_env, native_env, new_model
 
 from springgym.cli import guarded
 from springgym.strict_yaml import read_yaml
@@ -81,9 +82,12 @@ def measure(env_id: str, seed: int, config: Config) -> dict[str, Any]:
         model.set_logger(make_logger(run, 0))
         watch = Stopwatch(run, env)
         watch.drop_rows_after(0)
+        begin_with_imitation(run, model, watch)
+        watch.physics = 0.0
         total = run.config.total_timesteps
         with tqdm(desc=env_id, total=total, unit="step", unit_scale=True, mininterval=0.5) as watch.bar:
-            model.learn(total, watch, log_interval=None)  # type: ignore[arg-type]
+            left = total - model.num_timesteps
+            model.learn(left, watch, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
         env.close()
     steps, seconds, _, success = next(
         (row for row in watch.progress if (row[-1] or 0.0) >= ENOUGH), watch.progress[-1]

@@ -117,6 +117,11 @@ def player(run: Run, path: Path) -> Player:
     return load_agent(path, run.config, *spaces())
 
 
+FROM_NOTHING = ("imitate=0", "log_std_init=-0.5", "learning_rate=1e-3", "normalize=false")
+"""What is other than in ``configs/ppo.yaml``: nobody is imitated, so that there is more to find. Observations
+are not normalised, as the scales would have to be kept beside the model, to go on with."""
+
+
 def members(run: Run) -> dict[str, Path]:
     """The agents that were kept, by the steps that they had learned for."""
     return {f"{int(path.stem):,} steps": path for path in sorted((run.folder / "league").glob("*.npz"))}
@@ -241,7 +246,7 @@ def main(given: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("run", type=Path, help="run folder")
     parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), default=0, help="of a new run (0)")
-    parser.add_argument("--timesteps", type=int, help="of a new run (that of configs/ppo.yaml)")
+    parser.add_argument("--timesteps", type=int, default=3_000_000, help="of a new run (3,000,000)")
     parser.add_argument(
         "--every", type=whole(1, 10**9), default=200_000, help="steps between two kept (200,000)"
     )
@@ -257,9 +262,7 @@ def play(options: argparse.Namespace) -> int:
     if (options.run / "config.yaml").exists() or options.rate:
         run = open_run(options.run)
     else:
-        overrides = ["normalize=false"]  # the scales would have to be kept beside the model, to go on with
-        if options.timesteps is not None:
-            overrides.append(f"total_timesteps={options.timesteps}")
+        overrides = [*FROM_NOTHING, f"total_timesteps={options.timesteps}"]
         run = create_run(Run(options.run, "ppo", ID, options.seed, load_config("ppo", ID, overrides)))
     with locked(run.folder):
         if not options.rate:

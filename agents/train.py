@@ -639,8 +639,7 @@ def resume(options: argparse.Namespace) -> int:
 def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Recorder, episodes: int) -> int:
     """Train what is left, then evaluate and show the agent."""
     try:
-        if isinstance(model, PPO) and not model.num_timesteps:
-            begin_with_imitation(run, model, recorder)
+        begin_with_imitation(run, model, recorder)
         left = run.config.total_timesteps - model.num_timesteps
         if left > 0:
             with tqdm(
@@ -678,10 +677,15 @@ def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Reco
         return INTERRUPTED
 
 
-def begin_with_imitation(run: Run, model: PPO, recorder: Recorder) -> None:
-    """Let an agent imitate classical control first, if its configuration says so; those steps are its own."""
-    assert isinstance(run.config, PPOConfig)
-    if run.config.imitate:
+def begin_with_imitation(run: Run, model: BaseAlgorithm, recorder: Recorder) -> None:
+    """Let an untrained agent imitate classical control, if it is asked to; those steps are its own."""
+    config = run.config
+    if (
+        isinstance(config, PPOConfig)
+        and isinstance(model, PPO)
+        and config.imitate
+        and not model.num_timesteps
+    ):
         began = recorder.clock()
         model.num_timesteps = recorder.row_at = imitate(run, model)
         recorder.seconds = recorder.clock() - began
