@@ -37,6 +37,7 @@ TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 TIERS = {
     "first steps": "Linear control does it, found in seconds. Begin here.",
     "standard": "PPO does it with the hyperparameters that ship; linear control does not.",
+    "harder": "PPO still does most of it, from three seeds.",
     "hard": "PPO does not, though it can be done.",
 }
 INTRODUCTION = """# Baselines

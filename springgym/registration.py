@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 import gymnasium as gym
 
-Tier = Literal["first steps", "standard", "hard"]
+Tier = Literal["first steps", "standard", "harder", "hard"]
 """What a task asks of an agent. First steps are taken by linear control, too; a standard task is solved by
 PPO with the hyperparameters that ship; a hard one is not, though it can be done."""
 
@@ -63,7 +63,7 @@ VARIANTS = (
         "SpringTopSparse-v0",
         "SpringTop-v0",
         {"sparse": True},
-        "standard",
+        "harder",
         "nothing is rewarded before the top stands, is calm and has its spin, all at once",
     ),
     Variant(
@@ -112,28 +112,28 @@ VARIANTS = (
         "SpringTopHard-v0",
         "SpringTop-v0",
         {"hard": True},
-        "standard",
+        "harder",
         "the top may start too slow to stand by itself, and torques are weaker",
     ),
     Variant(
         "SpringTopImpulseHard-v0",
         "SpringTop-v0",
         {"action": "impulse", "hard": True},
-        "standard",
+        "harder",
         "the top may start too slow to stand by itself, and pushes on its crown cannot speed it up",
     ),
     Variant(
         "SpringDetumbleFlat-v0",
         "SpringDetumble-v0",
         {"start": "flat"},
-        "standard",
+        "harder",
         "all of the rotation is about the axis of the largest moment, where it takes longest to stop",
     ),
     Variant(
         "SpringTumbleHard-v0",
         "SpringTumble-v0",
         {"hard": True},
-        "standard",
+        "harder",
         "the way is longer, and forces and torques are weaker",
     ),
     Variant(
@@ -154,7 +154,7 @@ VARIANTS = (
         "SpringJuggleTwo-v0",
         "SpringJuggle-v0",
         {"balls": 2},
-        "standard",
+        "harder",
         "two balls have to be hit in turn, each on its own vertical, with time between them",
     ),
     Variant(
@@ -168,7 +168,7 @@ VARIANTS = (
         "SpringShoveHard-v0",
         "SpringShove-v0",
         {"hard": True},
-        "standard",
+        "harder",
         "the box is farther away, and turned any way: it has to be turned about while it is brought",
     ),
     Variant(
