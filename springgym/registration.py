@@ -182,7 +182,7 @@ VARIANTS = (
         "SpringDuelStrong-v0",
         "SpringDuel-v0",
         {"opponent": "strong"},
-        "hard",
+        "harder",
         "the opponent is as good as classical control: it strikes hard, rolls off, and rights itself",
     ),
 )
