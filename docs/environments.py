@@ -294,8 +294,8 @@ an episode starts and ends. All of them
 HARDER = """## Tiers and harder variants
 
 *First steps* are taken by linear control, too, found in seconds. A *standard* task is solved by PPO with the
-hyperparameters that ship, and not by linear control. Of variants, PPO does most of a *harder* one; a *hard* one
-can be done, but PPO does not do it.
+hyperparameters that ship, and not by linear control. Of variants, PPO does most of a *harder* one; a *hard*
+one can be done, but PPO does not do it.
 Variants with ids of their own can be run by programs that take nothing but an id. What each algorithm
 reaches stands under [Baselines](baselines.md).
 """
