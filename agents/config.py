@@ -248,11 +248,13 @@ def build_config(algo: Algorithm, tree: Tree, path: tuple[str, ...]) -> Config:
             f"{tree.where[*path, 'elites']}: elites {config.elites} must be at most the population, "
             f"{config.population}"
         )
-    if isinstance(config, PPOConfig) and config.imitate >= config.total_timesteps:
+    if isinstance(config, PPOConfig) and config.imitate:
         here = tree.where[*path, "imitate"]
-        raise ConfigError(
-            f"{here}: imitate {config.imitate} must be less than total_timesteps, of which it is"
-        )
+        if not config.n_envs <= config.imitate < config.total_timesteps:
+            raise ConfigError(
+                f"{here}: imitate {config.imitate} must be 0, or at least n_envs, {config.n_envs}, and "
+                f"less than total_timesteps, of which it is, {config.total_timesteps}"
+            )
     if isinstance(config, PPOConfig) and config.n_envs * config.n_steps % config.batch_size:
         raise ConfigError(
             f"{tree.where[*path, 'batch_size']}: batch_size {config.batch_size} must divide "

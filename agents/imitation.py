@@ -58,7 +58,7 @@ def imitate(run: Run, model: PPO) -> int:
     config, env = run.config, model.get_env()
     assert isinstance(config, PPOConfig)
     assert env is not None
-    steps = max(config.imitate // config.n_envs, 1)
+    steps = config.imitate // config.n_envs
     fit(model, *played(model, env, teacher(run, env.action_space), steps, run.seed))
     return steps * config.n_envs
 

@@ -1,5 +1,6 @@
 """PPO that begins by imitating classical control."""
 
+import agent
 import numpy as np
 import pytest
 import runs
@@ -7,7 +8,6 @@ import train
 from conftest import HERE
 from controllers import make_controller
 
-from springgym.envs.agent import Network, load_agent
 from springgym.envs.sb3 import make_sb3
 
 TASK, FRAME = "SpringTop-v0", "env_kwargs.observation=frame"
@@ -20,12 +20,11 @@ def trained(folder, *overrides, seed=0):
     assert train.main(arguments) == 0
     run = runs.open_run(folder)
     env = make_sb3(TASK, 1, 7, **run.config.env_kwargs)
-    network = Network(run.algo, run.config.net_arch, run.config.activation, run.config.normalize)
-    agent = load_agent(run.agent, network, env.observation_space, env.action_space)
+    acts = agent.load_agent(run.agent, run.config, env.observation_space, env.action_space)
     teacher = make_controller("classical", TASK, run.config.env_kwargs, env.action_space)
     observations = np.concatenate([env.reset() for _ in range(20)])
     env.close()
-    return agent(observations), teacher(observations), run
+    return acts(observations), teacher(observations), run
 
 
 @pytest.mark.parametrize("normalize", ["false", "true"])
@@ -52,6 +51,7 @@ def test_same_seed_same_agent(tmp_path):
         (["imitate=100"], "compact observation"),
         (["imitate=-1", FRAME], "between 0"),
         (["imitate=20_000_000", FRAME], "less than total_timesteps"),
+        (["imitate=63", FRAME], "at least n_envs, 64"),
         (["imitate=0.5", FRAME], "whole number"),
     ],
 )
