@@ -9,7 +9,8 @@ import gymnasium as gym
 
 Tier = Literal["first steps", "standard", "harder", "hard"]
 """What a task asks of an agent. First steps are taken by linear control, too; a standard task is solved by
-PPO with the hyperparameters that ship; a hard one is not, though it can be done."""
+PPO with the hyperparameters that ship; of a harder variant PPO does most; a hard one it does not, though it
+can be done."""
 
 
 class Row(NamedTuple):

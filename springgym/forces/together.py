@@ -170,9 +170,24 @@ def lean_on(
     if planes is not None or bowl is not None:
         begin = plus_scaled(place, -1.0 * span.lead, start)
         end = plus_scaled(place, span.out, soon)
-        if terms.particles.free[i] and any_lane(near(begin, end, planes, bowl)):
+        if reached(i, begin, end, terms.particles, planes, bowl):
             given = impulses(i, begin, end, start, minus(soon, start), span, found, pushes, terms)
     return given
+
+
+@compiled
+def reached(
+    i: int,
+    begin: Vector,
+    end: Vector,
+    particles: Particles,
+    planes: Planes | None,
+    bowl: HollowSphere | None,
+) -> bool:
+    """Whether surfaces, if there are any, are near the way of particle ``i`` in any copy."""
+    if planes is not None or bowl is not None:
+        return particles.free[i] and any_lane(near(begin, end, planes, bowl))
+    return False
 
 
 @compiled
@@ -320,21 +335,6 @@ def go_on(x: Rows, v: Rows, span: Any, h: Number, last: Any, own: Any, terms: Te
                 set_row(own.space.given, i, (0.0, 0.0, 0.0))
                 set_row(own.space.bends, i, (0.0, 0.0, 0.0))
     return stirred
-
-
-@compiled
-def reached(
-    i: int,
-    begin: Vector,
-    end: Vector,
-    particles: Particles,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
-) -> bool:
-    """Whether surfaces, if there are any, are near the way of particle ``i`` in any copy."""
-    if planes is not None or bowl is not None:
-        return particles.free[i] and any_lane(near(begin, end, planes, bowl))
-    return False
 
 
 @compiled
