@@ -5,9 +5,10 @@ only kernels call; it is stored inside the kernels that use it.
 
 Numba's own cache looks at the file of the cached function alone, so an edit in a file it *calls* would
 silently run the old physics, and its index can be torn by two processes that compile at once. Here a
-cache entry is one file, named by a hash over everything it depends on: the text of every module the
-function is compiled from, the argument types, the CPU, the versions of Python and Numba, and those of Numba's
-settings that change the code. Nothing is ever invalidated or locked; another source, another name. Numba's
+cache entry is one file, named by a hash over everything it depends on: the code of all functions the kernel
+is compiled from with the constants that they name (`springgym.code_digest`), the argument types, the CPU,
+the versions of Python, NumPy and Numba, and those of Numba's settings that change the code. Nothing is ever
+invalidated or locked; other code, another name. What has no digest is compiled anew by each process. Numba's
 settings are not touched. An entry is code of this machine: its folder must be one's own.
 
 The cache needs a few things of Numba that are not of its public interface: `INSIDE` names them. Where a
@@ -26,20 +27,20 @@ import os
 import pickle
 import platform
 import sys
-import tempfile
-import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable
 from operator import attrgetter
 from pathlib import Path
-from types import ModuleType
 from typing import Any
+from uuid import uuid4
 
 import numba
 import numpy as np
 from numba.core import sigutils
 from numba.extending import is_jitted, models, register_model
+
+from springgym.code_digest import NotHashable, digest
 
 if numba.config.DISABLE_JIT:
     raise ImportError("springgym computes on LLVM values, for which it is compiled: unset NUMBA_DISABLE_JIT")
@@ -251,10 +252,10 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function that Python calls: releases the GIL, cached on disk by its sources."""
+    """Compile a function that Python calls: releases the GIL, cached on disk by a digest of its code."""
     dispatcher = numba.njit(**OPTIONS, nogil=True, no_cfunc_wrapper=True)(function)
     if not LACKING:
-        dispatcher._cache = SourceKeyedCache(function)
+        dispatcher._cache = DigestKeyedCache(function)
     return dispatcher
 
 
@@ -288,19 +289,26 @@ class SameTypes:
 
 
 def cache_directory() -> Path | None:
-    """Folder of compiled code: ``$SPRINGGYM_CACHE_DIR``, else the user's cache folder; None if homeless."""
+    """Folder of compiled code: ``$SPRINGGYM_CACHE_DIR``, else the user's cache folder; None if homeless.
+
+    What the system's variables say counts if it is an absolute path: entries are run, and those of whatever
+    folder Python is started from are not one's own.
+    """
     if chosen := os.environ.get("SPRINGGYM_CACHE_DIR"):
-        return Path(chosen)
+        return Path(chosen).absolute()
     if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA", "~/AppData/Local")
+        named, usual = os.environ.get("LOCALAPPDATA", ""), "~/AppData/Local"
     elif sys.platform == "darwin":
-        base = "~/Library/Caches"
+        named, usual = "", "~/Library/Caches"
     else:
-        base = os.environ.get("XDG_CACHE_HOME", "~/.cache")
+        named, usual = os.environ.get("XDG_CACHE_HOME", ""), "~/.cache"
+    if os.path.isabs(named):
+        return Path(named) / PACKAGE
     try:
-        return Path(base).expanduser() / PACKAGE
+        home = Path(usual).expanduser()
     except RuntimeError:  # a user without a home, as in some containers
         return None
+    return home / PACKAGE if home.is_absolute() else None
 
 
 def _asked(found: Any, sig: Any) -> Any:
@@ -311,17 +319,14 @@ def _asked(found: Any, sig: Any) -> Any:
     return found._replace(signature=found.signature.replace(args=tuple(args)))
 
 
-class SourceKeyedCache:
+class DigestKeyedCache:
     """Numba's cache interface over one file an entry, named by a hash of all it depends on."""
 
     cache_path = None
     """for Numba's statistics"""
-    imported = time.time_ns()
-    """when this module was [ns]: before all others that hold compiled functions"""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
-        self._sources: dict[frozenset[str], bytes] = {}
 
     def flush(self) -> None:
         """Nothing is ever out of date."""
@@ -359,29 +364,36 @@ class SourceKeyedCache:
             return
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            descriptor, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+            temporary = path.with_suffix(f".{uuid4().hex}.tmp")
             try:
-                with os.fdopen(descriptor, "wb") as file:
+                with temporary.open("xb") as file:  # who may read it, the umask says
                     file.write(_checksum(path, payload) + payload)
                 os.replace(temporary, path)  # readers see a whole entry or none
             except BaseException:
-                os.unlink(temporary)
+                temporary.unlink(missing_ok=True)
                 raise
         except OSError:
             pass  # a read-only or full disk costs a compilation, not the program
 
     def _path(self, sig: Any, codegen: Any) -> Path | None:
-        """The entry's file; None if there is no source to name it by, as in a notebook."""
-        function = self._function
-        homes = frozenset(_homes_of_records(getattr(sig, "args", sig)))
-        if homes not in self._sources:
-            self._sources[homes] = _source_digest(function, homes)
-        folder, sources = cache_directory(), self._sources[homes]
-        if not sources or folder is None:
+        """The entry's file; None if there is no digest to name it by, or no folder."""
+        folder, function = cache_directory(), self._function
+        if folder is None:
+            return None
+        try:
+            code = digest(function, getattr(sig, "args", sig), (__name__,))
+        except NotHashable as error:
+            LOGGER.debug("%s is not kept: %s", function.__qualname__, error)
             return None
         settings = [str(getattr(numba.config, name, None)) for name in SETTINGS]
-        versions = (numba.__version__, platform.python_version(), codegen.magic_tuple(), settings)
-        key = hashlib.sha256(repr((sig, versions)).encode() + sources).hexdigest()
+        versions = (
+            numba.__version__,
+            np.__version__,
+            platform.python_version(),
+            codegen.magic_tuple(),
+            settings,
+        )
+        key = hashlib.sha256(repr(versions).encode() + code).hexdigest()
         return folder / f"{function.__module__}.{function.__name__}-{key}.nbc"
 
 
@@ -392,58 +404,3 @@ DIGEST = hashlib.sha256().digest_size
 def _checksum(path: Path, payload: bytes) -> bytes:
     """Hash of what an entry holds and of its name: one that was renamed is another's."""
     return hashlib.sha256(path.name.encode() + payload).digest()
-
-
-def _homes_of_records(types: Iterable[Any]) -> Iterator[str]:
-    """Modules of the named tuples in a signature: forces of one's own bring their functions with them."""
-    for one in types:
-        if isinstance(one, numba.types.BaseTuple):
-            yield from _homes_of_records(one)
-            if hasattr(one, "instance_class"):
-                yield one.instance_class.__module__
-
-
-def _source_digest(function: Callable[..., Any], homes: Collection[str] = ()) -> bytes:
-    """Hash of what a function is compiled from; empty if a part of that is in no file, or edited since.
-
-    These are the modules it reaches in its own package and in this one, those of compiled functions
-    elsewhere, the constants that they hold, wherever from, what its closure binds, and the modules ``homes``.
-    """
-    packages = {PACKAGE, *(home.partition(".")[0] for home in (function.__module__, *homes))}
-    bound = [cell.cell_contents for cell in function.__closure__ or ()]
-    named = [(_home(value), getattr(value, "__qualname__", value)) for value in bound]
-    digest = hashlib.sha256(repr(named).encode())
-    waiting = [function.__module__, *map(_home, bound), *homes]
-    modules: set[str] = set()
-    while waiting:
-        name = waiting.pop()
-        if name in modules or name not in sys.modules:
-            continue
-        modules.add(name)
-        for value in vars(sys.modules[name]).values():
-            home = _home(value)
-            if isinstance(value, ModuleType) and home.startswith(f"{name}."):
-                continue  # importing a submodule puts it there, whether this module uses it or not
-            if home.partition(".")[0] in packages or is_jitted(value):
-                waiting.append(home)
-    for name in sorted(modules):
-        module = sys.modules[name]
-        source = getattr(module, "__file__", None)
-        try:
-            if source is None or os.stat(source).st_mtime_ns > SourceKeyedCache.imported:
-                return b""  # what was imported is not what the file says by now
-            digest.update(name.encode() + Path(source).read_bytes())
-        except OSError:  # it is in an archive, or was removed since
-            return b""
-        for key, value in sorted(vars(module).items()):
-            if isinstance(value, (int, float, complex, np.ndarray)):
-                digest.update(key.encode() + np.asarray(value).tobytes())
-            elif isinstance(value, tuple) and all(isinstance(n, (int, float, tuple)) for n in value):
-                digest.update(f"{key}={value!r}".encode())
-    return digest.digest()
-
-
-def _home(value: Any) -> str:
-    """Name of the module a value is, or was defined in."""
-    name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
-    return name if isinstance(name, str) else ""

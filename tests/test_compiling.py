@@ -182,6 +182,31 @@ def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> 
     assert hits() == 0
 
 
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="other variables")
+@pytest.mark.parametrize("named", ["", "cache", "./cache", "~/cache"])
+def test_a_cache_is_never_in_the_current_folder(named: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Entries are run: those that lie in whatever folder Python is started from are not one's own."""
+    monkeypatch.delenv("SPRINGGYM_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", named)
+    monkeypatch.setenv("HOME", "/home/somebody")
+    assert cache_directory() == Path("/home/somebody/.cache/springgym")
+    monkeypatch.setenv("HOME", "relative")
+    assert cache_directory() is None
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes are set as on POSIX")
+@pytest.mark.parametrize("umask", [0o022, 0o077])
+def test_entries_follow_the_umask(umask: int, cache: Path) -> None:
+    """So that what root compiled into an image, its users need not."""
+    before = os.umask(umask)
+    try:
+        assert hits() == 0
+    finally:
+        os.umask(before)
+    (entry,) = cache.iterdir()
+    assert entry.stat().st_mode & 0o777 == 0o666 & ~umask
+
+
 def test_what_cannot_be_compiled_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
     with pytest.raises(ImportError, match="unset NUMBA_DISABLE_JIT"):
@@ -248,7 +273,7 @@ ALLOWED = ("springgym/compiling.py", "springgym/lanes.py")
 def test_numbas_private_side_is_behind_two_files() -> None:
     """The rest of the package takes what Numba makes public."""
     root = Path(compiling.__file__).parents[1]
-    private = re.compile(r"\bllvmlite\b|\bnumba\.(core|np)\b|\._cache\b|\b_(reduce|rebuild)\(")
+    private = re.compile(r"\b(import|from) llvmlite\b|\bnumba\.(core|np)\b|\._cache\b|\b_(reduce|rebuild)\(")
     found = [
         path
         for path in (file.relative_to(root).as_posix() for file in root.glob("springgym/**/*.py"))
@@ -394,10 +419,12 @@ print(double_sum(3.0), sum(double_sum.stats.cache_hits.values()))
 """Edits a file after it was imported, and before the kernel is compiled."""
 
 
-def test_what_was_edited_since_it_was_imported_is_not_cached(package: Path, tmp_path: Path) -> None:
+def test_what_was_edited_since_it_was_imported_is_cached_as_it_was(package: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     assert finish(start(package, cache, LATE)) == (8.0, 0)
     assert finish(start(package, cache)) == (4.0, 0)
+    (package / "inner.py").write_text(FILES["inner.py"])
+    assert finish(start(package, cache)) == (8.0, 1)
 
 
 @kernel

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from springgym.compiling import _source_digest
+from springgym.code_digest import digest
 from springgym.integrators import METHODS, advance_kernel, integrator
 from springgym.measures import read
 from springgym.simulator import Simulator
@@ -66,12 +66,14 @@ def test_tolerance_goes_to_methods_that_have_one(name: str) -> None:
 
 
 def test_each_method_has_its_own_cache_entry() -> None:
-    digests = {name: _source_digest(advance_kernel(name, read).py_func) for name in METHODS}
+    digests = {
+        name: digest(advance_kernel(name, read).py_func, (), ["springgym.compiling"]) for name in METHODS
+    }
     assert len(set(digests.values())) == len(METHODS)
     script = (
-        "from springgym.compiling import _source_digest; from springgym.integrators import advance_kernel; "
+        "from springgym.code_digest import digest; from springgym.integrators import advance_kernel; "
         "from springgym.measures import read; "
-        "print(_source_digest(advance_kernel('rk4', read).py_func).hex())"
+        "print(digest(advance_kernel('rk4', read).py_func, (), ['springgym.compiling']).hex())"
     )
     alone = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
     assert alone.strip() == digests["rk4"].hex()  # whatever else this process has imported

@@ -1,0 +1,367 @@
+"""The digest of a compiled function: other for whatever changes what is compiled, the same for all else."""
+
+from __future__ import annotations
+
+import ctypes
+import enum
+import os
+import subprocess
+import sys
+import types
+from collections.abc import Callable, Iterator
+from itertools import count
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+import pytest
+from numba import typeof
+from numba.extending import intrinsic
+
+from springgym import code_digest
+from springgym.code_digest import NotHashable, digest
+from springgym.compiling import compiled, kernel
+
+BASE = {
+    "constants": "K = 1.0\n",
+    "deep": (
+        "from springgym.compiling import compiled\nDEEP = 1\n@compiled\ndef deep(a):\n    return a * DEEP\n"
+    ),
+    "main": (
+        "import numpy as np\n"
+        "import constants\n"
+        "from springgym.compiling import compiled\n"
+        "from deep import deep\n"
+        "from typing import NamedTuple\n"
+        "class Pair(NamedTuple):\n"
+        "    first: float = 1.0\n"
+        "PAIR = Pair(2.0)\n"
+        "SCALAR = np.float32(0.5)\n"
+        "ARRAY = np.array([1.0, 2.0])\n"
+        "UNUSED = 1\n"
+        "def make(k):\n"
+        "    @compiled\n"
+        "    def inner(a):\n"
+        "        '''What it does.'''\n"
+        "        return k * a\n"
+        "    return inner\n"
+        "inner = make(3)\n"
+        "def function(a, b=2):\n"
+        "    # A remark.\n"
+        "    return inner(deep(a)) * constants.K + PAIR.first + SCALAR + ARRAY[0] + b + 0.5\n"
+    ),
+}
+"""Modules by name: the digest is that of ``main.function``."""
+
+
+@pytest.fixture
+def load(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., types.ModuleType]]:
+    """Loads the modules of `BASE` as a new process would, with one text replaced; gives ``main``."""
+    monkeypatch.setattr(code_digest, "_EARLIER", {})
+
+    def made(module: str = "main", old: str = "", new: str = "") -> types.ModuleType:
+        assert old in BASE[module]
+        for name, text in BASE.items():
+            home = types.ModuleType(name)
+            monkeypatch.setitem(sys.modules, name, home)
+            exec(text.replace(old, new, 1) if name == module else text, vars(home))
+        return sys.modules["main"]
+
+    return made
+
+
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [
+        ("constants", "1.0", "1.5"),
+        ("deep", "DEEP = 1", "DEEP = 2"),
+        ("deep", "DEEP = 1", "DEEP = True"),
+        ("deep", "a * DEEP", "a / DEEP"),
+        ("main", "make(3)", "make(4)"),
+        ("main", "Pair(2.0)", "Pair(2.5)"),
+        ("main", "first: float = 1.0", "first: float = 1.0\n    second: float = 0.0"),
+        ("main", "np.float32(0.5)", "np.float32(0.25)"),
+        ("main", "np.float32(0.5)", "np.float64(0.5)"),
+        ("main", "[1.0, 2.0]", "[1.0, 3.0]"),
+        ("main", "np.array([1.0, 2.0])", "np.array([[1.0, 2.0]])"),
+        ("main", "b=2", "b=3"),
+        ("main", "+ 0.5", "+ 0.25"),
+        ("main", "+ 0.5", "- 0.5"),
+        ("main", "k * a\n", "k * a + 0 * k\n"),
+        ("main", "    @compiled", "    from springgym.compiling import kernel\n    @kernel"),
+    ],
+)
+def test_what_is_compiled_changes_the_digest(load: Any, module: str, old: str, new: str) -> None:
+    before = digest(load().function)
+    assert digest(load(module, old, new).function) != before
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("UNUSED = 1", "UNUSED = 2\nMORE = object()"),
+        ("What it does", "Another text"),
+        ("# A remark.\n", "\n\n\n"),
+        ("return inner", "return  inner"),
+    ],
+)
+def test_what_is_not_compiled_leaves_the_digest(load: Any, old: str, new: str) -> None:
+    before = digest(load().function)
+    assert digest(load("main", old, new).function) == before
+
+
+class Colour(enum.Enum):
+    RED = 1
+    BLUE = 2
+
+
+class Force(NamedTuple):
+    """As forces of one's own are."""
+
+    strength: float
+
+    @staticmethod
+    @compiled
+    def add(x: Any) -> Any:
+        return 2 * x
+
+
+class OtherForce(NamedTuple):
+    strength: float
+
+    @staticmethod
+    @compiled
+    def add(x: Any) -> Any:
+        return 3 * x
+
+
+OtherForce.__qualname__ = Force.__qualname__
+
+
+def bound(value: Any) -> Callable[..., Any]:
+    """A function that binds a value; always of the same name and code."""
+
+    def function() -> Any:
+        return value
+
+    return function
+
+
+DIFFER = [
+    1,
+    1.0,
+    True,
+    None,
+    "1",
+    b"1",
+    0.0,
+    -0.0,
+    float("nan"),
+    1j,
+    np.int32(1),
+    np.int64(1),
+    (1, 2),
+    (2, 1),
+    [1, 2],
+    {1: 2},
+    {1, 2},
+    frozenset({1, 2}),
+    np.arange(4),
+    np.arange(4).reshape(2, 2),
+    np.asfortranarray(np.arange(4).reshape(2, 2)),
+    np.dtype("f4"),
+    np.dtype("f8"),
+    numba.float32,
+    numba.float64,
+    Colour.RED,
+    Colour.BLUE,
+    np.sqrt,
+    np.square,
+    abs,
+    max,
+    Force,
+    OtherForce,
+    Force(1.0),
+    Force(2.0),
+    bound(1),
+    bound(2),
+    np,
+]
+"""Values of which no two are compiled alike."""
+
+
+def test_values_are_told_apart() -> None:
+    found = [digest(bound(value)) for value in DIFFER]
+    assert len(set(found)) == len(DIFFER)
+    assert found == [digest(bound(value)) for value in DIFFER]
+
+
+def test_forces_among_the_arguments_bring_their_functions() -> None:
+    kinds = [(), (typeof(Force(1.0)),), (typeof(OtherForce(1.0)),), (typeof((Force(1.0), 2)),)]
+    assert len({digest(bound(1), kind) for kind in kinds}) == len(kinds)
+
+
+def pulling(k: float) -> Any:
+    """A force of one's own whose function calls another, which binds ``k``."""
+
+    @compiled
+    def pull() -> float:
+        return k
+
+    class Pull(NamedTuple):
+        particle: int
+
+        @staticmethod
+        @compiled
+        def add(x: Any, force: Any, own: Any) -> Any:
+            return pull()
+
+    return Pull(0)
+
+
+def test_what_functions_of_forces_call_counts() -> None:
+    found = [digest(bound(1), (typeof(((1, pulling(k)), 2.0)),)) for k in (1.0, 1.0, 2.0)]
+    assert found[0] == found[1] != found[2]
+
+
+def test_functions_among_the_arguments_bring_their_code() -> None:
+    def made(k: int) -> Any:
+        @compiled
+        def function(a: int) -> int:
+            return k * a
+
+        return function
+
+    one, same, other = (made(k) for k in (1, 1, 2))
+    found = [digest(bound(1), (typeof(function),)) for function in (one, same, other)]
+    assert found[0] == found[1] != found[2]
+
+
+def test_an_intrinsic_is_what_it_emits() -> None:
+    def made(k: int) -> Any:
+        @intrinsic
+        def emitted(context: Any) -> Any:
+            return numba.int64(), lambda *arguments: k
+
+        return emitted
+
+    assert digest(bound(made(1))) != digest(bound(made(2)))
+    assert digest(bound(made(1))) == digest(bound(made(1)))
+
+
+def test_a_function_that_calls_itself() -> None:
+    def made(k: int) -> Any:
+        def down(n: int) -> int:
+            return k if n == 0 else down(n - 1)
+
+        return down
+
+    assert digest(made(1)) == digest(made(1)) != digest(made(2))
+
+
+@pytest.mark.parametrize(
+    "value",
+    [object(), ctypes.CDLL(None).abs if os.name == "posix" else object(), np.array([object()]), count()],
+    ids=["object", "C", "array", "iterator"],
+)
+def test_what_has_no_digest_is_refused(value: Any) -> None:
+    with pytest.raises(NotHashable, match="digest"):
+        digest(bound(value))
+
+
+def test_a_constant_that_changed_since_is_refused(load: Any) -> None:
+    """A function that it calls may have been compiled with the constant as it was, by another kernel."""
+    main = load()
+    digest(main.function)
+    sys.modules["deep"].DEEP = 5
+    with pytest.raises(NotHashable, match="DEEP, which deep names, has changed"):
+        digest(main.function)
+
+
+def test_a_module_that_teaches_numba_counts_as_a_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing leads from a function to the overload that it is compiled as."""
+    text = (
+        "from numba.extending import overload\n"
+        "SHARE = 2\n"
+        "def stub(a):\n"
+        "    'Doubles.'\n"
+        "@overload(stub)\n"
+        "def _stub(a):\n"
+        "    return lambda a: SHARE * a\n"
+    )
+    found = []
+    for n, content in enumerate([text, text.replace("= 2", "= 3"), text.replace(" * ", " + ")]):
+        path = tmp_path / f"{n}.py"
+        path.write_text(content)
+        os.utime(path, (0, 0))
+        home = types.ModuleType("taught")
+        home.__file__ = str(path)
+        monkeypatch.setitem(sys.modules, "taught", home)
+        exec(content, vars(home))
+        code_digest._source.cache_clear()
+        monkeypatch.setattr(code_digest, "_EARLIER", {})
+        found.append(digest(bound(home.stub)))
+    assert len(set(found)) == 3
+    path.write_text(text)  # after it was imported: nobody knows what it said
+    code_digest._source.cache_clear()
+    with pytest.raises(NotHashable, match="no longer"):
+        digest(bound(home.stub))
+    code_digest._source.cache_clear()
+
+
+PULLS = """
+from springgym.compiling import compiled, kernel
+PULL = 10.0
+def make(k):
+    @compiled
+    def inner(a):
+        return k * a
+    @kernel
+    def outer(a):
+        return inner(a) + PULL
+    return outer
+"""
+
+
+def test_functions_of_one_factory_are_told_apart(tmp_path: Path) -> None:
+    """In one process and between two; with the constant of a module, which only the functions name."""
+    (tmp_path / "pulls.py").write_text(PULLS)
+    run = (
+        "import sys; sys.path.insert(0, {folder!r}); import pulls; pulls.PULL = {pull}\n"
+        "made = [pulls.make(k) for k in {ks}]\n"
+        "print([one(1.0) for one in made], [sum(one.stats.cache_hits.values()) for one in made])"
+    )
+
+    def printed(ks: tuple[int, ...], pull: float) -> str:
+        code = run.format(folder=str(tmp_path), ks=ks, pull=pull)
+        cache = {"SPRINGGYM_CACHE_DIR": str(tmp_path / "cache")}
+        made = subprocess.run(
+            [sys.executable, "-B", "-c", code], env={**os.environ, **cache}, capture_output=True, text=True
+        )
+        assert made.returncode == 0, made.stderr
+        return made.stdout.strip()
+
+    assert printed((1, 2), 10.0) == "[11.0, 12.0] [0, 0]"
+    assert printed((3, 1), 10.0) == "[13.0, 11.0] [0, 1]"
+    assert printed((3,), 20.0) == "[23.0] [0]"
+    assert len(list((tmp_path / "cache").iterdir())) == 4
+
+
+def test_a_changed_docstring_compiles_nothing_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor does a comment, or a line more."""
+    monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path))
+    texts = [
+        "def total(a):\n    'The sum.'\n    return a[0] + a[1]\n",
+        "\n\ndef total(a):\n    'The sum of both.'\n    # of both\n    return a[0] + a[1]\n",
+    ]
+    hits = []
+    for text in texts:
+        home: dict[str, Any] = {"__name__": __name__}
+        exec(text, home)
+        function = kernel(home["total"])
+        assert function(np.array([1.0, 2.0])) == 3.0
+        hits.append(sum(function.stats.cache_hits.values()))
+    assert hits == [0, 1]
