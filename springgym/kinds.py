@@ -14,7 +14,7 @@ Mask: TypeAlias = Any
 """True or false, or one of it for each copy of a block."""
 
 Vector: TypeAlias = Any
-"""A tuple of numbers: x, y, z; or w, x, y, z of a quaternion."""
+"""A `springgym.vec.Vec` of three numbers; or a tuple of w, x, y, z, a quaternion."""
 
 Numbers: TypeAlias = Any
 """An array of numbers: `load` and `store` take one."""

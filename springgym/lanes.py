@@ -77,7 +77,7 @@ class _MaskModel(models.PrimitiveModel):
 # --- Arithmetic -------------------------------------------------------------------------------------
 
 
-def _as_lanes(context: Any, builder: Any, value: Any, given: types.Type, lanes: Lanes) -> Any:
+def as_lanes(context: Any, builder: Any, value: Any, given: types.Type, lanes: Lanes) -> Any:
     """``value`` itself if it is `Lanes`, else the number repeated in every lane."""
     if isinstance(given, Lanes):
         return value
@@ -113,7 +113,7 @@ def _define(function: Any, emit: Any, *, compares: bool = False) -> None:
         lanes = _common(sig.args)
         return emit(
             builder,
-            *(_as_lanes(context, builder, v, t, lanes) for v, t in zip(args, sig.args, strict=True)),
+            *(as_lanes(context, builder, v, t, lanes) for v, t in zip(args, sig.args, strict=True)),
         )
 
     for left, right in ((Lanes, Lanes), (Lanes, types.Number), (types.Number, Lanes)):
@@ -271,7 +271,7 @@ def multiply_add(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         def operand(value: Any, given: types.Type) -> Any:
             if lanes:
-                return _as_lanes(context, builder, value, given, lanes)
+                return as_lanes(context, builder, value, given, lanes)
             return context.cast(builder, value, given, result)
 
         return _call(builder, "fma", *map(operand, args, sig.args))
@@ -286,7 +286,7 @@ def select(typingctx: Any, mask: Any, true: Any, false: Any) -> Any:
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         chosen = (
-            _as_lanes(context, builder, v, t, lanes) for v, t in zip(args[1:], sig.args[1:], strict=True)
+            as_lanes(context, builder, v, t, lanes) for v, t in zip(args[1:], sig.args[1:], strict=True)
         )
         return builder.select(args[0], *chosen)
 
@@ -438,7 +438,7 @@ def store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         pointer, alignment = _address(context, builder, sig, args)
-        lanes = _as_lanes(context, builder, args[2], sig.args[2], _element(sig.args[0]))
+        lanes = as_lanes(context, builder, args[2], sig.args[2], _element(sig.args[0]))
         builder.store(lanes, pointer, align=alignment)
         return context.get_dummy_value()
 
@@ -570,7 +570,7 @@ def store_each(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         data, offset = _own_numbers(context, builder, sig, args, gathers=False)
-        values = _as_lanes(context, builder, args[2], sig.args[2], lanes)
+        values = as_lanes(context, builder, args[2], sig.args[2], lanes)
         for place, value in zip(offset, _each(builder, values), strict=True):
             builder.store(value, builder.gep(data, [place]))
         return context.get_dummy_value()

@@ -23,10 +23,8 @@ from springgym.vectors import (
     epsilon,
     inertia,
     mass_centre,
-    minus,
     row,
     solve_symmetric,
-    times,
     triad,
 )
 
@@ -165,8 +163,8 @@ def view(values: np.ndarray) -> Measures:
 
 @compiled
 def write(out: Numbers, n: Number, u: Any) -> None:
-    for axis, value in enumerate(u):
-        store(out, n + axis, value)
+    for axis in range(3):
+        store(out, n + axis, u[axis])
 
 
 @compiled
@@ -192,14 +190,14 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
     about = row(x, markers.pivot) if markers.pivot >= 0 else centre
     spin = angular_momentum(x, v, mass, about)
     e1, _, e3 = triad(x, markers.triad)
-    sideways = minus(row(x, markers.triad[2]), row(x, markers.triad[0]))
+    sideways = row(x, markers.triad[2]) - row(x, markers.triad[0])
     across, share = cross(e3, sideways), ROUND_OFF * epsilon(kinetic)
     straight = dot(across, across) <= share * share * dot(sideways, sideways)
-    e1 = choose(straight, times(0.0, e1), e1)
+    e1 = choose(straight, 0.0 * e1, e1)
     write(out, CENTRE, centre)
     velocity = mass_centre(v, mass)
     write(out, CENTRE_VELOCITY, velocity)
-    write(out, MOMENTUM, times(total, velocity))
+    write(out, MOMENTUM, total * velocity)
     write(out, ANGULAR_MOMENTUM, spin)
     write(out, ANGULAR_VELOCITY, solve_symmetric(inertia(x, mass, about), spin))
     write(out, SIDE, e1)
@@ -245,8 +243,8 @@ def read_bodies(block: int, phase: Phase, reading: Reading, terms: Any) -> None:
     write(whole, CENTRE_VELOCITY, mass_centre(v.values, mass))
     write(whole, ANGULAR_MOMENTUM, spin)
     write(whole, ANGULAR_VELOCITY, solve_symmetric(inertia(x.values, mass, centre), spin))
-    write(whole, SIDE, times(0.0, centre))
-    write(whole, AXIS, times(0.0, centre))
+    write(whole, SIDE, 0.0 * centre)
+    write(whole, AXIS, 0.0 * centre)
     width = len(space[0, 0].lanes)
     for copy in range(block * width, min((block + 1) * width, readout.rows.shape[0])):
         for n in range(SIZE):

@@ -1,4 +1,4 @@
-"""Vectors in compiled code: triples of `Lanes`, and small linear algebra on them."""
+"""Linear algebra on vectors in compiled code (`springgym.vec.Vec`), and rows of arrays as vectors."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from springgym.compiling import compiled
 from springgym.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.lanes import epsilon as epsilon
 from springgym.lanes import load, load_each, multiply_add, select, sqrt, store, store_each
+from springgym.vec import vec as vec
 
 TINY = 1e-30  # added to a squared length: keeps 1/length finite at zero, and changes no other length
 
@@ -19,7 +20,7 @@ ROUND_OFF = 1e-13 / 2.0**-52  # a share lost by rounding, or less, in units of `
 @compiled
 def row(array: Numbers, i: int) -> Any:
     """``array[i]`` of an array (rows, 3), as a vector."""
-    return load(array, (i, 0)), load(array, (i, 1)), load(array, (i, 2))
+    return vec(load(array, (i, 0)), load(array, (i, 1)), load(array, (i, 2)))
 
 
 @compiled
@@ -33,7 +34,7 @@ def set_row(array: Numbers, i: int, u: Vector) -> None:
 @compiled
 def row_each(array: Numbers, i: Number) -> Any:
     """``array[i]`` of an array (rows, 3) where each copy has a row of its own."""
-    return load_each(array, (i, 0)), load_each(array, (i, 1)), load_each(array, (i, 2))
+    return vec(load_each(array, (i, 0)), load_each(array, (i, 1)), load_each(array, (i, 2)))
 
 
 @compiled
@@ -61,28 +62,13 @@ def add_scaled(array: Rows, i: int, s: Number, u: Vector) -> None:
 @compiled
 def plus_scaled(w: Vector, s: Any, u: Vector) -> Any:
     """w + s u, rounded once."""
-    return multiply_add(s, u[0], w[0]), multiply_add(s, u[1], w[1]), multiply_add(s, u[2], w[2])
+    return vec(multiply_add(s, u[0], w[0]), multiply_add(s, u[1], w[1]), multiply_add(s, u[2], w[2]))
 
 
 @compiled
 def vector(array: Numbers) -> Any:
     """The three numbers of an array (3,), as a vector."""
-    return load(array, 0), load(array, 1), load(array, 2)
-
-
-@compiled
-def plus(u: Vector, w: Vector) -> Any:
-    return u[0] + w[0], u[1] + w[1], u[2] + w[2]
-
-
-@compiled
-def minus(u: Vector, w: Vector) -> Any:
-    return u[0] - w[0], u[1] - w[1], u[2] - w[2]
-
-
-@compiled
-def times(s: Number, u: Vector) -> Any:
-    return s * u[0], s * u[1], s * u[2]
+    return vec(load(array, 0), load(array, 1), load(array, 2))
 
 
 @compiled
@@ -92,18 +78,18 @@ def dot(u: Vector, w: Vector) -> Any:
 
 @compiled
 def cross(u: Vector, w: Vector) -> Any:
-    return u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]
+    return vec(u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0])
 
 
 @compiled
 def choose(mask: Mask, u: Vector, w: Vector) -> Any:
     """``u`` in the lanes where the mask holds, ``w`` in the others."""
-    return select(mask, u[0], w[0]), select(mask, u[1], w[1]), select(mask, u[2], w[2])
+    return vec(select(mask, u[0], w[0]), select(mask, u[1], w[1]), select(mask, u[2], w[2]))
 
 
 @compiled
 def unit(u: Vector) -> Any:
-    return times(1.0 / sqrt(dot(u, u) + TINY), u)
+    return 1.0 / sqrt(dot(u, u) + TINY) * u
 
 
 @compiled
@@ -114,9 +100,9 @@ def triad(x: Rows, markers: np.ndarray) -> Any:
     the third as far as that is perpendicular to e3.
     """
     origin = row(x, markers[0])
-    e3 = unit(minus(row(x, markers[1]), origin))
-    sideways = minus(row(x, markers[2]), origin)
-    e1 = unit(minus(sideways, times(dot(sideways, e3), e3)))
+    e3 = unit(row(x, markers[1]) - origin)
+    sideways = row(x, markers[2]) - origin
+    e1 = unit(sideways - dot(sideways, e3) * e3)
     return e1, cross(e3, e1), e3
 
 
@@ -124,33 +110,33 @@ def triad(x: Rows, markers: np.ndarray) -> Any:
 def mass_centre(x: Rows, mass: Numbers) -> Any:
     """Centre of mass of the positions (or, given velocities, its velocity)."""
     total = load(mass, 0)
-    first = times(total, row(x, 0))
+    first = total * row(x, 0)
     for i in range(1, mass.size):
         total = total + load(mass, i)
-        first = plus(first, times(load(mass, i), row(x, i)))
-    return times(1.0 / total, first)
+        first = first + load(mass, i) * row(x, i)
+    return 1.0 / total * first
 
 
 @compiled
 def angular_momentum(x: Rows, v: Rows, mass: Numbers, about: Vector) -> Any:
     """Σ m (x − about) × v."""
-    total = times(load(mass, 0), cross(minus(row(x, 0), about), row(v, 0)))
+    total = load(mass, 0) * cross(row(x, 0) - about, row(v, 0))
     for i in range(1, mass.size):
-        moment = cross(minus(row(x, i), about), row(v, i))
-        total = plus(total, times(load(mass, i), moment))
+        moment = cross(row(x, i) - about, row(v, i))
+        total = total + load(mass, i) * moment
     return total
 
 
 @compiled
 def inertia(x: Rows, mass: Numbers, about: Vector) -> Any:
     """Inertia tensor Σ m (r² 1 − r rᵀ) about a point: (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)."""
-    r = minus(row(x, 0), about)
+    r = row(x, 0) - about
     m = load(mass, 0)
     xx, yy, zz = m * r[0] * r[0], m * r[1] * r[1], m * r[2] * r[2]
     xy, xz, yz = m * r[0] * r[1], m * r[0] * r[2], m * r[1] * r[2]
     for i in range(1, mass.size):
-        r = minus(row(x, i), about)
-        u = times(load(mass, i), r)
+        r = row(x, i) - about
+        u = load(mass, i) * r
         xx, yy, zz = xx + u[0] * r[0], yy + u[1] * r[1], zz + u[2] * r[2]
         xy, xz, yz = xy + u[0] * r[1], xz + u[0] * r[2], yz + u[1] * r[2]
     return yy + zz, xx + zz, xx + yy, -xy, -xz, -yz
@@ -160,10 +146,10 @@ def inertia(x: Rows, mass: Numbers, about: Vector) -> Any:
 def cofactors(tensor: Any) -> Any:
     """Of a symmetric tensor (xx, yy, zz, xy, xz, yz), in rows; and its determinant."""
     xx, yy, zz, xy, xz, yz = tensor
-    first = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
-    second = (first[1], xx * zz - xz * xz, xy * xz - xx * yz)
-    third = (first[2], second[2], xx * yy - xy * xy)
-    return first, second, third, dot((xx, xy, xz), first)
+    first = vec(yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
+    second = vec(first[1], xx * zz - xz * xz, xy * xz - xx * yz)
+    third = vec(first[2], second[2], xx * yy - xy * xy)
+    return first, second, third, dot(vec(xx, xy, xz), first)
 
 
 @compiled
@@ -175,11 +161,11 @@ def solve_symmetric(tensor: Any, b: Vector) -> Any:
     """
     xx, yy, zz, _, _, _ = tensor
     first, second, third, determinant = cofactors(tensor)
-    u = (dot(first, b), dot(second, b), dot(third, b))  # on a line λ² n nᵀ b
+    u = vec(dot(first, b), dot(second, b), dot(third, b))  # on a line λ² n nᵀ b
     size = 0.5 * (xx + yy + zz)
-    straight = minus(b, times(1.0 / (first[0] + second[1] + third[2] + TINY), u))
+    straight = b - 1.0 / (first[0] + second[1] + third[2] + TINY) * u
     flat = determinant <= ROUND_OFF * epsilon(size) * size * size * size
-    return choose(flat, times(1.0 / (size + TINY), straight), times(1.0 / determinant, u))
+    return choose(flat, 1.0 / (size + TINY) * straight, 1.0 / determinant * u)
 
 
 @compiled
@@ -192,16 +178,16 @@ def inverse_symmetric(tensor: Any) -> Any:
     share = 1.0 / (size + TINY)
     trace = -1.0 * share / (first[0] + second[1] + third[2] + TINY)
     scale = select(flat, trace, 1.0 / select(flat, 1.0, determinant))
-    diagonal = times(scale, (first[0], second[1], third[2]))
-    diagonal = choose(flat, plus(diagonal, (share, share, share)), diagonal)
-    return diagonal, times(scale, (first[1], first[2], second[2]))
+    diagonal = scale * vec(first[0], second[1], third[2])
+    diagonal = choose(flat, diagonal + vec(share, share, share), diagonal)
+    return diagonal, scale * vec(first[1], first[2], second[2])
 
 
 @compiled
 def multiplied(diagonal: Vector, across: Vector, b: Vector) -> Any:
     """A symmetric tensor, xx, yy, zz and xy, xz, yz, times a vector."""
-    return (
-        dot((diagonal[0], across[0], across[1]), b),
-        dot((across[0], diagonal[1], across[2]), b),
-        dot((across[1], across[2], diagonal[2]), b),
+    return vec(
+        dot(vec(diagonal[0], across[0], across[1]), b),
+        dot(vec(across[0], diagonal[1], across[2]), b),
+        dot(vec(across[1], across[2], diagonal[2]), b),
     )

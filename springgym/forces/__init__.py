@@ -32,7 +32,7 @@ from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, 
 from springgym.kinds import Ledger, Number, Numbers, Rows
 from springgym.lanes import load
 from springgym.own_forces import OfBody, add_own_forces, own_energy
-from springgym.vectors import add_row, add_scaled, dot, plus_scaled, row, set_row, times, vector
+from springgym.vectors import add_row, add_scaled, dot, plus_scaled, row, set_row, vec, vector
 
 
 class Particles(NamedTuple):
@@ -126,16 +126,16 @@ def set_weights(force: Rows, particles: Particles, gravity: Numbers) -> None:
     """Set ``force`` (N, 3) to the weights [N] of the free particles, and else to 0."""
     for i in range(particles.mass.size):
         if gravity is not None and particles.free[i]:
-            set_row(force, i, times(load(particles.mass, i), vector(gravity)))
+            set_row(force, i, load(particles.mass, i) * vector(gravity))
         else:
-            set_row(force, i, (0.0, 0.0, 0.0))
+            set_row(force, i, vec(0.0, 0.0, 0.0))
 
 
 @compiled
 def divide_by_mass(force: Rows, particles: Particles) -> None:
     """Turn forces (N, 3) into accelerations."""
     for i in range(particles.mass.size):
-        set_row(force, i, times(load(particles.inverse_mass, i), row(force, i)))
+        set_row(force, i, load(particles.inverse_mass, i) * row(force, i))
 
 
 @compiled
@@ -145,7 +145,7 @@ def divide_and_kick(force: Rows, v: Rows, kicked: Rows, tau: Number, particles: 
     Both at once, as what is in a register need not be read again.
     """
     for i in range(v.shape[0]):
-        acceleration = times(load(particles.inverse_mass, i), row(force, i))
+        acceleration = load(particles.inverse_mass, i) * row(force, i)
         set_row(force, i, acceleration)
         set_row(kicked, i, plus_scaled(row(v, i), tau, acceleration))
 
@@ -156,7 +156,7 @@ def kick_and_drift(x: Rows, v: Rows, a: Rows, h: Number) -> None:
     for i in range(x.shape[0]):
         after = plus_scaled(row(v, i), 0.5 * h, row(a, i))
         set_row(v, i, after)
-        add_row(x, i, times(h, after))
+        add_row(x, i, h * after)
 
 
 @compiled
@@ -200,7 +200,7 @@ def paired(dampers: Dampers | None) -> bool:
 def drift(x: Rows, v: Rows, tau: Number) -> None:
     """Let the particles move for ``tau`` seconds, with nothing in their way."""
     for i in range(x.shape[0]):
-        add_row(x, i, times(tau, row(v, i)))
+        add_row(x, i, tau * row(v, i))
 
 
 @compiled

@@ -22,13 +22,11 @@ from springgym.vectors import (
     dot,
     inertia,
     mass_centre,
-    minus,
-    plus,
     row,
     set_row,
     solve_symmetric,
-    times,
     triad,
+    vec,
     vector,
 )
 
@@ -101,10 +99,10 @@ def set_actuation(
     if thrust is not None:
         if wrench is None:
             for i in range(particles.mass.size):
-                set_row(b, i, (0.0, 0.0, 0.0))
+                set_row(b, i, vec(0.0, 0.0, 0.0))
         add_thrust(x, b, particles, thrust)
     if drive is not None and drive.particle >= 0:
-        set_row(b, drive.particle, times(-1.0, pull_on(x, drive.particle, springs)))
+        set_row(b, drive.particle, -1.0 * pull_on(x, drive.particle, springs))
 
 
 @compiled
@@ -138,22 +136,22 @@ def set_wrench(x: Rows, acceleration: Rows, particles: Particles, wrench: Wrench
     about = row(x, wrench.pivot) if wrench.pivot >= 0 else mass_centre(x, mass)
     e1, e2, e3 = triad(x, wrench.markers)
     world = vector(wrench.torque)
-    torque = minus(world, times((1.0 - wrench.axial) * dot(world, e3), e3))
+    torque = world - (1.0 - wrench.axial) * dot(world, e3) * e3
     body = vector(wrench.body_torque)
-    torque = plus(torque, plus(times(body[0], e1), plus(times(body[1], e2), times(body[2], e3))))
+    torque = torque + (body[0] * e1 + (body[1] * e2 + body[2] * e3))
     angular = solve_symmetric(inertia(x, mass, about), torque)
     total = load(mass, 0)
     for i in range(1, mass.size):
         total = total + load(mass, i)
-    linear = times(1.0 / total, vector(wrench.force))
+    linear = 1.0 / total * vector(wrench.force)
     for i in range(mass.size):
         if particles.free[i]:
             change = linear
             if mass.size > 1:  # else r is the round-off of the centre of mass
-                change = plus(linear, cross(angular, minus(row(x, i), about)))
+                change = linear + cross(angular, row(x, i) - about)
             set_row(acceleration, i, change)
         else:
-            set_row(acceleration, i, (0.0, 0.0, 0.0))
+            set_row(acceleration, i, vec(0.0, 0.0, 0.0))
 
 
 @compiled
@@ -162,9 +160,9 @@ def add_thrust(x: Rows, acceleration: Rows, particles: Particles, thrust: Thrust
     for n in range(thrust.particle.size):
         force = row(thrust.force, n)
         if thrust.turns:
-            force = plus(times(force[0], e1), plus(times(force[1], e2), times(force[2], e3)))
+            force = force[0] * e1 + (force[1] * e2 + force[2] * e3)
         i = thrust.particle[n]
-        add_row(acceleration, i, times(load(particles.inverse_mass, i), force))
+        add_row(acceleration, i, load(particles.inverse_mass, i) * force)
 
 
 @compiled
@@ -183,10 +181,10 @@ def push(
         for i in range(particles.mass.size):
             if particles.free[i]:
                 before = row(v, i)
-                change = times(tau, row(acceleration, i))
-                after = plus(before, change)
+                change = tau * row(acceleration, i)
+                after = before + change
                 set_row(v, i, after)
-                work = work + load(particles.mass, i) * dot(change, plus(before, after))
+                work = work + load(particles.mass, i) * dot(change, before + after)
         record(ledger, WORK, 0.5 * work)
 
 
@@ -208,7 +206,7 @@ def drive_on(v: Rows, acceleration: Rows, drive: Drive | None) -> None:
 def drive_acceleration(v: Rows, drive: Drive) -> Any:
     """Acceleration of the driven particle: what is asked for, but not beyond its largest speed."""
     u, a = row(v, drive.particle), vector(drive.acceleration)
-    return (
+    return vec(
         limited(u[0], a[0], drive.speed),
         limited(u[1], a[1], drive.speed),
         limited(u[2], a[2], drive.speed),

@@ -25,7 +25,7 @@ import numpy as np
 from springgym.compiling import compiled
 from springgym.kinds import Mask, Number, Numbers, Vector
 from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
-from springgym.vectors import TINY, dot, minus, plus, row, times, vector
+from springgym.vectors import TINY, dot, row, vector
 
 if TYPE_CHECKING:
     from springgym.forces import Particles
@@ -198,7 +198,7 @@ def meet(
 @compiled
 def slowed(slip: Vector, limit: Number) -> Any:
     """What friction takes from the velocity ``slip`` along a surface: ``limit`` of it, or all there is."""
-    return times(minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0), slip)
+    return minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0) * slip
 
 
 @compiled
@@ -249,9 +249,9 @@ def facing(k: int, begin: Vector, end: Vector, planes: Planes | None, bowl: Holl
     if planes is not None:
         return row(planes.normal, k), height(begin, planes, k)
     if bowl is not None:
-        first, last = minus(begin, vector(bowl.centre)), minus(end, vector(bowl.centre))
+        first, last = begin - vector(bowl.centre), end - vector(bowl.centre)
         near, far = sqrt(dot(first, first) + TINY), sqrt(dot(last, last) + TINY)
-        return times(-1.0 / (near + far), plus(first, last)), bowl.radius - near
+        return -1.0 / (near + far) * (first + last), bowl.radius - near
     raise LookupError("no surfaces")
 
 
@@ -277,7 +277,7 @@ def energy_at(position: Vector, planes: Planes | None, bowl: HollowSphere | None
             h = height(position, planes, k)
             energy = energy + barrier_energy(h, load(planes.strength, 0), planes.reach)
     if bowl is not None:
-        from_centre = minus(position, vector(bowl.centre))
+        from_centre = position - vector(bowl.centre)
         h = bowl.radius - sqrt(dot(from_centre, from_centre))
         energy = energy + barrier_energy(h, load(bowl.strength, 0), bowl.reach)
     return energy

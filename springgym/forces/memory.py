@@ -18,7 +18,7 @@ from springgym.forces.actuators import drive_by
 from springgym.forces.ledger import ENTRIES
 from springgym.kinds import Ledger, Number, Numbers, Rows
 from springgym.lanes import load, select, store
-from springgym.vectors import choose, plus, row, set_row, times, vector
+from springgym.vectors import choose, row, set_row, vec, vector
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Drive
@@ -79,7 +79,7 @@ def share_actions(b: Rows, phase: Any, memory: Any, pushed: Rows, drive: Drive |
     if pushed is not None:
         for i in range(pushed.shape[0]):
             now = row(b, i)
-            set_row(b, i, choose(fresh, now, times(0.5, plus(now, row(pushed, i)))))
+            set_row(b, i, choose(fresh, now, 0.5 * (now + row(pushed, i))))
     if drive is not None:
         now = vector(drive.acceleration)
         for axis in range(3):
@@ -101,7 +101,7 @@ def turn_drive(
 ) -> None:
     """`move_drive`, as the node before and what is asked for now have it."""
     if drive is not None:
-        acceleration = (
+        acceleration = vec(
             load(memory.marks, STEERED),
             load(memory.marks, STEERED + 1),
             load(memory.marks, STEERED + 2),
@@ -127,7 +127,7 @@ def recall(phase: Number, given: Rows, foreseen: Rows | None) -> None:
     """Foresee for the last node, which is made anew, what was foreseen; fresh copies foresee nothing."""
     if foreseen is not None:
         for i in range(foreseen.shape[0]):
-            set_row(given, i, choose(phase < 0.5, (0.0, 0.0, 0.0), row(foreseen, i)))
+            set_row(given, i, choose(phase < 0.5, vec(0.0, 0.0, 0.0), row(foreseen, i)))
 
 
 @compiled
@@ -138,7 +138,7 @@ def keep_foreseen(among: tuple[int, int], given: Rows, foreseen: Rows | None) ->
             if among[0] <= i < among[1]:
                 set_row(foreseen, i, row(given, i))
             else:
-                set_row(foreseen, i, (0.0, 0.0, 0.0))
+                set_row(foreseen, i, vec(0.0, 0.0, 0.0))
 
 
 @compiled

@@ -36,7 +36,7 @@ from springgym.forces.memory import HELD, halve, turn_drive
 from springgym.forces.springs import damp
 from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt, store
-from springgym.vectors import TINY, choose, dot, minus, plus, plus_scaled, row, set_row, times, unit, vector
+from springgym.vectors import TINY, choose, dot, plus_scaled, row, set_row, unit, vec, vector
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -129,7 +129,7 @@ def squared(n: Vector, one: Number, bowl: HollowSphere | None) -> Any:
 def upright(n: Vector, inverse_square: Number, bowl: HollowSphere | None) -> Any:
     """A normal as a unit vector, which those of planes are."""
     if bowl is not None:
-        return times(sqrt(inverse_square), n)
+        return sqrt(inverse_square) * n
     return n
 
 
@@ -137,7 +137,7 @@ def upright(n: Vector, inverse_square: Number, bowl: HollowSphere | None) -> Any
 def kept(given: Vector, bowl: HollowSphere | None) -> Any:
     """What a turn begins with: in a bowl, of which the normal changes, with nothing."""
     if bowl is not None:
-        return times(0.0, given)
+        return 0.0 * given
     return given
 
 
@@ -151,7 +151,7 @@ def near(begin: Vector, free: Vector, planes: Planes | None, bowl: HollowSphere 
             lowest = minimum(lowest, minimum(height(begin, planes, k), height(free, planes, k)))
         close = lowest < ALMOST * planes.reach
     if bowl is not None:
-        first, last = minus(begin, vector(bowl.centre)), minus(free, vector(bowl.centre))
+        first, last = begin - vector(bowl.centre), free - vector(bowl.centre)
         inner = bowl.radius - ALMOST * bowl.reach
         close = maximum(dot(first, first), dot(last, last)) > inner * inner
     return close
@@ -177,7 +177,7 @@ def impulses(
     depends on the end of the way, which is found in the same turns. Friction acts along what the surfaces
     that touch leave free, so that it moves nothing towards one, and stops what it can stop.
     """
-    nothing = times(0.0, speed)
+    nothing = 0.0 * speed
     given, rub, bend, force = nothing, nothing, nothing, nothing
     strength, reach = strength_and_reach(terms.planes, terms.bowl)
     c = strength * load(terms.particles.inverse_mass, i)
@@ -186,14 +186,14 @@ def impulses(
     active = select(near(begin, free, terms.planes, terms.bowl), 1.0 + nothing[0], 0.0)
     for turn in range(TURNS):
         now, curved, pressing = kept(given, terms.bowl), kept(bend, terms.bowl), nothing
-        left, first = plus(speed, smooth), nothing
+        left, first = speed + smooth, nothing
         pressed, touched = nothing[0], nothing[0]
-        end = plus(plus_scaled(free, span.out, plus(given, rub)), bend)
+        end = plus_scaled(free, span.out, given + rub) + bend
         for k in range(surfaces(terms.planes, terms.bowl)):
             n, start = facing(k, begin, end, terms.planes, terms.bowl)
             square, inverse_square = squared(n, 1.0 + nothing[0], terms.bowl)
             own, curve = in_last_turn(turn, k, nothing[0], pushes, terms.bowl)
-            others = plus(smooth, plus(plus_scaled(now, -1.0 * own, n), rub))
+            others = smooth + (plus_scaled(now, -1.0 * own, n) + rub)
             u, s = dot(n, speed), dot(n, others)
             touching = minimum(start, start + (span.whole * u + span.out * s)) < reach
             gain, bent, impulse = nothing[0], nothing[0], nothing[0]
@@ -204,11 +204,11 @@ def impulses(
                 impulse = select(touching, impulse, 0.0)
                 if terms.friction is not None:
                     one = select(touching, 1.0 + nothing[0], 0.0)
-                    across = plus(nothing, upright(n, inverse_square, terms.bowl))
+                    across = nothing + upright(n, inverse_square, terms.bowl)
                     if k > 0:
-                        across = unit(minus(across, times(dot(across, first), first)))
-                    left = minus(left, times(one * dot(across, left), across))
-                    first = choose(touched > 0.0, first, times(one, across))
+                        across = unit(across - dot(across, first) * first)
+                    left = left - one * dot(across, left) * across
+                    first = choose(touched > 0.0, first, one * across)
                     touched = touched + one
                     pressed = pressed + maximum(gain, 0.0)
             now = plus_scaled(now, (gain - own) * inverse_square, n)
@@ -221,11 +221,11 @@ def impulses(
         rubbing = nothing
         if terms.friction is not None:
             left = choose(touched > 2.0, nothing, left)
-            rubbing = times(-1.0, slowed(left, mu * pressed))
+            rubbing = -1.0 * slowed(left, mu * pressed)
         if strangers(terms.planes):
             return Given(now, rubbing, curved, pressing)
         going = active > 0.5
-        more = minus(now, given)
+        more = now - given
         far = span.whole * span.whole * dot(more, more) > enough * enough
         given, rub = choose(going, now, given), choose(going, rubbing, rub)
         bend, force = choose(going, curved, bend), choose(going, pressing, force)
@@ -242,12 +242,12 @@ def lifted(place: Vector, first: Any, last: Any, terms: Terms) -> Any:
     Where a step is too coarse for an impact, the node is behind the surface though no way begins or ends
     there.
     """
-    lift = times(0.0, place)
+    lift = 0.0 * place
     _, reach = strength_and_reach(terms.planes, terms.bowl)
     for k in range(surfaces(terms.planes, terms.bowl)):
         _, early = standing(k, first, terms.planes, terms.bowl)
         _, late = standing(k, last, terms.planes, terms.bowl)
-        n, here = standing(k, plus(place, lift), terms.planes, terms.bowl)
+        n, here = standing(k, place + lift, terms.planes, terms.bowl)
         short = 0.5 * minimum(minimum(early, late), reach) - here
         lift = plus_scaled(lift, maximum(short, 0.0), n)
     return lift
@@ -310,7 +310,7 @@ def relax_some(
 def pushed(b: Rows, i: int, like: Vector, wrench: Wrench | None, thrust: Thrust | None) -> Any:
     """The acceleration of particle ``i`` by actuators, if there are any."""
     if wrench is None and thrust is None:
-        return times(0.0, like)
+        return 0.0 * like
     return row(b, i)
 
 
@@ -323,7 +323,7 @@ def foreseen(dampers: Dampers | None) -> bool:
 @compiled
 def nothing_given(like: Vector) -> Any:
     """As `Given`, where no surface is near."""
-    nothing = times(0.0, like)
+    nothing = 0.0 * like
     return Given(nothing, nothing, nothing, nothing)
 
 
@@ -362,7 +362,7 @@ def give_half(w: Rows, among: tuple[int, int], space: Any, dampers: Dampers | No
     """Give the particles ``among`` which some were touched what is foreseen."""
     if foreseen(dampers):
         for i in range(among[0], among[1]):
-            set_row(w, i, plus(row(w, i), row(space.given, i)))
+            set_row(w, i, row(w, i) + row(space.given, i))
 
 
 @compiled
@@ -374,9 +374,9 @@ def take_back(
         stray = 0.0 * span.out
         for i in range(among[0], among[1]):
             half = row(space.given, i)
-            now = minus(row(w, i), half)
+            now = row(w, i) - half
             set_row(w, i, now)
-            others = minus(now, plus_scaled(row(v, i), span.lead, row(a, i)))
+            others = now - plus_scaled(row(v, i), span.lead, row(a, i))
             stray = stray - load(terms.particles.mass, i) * dot(others, half)
         record_stray(ledger, stray, terms.dampers)
 
@@ -432,26 +432,26 @@ def pass_node(
             begin = plus_scaled(place, -1.0 * span.lead, row(v, i))
         if not (particles.free[i] and any_lane(near(begin, end, terms.planes, terms.bowl))):
             set_row(v, i, soon)
-            set_row(x, i, plus(place, times(tau, soon)))
+            set_row(x, i, place + tau * soon)
             if last:
-                set_row(space.bends, i, (0.0, 0.0, 0.0))
+                set_row(space.bends, i, vec(0.0, 0.0, 0.0))
             continue
         for between in range(max(first, behind), i):
-            set_row(space.given, between, (0.0, 0.0, 0.0))
-            set_row(space.bends, between, (0.0, 0.0, 0.0))
+            set_row(space.given, between, vec(0.0, 0.0, 0.0))
+            set_row(space.bends, between, vec(0.0, 0.0, 0.0))
         first, behind = min(first, i), i + 1
         start = row(v, i)
         begin = plus_scaled(place, -1.0 * span.lead, start)
-        smooth = minus(soon, start)
+        smooth = soon - start
         change, rub, bend, force = impulses(i, begin, end, start, smooth, span, FOUND, space.pushes, terms)
-        total = plus(change, rub)
-        after = plus(soon, total)
+        total = change + rub
+        after = soon + total
         mass = load(particles.mass, i)
         kicked = plus_scaled(start, span.lead, acceleration)
-        others = minus(now, kicked)
+        others = now - kicked
         record_stray(ledger, 0.5 * mass * dot(others, total), terms.dampers)
-        mean = plus_scaled(kicked, 0.5, plus(others, total))
-        way = plus(plus_scaled(times(span.lead, start), span.out, after), bend)
+        mean = plus_scaled(kicked, 0.5, others + total)
+        way = plus_scaled(span.lead * start, span.out, after) + bend
         gone = mass * (inverse * dot(force, way) - dot(change, mean))
         record(ledger, CONTACT, select(lossy, gone, 0.0))
         record(ledger, FRICTION, -1.0 * mass * dot(rub, mean))
@@ -461,9 +461,9 @@ def pass_node(
             record(ledger, CONTACT, 0.5 * mass * dot(acceleration, bend))
             if any_lane(dot(bend, bend) > 0.0):
                 bent = True
-            set_row(x, i, plus(plus(place, bend), times(tau, after)))
+            set_row(x, i, place + bend + tau * after)
             if foreseen(terms.dampers):
-                set_row(space.given, i, times(share, total))
+                set_row(space.given, i, share * total)
     if last:
         halve(ledger, memory)
         read_amid(x, v, w, a, b, span, space, ledger, terms)
@@ -482,24 +482,24 @@ def read_amid(
     raised = False
     for i in range(v.shape[0]):
         place, start, after, bend = row(x, i), row(memory.arrived, i), row(v, i), row(space.bends, i)
-        set_row(v, i, times(0.5, plus(start, after)))
+        set_row(v, i, 0.5 * (start + after))
         if particles.free[i]:
             now, acceleration, mass = row(w, i), row(a, i), load(particles.mass, i)
-            total = minus(after, plus_scaled(now, span.out, acceleration))
-            others = minus(now, plus_scaled(start, span.lead, acceleration))
-            given = times(span.whole, pushed(b, i, start, terms.wrench, terms.thrust))
+            total = after - plus_scaled(now, span.out, acceleration)
+            others = now - plus_scaled(start, span.lead, acceleration)
+            given = span.whole * pushed(b, i, start, terms.wrench, terms.thrust)
             thrown = thrown + mass * dot(given, given)
             swung = swung + mass * dot(others, others)
             held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
             begin = plus_scaled(place, -1.0 * span.lead, start)
-            finish = plus(plus_scaled(place, span.out, after), bend)
+            finish = plus_scaled(place, span.out, after) + bend
             lift = lifted(place, begin, finish, terms)
             held = held + 0.5 * energy_at(begin, terms.planes, terms.bowl)
             held = held + 0.5 * energy_at(finish, terms.planes, terms.bowl)
-            held = held - energy_at(plus(place, lift), terms.planes, terms.bowl)
+            held = held - energy_at(place + lift, terms.planes, terms.bowl)
             if any_lane(dot(lift, lift) > 0.0):
                 raised = True
-            set_row(x, i, plus(place, lift))
+            set_row(x, i, place + lift)
     record_swing(ledger, 0.125 * swung, 0.125 * thrown, terms.dampers)
     if raised:
         weight, elastic, _ = stored_energy(memory.place, terms)

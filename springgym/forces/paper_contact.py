@@ -17,7 +17,7 @@ from springgym.forces.barrier import height
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.lanes import load, maximum, minimum, select, sqrt
-from springgym.vectors import TINY, add_row, dot, minus, plus, row, set_row, times, unit, vector
+from springgym.vectors import TINY, add_row, dot, row, set_row, unit, vector
 
 if TYPE_CHECKING:
     from springgym.forces import Particles
@@ -70,7 +70,7 @@ def add_paper_forces(
 @compiled
 def above_bowl(position: Vector, bowl: HollowSphere) -> Any:
     """The normal towards a position in a bowl, and its height."""
-    to_centre = minus(vector(bowl.centre), position)
+    to_centre = vector(bowl.centre) - position
     return unit(to_centre), bowl.radius - sqrt(dot(to_centre, to_centre) + TINY)
 
 
@@ -94,13 +94,13 @@ def add_paper_force(
     push = select(h < surface.reach, push, 0.0)
     rate = dot(n, velocity)
     total = select(push > 0.0, maximum(push - law.damping * rate, 0.0), 0.0)
-    add_row(force, i, times(total, n))
+    add_row(force, i, total * n)
     record(ledger, CONTACT, weight * (push - total) * rate)
     if friction is not None:
-        slip = minus(velocity, times(rate, n))
+        slip = velocity - rate * n
         speed = sqrt(dot(slip, slip) + TINY)
         rub = minimum(load(friction, 0) * push, load(particles.mass, i) * speed / (2.0 * law.step))
-        add_row(force, i, times(-rub / speed, slip))
+        add_row(force, i, -rub / speed * slip)
         record(ledger, FRICTION, weight * rub * speed)
 
 
@@ -124,5 +124,5 @@ def clamp(
 @compiled
 def clamp_one(x: Rows, v: Rows, i: int, n: Vector, missing: Number) -> None:
     too_low = missing > 0.0
-    set_row(x, i, plus(row(x, i), times(select(too_low, missing, 0.0), n)))
-    set_row(v, i, minus(row(v, i), times(select(too_low, dot(n, row(v, i)), 0.0), n)))
+    set_row(x, i, row(x, i) + select(too_low, missing, 0.0) * n)
+    set_row(v, i, row(v, i) - select(too_low, dot(n, row(v, i)), 0.0) * n)

@@ -17,7 +17,7 @@ from springgym.compiling import compiled
 from springgym.forces.ledger import DAMPING, WORK, record
 from springgym.kinds import Ledger, Mask, Number, Numbers, Rows
 from springgym.lanes import inverse_sqrt, load, maximum, select, sqrt
-from springgym.vectors import TINY, add_scaled, dot, minus, plus, row, set_row, times
+from springgym.vectors import TINY, add_scaled, dot, row, set_row, vec
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Drive
@@ -113,19 +113,19 @@ def add_spring_forces(
         power = 0.0 * load(x, (0, 0))
         for s in range(springs.first.size):
             i, j = springs.first[s], springs.second[s]
-            apart = minus(row(x, j), row(x, i))
+            apart = row(x, j) - row(x, i)
             inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
             k = load(springs.stiffness, s)
             pull = k - k * load(springs.length, s) * inverse_length
             if v is not None and dampers is not None:
-                speed = inverse_length * dot(minus(row(v, j), row(v, i)), apart)
+                speed = inverse_length * dot(row(v, j) - row(v, i), apart)
                 damping = load(dampers.coefficient, s) * speed
                 pull = pull + damping * inverse_length
                 power = power + damping * speed
             add_scaled(force, i, pull, apart)
             add_scaled(force, j, -pull, apart)
             if direction is not None and dampers is not None:
-                set_row(direction, s, times(inverse_length, apart))
+                set_row(direction, s, inverse_length * apart)
         if v is not None and dampers is not None:
             record(ledger, DAMPING, weight * power)
 
@@ -137,7 +137,7 @@ def spring_energy(x: Rows, springs: Springs) -> Any:
     largest = energy
     if springs is not None:
         for s in range(springs.first.size):
-            apart = minus(row(x, springs.second[s]), row(x, springs.first[s]))
+            apart = row(x, springs.second[s]) - row(x, springs.first[s])
             rest = load(springs.length, s)
             stretch = sqrt(dot(apart, apart)) - rest
             energy = energy + 0.5 * load(springs.stiffness, s) * stretch * stretch
@@ -168,39 +168,39 @@ def pull_jacobian(
     the stiffness along the spring, the geometric one across it, and the turning of the damper.
     """
     i, j = springs.first[s], springs.second[s]
-    apart = minus(row(x, j), row(x, i))
+    apart = row(x, j) - row(x, i)
     inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
-    along = times(inverse_length, apart)
+    along = inverse_length * apart
     k = load(springs.stiffness, s)
     slack = in_x * k * load(springs.length, s) * inverse_length
     same = in_x * k - slack
-    to = times(slack, along)
+    to = slack * along
     if dampers is not None:
         c = load(dampers.coefficient, s)
-        w = minus(row(v, j), row(v, i))
+        w = row(v, j) - row(v, i)
         turning = in_x * c * inverse_length
         rate = dot(w, along)
         same = same + turning * rate
-        to = plus(to, plus(times(in_v * c - 2.0 * turning * rate, along), times(turning, w)))
-    first, second, third = times(along[0], to), times(along[1], to), times(along[2], to)
+        to = to + ((in_v * c - 2.0 * turning * rate) * along + turning * w)
+    first, second, third = along[0] * to, along[1] * to, along[2] * to
     return (
-        (first[0] + same, first[1], first[2]),
-        (second[0], second[1] + same, second[2]),
-        (third[0], third[1], third[2] + same),
+        vec(first[0] + same, first[1], first[2]),
+        vec(second[0], second[1] + same, second[2]),
+        vec(third[0], third[1], third[2] + same),
     )
 
 
 @compiled
 def pull_on(x: Rows, particle: Any, springs: Springs) -> Any:
     """The springs' force [N] on one particle."""
-    total = times(0.0, row(x, particle))
+    total = 0.0 * row(x, particle)
     for s in range(springs.first.size):
         i, j = springs.first[s], springs.second[s]
         if i == particle or j == particle:
-            apart = minus(row(x, j), row(x, i)) if i == particle else minus(row(x, i), row(x, j))
+            apart = row(x, j) - row(x, i) if i == particle else row(x, i) - row(x, j)
             inverse_length = inverse_sqrt(dot(apart, apart) + TINY)
             k = load(springs.stiffness, s)
-            total = plus(total, times(k - k * load(springs.length, s) * inverse_length, apart))
+            total = total + (k - k * load(springs.length, s) * inverse_length) * apart
     return total
 
 
@@ -232,7 +232,7 @@ def damp(
             s = count - 1 - n if backward else n
             i, j = springs.first[s], springs.second[s]
             along = row(direction, s)
-            speed = dot(minus(row(v, j), row(v, i)), along)
+            speed = dot(row(v, j) - row(v, i), along)
             if among is not None:
                 speed = select(among, speed, 0.0)
             energy = energy + load(decay.loss, s) * speed * speed
@@ -243,6 +243,6 @@ def damp(
                 if j == drive.particle:
                     record(ledger, WORK, impulse * dot(along, row(v, j)))
             # what needs the speed comes last: each spring waits for the velocities of the one before
-            add_scaled(v, i, speed, times(load(decay.first, s), along))
-            add_scaled(v, j, -speed, times(load(decay.second, s), along))
+            add_scaled(v, i, speed, load(decay.first, s) * along)
+            add_scaled(v, j, -speed, load(decay.second, s) * along)
         record(ledger, DAMPING, energy)

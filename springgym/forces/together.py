@@ -44,7 +44,7 @@ from springgym.forces.pairs.search import find
 from springgym.forces.pairs.terms import ENERGY, ENTRIES, IMPULSE, Room
 from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.lanes import Ragged, any_lane, bodies_of, load, of_body, select, store
-from springgym.vectors import choose, dot, minus, plus, plus_scaled, row, set_row, times
+from springgym.vectors import choose, dot, plus_scaled, row, set_row, vec
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -105,7 +105,7 @@ def lean(x: Rows, v: Rows, span: Any, found: Any, fresh: Any, last: Any, own: An
         if not (own.busy[i] if found == FOUND else own.touched[i]):
             continue
         velocity = row(own.velocity, i)
-        more = minus(velocity, row(own.base, i))
+        more = velocity - row(own.base, i)
         moved = select(dot(more, more) > 0.0, 1.0, 0.0 * load(terms.memory.marks, PHASE))
         if fresh or any_lane(moved > 0.5):
             place, start = row(x, i), row(v, i)
@@ -115,12 +115,12 @@ def lean(x: Rows, v: Rows, span: Any, found: Any, fresh: Any, last: Any, own: An
             turns = moved > (-1.0 if fresh else 0.5)
             if any_lane(turns):
                 before = row(own.pairs, i)
-                by_bodies = plus(before, more)
-                now = plus(row(own.soon, i), by_bodies)
+                by_bodies = before + more
+                now = row(own.soon, i) + by_bodies
                 given = lean_on(
                     i, place, start, now, span, found, own.space.pushes, terms, terms.planes, terms.bowl
                 )
-                now = plus(now, plus(given.change, given.rub))
+                now = now + (given.change + given.rub)
                 set_row(own.pairs, i, choose(turns, by_bodies, before))
                 set_row(own.velocity, i, choose(turns, now, velocity))
                 set_row(own.base, i, choose(turns, now, row(own.base, i)))
@@ -171,7 +171,7 @@ def lean_on(
         begin = plus_scaled(place, -1.0 * span.lead, start)
         end = plus_scaled(place, span.out, soon)
         if reached(i, begin, end, terms.particles, planes, bowl):
-            given = impulses(i, begin, end, start, minus(soon, start), span, found, pushes, terms)
+            given = impulses(i, begin, end, start, soon - start, span, found, pushes, terms)
     return given
 
 
@@ -244,7 +244,7 @@ def arrive(contacts: Number, own: Any) -> None:
             store(own.met, i, 0.0)
         own.touched[i] = touched
         if touched or own.busy[i]:
-            set_row(own.pairs, i, (0.0, 0.0, 0.0))
+            set_row(own.pairs, i, vec(0.0, 0.0, 0.0))
 
 
 @compiled
@@ -281,14 +281,14 @@ def expected(i: int, v: Rows, span: Any, own: Any, terms: Terms) -> Any:
     """The velocity of a particle after a node, but for contact."""
     now = before_contact(i, v, span, own, terms)
     if foreseen(terms.dampers):
-        now = minus(now, row(own.space.given, i))
+        now = now - row(own.space.given, i)
     return plus_scaled(now, span.out, row(own.a, i))
 
 
 @compiled
 def expect(i: int, soon: Vector, own: Any) -> None:
     """Let contact begin with this velocity of a particle, and with what bodies gave it as far as is known."""
-    with_pairs = plus(soon, row(own.pairs, i))
+    with_pairs = soon + row(own.pairs, i)
     set_row(own.soon, i, soon)
     set_row(own.velocity, i, with_pairs)
     set_row(own.base, i, with_pairs)
@@ -300,9 +300,9 @@ def give_half(own: Any) -> None:
     at the last node, and what bodies give as if there were no dampers."""
     for i in range(own.busy.size):
         if own.touched[i] or own.busy[i]:
-            half = plus(row(own.space.given, i), times(0.5, row(own.pairs, i)))
+            half = row(own.space.given, i) + 0.5 * row(own.pairs, i)
             set_row(own.space.given, i, half)
-            set_row(own.w, i, plus(row(own.w, i), half))
+            set_row(own.w, i, row(own.w, i) + half)
 
 
 @compiled
@@ -325,15 +325,15 @@ def go_on(x: Rows, v: Rows, span: Any, h: Number, last: Any, own: Any, terms: Te
         if busy:
             stirred = True
             if not (was or own.touched[i]):
-                set_row(own.pairs, i, (0.0, 0.0, 0.0))
+                set_row(own.pairs, i, vec(0.0, 0.0, 0.0))
             expect(i, soon, own)
         else:
-            soon = plus(soon, (0.0, 0.0, 0.0))
+            soon = soon + vec(0.0, 0.0, 0.0)
             set_row(v, i, soon)
-            set_row(x, i, plus(place, times(h, soon)))
+            set_row(x, i, place + h * soon)
             if was:
-                set_row(own.space.given, i, (0.0, 0.0, 0.0))
-                set_row(own.space.bends, i, (0.0, 0.0, 0.0))
+                set_row(own.space.given, i, vec(0.0, 0.0, 0.0))
+                set_row(own.space.bends, i, vec(0.0, 0.0, 0.0))
     return stirred
 
 
@@ -368,16 +368,16 @@ def leave(
         place, start, acceleration = row(x, i), row(v, i), row(own.a, i)
         half, by_bodies, bend = row(own.space.given, i), row(own.pairs, i), row(own.space.bends, i)
         change, slowed, force = row(own.change, i), row(own.rub, i), row(own.force, i)
-        total = plus(by_bodies, plus(change, slowed))
-        kicked = plus(plus_scaled(start, span.lead, acceleration), half)
-        others = minus(before_contact(i, v, span, own, terms), kicked)
+        total = by_bodies + (change + slowed)
+        kicked = plus_scaled(start, span.lead, acceleration) + half
+        others = before_contact(i, v, span, own, terms) - kicked
         after, mass = row(own.velocity, i), load(particles.mass, i)
         if particles.free[i]:
             if any_lane(dot(half, half) + dot(total, total) + dot(force, force) > 0.0):
-                stray = stray + mass * dot(others, minus(times(0.5, total), half))
+                stray = stray + mass * dot(others, 0.5 * total - half)
                 mean = plus_scaled(start, span.lead, acceleration)
-                mean = plus_scaled(mean, 0.5, plus(others, total))
-                way = plus(plus_scaled(times(span.lead, start), span.out, after), bend)
+                mean = plus_scaled(mean, 0.5, others + total)
+                way = plus_scaled(span.lead * start, span.out, after) + bend
                 gone = mass * (dot(force, way) / span.whole - dot(change, mean))
                 lost = lost + select(lossy, gone, 0.0)
                 lost = lost - select(fresh, mass * dot(by_bodies, mean), 0.0)
@@ -385,9 +385,9 @@ def leave(
                 bowed = bowed + 0.5 * mass * dot(acceleration, bend)
                 if any_lane(dot(bend, bend) > 0.0):
                     bent = True
-                place = plus(place, bend)
+                place = place + bend
             if last:
-                given = times(span.whole, pushed(own.b, i, start, terms.wrench, terms.thrust))
+                given = span.whole * pushed(own.b, i, start, terms.wrench, terms.thrust)
                 thrown = thrown + mass * dot(given, given)
                 swung = swung + mass * dot(others, others)
                 held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
@@ -395,16 +395,16 @@ def leave(
                 held = held + more
                 if any_lane(dot(lift, lift) > 0.0):
                     raised = True
-                place = plus(row(x, i), lift)
+                place = row(x, i) + lift
         if last:
             set_row(x, i, place)
             set_row(memory.arrived, i, start)
-            set_row(v, i, times(0.5, plus(start, after)))
+            set_row(v, i, 0.5 * (start + after))
         else:
-            set_row(x, i, plus(place, times(h, after)))
+            set_row(x, i, place + h * after)
             set_row(v, i, after)
             if foreseen(terms.dampers):
-                set_row(own.space.given, i, times(share, plus(change, slowed)))
+                set_row(own.space.given, i, share * (change + slowed))
     store(work.bowed, body, bowed)
     record_stray(ledger, stray, terms.dampers)
     record(ledger, CONTACT, lost)
@@ -433,13 +433,13 @@ def held_at(
     bowl: HollowSphere | None,
 ) -> Any:
     """What surfaces' barriers hold around a node beside what they hold where it is read, and its lift."""
-    energy, lift = 0.0 * place[0], times(0.0, place)
+    energy, lift = 0.0 * place[0], 0.0 * place
     if planes is not None or bowl is not None:
         begin = plus_scaled(place, -1.0 * span.lead, start)
-        finish = plus(plus_scaled(place, span.out, after), bend)
+        finish = plus_scaled(place, span.out, after) + bend
         lift = lifted(place, begin, finish, terms)
         energy = 0.5 * (energy_at(begin, planes, bowl) + energy_at(finish, planes, bowl))
-        energy = energy - energy_at(plus(place, lift), planes, bowl)
+        energy = energy - energy_at(place + lift, planes, bowl)
     return energy, lift
 
 

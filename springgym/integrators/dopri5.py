@@ -13,7 +13,7 @@ from springgym.forces.springs import longest_spring
 from springgym.integrators.record import REJECTIONS, STEPS, Integrator
 from springgym.kinds import Ledger, Mask, Number, Numbers, Rows
 from springgym.lanes import any_lane, load, select, sqrt, store
-from springgym.vectors import choose, dot, plus, row, set_row, times
+from springgym.vectors import choose, dot, row, set_row
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -97,12 +97,12 @@ def advance(
         tau = select(trial < remaining, select(2.0 * trial > remaining, 0.5 * remaining, trial), remaining)
         for stage in range(1, STAGES):
             for i in range(x.shape[0]):
-                dx, dv = times(A[stage, 0], row(workspace[7], i)), times(A[stage, 0], row(workspace[0], i))
+                dx, dv = A[stage, 0] * row(workspace[7], i), A[stage, 0] * row(workspace[0], i)
                 for j in range(1, stage):
-                    dx = plus(dx, times(A[stage, j], row(workspace[7 + j], i)))
-                    dv = plus(dv, times(A[stage, j], row(workspace[j], i)))
-                set_row(xs, i, plus(row(x, i), times(tau, dx)))
-                set_row(vs, i, plus(row(v, i), times(tau, dv)))
+                    dx = dx + A[stage, j] * row(workspace[7 + j], i)
+                    dv = dv + A[stage, j] * row(workspace[j], i)
+                set_row(xs, i, row(x, i) + tau * dx)
+                set_row(vs, i, row(v, i) + tau * dv)
             evaluate(xs, vs, stage, workspace, b, power, terms)
         error = error_norm(v, vs, tau, length, workspace, control)
         active = remaining > 0.0
@@ -156,10 +156,10 @@ def error_norm(
     speed, in_x, in_v = squares, squares, squares
     for i in range(v.shape[0]):
         speed = speed + 0.5 * (dot(row(v, i), row(v, i)) + dot(row(vs, i), row(vs, i)))
-        ex, ev = times(ERROR[0], row(workspace[7], i)), times(ERROR[0], row(workspace[0], i))
+        ex, ev = ERROR[0] * row(workspace[7], i), ERROR[0] * row(workspace[0], i)
         for j in range(1, STAGES):
-            ex = plus(ex, times(ERROR[j], row(workspace[7 + j], i)))
-            ev = plus(ev, times(ERROR[j], row(workspace[j], i)))
+            ex = ex + ERROR[j] * row(workspace[7 + j], i)
+            ev = ev + ERROR[j] * row(workspace[j], i)
         in_x = in_x + dot(ex, ex)
         in_v = in_v + dot(ev, ev)
     share = 1.0 / v.shape[0]

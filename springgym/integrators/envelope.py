@@ -15,7 +15,7 @@ import numpy as np
 from springgym.blocks import aligned_zeros
 from springgym.compiling import compiled
 from springgym.kinds import Number, Rows, Vector
-from springgym.vectors import cross, dot, minus, plus, row, set_row, times
+from springgym.vectors import cross, dot, row, set_row, vec
 
 
 class Envelope(NamedTuple):
@@ -55,13 +55,13 @@ def set_block(blocks: Rows, n: Number, values: Vector) -> None:
 @compiled
 def combine(u: Vector, rows: Vector) -> Any:
     """Row vector × matrix."""
-    return plus(plus(times(u[0], rows[0]), times(u[1], rows[1])), times(u[2], rows[2]))
+    return u[0] * rows[0] + u[1] * rows[1] + u[2] * rows[2]
 
 
 @compiled
 def apply(rows: Vector, u: Vector) -> Any:
     """Matrix × vector."""
-    return dot(rows[0], u), dot(rows[1], u), dot(rows[2], u)
+    return vec(dot(rows[0], u), dot(rows[1], u), dot(rows[2], u))
 
 
 @compiled
@@ -71,18 +71,18 @@ def multiply(rows: Vector, others: Any) -> Any:
 
 @compiled
 def add(rows: Vector, others: Vector) -> Any:
-    return plus(rows[0], others[0]), plus(rows[1], others[1]), plus(rows[2], others[2])
+    return rows[0] + others[0], rows[1] + others[1], rows[2] + others[2]
 
 
 @compiled
 def subtract(rows: Vector, others: Vector) -> Any:
-    return minus(rows[0], others[0]), minus(rows[1], others[1]), minus(rows[2], others[2])
+    return rows[0] - others[0], rows[1] - others[1], rows[2] - others[2]
 
 
 @compiled
 def transpose(rows: Any) -> Any:
     a, b, c = rows
-    return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
+    return vec(a[0], b[0], c[0]), vec(a[1], b[1], c[1]), vec(a[2], b[2], c[2])
 
 
 @compiled
@@ -91,7 +91,7 @@ def invert(rows: Any) -> Any:
     a, b, c = rows
     first = cross(b, c)
     share = 1.0 / dot(a, first)
-    return transpose((times(share, first), times(share, cross(c, a)), times(share, cross(a, b))))
+    return transpose((share * first, share * cross(c, a), share * cross(a, b)))
 
 
 @compiled
@@ -127,10 +127,10 @@ def solve(matrix: Any, y: Rows) -> None:
     for i in range(first.size):
         total = row(y, i)
         for j in range(first[i], i):
-            total = minus(total, apply(block(lower, start[i] + j), row(y, j)))
+            total = total - apply(block(lower, start[i] + j), row(y, j))
         set_row(y, i, total)
     for i in range(first.size - 1, -1, -1):
         found = apply(block(lower, start[i] + i), row(y, i))
         set_row(y, i, found)
         for j in range(first[i], i):
-            set_row(y, j, minus(row(y, j), apply(block(upper, start[i] + j), found)))
+            set_row(y, j, row(y, j) - apply(block(upper, start[i] + j), found))

@@ -11,7 +11,7 @@ from springgym.forces import act, actuate
 from springgym.integrators.newton import copy_rows, record_losses, solve_stage
 from springgym.integrators.record import Integrator
 from springgym.kinds import Ledger, Rows
-from springgym.vectors import minus, plus, row, set_row, times
+from springgym.vectors import row, set_row
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -50,5 +50,5 @@ def integrate(
             solve_stage(x0, v0, x, v, 0.5 * h, matrix, (a, change), control, terms)
             record_losses(x, v, a, h, ledger, terms)
             for i in range(x.shape[0]):
-                set_row(x, i, plus(row(x0, i), times(h, row(v, i))))
-                set_row(v, i, minus(times(2.0, row(v, i)), row(v0, i)))
+                set_row(x, i, row(x0, i) + h * row(v, i))
+                set_row(v, i, 2.0 * row(v, i) - row(v0, i))

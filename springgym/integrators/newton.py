@@ -13,7 +13,7 @@ from springgym.integrators.envelope import add, block, factorise, set_block, sol
 from springgym.integrators.record import ITERATIONS
 from springgym.kinds import Ledger, Number, Rows
 from springgym.lanes import any_lane, load, select, store
-from springgym.vectors import choose, dot, minus, plus, row, set_row, times
+from springgym.vectors import choose, dot, row, set_row, vec
 
 if TYPE_CHECKING:
     from springgym.forces import Particles, Terms
@@ -50,7 +50,7 @@ def assemble(matrix: Any, x: Rows, v: Rows, tau: Number, terms: Terms) -> None:
     """Set the matrix to M − τ ∂F/∂v − τ² ∂F/∂x and factorise it; pinned particles are left to themselves."""
     particles = terms.particles
     nothing = 0.0 * load(x, (0, 0))
-    zero = (nothing, nothing, nothing)
+    zero = vec(nothing, nothing, nothing)
     for n in range(matrix.lower.shape[0]):
         set_row(matrix.lower, n, zero)
         set_row(matrix.upper, n, zero)
@@ -59,7 +59,7 @@ def assemble(matrix: Any, x: Rows, v: Rows, tau: Number, terms: Terms) -> None:
         set_block(
             matrix.lower,
             matrix.start[i] + i,
-            ((m, nothing, nothing), (nothing, m, nothing), (nothing, nothing, m)),
+            (vec(m, nothing, nothing), vec(nothing, m, nothing), vec(nothing, nothing, m)),
         )
     subtract_jacobian(matrix, x, v, tau, particles, terms.springs, terms.dampers)
     factorise(matrix, terms.dampers)
@@ -116,15 +116,15 @@ def solve_stage(
         accelerate_and_damp(x, v, a, 0.0, None, terms)
         assemble(matrix, x, v, tau, terms)
         for i in range(particles.mass.size):
-            lacking = plus(minus(row(v0, i), row(v, i)), times(tau, row(a, i)))
-            set_row(change, i, times(load(particles.mass, i), lacking))
+            lacking = row(v0, i) - row(v, i) + tau * row(a, i)
+            set_row(change, i, load(particles.mass, i) * lacking)
         solve(matrix, change)
         seeking = largest > bound
         found = 0.0 * bound
         for i in range(particles.mass.size):
             size = dot(row(change, i), row(change, i))
             found = select(size < found, found, size)  # not a number if one is not
-            set_row(v, i, choose(seeking, plus(row(v, i), row(change, i)), row(v, i)))
+            set_row(v, i, choose(seeking, row(v, i) + row(change, i), row(v, i)))
         once = select(seeking, 1.0 + 0.0 * bound, 0.0 * bound)
         store(control.counts, ITERATIONS, load(control.counts, ITERATIONS) + once)
         largest = select(seeking, found, largest)
@@ -146,4 +146,4 @@ def copy_rows(source: Rows, target: Rows) -> None:
 def move(x: Rows, x0: Rows, v: Rows, tau: Number) -> None:
     """x = x₀ + τ v."""
     for i in range(x.shape[0]):
-        set_row(x, i, plus(row(x0, i), times(tau, row(v, i))))
+        set_row(x, i, row(x0, i) + tau * row(v, i))

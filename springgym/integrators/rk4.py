@@ -10,7 +10,7 @@ from springgym.compiling import compiled
 from springgym.forces import derivative, settle
 from springgym.integrators.record import Integrator
 from springgym.kinds import Ledger, Number, Rows
-from springgym.vectors import add_scaled, plus, plus_scaled, row, set_row
+from springgym.vectors import add_scaled, plus_scaled, row, set_row
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -55,6 +55,6 @@ def integrate(
                 set_row(vs, i, plus_scaled(row(v, i), ahead, acceleration))
         derivative(xs, vs, a, b, h / 6.0, ledger, terms)
         for i in range(x.shape[0]):
-            add_scaled(x, i, h / 6.0, plus(row(dx, i), row(vs, i)))
-            add_scaled(v, i, h / 6.0, plus(row(dv, i), row(a, i)))
+            add_scaled(x, i, h / 6.0, row(dx, i) + row(vs, i))
+            add_scaled(v, i, h / 6.0, row(dv, i) + row(a, i))
         settle(x, v, terms)

@@ -14,7 +14,7 @@ from springgym.integrators.newton import assemble, record_losses
 from springgym.integrators.record import Integrator
 from springgym.kinds import Ledger, Number, Rows
 from springgym.lanes import load
-from springgym.vectors import add_row, minus, plus, row, set_row, times
+from springgym.vectors import add_row, row, set_row
 
 if TYPE_CHECKING:
     from springgym.forces import Particles, Terms
@@ -66,8 +66,8 @@ def integrate(
             for i in range(x.shape[0]):
                 u, w = row(x, i), row(v, i)
                 for j in range(stage):
-                    u = plus(u, times(A[stage, j], row(p[j], i)))
-                    w = plus(w, times(A[stage, j], row(q[j], i)))
+                    u = u + A[stage, j] * row(p[j], i)
+                    w = w + A[stage, j] * row(q[j], i)
                 set_row(xs, i, u)
                 set_row(vs, i, w)
             if stage != 1:  # the second stage is where the first is
@@ -75,19 +75,19 @@ def integrate(
             for i in range(x.shape[0]):
                 u, w = row(vs, i), row(a, i)
                 for j in range(stage):
-                    u = plus(u, times(C[stage, j] / h, row(p[j], i)))
-                    w = plus(w, times(C[stage, j] / h, row(q[j], i)))
+                    u = u + C[stage, j] / h * row(p[j], i)
+                    w = w + C[stage, j] / h * row(q[j], i)
                 set_row(ahead, i, u)
                 set_row(q[stage], i, w)
             weigh(q[stage], tau, terms.particles)
             add_stiffness(x, v, ahead, q[stage], tau * tau, terms.particles, terms.springs, terms.dampers)
             solve(matrix, q[stage])
             for i in range(x.shape[0]):
-                set_row(p[stage], i, times(tau, plus(row(ahead, i), row(q[stage], i))))
+                set_row(p[stage], i, tau * (row(ahead, i) + row(q[stage], i)))
         for i in range(x.shape[0]):
             for j in range(STAGES):
-                add_row(x, i, times(M[j], row(p[j], i)))
-                add_row(v, i, times(M[j], row(q[j], i)))
+                add_row(x, i, M[j] * row(p[j], i))
+                add_row(v, i, M[j] * row(q[j], i))
         record_losses(x, v, a, 0.5 * h, ledger, terms)
 
 
@@ -95,7 +95,7 @@ def integrate(
 def weigh(u: Rows, factor: Number, particles: Particles) -> None:
     """u ← factor × M u."""
     for i in range(particles.mass.size):
-        set_row(u, i, times(factor * load(particles.mass, i), row(u, i)))
+        set_row(u, i, factor * load(particles.mass, i) * row(u, i))
 
 
 @compiled
@@ -113,8 +113,8 @@ def add_stiffness(
     if springs is not None:
         for s in range(springs.first.size):
             i, j = springs.first[s], springs.second[s]
-            pull = apply(pull_jacobian(x, v, s, factor, 0.0, springs, dampers), minus(row(u, j), row(u, i)))
+            pull = apply(pull_jacobian(x, v, s, factor, 0.0, springs, dampers), row(u, j) - row(u, i))
             if particles.free[i]:
                 add_row(out, i, pull)
             if particles.free[j]:
-                add_row(out, j, times(-1.0, pull))
+                add_row(out, j, -1.0 * pull)

@@ -15,7 +15,7 @@ from springgym.integrators.newton import (
 )
 from springgym.integrators.record import Integrator
 from springgym.kinds import Ledger, Rows
-from springgym.vectors import minus, plus, row, set_row, times
+from springgym.vectors import row, set_row
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -65,13 +65,13 @@ def integrate(
         for i in range(x.shape[0]):
             set_row(x_start, i, row(x, i))
             set_row(v_start, i, row(v, i))
-            set_row(x0, i, plus(row(x, i), times(TAU * h, row(v, i))))
-            set_row(v0, i, plus(row(v, i), times(TAU * h, row(a, i))))
+            set_row(x0, i, row(x, i) + TAU * h * row(v, i))
+            set_row(v0, i, row(v, i) + TAU * h * row(a, i))
         solve_stage(x0, v0, x, v, TAU * h, matrix, (a, change), control, terms)
         record_losses(x, v, a, OUTER * h, ledger, terms)
         for i in range(x.shape[0]):
             x_past, v_past = row(x_start, i), row(v_start, i)
-            set_row(x0, i, plus(x_past, times(FORWARD, minus(row(x, i), x_past))))
-            set_row(v0, i, plus(v_past, times(FORWARD, minus(row(v, i), v_past))))
+            set_row(x0, i, x_past + FORWARD * (row(x, i) - x_past))
+            set_row(v0, i, v_past + FORWARD * (row(v, i) - v_past))
         solve_stage(x0, v0, x, v, TAU * h, matrix, (a, change), control, terms)
         record_losses(x, v, a, TAU * h, ledger, terms)

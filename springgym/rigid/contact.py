@@ -37,7 +37,7 @@ from springgym.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, s
 from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
 from springgym.rigid.rotation import product, rotation_vector
-from springgym.vectors import TINY, choose, cross, dot, minus, plus, plus_scaled, row, set_row, times
+from springgym.vectors import TINY, choose, cross, dot, plus_scaled, row, set_row, vec
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Thrust, Wrench
@@ -95,13 +95,13 @@ class Node(NamedTuple):
 @compiled
 def velocity_of(place: Vector, motion: Vector, solid: Solid) -> Any:
     """Velocity of a particle."""
-    return plus(motion[0], cross(angular_velocity(motion[1], solid.rigid), place))
+    return motion[0] + cross(angular_velocity(motion[1], solid.rigid), place)
 
 
 @compiled
 def pushed(motion: Vector, place: Vector, push: Vector, solid: Solid) -> Any:
     """The motion after an impulse at a particle."""
-    return plus_scaled(motion[0], solid.lightness, push), plus(motion[1], cross(place, push))
+    return plus_scaled(motion[0], solid.lightness, push), motion[1] + cross(place, push)
 
 
 @compiled
@@ -130,7 +130,7 @@ def ease(arm: Vector, n: Vector, solid: Solid) -> Any:
 @compiled
 def place_of(i: int, state: State, axes: Any, solid: Solid) -> Any:
     """Position of a particle."""
-    return plus(state.position, combine(axes, row(solid.rigid.shape, i)))
+    return state.position + combine(axes, row(solid.rigid.shape, i))
 
 
 @compiled
@@ -165,7 +165,7 @@ def energy_in_barriers(state: State, solid: Solid) -> Any:
 @compiled
 def guessed(given: Vector, known: Mask, workspace: np.ndarray, solid: Solid) -> Any:
     """What the impulses of the node before change, where they are ``known``; there are none elsewhere."""
-    nothing = times(0.0, given[0])
+    nothing = 0.0 * given[0]
     for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
         for i in range(solid.terms.particles.mass.size):
             impulse, _, _ = row(workspace[ARRAYS * k + PUSH], i)
@@ -173,7 +173,7 @@ def guessed(given: Vector, known: Mask, workspace: np.ndarray, solid: Solid) -> 
             held = choose(known, row(workspace[ARRAYS * k + RUB], i), nothing)
             n = choose(known, row(workspace[ARRAYS * k + NORMAL], i), nothing)
             arm = choose(known, row(workspace[ARRAYS * k + ARM], i), nothing)
-            set_row(workspace[ARRAYS * k + PUSH], i, (impulse, nothing[0], nothing[0]))
+            set_row(workspace[ARRAYS * k + PUSH], i, vec(impulse, nothing[0], nothing[0]))
             set_row(workspace[ARRAYS * k + RUB], i, held)
             set_row(workspace[ARRAYS * k + NORMAL], i, n)
             set_row(workspace[ARRAYS * k + ARM], i, arm)
@@ -185,7 +185,7 @@ def guessed(given: Vector, known: Mask, workspace: np.ndarray, solid: Solid) -> 
 def meet_surfaces(node: Node, known: Mask, active: Number, workspace: np.ndarray, solid: Solid) -> Any:
     """What surfaces and friction change where ``active`` is 1: motion, and place (`leave`)."""
     _, reach = strength_and_reach(solid.terms.planes, solid.terms.bowl)
-    nothing = times(0.0, node.before[0])
+    nothing = 0.0 * node.before[0]
     bends = (nothing, nothing)
     given = guessed(bends, known, workspace, solid)
     enough = (AGREED + 64 * epsilon(nothing[0])) * reach
@@ -231,36 +231,36 @@ def touch(
     strength, reach = strength_and_reach(planes, bowl)
     normal, start = facing(k, way[0], way[1], planes, bowl)
     own, held = row(workspace[PUSH], i), row(workspace[RUB], i)
-    gone = dot(normal, minus(way[1], way[0]))
+    gone = dot(normal, way[1] - way[0])
     near = minimum(minimum(start, start + gone) - reach, -1.0 * own[0])
     if not any_lane(near < 0.0):
         return given, bends, 0.0 * start
     n = components(node.axes, normal)
     # Where the way along n is exactly that of the mean velocity: the work is then that of the barrier.
-    arm = minus(times(0.5, plus(way[0], way[1])), node.state.position)
+    arm = 0.5 * (way[0] + way[1]) - node.state.position
     arm = components(node.axes, arm)
     curve = gone - straight(n, arm, node, after, bent, solid)
-    lever = cross(n, angular_velocity(plus(node.before[1], after[1]), solid.rigid))
-    lever = times(0.5 * span.whole, lever)
+    lever = cross(n, angular_velocity(node.before[1] + after[1], solid.rigid))
+    lever = 0.5 * span.whole * lever
     arm = plus_scaled(arm, curve / (dot(lever, lever) + (curve / reach) * (curve / reach) + TINY), lever)
     a = ease(arm, n, solid)
     old, at = row(workspace[NORMAL], i), row(workspace[ARM], i)
-    others = pushed(given, at, times(-1.0, plus_scaled(held, own[0], old)), solid)
-    rub = minus(held, times(dot(n, held) / (dot(n, n) + TINY), n))
+    others = pushed(given, at, -1.0 * plus_scaled(held, own[0], old), solid)
+    rub = held - dot(n, held) / (dot(n, n) + TINY) * n
     others = pushed(others, arm, rub, solid)
     u = dot(n, velocity_of(arm, node.before, solid))
     s = dot(n, velocity_of(arm, sum_of(node.soon, 1.0, others), solid)) - u
     u = u + (gone - straight(n, arm, node, after, bent, solid)) / span.whole
     touching = maximum(near, minimum(start, start + (span.whole * u + span.out * s)) - reach) < 0.0
     none = 0.0 * u
-    nothing = (none, none, none)
+    nothing = vec(none, none, none)
     d, mu = coefficient(solid.terms.impact_damping, none), coefficient(solid.terms.friction, none)
     gain, bend, impulse = meet(start, u, s, span, strength * a, reach, d, touching, FOUND)
-    aside = pushed(bends, at, times(-1.0 * own[1], old), solid)
+    aside = pushed(bends, at, -1.0 * own[1] * old, solid)
     bend = bend - dot(n, velocity_of(arm, aside, solid))
-    push = choose(touching, times(1.0 / a, (gain, bend, impulse)), nothing)
-    others = pushed(others, arm, times(push[0], n), solid)
-    aside = pushed(aside, arm, times(push[1], n), solid)
+    push = choose(touching, 1.0 / a * vec(gain, bend, impulse), nothing)
+    others = pushed(others, arm, push[0] * n, solid)
+    aside = pushed(aside, arm, push[1] * n, solid)
     rub, others, slowed = stick(n, arm, rub, mu * maximum(push[0], 0.0), others, node, solid)
     change = span.whole * (slowed + a * maximum(push[0] - own[0], own[0] - push[0]))
     change = select(going, change, 0.0)
@@ -281,11 +281,11 @@ def stick(n: Vector, arm: Vector, old: Vector, limit: Number, given: Vector, nod
     of the particle's speed.
     """
     slip = velocity_of(arm, sum_of(node.soon, 1.0, given), solid)
-    slip = minus(slip, times(dot(n, slip) / (dot(n, n) + TINY), n))
-    a = ease(arm, times(1.0 / sqrt(dot(slip, slip) + TINY), slip), solid)
-    new = minus(old, times(1.0 / a, slip))
-    new = times(minimum(limit / sqrt(dot(new, new) + TINY), 1.0), new)
-    change = minus(new, old)
+    slip = slip - dot(n, slip) / (dot(n, n) + TINY) * n
+    a = ease(arm, 1.0 / sqrt(dot(slip, slip) + TINY) * slip, solid)
+    new = old - 1.0 / a * slip
+    new = minimum(limit / sqrt(dot(new, new) + TINY), 1.0) * new
+    change = new - old
     return new, pushed(given, arm, change, solid), a * sqrt(dot(change, change))
 
 
@@ -304,7 +304,7 @@ def set_loads(b: Rows, q: Vector, solid: Solid, wrench: Wrench | None, thrust: T
 @compiled
 def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust: Thrust | None) -> Any:
     """The change of motion by actuators in ``tau`` seconds."""
-    nothing = times(0.0 * tau, solid.centre)
+    nothing = 0.0 * tau * solid.centre
     if wrench is None and thrust is None:
         return nothing, nothing
     return plus_scaled(nothing, tau * solid.lightness, row(b, 0)), plus_scaled(nothing, tau, row(b, 1))
@@ -316,7 +316,7 @@ def reach_node(begin: State, state: State, span: Any, b: Rows, solid: Solid) -> 
     axes = turned(solid.axes, state.q)
     before = (components(axes, state.velocity), state.spin)
     twist, push = weight(state.q, 1.0, solid.terms.gravity, solid)
-    rate = (times(solid.lightness, components(axes, push)), twist)
+    rate = (solid.lightness * components(axes, push), twist)
     thrown = thrown_by(b, span.whole, solid, solid.terms.wrench, solid.terms.thrust)
     soon = sum_of(sum_of(before, span.whole, rate), 1.0, thrown)
     falling = plus_scaled(state.velocity, span.whole * solid.lightness, push)
@@ -331,9 +331,9 @@ def leave(node: Node, given: Vector, bends: Vector, solid: Solid) -> Any:
     """
     q, _, position, _ = node.state
     q = product(q, rotation_vector(angular_velocity(bends[1], solid.rigid), 1.0))
-    position = plus(position, combine(node.axes, bends[0]))
-    velocity = plus(node.falling, combine(node.axes, plus(node.thrown[0], given[0])))
-    state = State(q, plus(node.soon[1], given[1]), position, velocity)
+    position = position + combine(node.axes, bends[0])
+    velocity = node.falling + combine(node.axes, node.thrown[0] + given[0])
+    state = State(q, node.soon[1] + given[1], position, velocity)
     return fly(state, node.span.out, solid.rigid, solid.asymmetry)
 
 
@@ -346,7 +346,7 @@ def pass_node(
     ``near`` is the `clearance` half a step before, and a number: 1 where surfaces were near at the last
     node. Returns the state half a step later, ``near`` there, and the change of motion by surfaces.
     """
-    nothing = times(0.0, node.before[0])
+    nothing = 0.0 * node.before[0]
     given, bends = (nothing, nothing), (nothing, nothing)
     end = leave(node, given, bends, solid)
     ahead = clearance(end, solid)
@@ -404,14 +404,14 @@ def read_node(node: Node, end: State, given: Vector, ledger: Ledger, solid: Soli
     begun, ended = turned(solid.axes, node.begin.q), turned(solid.axes, end.q)
     for i in range(terms.particles.mass.size):
         if terms.particles.free[i]:
-            place = plus(shown, combine(node.axes, row(solid.rigid.shape, i)))
+            place = shown + combine(node.axes, row(solid.rigid.shape, i))
             first, final = place_of(i, node.begin, begun, solid), place_of(i, end, ended, solid)
             lift = lifted(place, first, final, terms)
-            shown = choose(solid.lightness + 0.0 * shown[0] > 0.0, plus(shown, lift), shown)
+            shown = choose(solid.lightness + 0.0 * shown[0] > 0.0, shown + lift, shown)
     _, push = weight(state.q, 1.0, terms.gravity, solid)
-    held = held + dot(push, minus(shown, state.position))
-    spin = times(0.5, plus(state.spin, plus(node.soon[1], given[1])))
-    read = State(state.q, spin, shown, times(0.5, plus(state.velocity, end.velocity)))
+    held = held + dot(push, shown - state.position)
+    spin = 0.5 * (state.spin + (node.soon[1] + given[1]))
+    read = State(state.q, spin, shown, 0.5 * (state.velocity + end.velocity))
     held = held + 0.5 * (energy_in_barriers(node.begin, solid) + energy_in_barriers(end, solid))
     store(memory.marks, HELD, held - energy_in_barriers(read, solid))
     return read

@@ -20,7 +20,7 @@ from springgym.compiling import compiled
 from springgym.kinds import Number, Numbers, Vector
 from springgym.lanes import load
 from springgym.rigid.rotation import normalised, product, rotation_vector, sine_cosine, turn
-from springgym.vectors import dot, plus, times, vector
+from springgym.vectors import dot, vec, vector
 
 if TYPE_CHECKING:
     from springgym.rigid.motion import Rigid
@@ -42,28 +42,28 @@ class State(NamedTuple):
 @compiled
 def combine(axes: Vector, u: Vector) -> Any:
     """Σ uₙ × axis n."""
-    return plus(times(u[0], axes[0]), plus(times(u[1], axes[1]), times(u[2], axes[2])))
+    return u[0] * axes[0] + (u[1] * axes[1] + u[2] * axes[2])
 
 
 @compiled
 def components(axes: Vector, u: Vector) -> Any:
-    return dot(axes[0], u), dot(axes[1], u), dot(axes[2], u)
+    return vec(dot(axes[0], u), dot(axes[1], u), dot(axes[2], u))
 
 
 @compiled
 def turned(axes: Any, q: Vector) -> Any:
     """The principal axes in world coordinates, given those where ``q`` is the identity."""
     return (
-        combine(axes, turn(q, (1.0, 0.0, 0.0))),
-        combine(axes, turn(q, (0.0, 1.0, 0.0))),
-        combine(axes, turn(q, (0.0, 0.0, 1.0))),
+        combine(axes, turn(q, vec(1.0, 0.0, 0.0))),
+        combine(axes, turn(q, vec(0.0, 1.0, 0.0))),
+        combine(axes, turn(q, vec(0.0, 0.0, 1.0))),
     )
 
 
 @compiled
 def angular_velocity(spin: Vector, rigid: Rigid) -> Any:
     moments = vector(rigid.moments)
-    return spin[0] / moments[0], spin[1] / moments[1], spin[2] / moments[2]
+    return vec(spin[0] / moments[0], spin[1] / moments[1], spin[2] / moments[2])
 
 
 @compiled
@@ -77,7 +77,7 @@ def twist_about_second(q: Vector, spin: Vector, tau: Number, asymmetry: Numbers)
         c * q[3] + s * q[1],
     )
     sine, cosine = 2.0 * s * c, 1.0 - 2.0 * s * s
-    return turned, (cosine * spin[0] - sine * spin[2], spin[1], cosine * spin[2] + sine * spin[0])
+    return turned, vec(cosine * spin[0] - sine * spin[2], spin[1], cosine * spin[2] + sine * spin[0])
 
 
 @compiled
@@ -93,7 +93,9 @@ def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> Any:
         c * q[3] + s * q[0],
     )
     sine, cosine = 2.0 * s * c, 1.0 - 2.0 * s * s
-    return normalised(turned), (cosine * spin[0] + sine * spin[1], cosine * spin[1] - sine * spin[0], spin[2])
+    return normalised(turned), vec(
+        cosine * spin[0] + sine * spin[1], cosine * spin[1] - sine * spin[0], spin[2]
+    )
 
 
 @compiled
@@ -105,4 +107,4 @@ def fly(state: State, tau: Number, rigid: Rigid, asymmetry: Numbers) -> Any:
     q, spin = turn_freely(q, spin, tau, rigid)
     if asymmetry is not None:
         q, spin = twist_about_second(q, spin, 0.5 * tau, asymmetry)
-    return State(q, spin, plus(position, times(tau, velocity)), velocity)
+    return State(q, spin, position + tau * velocity, velocity)

@@ -9,7 +9,7 @@ from springgym.forces.ledger import WORK, record
 from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.rigid.flight import State, angular_velocity, combine, components
 from springgym.rigid.rotation import turn, turn_back
-from springgym.vectors import cross, dot, minus, plus, row, times, vector
+from springgym.vectors import cross, dot, row, vector
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Thrust, Wrench
@@ -24,14 +24,14 @@ def rows(matrix: Rows) -> Any:
 @compiled
 def weight(q: Vector, tau: Number, gravity: Numbers, solid: Solid) -> Any:
     """Change of the angular momentum, in body coordinates, and of the momentum in ``tau`` seconds."""
-    push = times(0.0 * q[0], solid.centre)
+    push = 0.0 * q[0] * solid.centre
     twist = push
     if gravity is not None:
         if solid.rigid.pivot < 0:
-            push = plus(push, times(tau * solid.total, vector(gravity)))
+            push = push + tau * solid.total * vector(gravity)
         else:
             down = turn_back(q, components(solid.axes, vector(gravity)))
-            twist = times(tau * solid.total, cross(solid.centre, down))
+            twist = tau * solid.total * cross(solid.centre, down)
     return twist, push
 
 
@@ -48,34 +48,34 @@ def kick(
     twist, push = weight(q, tau, solid.terms.gravity, solid)
     if wrench is not None or thrust is not None:
         force, torque = load_of_actuators(q, solid, wrench, thrust)
-        torque = times(tau, torque)
-        twist = plus(twist, torque)
+        torque = tau * torque
+        twist = twist + torque
         if rigid.pivot < 0:
-            force = times(tau, combine(solid.axes, turn(q, force)))
-            push = plus(push, force)
-            record(ledger, WORK, dot(plus(velocity, times(0.5 / total, push)), force))
-        record(ledger, WORK, dot(angular_velocity(plus(spin, times(0.5, twist)), rigid), torque))
-    return State(q, plus(spin, twist), position, plus(velocity, times(1.0 / total, push)))
+            force = tau * combine(solid.axes, turn(q, force))
+            push = push + force
+            record(ledger, WORK, dot(velocity + 0.5 / total * push, force))
+        record(ledger, WORK, dot(angular_velocity(spin + 0.5 * twist, rigid), torque))
+    return State(q, spin + twist, position, velocity + 1.0 / total * push)
 
 
 @compiled
 def load_of_actuators(q: Vector, solid: Solid, wrench: Wrench | None, thrust: Thrust | None) -> Any:
     """Force [N] and torque [N·m] of the actuators about the body's point, in body coordinates."""
     rigid, centre, axes = solid.rigid, solid.centre, solid.axes
-    force = times(0.0 * q[0], centre)
+    force = 0.0 * q[0] * centre
     torque = force
     body = rows(rigid.triad)
     if wrench is not None:
         e3 = body[2]
         force = turn_back(q, components(axes, vector(wrench.force)))
         torque = turn_back(q, components(axes, vector(wrench.torque)))
-        torque = minus(torque, times((1.0 - wrench.axial) * dot(torque, e3), e3))
-        torque = plus(torque, combine(body, vector(wrench.body_torque)))
-        torque = plus(torque, cross(centre, force))
+        torque = torque - (1.0 - wrench.axial) * dot(torque, e3) * e3
+        torque = torque + combine(body, vector(wrench.body_torque))
+        torque = torque + cross(centre, force)
     if thrust is not None:
         for n in range(thrust.particle.size):
             thrown = row(thrust.force, n)
             local = combine(body, thrown) if thrust.turns else turn_back(q, components(axes, thrown))
-            force = plus(force, local)
-            torque = plus(torque, cross(row(rigid.shape, thrust.particle[n]), local))
+            force = force + local
+            torque = torque + cross(row(rigid.shape, thrust.particle[n]), local)
     return force, torque

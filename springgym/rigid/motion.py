@@ -29,7 +29,7 @@ from springgym.lanes import bodies_of, load, of_body
 from springgym.rigid.contact import LOADS, clearance, pass_node, reach_node, read_node, set_loads
 from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import kick, rows
-from springgym.vectors import angular_momentum, cross, mass_centre, plus, row, set_row, triad
+from springgym.vectors import angular_momentum, cross, mass_centre, row, set_row, triad, vec
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -77,9 +77,9 @@ def orientation(x: Rows, rigid: Rigid) -> Any:
     here = triad(x, rigid.markers)
     e1, e2, e3 = rows(rigid.triad)
     return (
-        combine(here, (e1[0], e2[0], e3[0])),
-        combine(here, (e1[1], e2[1], e3[1])),
-        combine(here, (e1[2], e2[2], e3[2])),
+        combine(here, vec(e1[0], e2[0], e3[0])),
+        combine(here, vec(e1[1], e2[1], e3[1])),
+        combine(here, vec(e1[2], e2[2], e3[2])),
     )
 
 
@@ -91,8 +91,8 @@ def set_particles(x: Rows, v: Rows, state: State, solid: Solid) -> None:
     omega = combine(now, angular_velocity(spin, solid.rigid))
     for i in range(solid.terms.particles.mass.size):
         r = combine(now, row(solid.rigid.shape, i))
-        set_row(x, i, plus(position, r))
-        set_row(v, i, plus(velocity, cross(omega, r)))
+        set_row(x, i, position + r)
+        set_row(v, i, velocity + cross(omega, r))
 
 
 @compiled
@@ -114,7 +114,7 @@ def move(
     zero = 0.0 * load(x, (0, 0))
     if rigid.pivot >= 0:
         position = row(x, rigid.pivot)
-        velocity = (zero, zero, zero)
+        velocity = vec(zero, zero, zero)
     else:
         position = mass_centre(x, mass)
         velocity = mass_centre(v, mass)

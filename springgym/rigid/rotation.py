@@ -7,7 +7,7 @@ from typing import Any
 from springgym.compiling import compiled
 from springgym.kinds import Number, Vector
 from springgym.lanes import nearest, sqrt
-from springgym.vectors import TINY, cross, dot, plus, times
+from springgym.vectors import TINY, cross, dot, vec
 
 PI_HIGH = 3.1415925025939941  # 22 bits: a few times it is exact
 PI_LOW = 1.5099579909783765e-07
@@ -61,9 +61,9 @@ def normalised(q: Vector) -> Any:
 @compiled
 def turn(q: Vector, u: Vector) -> Any:
     """A vector in world coordinates from body coordinates: u + 2 w a × u + 2 a × (a × u), q = (w, a)."""
-    axis = (q[1], q[2], q[3])
-    across = times(2.0, cross(axis, u))
-    return plus(u, plus(times(q[0], across), cross(axis, across)))
+    axis = vec(q[1], q[2], q[3])
+    across = 2.0 * cross(axis, u)
+    return u + (q[0] * across + cross(axis, across))
 
 
 @compiled

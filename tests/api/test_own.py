@@ -15,7 +15,7 @@ from springgym.forces import accelerate, drift, kick
 from springgym.integrators import METHODS, integrator, register
 from springgym.integrators.record import Integrator
 from springgym.scene import DriveActuator
-from springgym.vectors import add_row, dot, minus, row, times, vector
+from springgym.vectors import add_row, dot, row, vector
 
 
 class Tether(NamedTuple):
@@ -28,13 +28,13 @@ class Tether(NamedTuple):
     @staticmethod
     @compiled
     def add(x: Any, force: Any, tether: Any) -> None:
-        pull = minus(vector(tether.anchor), row(x, tether.particle))
-        add_row(force, tether.particle, times(tether.stiffness, pull))
+        pull = vector(tether.anchor) - row(x, tether.particle)
+        add_row(force, tether.particle, tether.stiffness * pull)
 
     @staticmethod
     @compiled
     def energy(x: Any, tether: Any) -> Any:
-        pull = minus(vector(tether.anchor), row(x, tether.particle))
+        pull = vector(tether.anchor) - row(x, tether.particle)
         return 0.5 * tether.stiffness * dot(pull, pull)
 
 

@@ -40,14 +40,12 @@ from springgym.vectors import (
     choose,
     cross,
     dot,
-    minus,
-    plus,
     row,
     row_each,
     set_row,
     set_row_each,
-    times,
     unit,
+    vec,
 )
 
 TIE, ROUGH = 1e-6, 8192.0
@@ -159,7 +157,7 @@ def clear(k: Number, pair: Any, members: Any, room: Any) -> None:
     for n in range(4):
         store(room.particle, 4 * k + n, 0.0)
         store(room.weight, 4 * k + n, 0.0)
-    set_row(room.toward, k, (0.0, 0.0, 0.0))
+    set_row(room.toward, k, vec(0.0, 0.0, 0.0))
     store(room.distance, k, FAR)
     store(room.share, k, 0.0)
 
@@ -182,10 +180,10 @@ def vertex_faces(
         limit = near.reach * near.reach
         wide = (1.0 + tie) * limit
         best, face, side_of = FAR + 0.0 * i, 0.0 * i, 0.0 * i
-        second, third, away = 0.0 * i, 0.0 * i, times(0.0, point)
+        second, third, away = 0.0 * i, 0.0 * i, 0.0 * point
         for n in range(room.ends[1, other], room.ends[1, other + 1]):
             normal, square = row(room.normal, n), load(room.square, n)
-            r = minus(point, row(room.corner, n))
+            r = point - row(room.corner, n)
             height = dot(normal, r)  # times |normal|
             close = height * height < wide * square
             if any_lane(close):
@@ -200,7 +198,7 @@ def vertex_faces(
                     if any_lane(select(close, side, 0.0) < 0.0):
                         sb, sc = on_sides(uu, uw, ww, of_sides, e, f)
                         wb, wc = select(side < 0.0, sb, wb), select(side < 0.0, sc, wc)
-                    apart = minus(minus(r, times(wb, u)), times(wc, q))
+                    apart = r - wb * u - wc * q
                     behind = select(close, height, 1.0) < 0.0
                     squared = select(close, dot(apart, apart), FAR)
                     key = squared - tie * (height * height * inverse)
@@ -209,7 +207,7 @@ def vertex_faces(
                         w = seen.w
                         a, b, c = corners(0.0 * i + n, room, triangles)
                         own = row_each(w, maximum(i, 0.0))
-                        across = minus(own, weighted(w, a, 1.0 - wb - wc, b, wb, c, wc))
+                        across = own - weighted(w, a, 1.0 - wb - wc, b, wb, c, wc)
                         credible = select(behind, height - near.lead * dot(normal, across), 1.0) > 0.0
                         key = select(credible, key, key + 4.0 * limit)  # after all that are
                     better = key < best
@@ -220,7 +218,7 @@ def vertex_faces(
         if any_lane(won):
             face = select(won, face, 1.0 * room.ends[1, other])
             d = sqrt(dot(away, away) + TINY)
-            n = times(1.0 / select(side_of < 0.0, -d, d), away)
+            n = 1.0 / select(side_of < 0.0, -d, d) * away
             touching = d < 1e-9 * near.reach
             if any_lane(touching):
                 n = choose(touching, unit(row_each(room.normal, face)), n)
@@ -244,7 +242,7 @@ def corners(n: Number, room: Any, triangles: Any) -> Any:
 @compiled
 def weighted(x: Any, i: Number, wi: Number, j: Number, wj: Number, k: Number, wk: Number) -> Any:
     """The sum of three rows of each copy's own, each times a number."""
-    return plus(plus(times(wi, row_each(x, i)), times(wj, row_each(x, j))), times(wk, row_each(x, k)))
+    return wi * row_each(x, i) + wj * row_each(x, j) + wk * row_each(x, k)
 
 
 @compiled
@@ -255,11 +253,11 @@ def vertex_rods(
     if rods is not None:
         room, w = seen.room, seen.w
         i, point = load(room.vertex, m), row(room.point, m)
-        best, rod, t, away = FAR + 0.0 * i, 0.0 * i, 0.0 * i, times(0.0, point)
+        best, rod, t, away = FAR + 0.0 * i, 0.0 * i, 0.0 * i, 0.0 * point
         for n in range(room.ends[2, other], room.ends[2, other + 1]):
-            way, r = row(room.way, n), minus(point, row(room.start, n))
+            way, r = row(room.way, n), point - row(room.start, n)
             share = within(dot(r, way) / (dot(way, way) + TINY))
-            apart = minus(r, times(share, way))
+            apart = r - share * way
             key = dot(apart, apart)
             better = key < best
             best, rod = select(better, key, best), select(better, 1.0 * n, rod)
@@ -269,10 +267,10 @@ def vertex_rods(
             i = maximum(i, 0.0)
             a, b = tips(select(won, rod, 1.0 * room.ends[2, other]), room, edges)
             d = sqrt(dot(away, away) + TINY)
-            n = times(1.0 / d, away)
-            along = plus(times(1.0 - t, row_each(w, a)), times(t, row_each(w, b)))
-            through = d - near.lead * dot(n, minus(row_each(w, i), along)) < 0.0
-            n, d = choose(through, times(-1.0, n), n), select(through, -d, d)
+            n = 1.0 / d * away
+            along = (1.0 - t) * row_each(w, a) + t * row_each(w, b)
+            through = d - near.lead * dot(n, row_each(w, i) - along) < 0.0
+            n, d = choose(through, -1.0 * n, n), select(through, -d, d)
             one = 1.0 + 0.0 * d
             weights = (one, t - 1.0, -t, 0.0 * d)
             met = Touch((i, a, b, i), weights, n, d - near.radius, select(won, one, 0.0))
@@ -291,13 +289,13 @@ def tips(n: Number, room: Any, edges: Any) -> Any:
 def ball_ball(count: Number, first: Number, i: int, j: Any, near: Near, seen: Search, balls: Any) -> Any:
     """The contact of two balls."""
     if balls is not None:
-        apart = minus(row(seen.x, i), row(seen.x, j))
+        apart = row(seen.x, i) - row(seen.x, j)
         d = sqrt(dot(apart, apart) + TINY)
         meets = d < near.reach
         if any_lane(meets):
             one = 1.0 + 0.0 * d
             weights = (one, -one, 0.0 * d, 0.0 * d)
-            normal = times(1.0 / d, apart)
+            normal = 1.0 / d * apart
             met = Touch((i, j, i, j), weights, normal, d - near.radius, select(meets, one, 0.0))
             count = add_contact(count, first, 2, met, near, seen)
     return count
@@ -311,7 +309,7 @@ def crossing(near: Near, seen: Search) -> Any:
     for m in range(room.ends[2, 0], room.ends[2, 1]):
         start, a = row(room.start, m), row(room.way, m)
         for n in range(room.ends[2, 1], room.ends[2, 2]):
-            b, r = row(room.way, n), minus(start, row(room.start, n))
+            b, r = row(room.way, n), start - row(room.start, n)
             across = cross(a, b)
             square, h = dot(across, across), dot(r, across)
             spare = near.reach * near.reach * square - h * h
@@ -342,7 +340,7 @@ def edge_edge(count: Number, first: Number, k: int, near: Near, seen: Search, ed
     other = select(there, load(room.crossing, k), 1.0 * room.ends[2, 1])
     (i, j), (m, n) = tips(one, room, edges), tips(other, room, edges)
     a, b = row_each(room.way, one), row_each(room.way, other)
-    r = minus(row_each(room.start, one), row_each(room.start, other))
+    r = row_each(room.start, one) - row_each(room.start, other)
     across = cross(a, b)
     square, h = dot(across, across), dot(r, across)
     aa, ab, bb, ar, br = dot(a, a), dot(a, b), dot(b, b), dot(a, r), dot(b, r)
@@ -353,13 +351,14 @@ def edge_edge(count: Number, first: Number, k: int, near: Near, seen: Search, ed
     if any_lane(share > 0.0):
         scale = sqrt(inverse)
         scale = select(h < 0.0, -scale, scale)
-        normal, d = times(scale, across), h * scale
-        speed = minus(
-            plus(times(1.0 - s, row_each(w, i)), times(s, row_each(w, j))),
-            plus(times(1.0 - t, row_each(w, m)), times(t, row_each(w, n))),
+        normal, d = scale * across, h * scale
+        speed = (
+            (1.0 - s) * row_each(w, i)
+            + s * row_each(w, j)
+            - ((1.0 - t) * row_each(w, m) + t * row_each(w, n))
         )
         through = d - near.lead * dot(normal, speed) < 0.0
-        normal, d = choose(through, times(-1.0, normal), normal), select(through, -d, d)
+        normal, d = choose(through, -1.0 * normal, normal), select(through, -d, d)
         met = Touch((i, j, m, n), (1.0 - s, s, t - 1.0, -t), normal, d - near.radius, share)
         count = add_contact(count, first, 4, met, near, seen)
     return count

@@ -25,15 +25,13 @@ from springgym.vectors import (
     cross,
     dot,
     inverse_symmetric,
-    minus,
     multiplied,
-    plus,
     plus_scaled,
     row,
     row_each,
     set_row,
     set_row_each,
-    times,
+    vec,
 )
 
 if TYPE_CHECKING:
@@ -54,7 +52,7 @@ def lay_out(x: Rows, k: Number, particles: Particles, friction: Numbers, room: A
     if friction is not None:
         none = 0.0 * load(room.distance, k)
         pins, whole = none, none + TINY
-        centre, pin = (none, none, none), (none, none, none)
+        centre, pin = vec(none, none, none), vec(none, none, none)
         for j in range(room.members[k]):
             i = load(room.particle, 4 * k + j)
             place, free = row_each(x, i), load_each(particles.inverse_mass, i) > 0.0
@@ -62,28 +60,28 @@ def lay_out(x: Rows, k: Number, particles: Particles, friction: Numbers, room: A
             pins, pin = pins + select(free, none, 1.0), choose(free, pin, place)
             whole, centre = whole + m, plus_scaled(centre, m, place)
             store(room.mass, 4 * k + j, m)
-        centre = choose(pins > 0.0, pin, times(1.0 / whole, centre))
-        apart = (none, none, none)
+        centre = choose(pins > 0.0, pin, 1.0 / whole * centre)
+        apart = vec(none, none, none)
         xx, yy, zz, xy, xz, yz = none, none, none, none, none, none
         for j in range(room.members[k]):
-            r = minus(row_each(x, load(room.particle, 4 * k + j)), centre)
+            r = row_each(x, load(room.particle, 4 * k + j)) - centre
             m = load(room.mass, 4 * k + j)
             apart = plus_scaled(apart, load(room.weight, 4 * k + j), r)
             xx, yy, zz = xx + m * r[0] * r[0], yy + m * r[1] * r[1], zz + m * r[2] * r[2]
             xy, xz, yz = xy + m * r[0] * r[1], xz + m * r[0] * r[2], yz + m * r[1] * r[2]
             set_row(room.arm, 4 * k + j, r)
         set_row(room.apart, k, apart)
-        total = (none, none, none)
+        total = vec(none, none, none)
         for j in range(room.members[k]):
             total = plus_scaled(total, load(room.mass, 4 * k + j), row(room.arm, 4 * k + j))
         for j in range(room.members[k]):
             m = load(room.mass, 4 * k + j)
-            lever = choose(m > 0.0, times(m, row(room.arm, 4 * k + j)), times(-1.0, total))
+            lever = choose(m > 0.0, m * row(room.arm, 4 * k + j), -1.0 * total)
             set_row(room.lever, 4 * k + j, lever)
         diagonal, across = inverse_symmetric((yy + zz, xx + zz, xx + yy, -xy, -xz, -yz))
         turns = pins < 1.5
-        set_row(room.turn, 2 * k, choose(turns, diagonal, (none, none, none)))
-        set_row(room.turn, 2 * k + 1, choose(turns, across, (none, none, none)))
+        set_row(room.turn, 2 * k, choose(turns, diagonal, vec(none, none, none)))
+        set_row(room.turn, 2 * k + 1, choose(turns, across, vec(none, none, none)))
 
 
 @compiled
@@ -104,10 +102,10 @@ def rub(
                 slip = slipping(v, k, room)
                 if turn < SWEEPS:
                     j = held_back(slip, k, given, limit, room)
-                    turn_with(v, k, minus(j, given), acts, room)
+                    turn_with(v, k, j - given, acts, room)
                     set_row(room.rub, k, choose(acts, j, given))
                 else:
-                    slip = plus(slip, slipping(w, k, room))
+                    slip = slip + slipping(w, k, room)
                     lost = select(acts, -0.5 * dot(given, slip), 0.0)
                     spend(room, p, 1, lost)
                     tell(tally, p, FRICTION, lost)
@@ -117,14 +115,14 @@ def rub(
 def slipping(v: Rows, k: Number, room: Any) -> Any:
     """How contact k slips (3,)."""
     none = 0.0 * load(room.distance, k)
-    slip, spin = (none, none, none), (none, none, none)
+    slip, spin = vec(none, none, none), vec(none, none, none)
     for j in range(room.members[k]):
         u = row_each(v, load(room.particle, 4 * k + j))
         slip = plus_scaled(slip, load(room.weight, 4 * k + j), u)
-        spin = plus(spin, cross(row(room.lever, 4 * k + j), u))
-    slip = minus(slip, cross(turning(k, spin, room), row(room.apart, k)))
+        spin = spin + cross(row(room.lever, 4 * k + j), u)
+    slip = slip - cross(turning(k, spin, room), row(room.apart, k))
     n = row(room.toward, k)
-    return minus(slip, times(dot(slip, n), n))
+    return slip - dot(slip, n) * n
 
 
 @compiled
@@ -136,14 +134,14 @@ def turning(k: Number, moment: Vector, room: Any) -> Any:
 @compiled
 def held_back(slip: Vector, k: Number, given: Vector, limit: Number, room: Any) -> Any:
     """The impulse that stops a slip, besides what was ``given``, or as much of it as friction can give."""
-    along = times(1.0 / (sqrt(dot(slip, slip)) + TINY), slip)
+    along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
     lever, inverse = cross(row(room.apart, k), along), load(room.inverse, k)
     yielding = inverse - dot(lever, turning(k, lever, room))
     firm = yielding > FIRM * inverse
     stop = select(firm, 1.0 / select(firm, yielding, 1.0), 0.0)
-    wanted = minus(given, times(stop, slip))
+    wanted = given - stop * slip
     size = sqrt(dot(wanted, wanted)) + TINY
-    return times(minimum(limit / size, 1.0), wanted)
+    return minimum(limit / size, 1.0) * wanted
 
 
 @compiled
@@ -154,6 +152,6 @@ def turn_with(v: Rows, k: Number, j: Vector, acts: Mask, room: Any) -> None:
         i = load(room.particle, 4 * k + n)
         before = row_each(v, i)
         after = plus_scaled(before, load(room.gain, 4 * k + n), j)
-        after = minus(after, cross(turn, row(room.arm, 4 * k + n)))
+        after = after - cross(turn, row(room.arm, 4 * k + n))
         moves = select(acts, load(room.mass, 4 * k + n), 0.0) > 0.0
         set_row_each(v, i, choose(moves, after, before))

@@ -44,14 +44,12 @@ from springgym.vectors import (
     choose,
     cross,
     dot,
-    minus,
-    plus,
     plus_scaled,
     row,
     row_each,
     set_row,
     set_row_each,
-    times,
+    vec,
 )
 
 if TYPE_CHECKING:
@@ -93,7 +91,7 @@ def prepare(
     """Find the speeds that contacts come with, and how much an impulse changes them; ``met`` is set to 1 of
     their particles."""
     for p in range(pairs.first.size):
-        set_row(room.spent, p, (0.0, 0.0, 0.0))
+        set_row(room.spent, p, vec(0.0, 0.0, 0.0))
     for k in range(count):
         u = speed(w, k, room)
         inverse, there = 0.0 * u, load(room.distance, k) < 0.5 * FAR
@@ -108,7 +106,7 @@ def prepare(
         store(room.inverse, k, inverse)
         store(room.push, k, 0.0)
         store(room.lost, k, 0.0)
-        set_row(room.rub, k, (0.0, 0.0, 0.0))
+        set_row(room.rub, k, vec(0.0, 0.0, 0.0))
         lay_out(x, k, particles, pairs.friction, room)
         p = room.pair[k]
         missed = load(room.distance, k) - span.lead * u < LOW * pairs.reach[p]
@@ -118,7 +116,7 @@ def prepare(
 @compiled
 def speed(v: Rows, k: Number, room: Any) -> Any:
     """u of contact k."""
-    u = times(0.0, row(room.toward, k))
+    u = 0.0 * row(room.toward, k)
     for j in range(room.members[k]):
         u = plus_scaled(u, load(room.weight, 4 * k + j), row_each(v, load(room.particle, 4 * k + j)))
     return dot(row(room.toward, k), u)
@@ -147,7 +145,7 @@ def sweep(v: Rows, span: Any, count: Number, backward: bool, pairs: Any, room: A
             come = Approach(start, free, load(pairs.strength, p) * load(room.share, k) * inverse, reach)
             new = select(meets, solve(k, come, span, inverse, meets, pairs.damping, room), 0.0)
             store(room.push, k, new)
-            impulse = times(new - old, row(room.toward, k))
+            impulse = (new - old) * row(room.toward, k)
             on = d < 0.5 * FAR
             for j in range(room.members[k]):
                 give(v, load(room.particle, 4 * k + j), load(room.gain, 4 * k + j), impulse, on)
@@ -214,7 +212,7 @@ def push_along_gradient(
     i, j = load(room.particle, 4 * k), load(room.particle, 4 * k + 1)
     m, n = load(room.particle, 4 * k + 2), load(room.particle, 4 * k + 3)
     here, there = row_each(x, i), row_each(x, m)
-    a, b, r = minus(row_each(x, j), here), minus(row_each(x, n), there), minus(here, there)
+    a, b, r = row_each(x, j) - here, row_each(x, n) - there, here - there
     across = cross(a, b)
     square = select(on, dot(across, across), 1.0)
     inverse = 1.0 / square
@@ -229,16 +227,16 @@ def push_along_gradient(
     by_s = (steepness(s * la) * s1 - s0 * steepness((1.0 - s) * la)) * la * t0 * t1 * turned
     by_t = (steepness(t * lb) * t1 - t0 * steepness((1.0 - t) * lb)) * lb * s0 * s1 * turned
     by_angle = -2.0 * ab * both * (s0 * s1 * t0 * t1 * steepness(angle) * sine)
-    by_a = times(by_angle, minus(b, times(ab / (aa + TINY), a)))
-    by_b = times(by_angle, minus(a, times(ab / (bb + TINY), b)))
+    by_a = by_angle * (b - ab / (aa + TINY) * a)
+    by_b = by_angle * (a - ab / (bb + TINY) * b)
     # by how much Φ changes, through s and t, with D·a and D·b
     along_a, along_b = -(bb * by_s + ab * by_t) * inverse, (ab * by_s + aa * by_t) * inverse
-    apart = plus(r, minus(times(s, a), times(t, b)))
-    lever = plus(times(along_a, a), times(along_b, b))
-    g0 = minus(minus(times(1.0 - s, lever), times(along_a, apart)), by_a)
-    g1 = plus(plus(times(s, lever), times(along_a, apart)), by_a)
-    g2 = minus(minus(times(t - 1.0, lever), times(along_b, apart)), by_b)
-    g3 = plus(plus(times(-t, lever), times(along_b, apart)), by_b)
+    apart = r + (s * a - t * b)
+    lever = along_a * a + along_b * b
+    g0 = (1.0 - s) * lever - along_a * apart - by_a
+    g1 = s * lever + along_a * apart + by_a
+    g2 = (t - 1.0) * lever - along_b * apart - by_b
+    g3 = -t * lever + along_b * apart + by_b
     mi, mj = load_each(particles.inverse_mass, i), load_each(particles.inverse_mass, j)
     mm, mn = load_each(particles.inverse_mass, m), load_each(particles.inverse_mass, n)
     size = mi * dot(g0, g0) + mj * dot(g1, g1) + mm * dot(g2, g2) + mn * dot(g3, g3)

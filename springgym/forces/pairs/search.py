@@ -32,13 +32,11 @@ from springgym.vectors import (
     choose,
     cross,
     dot,
-    minus,
-    plus,
     row,
     row_each,
     set_row,
-    times,
     unit,
+    vec,
 )
 
 SPARE = 1.05
@@ -53,12 +51,12 @@ MARGIN = 1.001
 
 @compiled
 def larger(u: Vector, w: Vector) -> Any:
-    return maximum(u[0], w[0]), maximum(u[1], w[1]), maximum(u[2], w[2])
+    return vec(maximum(u[0], w[0]), maximum(u[1], w[1]), maximum(u[2], w[2]))
 
 
 @compiled
 def smaller(u: Vector, w: Vector) -> Any:
-    return minimum(u[0], w[0]), minimum(u[1], w[1]), minimum(u[2], w[2])
+    return vec(minimum(u[0], w[0]), minimum(u[1], w[1]), minimum(u[2], w[2]))
 
 
 @compiled
@@ -78,7 +76,7 @@ def surround(x: Rows, shapes: Any, room: Any) -> None:
 @compiled
 def outside(low: Vector, high: Vector, body: Any, room: Any) -> Any:
     """How far a box is outside that of a body, along the axis of its largest gap."""
-    gap = larger(minus(low, row(room.high, body)), minus(row(room.low, body), high))
+    gap = larger(low - row(room.high, body), row(room.low, body) - high)
     return maximum(maximum(gap[0], gap[1]), gap[2])
 
 
@@ -87,7 +85,7 @@ def closing(w: Rows, a: Number, b: Number, shapes: Any) -> Any:
     """A bound on how fast particles of two bodies come nearer: both move, and what they are of turns."""
     first, turning = motion(w, a, shapes)
     second, other = motion(w, b, shapes)
-    apart = minus(first, second)
+    apart = first - second
     return sqrt(dot(apart, apart)) + turning + other
 
 
@@ -97,11 +95,11 @@ def motion(w: Rows, body: Number, shapes: Any) -> Any:
     first, last = shapes.start[0, body], shapes.start[0, body + 1]
     mean = row(w, shapes.vertices[first])
     for k in range(first + 1, last):
-        mean = plus(mean, row(w, shapes.vertices[k]))
-    mean = times(1.0 / (last - first), mean)
+        mean = mean + row(w, shapes.vertices[k])
+    mean = 1.0 / (last - first) * mean
     fastest = 0.0 * mean[0]
     for k in range(first, last):
-        own = minus(row(w, shapes.vertices[k]), mean)
+        own = row(w, shapes.vertices[k]) - mean
         fastest = maximum(fastest, dot(own, own))
     return mean, sqrt(fastest)
 
@@ -140,8 +138,8 @@ def slab(x: Rows, a: Number, b: Number, shapes: Any, room: Any) -> Any:
     -------
     the last place of the first body's, the first place of the second's
     """
-    middle = plus(row(room.low, b), row(room.high, b))
-    axis = minus(middle, plus(row(room.low, a), row(room.high, a)))
+    middle = row(room.low, b) + row(room.high, b)
+    axis = middle - (row(room.low, a) + row(room.high, a))
     axis = unit(axis)
     last, first = -FAR + 0.0 * axis[0], FAR + 0.0 * axis[0]
     for k in range(shapes.start[0, a], shapes.start[0, a + 1]):
@@ -222,7 +220,7 @@ def list_triangles(first: Number, body: Number, other: Any, near: Near, seen: Se
             store(room.triangle, k, select(there, load(room.triangle, k), NONE))
             i, j, m = corners(k + 0.0 * have, room, triangles)
             corner = row_each(x, i)
-            u, q = minus(row_each(x, j), corner), minus(row_each(x, m), corner)
+            u, q = row_each(x, j) - corner, row_each(x, m) - corner
             across = cross(u, q)
             set_row(room.corner, k, corner)
             set_row(room.first, k, u)
@@ -261,10 +259,10 @@ def list_edges(first: Number, body: Number, other: Any, near: Near, seen: Search
             store(room.edge, k, select(listed, load(room.edge, k), NONE))
             i, j = tips(k + 0.0 * have, room, edges)
             start = row_each(x, i)
-            way = minus(row_each(x, j), start)
+            way = row_each(x, j) - start
             far = FAR + 0.0 * have
-            set_row(room.start, k, choose(listed, start, (far, far, far)))
-            set_row(room.way, k, choose(listed, way, times(0.0, way)))
+            set_row(room.start, k, choose(listed, start, vec(far, far, far)))
+            set_row(room.way, k, choose(listed, way, 0.0 * way))
     return rows
 
 
