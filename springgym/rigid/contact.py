@@ -168,8 +168,7 @@ def guessed(given: Vector, known: Mask, workspace: np.ndarray, solid: Solid) -> 
     nothing = 0.0 * given[0]
     for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
         for i in range(solid.terms.particles.mass.size):
-            impulse, _, _ = row(workspace[ARRAYS * k + PUSH], i)
-            impulse = select(known, impulse, 0.0)
+            impulse = select(known, row(workspace[ARRAYS * k + PUSH], i)[0], 0.0)
             held = choose(known, row(workspace[ARRAYS * k + RUB], i), nothing)
             n = choose(known, row(workspace[ARRAYS * k + NORMAL], i), nothing)
             arm = choose(known, row(workspace[ARRAYS * k + ARM], i), nothing)
@@ -382,7 +381,8 @@ def record_losses(
     lossy = select(span.lead > 0.0, coefficient(solid.terms.impact_damping, none), 1.0) > 0.0
     for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
         for i in range(solid.terms.particles.mass.size):
-            impulse, _, force = row(workspace[ARRAYS * k + PUSH], i)
+            push = row(workspace[ARRAYS * k + PUSH], i)
+            impulse, force = push[0], push[2]
             if any_lane(force > 0.0):
                 n, arm = row(workspace[ARRAYS * k + NORMAL], i), row(workspace[ARRAYS * k + ARM], i)
                 way = straight(n, arm, node, after, bends, solid)
