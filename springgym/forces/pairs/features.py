@@ -188,7 +188,9 @@ def vertex_faces(
             close = height * height < wide * square
             if any_lane(close):
                 u, q = row(room.first, n), row(room.second, n)
-                (uu, uw, ww), (inverse, of_sides, longest) = row(room.products, n), row(room.sizes, n)
+                products, sizes = row(room.products, n), row(room.sizes, n)
+                uu, uw, ww = products[0], products[1], products[2]
+                inverse, of_sides, longest = sizes[0], sizes[1], sizes[2]
                 e, f = dot(u, r), dot(q, r)
                 wb, wc = (ww * e - uw * f) * inverse, (uu * f - uw * e) * inverse
                 side = minimum(minimum(wb, wc), 1.0 - wb - wc)
