@@ -15,8 +15,8 @@
         def energy(x, tether):              # their energy [J]
             ...
 
-Scenes take any number of them. Fields called ``particle`` or ``particles`` are checked to be of the body.
-Forces act where the springs act, at the same times, so that a method keeps its order and its conservation
+Scenes take any number of them, and keep their numbers: arrays are copied, and nobody can write to the copies.
+Fields called ``particle`` or ``particles`` are checked to be of the body. Forces act where the springs act, at the same times, so that a method keeps its order and its conservation
 laws; their energy is counted with that of the springs.
 """
 
@@ -28,9 +28,10 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from springgym.checks import HUGE, number, shown, whole, whole_array
+from springgym.checks import MANY, array, number, shown, whole, whole_array
 from springgym.compiling import OPTIONS, Inner
 from springgym.lanes import load
+from springgym.records import read_only
 
 MOST_FORCES = 20
 """A body has no more: each is compiled into the kernel."""
@@ -47,10 +48,10 @@ class OfBody(NamedTuple):
 
 
 def checked_forces(name: str, given: Any, count: int) -> tuple[Any, ...]:
-    """Forces of a body of ``count`` particles as compiled functions take them: arrays of float64 or int64.
+    """Forces of a body of ``count`` particles, with arrays of their own of float64 or int64, read-only.
 
     Fields called ``particle`` or ``particles`` must be particles of the body. Of all else it is only checked
-    that it is finite numbers.
+    that it is numbers, see `springgym.checks`.
 
     Raises
     ------
@@ -86,7 +87,7 @@ def _checked(name: str, force: Any, count: int) -> Any:
 def _particles(name: str, value: Any, count: int) -> Any:
     """A particle as an int, or several as an array of int64."""
     if isinstance(value, (np.ndarray, list, tuple)):
-        return whole_array(name, value, (None,), high=count - 1).astype(np.int64)
+        return read_only(whole_array(name, value, (None,), high=count - 1))
     return whole(name, value, high=count - 1)
 
 
@@ -94,15 +95,17 @@ def _value(name: str, value: Any) -> Any:
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     if isinstance(value, (int, np.integer)):
-        return whole(name, value, low=-(2**53))
+        return whole(name, value, low=-MANY)
     if not isinstance(value, np.ndarray):
         return number(name, value)
-    if value.dtype.kind not in "iuf":
-        raise TypeError(f"{name} is an array of {value.dtype}; it must be one of numbers")
-    made = np.ascontiguousarray(value, np.float64 if value.dtype.kind == "f" else np.int64)
-    if not (np.abs(made) <= HUGE).all():
-        raise ValueError(f"{name} is {shown(value)}; its numbers must be finite, and at most {HUGE:g}")
-    return made
+    if value.dtype.kind in "iu":
+        return read_only(whole_array(name, value, value.shape, low=-MANY))
+    return read_only(array(name, value, value.shape))
+
+
+def to_compiled(force: Any) -> Any:
+    """A checked force as compiled functions take it: with C-contiguous arrays that only they have."""
+    return force._make(value.copy() if isinstance(value, np.ndarray) else value for value in force)
 
 
 def add_own_forces(x: Any, force: Any, own: Any, body: Any) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -103,6 +105,65 @@ def test_a_batch_a_body_in_company_and_a_pickle_are_the_same() -> None:
     np.testing.assert_array_equal(company.measure("pulled").energy, single.measure().energy)
     np.testing.assert_array_equal(again.positions, single.positions)
     assert np.abs(company.positions[:, 8:] - company.positions[:, :8]).max() > 1e-4
+
+
+class Everything(NamedTuple):
+    """Takes arrays of each kind, and does nothing with them."""
+
+    particles: Any
+    values: Any
+
+    @staticmethod
+    @compiled
+    def add(x: Any, force: Any, own: Any) -> None:
+        pass
+
+    @staticmethod
+    @compiled
+    def energy(x: Any, own: Any) -> Any:
+        return 0.0
+
+
+def test_a_scene_keeps_numbers_of_its_own() -> None:
+    """Neither the arrays that a force was made of, nor those that a scene shows, move what is simulated."""
+    particles, anchor = np.array([0, 3]), np.asfortranarray([[0.0, 1.0], [2.0, 3.0]])
+    scene = Scene(CUBE, forces=(Everything(particles, anchor),))
+    simulator = Simulator(scene)
+    before = pickle.dumps(scene.forces)
+    particles[:], anchor[:] = 7, np.inf
+    assert pickle.dumps(scene.forces) == before
+    for kept in (scene, replace(scene), pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene)):
+        for field in kept.forces[0]:
+            with pytest.raises(ValueError, match="read-only"):
+                field[0] = 1
+    (own,) = simulator._terms.own
+    for given, taken in zip(scene.forces[0], own.force, strict=True):
+        assert not np.shares_memory(given, taken)
+        np.testing.assert_array_equal(given, taken)
+        assert taken.flags.c_contiguous
+
+
+@pytest.mark.parametrize("kind", ["u1", "i2", ">i4", "i8", "u8", "f2", "f4", ">f8", "f8", "O"])
+def test_numbers_of_any_type_are_the_same_numbers(kind: str) -> None:
+    given = np.array([3, 2]).astype(kind)
+    (kept,) = Scene(CUBE, forces=(Everything((), given),)).forces
+    np.testing.assert_array_equal(kept.values, [3, 2])
+    assert kept.values.dtype == (np.int64 if given.dtype.kind in "iu" else np.float64)
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        (np.array([1, 2**63], np.uint64), r"values\[1\] is 9223372036854775808"),
+        (np.array([2**63 + 2**40], np.uint64), r"values\[0\] is"),
+        (np.array([-(2**63)]), r"values\[0\] is -9223372036854775808"),
+        (np.array([[0.0, np.nan]]), r"values\[0, 1\] is nan"),
+        (2**63, "values is 9223372036854775808"),
+    ],
+)
+def test_numbers_that_would_become_others_are_refused(value: Any, says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        Scene(CUBE, forces=(Everything((), value),))
 
 
 class Bare(NamedTuple):
