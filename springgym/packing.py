@@ -124,9 +124,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
 def _shared(scene: Scene, options: Options) -> Terms:
     """What acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
     surfaces, contact, varying = scene.surfaces, scene.contact, options.varying
-    own = [
-        OfBody(n, to_compiled(force)) for n, placed in enumerate(scene.bodies) for force in placed.forces
-    ]
+    own = [OfBody(n, to_compiled(force)) for n, placed in enumerate(scene.bodies) for force in placed.forces]
     gravity = None
     if scene.gravity is not None:
         gravity = options.parameter({"gravity"}, np.array(scene.gravity, float))

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 from springgym import Placed, Scene, Simulator
+from springgym.blocks import block_array
 from springgym.bodies import Body, cube, rope, top
-from springgym.compiling import compiled
+from springgym.compiling import compiled, kernel
 from springgym.forces import accelerate, drift, kick
 from springgym.integrators import METHODS, integrator, register
 from springgym.integrators.record import Integrator
+from springgym.own_forces import OfBody, add_own_forces, own_energy
 from springgym.scene import DriveActuator
 from springgym.vectors import add_row, dot, minus, row, times, vector
 
@@ -180,6 +182,18 @@ class Uncompiled(NamedTuple):
     def energy(x: Any, own: Any) -> Any: ...
 
 
+class Short(NamedTuple):
+    """A force with a function that takes too little."""
+
+    particle: int
+
+    @staticmethod
+    @compiled
+    def add(x: Any, force: Any) -> None: ...
+
+    energy = Everything.energy
+
+
 @pytest.mark.parametrize(
     ("make", "error", "says"),
     [
@@ -188,6 +202,11 @@ class Uncompiled(NamedTuple):
         (lambda: Scene(CUBE, forces=(3,)), TypeError, r"forces\[0\] is 3; it must be a named tuple"),
         (lambda: Scene(CUBE, forces=(Bare(1),)), TypeError, r"no function add\(x, force, own\)"),
         (lambda: Scene(CUBE, forces=(Uncompiled(1),)), TypeError, "springgym.compiling.compiled"),
+        (
+            lambda: Scene(CUBE, forces=(Short(1),)),
+            TypeError,
+            r"add\(x, force\); it must be add\(x, f",
+        ),
         (lambda: Scene(CUBE, forces=(Tether(0, ANCHOR, "k"),)), TypeError, r"forces\[0\].stiffness is 'k'"),
         (lambda: Scene(CUBE, forces=(Tether(0, ANCHOR, np.nan),)), ValueError, "stiffness"),
         (lambda: Scene(CUBE, forces=(Tether(0, np.full(3, np.inf), 1.0),)), ValueError, "anchor"),
@@ -208,6 +227,51 @@ class Uncompiled(NamedTuple):
 def test_what_is_no_force_is_refused(make: Any, error: type[Exception], says: str) -> None:
     with pytest.raises(error, match=says):
         make()
+
+
+@kernel
+def ask(x: Any, force: Any, own: Any) -> None:
+    add_own_forces(x, force, own, 0)
+    own_energy(x, own, 0)
+
+
+def returns(x: Any, force: Any, own: Any) -> Any:
+    return row(x, own.particle)
+
+
+def adds_a_number(x: Any, force: Any, own: Any) -> None:
+    add_row(force, own.particle, 3.0)
+
+
+def returns_nothing(x: Any, own: Any) -> None:
+    pass
+
+
+def returns_a_vector(x: Any, own: Any) -> Any:
+    return row(x, own.particle)
+
+
+def asks_for_what_is_not(x: Any, own: Any) -> Any:
+    return own.partikel
+
+
+@pytest.mark.parametrize(
+    ("function", "wrong", "says"),
+    [
+        ("add", returns, r"returns 3 values; it must return nothing: it adds to force$"),
+        ("add", adds_a_number, r"does not compile: .*getitem\(float64, .*test_own\.py, line \d+\)$"),
+        ("energy", returns_nothing, r"returns nothing; it must return a number, the energy \[J\]$"),
+        ("energy", returns_a_vector, r"returns 3 values; it must return a number, the energy \[J\]$"),
+        ("energy", asks_for_what_is_not, r"does not compile: .*partikel.*test_own\.py, line \d+\)$"),
+    ],
+)
+def test_a_wrong_function_is_named(function: str, wrong: Any, says: str) -> None:
+    """In a line, and not in all that Numba tried."""
+    functions = {"add": Everything.add, "energy": Everything.energy} | {function: compiled(wrong)}
+    kind: Any = type("Pushed", (NamedTuple("Pushed", [("particle", int)]),), functions)
+    x = block_array(1, (8, 3), float)[0]
+    with pytest.raises(TypeError, match=rf"^{function} of the force Pushed {says}"):
+        ask(x, x, (OfBody(0, kind(3)),))
 
 
 # --- A method -------------------------------------------------------------------------------------------
@@ -258,6 +322,8 @@ def test_what_is_no_method_is_refused() -> None:
         register("verlet", drift_kick_drift)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="decorated with"):
         register(LEAPFROG, lambda *arguments: None)
+    with pytest.raises(TypeError, match=r"integrate takes \(x, force, tether\); it must take \(x, v, ledger, "):
+        register(LEAPFROG, Tether.add)
     with pytest.raises(ValueError, match="a method of springgym"):
         register(integrator(METHODS[0]), drift_kick_drift)
     with pytest.raises(ValueError, match=r"unknown integrator 'hop'; there are verlet, "):
