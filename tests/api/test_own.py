@@ -322,7 +322,9 @@ def test_what_is_no_method_is_refused() -> None:
         register("verlet", drift_kick_drift)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="decorated with"):
         register(LEAPFROG, lambda *arguments: None)
-    with pytest.raises(TypeError, match=r"integrate takes \(x, force, tether\); it must take \(x, v, ledger, "):
+    with pytest.raises(
+        TypeError, match=r"integrate takes \(x, force, tether\); it must take \(x, v, ledger, "
+    ):
         register(LEAPFROG, Tether.add)
     with pytest.raises(ValueError, match="a method of springgym"):
         register(integrator(METHODS[0]), drift_kick_drift)
