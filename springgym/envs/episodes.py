@@ -157,6 +157,8 @@ class Episodes:
             bodies = (replace(placed, body=fastest(placed.body)) for placed in scene.bodies)
             scene = scene.with_(bodies=tuple(bodies))
         method = kind.integrator(kind.default(scene) if integrator is None else integrator)
+        if reason := kind.refusal(method, scene, randomisation.varying(self.ranges, scene)):
+            raise ValueError(reason)
         ranges = f" with randomize={self.ranges}" if self.ranges else ""
         if step is not None:
             step = checks.number("step", step, TINY)

@@ -7,6 +7,7 @@ import pickle
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -315,6 +316,20 @@ def test_a_method_of_one_s_own_is_of_the_order_it_says() -> None:
     np.testing.assert_allclose(errors[0] / errors[1], 4.0, rtol=0.05)
     with pytest.raises(ValueError, match="leapfrog on this body allows at most"):
         Simulator(scene, integrator="leapfrog", step=1e-2)
+
+
+def test_a_method_without_dampers_says_so() -> None:
+    """And not that it wants steps of no length; asked of the scene that would be simulated."""
+    register(LEAPFROG, drift_kick_drift)
+    for make in (
+        lambda: Simulator(Scene(cube()), integrator="leapfrog"),
+        lambda: Simulator(Scene(CUBE), integrator="leapfrog", varying=("damping",)),
+        lambda: gym.make("SpringTop-v0", integrator="leapfrog"),
+    ):
+        with pytest.raises(ValueError, match="leapfrog takes no dampers"):
+            make()
+    with pytest.raises(ValueError, match="pefrl takes substeps back in time"):
+        gym.make("SpringTop-v0", integrator="pefrl")
 
 
 def test_what_is_no_method_is_refused() -> None:
