@@ -293,8 +293,15 @@ class Episodes:
         return result, seen
 
     def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
-        """What the actuators do in the next control period, by actions (n, A) in [−1, 1] and by others'."""
-        return self.task.actuate(actions) | self.task.respond(*self._whole[:3], self.goal)
+        """What the actuators do in the next control period, by actions (n, A) in [−1, 1] and by others'.
+
+        The actions are scaled by `strength` already, the others' here: their actuators are as weak.
+        """
+        others = {
+            name: values * self.strength.reshape(-1, *(1,) * (values.ndim - 1))
+            for name, values in self.task.respond(*self._whole[:3], self.goal).items()
+        }
+        return self.task.actuate(actions) | others
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
         """Outcome, end and observation of the copies from ``first`` to the one before ``last``."""
