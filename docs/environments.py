@@ -305,7 +305,7 @@ RANDOMISATION = f"""## Randomisation
 `randomize={{"masses": (0.8, 1.2), …}}` draws a factor from each range for every episode, and for every copy
 of a batch its own, from the same seed as the start. There are
 {", ".join(f"`{n}`" for n in RANDOMIZABLE)}:
-`scale` is that of the body, `actuator` the strength of the actions. The factors stand in
+`scale` is that of the body, `actuator` the strength of the actions, an opponent's too. The factors stand in
 `info["randomization"]`; `reset(options={{"randomize": {{"masses": 1.1}}}})` sets some of them. The step is
 chosen for the stiffest and lightest body of the ranges, and one that is given is held against it. A factor
 that nothing answers to is refused: gravity in free fall, friction and restitution without a surface, springs
@@ -327,8 +327,9 @@ the same bits for 30 starts of each environment, OpenBLAS's oldest kernels start
 the most. A new version of springgym may start a seed otherwise, and says so; what the task is changes with
 the number in an environment's id.
 
-**States.** `springgym.get_state(env)` gives the true state of what `gymnasium.make` or `gymnasium.make_vec`
-made: positions and velocities, clocks, goals, factors, actuators, the time limit, random generators. After
+**States.** `springgym.get_state(env)` gives the true state of what `gymnasium.make`, `gymnasium.make_vec`,
+`springgym.envs.parallel` or `springgym.envs.sb3.make_sb3` made: positions and velocities, clocks, goals,
+factors, actuators, the time limit, random generators, and what a monitor counts. After
 `springgym.set_state(env, state)`, in the same environment or in another one made alike, what follows is
 what followed, to the bit. A state of another task, action mode, body, number of copies, kind of dynamics or
 type of numbers is refused. (`env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit

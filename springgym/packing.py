@@ -36,7 +36,7 @@ from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.forces.together import Bodies
 from springgym.integrators.record import Integrator, workspace
 from springgym.lanes import Ragged
-from springgym.own_forces import OfBody
+from springgym.own_forces import OfBody, to_compiled
 from springgym.ragged import share, stacked
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Bowl, Contact, PaperContact, Plane, impact_damping, oblique, scales
@@ -124,7 +124,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
 def _shared(scene: Scene, options: Options) -> Terms:
     """What acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
     surfaces, contact, varying = scene.surfaces, scene.contact, options.varying
-    own = [OfBody(n, force) for n, placed in enumerate(scene.bodies) for force in placed.forces]
+    own = [OfBody(n, to_compiled(force)) for n, placed in enumerate(scene.bodies) for force in placed.forces]
     gravity = None
     if scene.gravity is not None:
         gravity = options.parameter({"gravity"}, np.array(scene.gravity, float))

@@ -272,13 +272,13 @@ class Scene(ReadOnly):
             raise TypeError(f"bodies is {shown(self.bodies)}; it must be a tuple of Placed")
         if not self.bodies:
             return (Placed(**{name: getattr(self, name) for name in OWN}),)
-        if len(self.bodies) == 1 and isinstance(self.bodies[0], Placed) and self.body is self.bodies[0].body:
-            # what `dataclasses.replace` gives: the fields of the one body, one of them changed
+        if self._replaced():
             return (Placed(**{name: getattr(self, name) for name in OWN}, name=self.bodies[0].name),)
         for own in fields(self):
             if own.name in OWN and getattr(self, own.name) is not own.default:
                 raise ValueError(
-                    f"{own.name} is given beside bodies; it must be said in the Placed of each body"
+                    f"{own.name} is given beside bodies; it must be said in the Placed of each body, or by "
+                    "with_ of a scene that is to be changed"
                 )
         bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))
         if len(bodies) > MOST_BODIES:
@@ -296,6 +296,18 @@ class Scene(ReadOnly):
                     "each Placed a name of its own"
                 )
         return bodies
+
+    def _replaced(self) -> bool:
+        """Whether `dataclasses.replace` makes it, from the fields of a scene of one body.
+
+        These say all that belongs to the body a second time, beside ``bodies``. Who writes the body twice
+        does not say how it starts twice: nothing that is in the `Placed` may be dropped for that.
+        """
+        (first, *others) = self.bodies
+        if others or not isinstance(first, Placed) or self.body is not first.body:
+            return False
+        starts = (self.positions, first.positions), (self.velocities, first.velocities)
+        return all(given is not None for given, _ in starts) and any(given is own for given, own in starts)
 
     def _check_surfaces(self) -> None:
         if not isinstance(self.surfaces, Sequence):

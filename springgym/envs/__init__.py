@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-PARALLEL = ("SpringDuel-v0",)
-"""Environments of several agents."""
+from springgym.registration import PARALLEL
 
 
 def parallel(env_id: str, **options: Any) -> Any:
@@ -14,7 +13,7 @@ def parallel(env_id: str, **options: Any) -> Any:
     Parameters
     ----------
     env_id
-        One of `PARALLEL`.
+        One of `springgym.registration.PARALLEL`.
     options
         See `springgym.envs.players.ParallelDuel`.
 

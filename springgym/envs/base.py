@@ -22,7 +22,22 @@ from springgym.envs.task import MET, Task
 from springgym.rendering import Renderer
 
 
-class _Common:
+class Stateful:
+    """What has a state: `get_state` takes it, and `set_state` returns to it."""
+
+    _ready: bool
+    """whether episodes have begun"""
+
+    def get_state(self) -> dict[str, Any]:
+        """The true state, with clocks and random generators: give it to `set_state`."""
+        raise NotImplementedError
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state, to the bit: what follows is what followed."""
+        raise NotImplementedError
+
+
+class _Common(Stateful):
     """What the single and the batch environment share."""
 
     task_type: ClassVar[type[Task]]
@@ -58,7 +73,6 @@ class _Common:
             error=error,
         )
         self._ready = False
-        """whether episodes have begun"""
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -506,15 +520,17 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
 
 
 def get_state(env: Any) -> dict[str, Any]:
-    """The true state of an environment, or of a native batch, as it came from Gymnasium.
+    """The true state of an environment, or of a native batch, as it was made.
 
-    It holds positions and velocities, clocks, goals, factors, time limits and random generators. Wrappers of
-    yours that remember something are not in it; `copy.deepcopy` takes an environment with all of them.
+    It holds positions and velocities, clocks, goals, factors, time limits and random generators, and what the
+    monitor of `springgym.envs.sb3.make_sb3` counts. Wrappers of yours that remember something are not in it;
+    `copy.deepcopy` takes an environment with all of them.
 
     Parameters
     ----------
     env
-        From `gymnasium.make`, `gymnasium.make_vec` or `springgym.make_scene_env`.
+        From `gymnasium.make`, `gymnasium.make_vec`, `springgym.make_scene_env`, `springgym.envs.parallel` or
+        `springgym.envs.sb3.make_sb3`.
 
     Raises
     ------
@@ -549,9 +565,13 @@ def set_state(env: Any, state: Mapping[str, Any]) -> None:
 
 
 def _own(env: Any) -> Any:
-    """The environment of springgym in all of its wrappers."""
+    """What has the state, in all of its wrappers."""
     own = getattr(env, "unwrapped", env)
-    if not isinstance(own, (SpringEnv, SpringVectorEnv)):
+    if not isinstance(own, _Common):  # Stable-Baselines3's have a monitor around them, which counts
+        own = env
+        while not isinstance(own, Stateful) and hasattr(own, "venv"):
+            own = own.venv
+    if not isinstance(own, Stateful):
         raise TypeError(f"env is {env!r}; it must be an environment, or a native batch, of springgym")
     return own
 

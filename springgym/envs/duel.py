@@ -418,7 +418,9 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     - `integrator` ("verlet"), `step` (1e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
       `springgym.envs.base.SpringEnv`.
 
-    `springgym.envs.parallel("SpringDuel-v0")` is the same duel for two agents, as PettingZoo's `ParallelEnv`.
+    `springgym.envs.parallel("SpringDuel-v0")` is the same duel for two agents, as PettingZoo's `ParallelEnv`;
+    `pettingzoo.make("parallel", "SpringDuel-v0")` makes it, too, where `pettingzoo` has a registry and was
+    imported before `springgym`, or else `springgym.register()` was called since.
 
     ## Version History
     - v0: first.

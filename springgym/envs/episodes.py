@@ -157,6 +157,8 @@ class Episodes:
             bodies = (replace(placed, body=fastest(placed.body)) for placed in scene.bodies)
             scene = scene.with_(bodies=tuple(bodies))
         method = kind.integrator(kind.default(scene) if integrator is None else integrator)
+        if reason := kind.refusal(method, scene, randomisation.varying(self.ranges, scene)):
+            raise ValueError(reason)
         ranges = f" with randomize={self.ranges}" if self.ranges else ""
         if step is not None:
             step = checks.number("step", step, TINY)
@@ -291,8 +293,15 @@ class Episodes:
         return result, seen
 
     def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
-        """What the actuators do in the next control period, by actions (n, A) in [−1, 1] and by others'."""
-        return self.task.actuate(actions) | self.task.respond(*self._whole[:3], self.goal)
+        """What the actuators do in the next control period, by actions (n, A) in [−1, 1] and by others'.
+
+        The actions are scaled by `strength` already, the others' here: their actuators are as weak.
+        """
+        others = {
+            name: values * self.strength.reshape(-1, *(1,) * (values.ndim - 1))
+            for name, values in self.task.respond(*self._whole[:3], self.goal).items()
+        }
+        return self.task.actuate(actions) | others
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
         """Outcome, end and observation of the copies from ``first`` to the one before ``last``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -9,18 +10,22 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import seeding
 
-from springgym.checks import chosen, whole
-from springgym.envs.base import SpringEnv, _Common, _plain, _seed, frame_rate
+from springgym.checks import chosen, instance, shown, whole
+from springgym.envs.base import SpringEnv, _check_keys, _Common, _generator, _plain, _seed, frame_rate
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
+from springgym.envs.options import mapping
 from springgym.envs.task import MET
 from springgym.extras import missing
 from springgym.measures import Measures
+from springgym.registration import register
 from springgym.rendering import Renderer
 
 try:
     from pettingzoo import ParallelEnv
 except ImportError as error:
     raise ImportError(missing("springgym.envs.parallel", "PettingZoo", "parallel")) from error
+
+register()  # with PettingZoo, which is there by now
 
 AGENTS = ("first", "second")
 OPTIONS = ("tilt", "spin", "other_tilt", "other_spin", "randomize")
@@ -69,6 +74,8 @@ class ParallelDuel(_Common, ParallelEnv):
         self.action_spaces = dict.fromkeys(AGENTS, task.action_space)
         self._answered = np.zeros((1, *task.action_space.shape))
         self._np_random: np.random.Generator | None = None
+        self._np_random_seed: int | None = None
+        self.state_space = task.observation_space
         self._canvas: Renderer | None = None
 
     @property
@@ -92,12 +99,13 @@ class ParallelDuel(_Common, ParallelEnv):
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
         """Start a new episode; options that the duel does not have are left out, as PettingZoo wants it."""
         given = _seed("seed", seed)
-        options = {name: value for name, value in (options or {}).items() if name in OPTIONS}
-        generator = self._np_random
-        if generator is None or given is not None:
-            generator, _ = seeding.np_random(given)
+        options = {} if options is None else dict(mapping("options", options))
+        options = {name: value for name, value in options.items() if name in OPTIONS}
+        generator, known = self.np_random, self._np_random_seed
+        if given is not None:
+            generator, known = seeding.np_random(given)
         self.episodes.begin(np.array([0]), [generator], options)
-        self._np_random = generator
+        self._np_random, self._np_random_seed = generator, known
         self._ready = True
         self.agents = list(AGENTS)
         if self._canvas:
@@ -111,6 +119,8 @@ class ParallelDuel(_Common, ParallelEnv):
 
         Raises
         ------
+        TypeError
+            If ``actions`` is no mapping.
         ValueError
             If an agent that is in the duel has no action, or one of another shape.
         gymnasium.error.ResetNeeded
@@ -119,6 +129,7 @@ class ParallelDuel(_Common, ParallelEnv):
         if not self.agents:
             self._checked(np.zeros(self.task.action_space.shape), self.task.action_space.shape)
             return {}, {}, {}, {}, {}
+        mapping("actions", actions)
         if missing := [name for name in self.agents if name not in actions]:
             raise ValueError(f"actions has none for {missing[0]!r}")
         first, second = (self._checked(actions[name], self.task.action_space.shape) for name in AGENTS)
@@ -139,6 +150,65 @@ class ParallelDuel(_Common, ParallelEnv):
         if ended or cut:
             self.agents = []
         return seen, rewards, terminations, truncations, infos
+
+    def state(self) -> np.ndarray:
+        """What is to be known of both tops together: what the first agent sees.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            If no episode has begun.
+        """
+        if not self._ready:
+            raise gym.error.ResetNeeded("Cannot call env.state() before calling env.reset()")
+        return self.episodes.observe()[0]
+
+    @property
+    def np_random(self) -> np.random.Generator:
+        """The random generator; seeded at random before the first reset."""
+        if self._np_random is None:
+            self._np_random, self._np_random_seed = seeding.np_random(None)
+        return self._np_random
+
+    @np_random.setter
+    def np_random(self, generator: np.random.Generator) -> None:
+        self._np_random = instance("np_random", generator, np.random.Generator)
+        self._np_random_seed = -1
+
+    @property
+    def np_random_seed(self) -> int | None:
+        """The seed of `np_random`, −1 where the generator was set and not seeded."""
+        return self._np_random_seed if self.np_random else None
+
+    def get_state(self) -> dict[str, Any]:
+        return {
+            "episodes": self.episodes.state(),
+            "rng": self.np_random.bit_generator.state,
+            "seed": self.np_random_seed,
+            "ready": self._ready,
+            "agents": list(self.agents),
+        }
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state, to the bit: what follows is what followed.
+
+        Raises
+        ------
+        ValueError
+            If the state is not one of this environment. Nothing is changed then.
+        """
+        _check_keys(state, ("episodes", "rng", "seed", "ready", "agents"))
+        if state["agents"] not in ([], list(AGENTS)):
+            raise ValueError(f"state['agents'] is {shown(state['agents'])}; it must be {list(AGENTS)} or []")
+        generator = _generator(state["rng"])
+        self.episodes.restore(state["episodes"])
+        self._np_random, self._np_random_seed = generator, state["seed"]
+        self._ready, self.agents = bool(state["ready"]), list(state["agents"])
+        if self._canvas:
+            self._restart(self._canvas, 0)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_canvas": None}  # pictures do not travel
 
     def _seen(self) -> dict[str, np.ndarray]:
         m, (x, v) = self._measures(), self.episodes.particles
@@ -188,3 +258,10 @@ class ParallelDuel(_Common, ParallelEnv):
         if self._canvas is not None:
             self._canvas.close()
             self._canvas = None
+
+
+def registered(*, max_cycles: int | None = None, **options: Any) -> ParallelDuel:
+    """A `ParallelDuel` as `pettingzoo.make` asks for it: it calls the time limit ``max_cycles``."""
+    if max_cycles is not None:
+        options["max_episode_steps"] = max_cycles
+    return ParallelDuel(**options)

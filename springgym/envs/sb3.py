@@ -6,10 +6,10 @@ batch to the native vector environment, so Python works only for the copies whos
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from importlib import import_module
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
@@ -28,12 +28,12 @@ try:
 except ImportError as error:
     raise ImportError(missing("springgym.envs.sb3", "Stable-Baselines3", "agents")) from error
 
-from springgym.envs.base import SpringVectorEnv
+from springgym.envs.base import SpringVectorEnv, Stateful, _check_keys, _own, get_state, set_state
 
-__all__ = ["SB3VecEnv", "StaggeredMonitor", "make_sb3"]
+__all__ = ["Monitor", "SB3VecEnv", "StaggeredMonitor", "make_sb3"]
 
 
-class SB3VecEnv(VecEnv):
+class SB3VecEnv(Stateful, VecEnv):
     """A Gymnasium vector environment of ``n`` copies, seen as a Stable-Baselines3 ``VecEnv``.
 
     ``step`` returns observations ``(n, ...)``, rewards ``(n,)`` float32, dones ``(n,)`` bool and a
@@ -109,6 +109,18 @@ class SB3VecEnv(VecEnv):
             self.reset_infos[i] = _info_of(new_episode, i)
         return deepcopy(observations), np.array(rewards, dtype=np.float32), dones, sb3_infos
 
+    @property
+    def _ready(self) -> bool:  # type: ignore[override]
+        return _own(self.vector_env)._ready
+
+    def get_state(self) -> dict[str, Any]:
+        """The state of the vector environment, see `springgym.get_state`."""
+        return get_state(self.vector_env)
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state, see `springgym.set_state`."""
+        set_state(self.vector_env, state)
+
     def close(self) -> None:
         """Close the vector environment."""
         self.vector_env.close()
@@ -154,7 +166,42 @@ class SB3VecEnv(VecEnv):
         return [None] * self.num_envs if frames is None else list(frames)
 
 
-class StaggeredMonitor(VecMonitor):
+class Monitor(Stateful, VecMonitor):
+    """A `VecMonitor` that returns to a state with what it monitors: episodes are reported as they went on."""
+
+    counted: ClassVar[tuple[str, ...]] = ("episode_returns", "episode_lengths")
+    """arrays (n,) of what it remembers of the copies"""
+
+    @property
+    def _ready(self) -> bool:  # type: ignore[override]
+        return _own(self.venv)._ready
+
+    def get_state(self) -> dict[str, Any]:
+        """The state of the vector environment, and what is counted of it."""
+        return {"env": get_state(self.venv)} | {name: getattr(self, name).copy() for name in self.counted}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state, to the bit: what follows is what followed.
+
+        Raises
+        ------
+        ValueError
+            If the state is not one of this environment. Nothing is changed then.
+        """
+        _check_keys(state, ("env", *self.counted))
+        for name in self.counted:
+            given, own = np.asarray(state[name]), getattr(self, name)
+            if given.shape != own.shape or given.dtype != own.dtype:
+                raise ValueError(
+                    f"state[{name!r}] is {given.dtype} of shape {given.shape}; it must be {own.dtype} of "
+                    f"shape {own.shape}"
+                )
+        set_state(self.venv, state["env"])
+        for name in self.counted:
+            getattr(self, name)[:] = state[name]
+
+
+class StaggeredMonitor(Monitor):
     """A monitor whose copies do not all come to their time limit in the same step.
 
     Copies that start together and run for as long as their time limit end together, again and again: each
@@ -165,6 +212,8 @@ class StaggeredMonitor(VecMonitor):
 
     Copies of an environment that is not a native batch of springgym, or has no time limit, start together.
     """
+
+    counted = (*Monitor.counted, "shortened")
 
     def __init__(self, venv: SB3VecEnv) -> None:
         super().__init__(venv)
@@ -197,7 +246,7 @@ def make_sb3(
     *,
     stagger: bool = False,
     **kwargs: Any,
-) -> VecMonitor:
+) -> Monitor:
     """Make ``num_envs`` copies of an environment for Stable-Baselines3: native ones if it has them.
 
     Parameters
@@ -216,7 +265,7 @@ def make_sb3(
 
     Returns
     -------
-    VecMonitor
+    Monitor
         The adapted environment; finished episodes carry ``info["episode"]``.
 
     Examples
@@ -230,7 +279,7 @@ def make_sb3(
     else:
         mode = {"vectorization_mode": "sync", "vector_kwargs": mode}
     vector_env = gym.make_vec(env_id, num_envs=num_envs, **mode, **kwargs)
-    env = (StaggeredMonitor if stagger else VecMonitor)(SB3VecEnv(vector_env))
+    env = (StaggeredMonitor if stagger else Monitor)(SB3VecEnv(vector_env))
     if seed is not None:
         env.seed(seed)
     return env

@@ -6,6 +6,7 @@ A method of one's own needs no edit here: `register` it.
 from __future__ import annotations
 
 import importlib
+import inspect
 from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -37,6 +38,10 @@ METHODS = (
 )
 
 
+TAKEN = ("x", "v", "ledger", "workspace", "h", "steps", "terms")
+"""What the function of a method takes."""
+
+
 def integrator(name: str) -> Integrator:
     """The record of a method.
 
@@ -63,7 +68,7 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
     Raises
     ------
     TypeError
-        If one is of the wrong kind.
+        If one is of the wrong kind, or the function takes something else.
     ValueError
         If a method of springgym has the name.
     """
@@ -72,6 +77,11 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
         raise TypeError(
             f"integrate is {shown(integrate)}; it must be decorated with springgym.compiling.compiled"
         )
+    try:
+        inspect.signature(integrate.py_func).bind(*TAKEN)
+    except TypeError:
+        found = ", ".join(inspect.signature(integrate.py_func).parameters)
+        raise TypeError(f"integrate takes ({found}); it must take ({', '.join(TAKEN)})") from None
     if record.name in METHODS:
         raise ValueError(
             f"record.name is {record.name!r}, which is a method of springgym; choose another name"

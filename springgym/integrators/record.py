@@ -27,7 +27,8 @@ class Integrator:
     imaginary_limit: float
     """largest stable ω h of an undamped oscillator"""
     real_limit: float
-    """largest stable decay rate × h; infinite where dampers are split off exactly or solved implicitly"""
+    """largest stable decay rate × h; infinite where dampers are split off exactly or solved implicitly, 0 if
+    the method takes none"""
     symplectic: bool
     negative_substeps: bool
     """steps back in time within a step: unusable with dissipation"""
@@ -106,13 +107,17 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
 
     ``varying`` names parameters that differ from copy to copy; damping may be one of them.
     """
-    if method.negative_substeps and (
-        "damping" in varying or any(placed.body.damping.any() for placed in scene.bodies)
-    ):
-        return (
-            f"{method.name} takes substeps back in time, in which dampers would add energy; "
-            "use a body with damping 0, or verlet"
-        )
+    if "damping" in varying or any(placed.body.damping.any() for placed in scene.bodies):
+        if method.negative_substeps:
+            return (
+                f"{method.name} takes substeps back in time, in which dampers would add energy; "
+                "use a body with damping 0, or verlet"
+            )
+        if method.real_limit == 0:
+            return (
+                f"{method.name} takes no dampers, as the real_limit of 0 in its record says; use a body with "
+                "damping 0, or verlet"
+            )
     if method.implicit and any(placed.forces for placed in scene.bodies):
         return (
             f"{method.name} solves with the stiffness of springs, and does not know that of forces of one's "

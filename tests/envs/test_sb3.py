@@ -1,6 +1,7 @@
 """The Stable-Baselines3 adapter against SB3's own ``DummyVecEnv``, and its contract."""
 
 import importlib.util
+import pickle
 import sys
 
 import gymnasium as gym
@@ -9,8 +10,9 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import EvalCallback
-from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor
 
+import springgym
 from springgym.envs import sb3
 from springgym.envs.sb3 import SB3VecEnv, make_sb3
 
@@ -231,6 +233,38 @@ def test_copies_that_cannot_be_staggered_start_together():
     env = make_sb3("ScoredCartPole-v0", num_envs=2, seed=3, stagger=True)
     np.testing.assert_array_equal(env.reset(), make_sb3("ScoredCartPole-v0", num_envs=2, seed=3).reset())
     assert not env.shortened.any()
+
+
+def followed(env, steps):
+    """What steps give, without the time that episodes took."""
+    found = []
+    for _ in range(steps):
+        observations, rewards, dones, infos = env.step(np.zeros((env.num_envs, *env.action_space.shape)))
+        for info in infos:
+            info.get("episode", {}).pop("t", None)
+        found.append((observations.tolist(), rewards.tolist(), dones.tolist(), repr(infos)))
+    return found
+
+
+@pytest.mark.parametrize("stagger", [False, True])
+def test_a_state_returns_with_what_the_monitor_counts(stagger):
+    """To what has gone on, and to what has never begun, in a wrapper: episodes are reported as they were."""
+    made = [make_sb3("SpringTop-v0", 4, seed=0, stagger=stagger, max_episode_steps=LIMIT) for _ in range(2)]
+    made[0].reset()
+    followed(made[0], 7)
+    state = pickle.loads(pickle.dumps(springgym.get_state(made[0])))
+    follows = followed(made[0], 2 * LIMIT)
+    assert sum("'episode'" in infos for *_, infos in follows) > 1
+    for env in (made[0], VecFrameStack(made[1], 1)):
+        springgym.set_state(env, state)
+        assert followed(env, 2 * LIMIT) == follows
+    bare = SB3VecEnv(made[0].venv.vector_env)
+    springgym.set_state(bare, springgym.get_state(bare))
+    for wrong in ({}, state["env"], state | {"episode_lengths": np.zeros(3, np.int32)}, state | {"env": {}}):
+        with pytest.raises(ValueError, match="state"):
+            springgym.set_state(made[0], wrong)
+    with pytest.raises(TypeError, match="it must be an environment, or a native batch, of springgym"):
+        springgym.get_state(make_sb3("ScoredCartPole-v0", 2))
 
 
 def test_sb3_trains_and_evaluates_on_it(tmp_path):
