@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, lru_cache
+from threading import Lock
 from typing import Any, Self
 
 import numpy as np
@@ -26,6 +27,7 @@ from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.pairs import PairReadings
 from springgym.forces.together import START
+from springgym.integrators.clock import Clock
 from springgym.integrators.record import COUNTS, Control, Phase
 from springgym.lanes import Ragged
 from springgym.measures import Markers, Measures, Reading, Readout
@@ -40,6 +42,13 @@ STRAIN_LIMIT = 0.5
 WORTH_A_THREAD = 10_000
 """Springs and pairs of bodies × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms)
 pays."""
+
+AT_ONCE = 4_000_000
+"""Springs and pairs of bodies × steps × blocks of one compiled call at the most, some 0.1 s, of implicit
+methods some seconds: Python serves Ctrl-C between the calls."""
+
+FEWEST = 64
+"""Steps of one compiled call that are taken whatever they cost: a call begins and ends with half a step."""
 
 OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.memory")
 """Arrays of `Simulator._changing` that hold what happens in a step, or happened in the last."""
@@ -231,6 +240,11 @@ class Simulator:
         entries = np.arange(len(slices) + 1) * ENTRIES
         ledger = None if self._ledger is None else Ragged(self._ledger, entries)
         return Phase(Ragged(self._x, particles), Ragged(self._v, particles), ledger)
+
+    @cached_property
+    def _clock(self) -> Clock:
+        """The time as kernels take it."""
+        return Clock(self.time, self.step, self.width)
 
     @cached_property
     def _readings(self) -> list[Reading]:
@@ -522,6 +536,10 @@ class Simulator:
     ) -> None:
         """Take all copies ``steps`` steps further.
 
+        Ctrl-C ends it within about a second, and so does whatever else is raised: `time` tells how far each
+        copy got. Many steps are taken in several compiled calls. How many steps one takes depends on the
+        scene alone, so that results depend neither on the copies nor on the threads.
+
         Parameters
         ----------
         steps
@@ -547,8 +565,6 @@ class Simulator:
         if check.__class__ is not bool or read.__class__ is not bool:
             check, read = checks.flag("check", check), checks.flag("read", read)
         self._share(steps, settles=True, reads=check or read, then=then)
-        time = self.time
-        time += steps * self.step
         if check:
             strain = self.readout.rows[:, measures.STRAIN]
             strained = ~(strain <= STRAIN_LIMIT)
@@ -576,6 +592,7 @@ class Simulator:
             self._acting,
             self._readings[thread],
             reads,
+            self._clock,
         )
 
     def counts(self) -> np.ndarray:
@@ -652,24 +669,48 @@ class Simulator:
         blocks = self._x.shape[0]
         threads = min(self.threads, blocks)
         if threads == 1 or blocks * max(steps, 1) * self._busy < WORTH_A_THREAD:
-            self._run(0, 0, blocks, steps, settles, reads)
+            for first, last, some, ends in self._calls(0, blocks, steps):
+                self._run(0, first, last, some, settles, reads and ends)
             if then is not None:
                 then(0, self.copies)
             return
         edges = [blocks * n // threads for n in range(threads + 1)]
-        width = self.width
+        width, working, over = self.width, [Lock() for _ in range(threads)], []
 
         def work(n: int) -> None:
-            first, last = edges[n], edges[n + 1]
-            self._run(n, first, last, steps, settles, reads)
-            if then is not None:
-                then(first * width, min(last * width, self.copies))
+            with working[n]:
+                for first, last, some, ends in self._calls(edges[n], edges[n + 1], steps):
+                    if over:
+                        return
+                    self._run(n, first, last, some, settles, reads and ends)
+                if then is not None:
+                    then(edges[n] * width, min(edges[n + 1] * width, self.copies))
 
         pool = _pool(os.getpid(), self.threads)
-        rest = [pool.submit(work, n) for n in range(1, threads)]
-        work(0)
-        for future in rest:
-            future.result()
+        try:
+            rest = [pool.submit(work, n) for n in range(1, threads)]
+            work(0)
+            for future in rest:
+                future.result()
+        except BaseException:
+            over.append(True)
+            for lock in working:
+                _await(lock)
+            raise
+
+    def _calls(self, first: int, last: int, steps: int) -> Iterator[tuple[int, int, int, bool]]:
+        """The compiled calls that take blocks ``first`` to ``last`` further: first and last block, how many
+        steps, and whether these are the last."""
+        busy = max(self._busy, 1)
+        if (last - first) * steps * busy <= AT_ONCE:
+            yield first, last, steps, True
+            return
+        most = max(AT_ONCE // busy, FEWEST)
+        for taken in range(0, steps, most):
+            some = min(most, steps - taken)
+            blocks = max(AT_ONCE // (some * busy), 1)
+            for block in range(first, last, blocks):
+                yield block, min(block + blocks, last), some, taken + some == steps
 
     def __repr__(self) -> str:
         return (
@@ -688,6 +729,7 @@ class Simulator:
             "_advance",
             "_actuators",
             "_phase",
+            "_clock",
             "_readings",
             "_acting",
             "_packed",
@@ -726,6 +768,16 @@ class Simulator:
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     """Helper threads of this process; a forked child, being another process, makes its own."""
     return ThreadPoolExecutor(threads, thread_name_prefix="springgym")
+
+
+def _await(lock: Lock) -> None:
+    """Wait until a lock is free; Ctrl-C is on its way already, and another is not heard."""
+    while True:
+        try:
+            with lock:
+                return
+        except KeyboardInterrupt:
+            continue
 
 
 def _checked_names(varying: Any) -> frozenset[str]:

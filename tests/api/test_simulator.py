@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import _thread
 import copy
 import math
 import pickle
+import signal
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -14,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from springgym import compiling
+from springgym import simulator as module
 from springgym.blocks import to_copies
 from springgym.bodies import cube, top
 from springgym.compiling import SameTypes, kernel
@@ -183,6 +187,74 @@ def test_steps_are_what_the_clock_counts() -> None:
         simulator.advance(1, check=False, read=False)
         assert finite(simulator.measure())
         assert simulator.measure().kinetic.all()
+
+
+# --- Interrupted calls -------------------------------------------------------------------------------
+
+MANY = 40
+"""Copies, of several blocks."""
+
+
+def interrupted(simulator: Simulator, steps: int, calls: int) -> None:
+    """Take steps, Ctrl-C being served when so many compiled calls of this thread have returned."""
+    kernel, left = simulator._advance, iter(range(calls))
+
+    def interrupting(*arguments: Any) -> None:
+        kernel(*arguments)
+        if threading.current_thread() is threading.main_thread() and next(left, None) is None:
+            raise KeyboardInterrupt
+
+    simulator._advance = interrupting  # type: ignore[assignment]
+    with pytest.raises(KeyboardInterrupt):
+        simulator.advance(steps)
+    simulator._advance = kernel
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize(("at_once", "calls"), [(module.AT_ONCE, 0), (100 * 28, 4), (250 * 28, 1)])
+def test_the_clock_says_how_far_an_interrupted_call_got(
+    monkeypatch: pytest.MonkeyPatch, threads: int, at_once: int, calls: int
+) -> None:
+    """Copy by copy, and all that the copies hold is as if they had been asked for that many steps."""
+    monkeypatch.setattr(module, "AT_ONCE", at_once)
+    many = {"copies": MANY, "varying": VARYING}
+    simulator = Simulator(SCENE, threads=threads, **many)  # type: ignore[arg-type]
+    interrupted(simulator, 1000, calls)
+    taken = np.rint(simulator.time / simulator.step).astype(int)
+    assert 0 < taken.max() <= 1000
+    assert (taken.min() < 1000) == (calls > 0)
+    for steps in np.unique(taken).tolist():
+        fresh = Simulator(SCENE, **many)  # type: ignore[arg-type]
+        fresh.advance(steps)
+        of = taken == steps
+        assert np.array_equal(simulator.positions[of], fresh.positions[of])
+        assert np.array_equal(simulator.velocities[of], fresh.velocities[of])
+        assert simulator.time[of] == pytest.approx(fresh.time[of], rel=1e-13)
+
+
+def test_many_compiled_calls_are_one_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = Simulator(SCENE, copies=MANY, varying=VARYING)
+    whole.advance(1000, read=True)
+    monkeypatch.setattr(module, "AT_ONCE", 100 * 28)
+    for threads in (1, 2):
+        parts = Simulator(SCENE, copies=MANY, varying=VARYING, threads=threads)
+        parts.advance(1000, read=True)
+        assert parts.time == pytest.approx(whole.time, rel=1e-13)
+        assert same(parts.state() | {"time": np.zeros(1)}, whole.state() | {"time": np.zeros(1)})
+        assert np.array_equal(parts.readout.rows, whole.readout.rows)
+
+
+def test_steps_that_would_never_end_are_interrupted() -> None:
+    simulator = everything()
+    simulator.advance(1)
+    began = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        threading.Timer(0.2, _thread.interrupt_main).start()
+        with pytest.raises(KeyboardInterrupt):
+            simulator.advance(10**12, check=False)
+    finally:
+        signal.signal(signal.SIGINT, began)
+    assert simulator.step < simulator.time[0] < 1e9 * simulator.step
 
 
 @pytest.fixture(scope="module")
