@@ -17,7 +17,7 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
 from springgym.checks import chosen, shown, whole
-from springgym.envs.episodes import Begun, Episodes
+from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
 from springgym.envs.task import MET, Task
 from springgym.rendering import Renderer
 
@@ -57,8 +57,6 @@ class _Common:
             max_episode_steps=max_episode_steps,
             error=error,
         )
-        self._ready = False
-        """whether episodes have begun"""
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -69,6 +67,12 @@ class _Common:
     def spec(self, spec: EnvSpec | None) -> None:
         self._spec = None if spec is None else replace(spec, kwargs=_written(spec.kwargs))
 
+    def _check_ready(self, call: str) -> None:
+        if self.episodes.unready:
+            raise gym.error.ResetNeeded(
+                f"Cannot call env.{call}() before calling env.reset(): {self.episodes.unready}"
+            )
+
     def _checked(self, action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
         """The action as numbers.
 
@@ -77,10 +81,9 @@ class _Common:
         ValueError
             If it has another shape, or holds what is not a number.
         gymnasium.error.ResetNeeded
-            If no episode has begun.
+            If no episode has begun, or the last call broke off.
         """
-        if not self._ready:
-            raise gym.error.ResetNeeded("Cannot call env.step() before calling env.reset()")
+        self._check_ready("step")
         try:
             given = np.asarray(action)
         except ValueError:
@@ -115,8 +118,6 @@ class _Common:
         return always
 
     def _picture(self, renderer: Renderer, copy: int) -> np.ndarray | None:
-        if not self._ready:
-            raise gym.error.ResetNeeded("Cannot call env.render() before calling env.reset()")
         episodes = self.episodes
         positions, _ = episodes.particles
         if not episodes.diverged[copy]:
@@ -199,12 +200,13 @@ class SpringEnv(_Common, gym.Env):
         except BaseException:
             self._np_random, self._np_random_seed = before
             raise
-        self._ready = True
         if self._canvas:
             self._restart(self._canvas, 0)
         if self.render_mode == "human":
-            self.render()
-        return self.episodes.observe()[0], self._info()
+            self._draw()
+        begun = self.episodes.observe()[0], self._info()
+        self.episodes.unready = ""
+        return begun
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
@@ -212,14 +214,10 @@ class SpringEnv(_Common, gym.Env):
         if self._canvas:
             self._canvas.follow(self.episodes.particles[0][0])
         if self.render_mode == "human":
-            self.render()
-        return (
-            self.episodes.observe(seen)[0],
-            result.reward.item(),
-            result.terminated.item(),
-            result.truncated.item(),
-            self._info(),
-        )
+            self._draw()
+        seen, info = self.episodes.observe(seen), self._info()
+        self.episodes.unready = ""
+        return seen[0], result.reward.item(), result.terminated.item(), result.truncated.item(), info
 
     def _info(self) -> dict[str, Any]:
         stepped = zip(self.episodes.task.reported, self.episodes.out[0, :MET].tolist(), strict=True)
@@ -233,6 +231,10 @@ class SpringEnv(_Common, gym.Env):
                 'render_mode="rgb_array")'
             )
             return None
+        self._check_ready("render")
+        return self._draw()
+
+    def _draw(self) -> np.ndarray | None:
         if self._canvas is None:
             self._canvas = self._renderer(self.render_mode)
         return self._picture(self._canvas, 0)
@@ -248,7 +250,7 @@ class SpringEnv(_Common, gym.Env):
             "episodes": self.episodes.state(),
             "rng": self.np_random.bit_generator.state,
             "seed": self.np_random_seed,
-            "ready": self._ready,
+            "ready": not self.episodes.unready,
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -267,7 +269,7 @@ class SpringEnv(_Common, gym.Env):
         generator = _generator(state["rng"])
         self.episodes.restore(state["episodes"])
         self._np_random, self._np_random_seed = generator, state["seed"]
-        self._ready = bool(state["ready"])
+        self.episodes.unready = "" if state["ready"] else NOT_BEGUN
         if self._canvas:
             self._restart(self._canvas, 0)
 
@@ -353,12 +355,13 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         started = np.flatnonzero(mask)
         self.episodes.begin(started, [generators[n] for n in started], given)
         self._generators, self._seeds = generators, known
-        self._ready = True
         self._ended[mask] = False
         self._show_new(started)
         infos: dict[str, Any] = {}
         _add(infos, self._info(), mask)
-        return self.episodes.observe(), infos
+        seen = self.episodes.observe()
+        self.episodes.unready = ""
+        return seen, infos
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         checked = self._checked(actions, self.action_space.shape)
@@ -392,7 +395,9 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             begun = self._begin(fresh)
             self._ended = np.zeros(self.num_envs, bool)
         _add(infos, self._info(), np.ones(self.num_envs, bool))
-        return episodes.observe(seen, begun), reward, terminated, truncated, infos
+        seen = episodes.observe(seen, begun)
+        episodes.unready = ""
+        return seen, reward, terminated, truncated, infos
 
     def _info(self) -> dict[str, Any]:
         return self._always(slice(None)) | dict(
@@ -429,14 +434,15 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             raise ValueError(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
         if not mask.any():
             raise ValueError("reset_mask resets no copy")
-        if not self._ready and not mask.all():
-            raise ValueError("reset_mask leaves out copies that have not begun: the first reset takes all")
+        if self.episodes.unready and not mask.all():
+            raise ValueError(f"reset_mask leaves out copies, and {self.episodes.unready}: reset all copies")
         return mask.copy(), {name: value for name, value in options.items() if name != "reset_mask"}
 
     def render(self) -> tuple[Any, ...]:
         """A picture of every copy."""
         if self.render_mode is None:
             raise ValueError('make the batch with render_mode="rgb_array" to draw it')
+        self._check_ready("render")
         if not self._canvases:
             self._canvases = [self._renderer(self.render_mode) for _ in range(self.num_envs)]
         return tuple(self._picture(canvas, n) for n, canvas in enumerate(self._canvases))
@@ -475,7 +481,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             "episodes": self.episodes.state(),
             "rng": [generator.bit_generator.state for generator in self.np_random],
             "seed": list(self.np_random_seed),
-            "ready": self._ready,
+            "ready": not self.episodes.unready,
             "ended": self._ended.copy(),
         }
 
@@ -495,7 +501,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             raise ValueError(f"the state is one of {len(generators)} copies; there are {self.num_envs}")
         self.episodes.restore(state["episodes"])
         self._generators, self._seeds, self._ended = generators, list(state["seed"]), ended
-        self._ready = bool(state["ready"])
+        self.episodes.unready = "" if state["ready"] else NOT_BEGUN
         self._show_new(np.arange(self.num_envs))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -537,9 +543,9 @@ def set_state(env: Any, state: Mapping[str, Any]) -> None:
         If the state is not one of this environment, see `SpringEnv.set_state`. Nothing is changed then.
     """
     own = _own(env)
-    begun = own._ready
+    unready = own.episodes.unready
     own.set_state(state)
-    if env is not own and not begun:  # wrappers, too, want a first reset
+    if env is not own and unready:  # wrappers, too, want a first reset
         env.reset()
         own.set_state(state)
     while isinstance(env, gym.Wrapper):

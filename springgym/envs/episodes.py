@@ -30,6 +30,9 @@ from springgym.stability import steps_in
 SPARSE = -1
 """In place of the number of a reward's terms: it is 1 where the aim is met."""
 
+NOT_BEGUN, BROKEN_OFF = "no episode has begun", "the last step or reset broke off in the middle"
+"""Why copies must be reset before they are stepped."""
+
 MOST_STEPS = 100_000
 """Steps in a control period at the most: as many take a control period up to about 0.1 s."""
 
@@ -95,6 +98,8 @@ class Episodes:
         self.task = task
         self.copies = copies
         self.parameters = task.parameters
+        self.unready = NOT_BEGUN
+        """why the copies must be reset before they are stepped; empty if they need not"""
         self.max_episode_steps = _checked_limit(max_episode_steps)
         self.rewarded = SPARSE if checks.flag("sparse", sparse) else len(task.terms)
         kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
@@ -191,7 +196,8 @@ class Episodes:
     ) -> Begun:
         """Start new episodes in some copies (k,), each drawing from its own generator.
 
-        What is refused changes nothing, the generators included.
+        What is refused changes nothing, the generators included. What has begun leaves the copies `unready`:
+        the environment sets that back when all that belongs to its step or reset is done.
 
         Raises
         ------
@@ -217,11 +223,13 @@ class Episodes:
             raise ValueError(f"{type(self.task).__name__} has no reset option {next(iter(own))!r}")
         self._check_strain(positions, drawn)
         before = [self._drawn(copy) for copy in copies] if self.ranges else []
-        self._vary(copies, drawn)
+        was, self.unready = self.unready, BROKEN_OFF
         try:
+            self._vary(copies, drawn)
             self.simulator.place(positions, velocities, copies)
-        except BaseException:
+        except (TypeError, ValueError):  # it is refused
             self._vary(copies, before)
+            self.unready = was
             raise
         self.goal[copies] = goals
         self.elapsed[copies] = 0
@@ -261,17 +269,18 @@ class Episodes:
     def step(self, action: np.ndarray) -> tuple[Step, np.ndarray | None]:
         """One control period of all copies, and what they observe then, for `observe`.
 
-        ``action`` (n, A) is clipped to [−1, 1].
+        ``action`` (n, A) is clipped to [−1, 1]. The copies are left `unready`, as by `begin`.
 
         Raises
         ------
         ValueError
-            If it holds a value that is not finite.
+            If it holds a value that is not finite; nothing is changed.
         """
         simulator, copies = self.simulator, self.copies
         self._given[:] = action
         if not self._take(self._given, self.strength, self.action, self._driven):
             raise ValueError(f"action holds a value that is not finite: {action}")
+        self.unready = BROKEN_OFF
         simulator.actuate(**self.driven_by(self._driven))
         if self.error is not None:
             self.error.finer.take_over(simulator)

@@ -98,13 +98,14 @@ class ParallelDuel(_Common, ParallelEnv):
             generator, _ = seeding.np_random(given)
         self.episodes.begin(np.array([0]), [generator], options)
         self._np_random = generator
-        self._ready = True
         self.agents = list(AGENTS)
         if self._canvas:
             self._restart(self._canvas, 0)
         if self.render_mode == "human":
-            self.render()
-        return self._seen(), self._infos(self._outcomes())
+            self._draw()
+        begun = self._seen(), self._infos(self._outcomes())
+        self.episodes.unready = ""
+        return begun
 
     def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], ...]:
         """Both act for a control period.
@@ -117,7 +118,7 @@ class ParallelDuel(_Common, ParallelEnv):
             If no episode has begun.
         """
         if not self.agents:
-            self._checked(np.zeros(self.task.action_space.shape), self.task.action_space.shape)
+            self._check_ready("step")
             return {}, {}, {}, {}, {}
         if missing := [name for name in self.agents if name not in actions]:
             raise ValueError(f"actions has none for {missing[0]!r}")
@@ -134,10 +135,11 @@ class ParallelDuel(_Common, ParallelEnv):
         if self._canvas:
             self._canvas.follow(self.episodes.particles[0][0])
         if self.render_mode == "human":
-            self.render()
+            self._draw()
         seen, infos = self._seen(), self._infos(out)
         if ended or cut:
             self.agents = []
+        self.episodes.unready = ""
         return seen, rewards, terminations, truncations, infos
 
     def _seen(self) -> dict[str, np.ndarray]:
@@ -180,6 +182,10 @@ class ParallelDuel(_Common, ParallelEnv):
         if self.render_mode is None:
             gym.logger.warn("render() draws nothing without a render mode")
             return None
+        self._check_ready("render")
+        return self._draw()
+
+    def _draw(self) -> np.ndarray | None:
         if self._canvas is None:
             self._canvas = self._renderer(self.render_mode)
         return self._picture(self._canvas, 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -13,6 +14,7 @@ import pytest
 import springgym
 from springgym.bodies import cube
 from springgym.scene import Scene
+from springgym.simulator import Simulator
 from tests.envs.cases import IDS, each_id, make, make_vec
 from tests.envs.test_contract import answered, same
 
@@ -167,6 +169,83 @@ def test_mangled_states_are_refused_and_change_nothing() -> None:
             "two seeds": state | {"seed": state["seed"][:2]},
         },
     )
+
+
+# --- Calls that break off -----------------------------------------------------------------------------
+
+STEPS = ["driven_by", "actuate", "advance", "_advance", "_evaluate", "_finish", "observe", "_info", "_always"]
+RESETS = ["place", "read", "_evaluate", "observe", "_info"]
+
+
+def broken_off(patch: pytest.MonkeyPatch, env: Any, where: str, call: Callable[[], Any]) -> None:
+    """Ctrl-C in a call, served when something in it has returned."""
+    own = env.unwrapped
+    owners: list[Any] = [own, own.episodes, Simulator, own.episodes.simulator]
+    owner = next(owner for owner in owners if hasattr(owner, where))
+    function = getattr(owner, where)
+
+    def interrupting(*arguments: Any, **options: Any) -> None:
+        function(*arguments, **options)
+        raise KeyboardInterrupt
+
+    with patch.context() as during:
+        during.setattr(owner, where, interrupting)
+        with pytest.raises(KeyboardInterrupt):
+            call()
+
+
+@pytest.mark.parametrize("copies", [None, 3])
+@pytest.mark.parametrize(
+    ("step", "where"), [(True, where) for where in STEPS] + [(False, where) for where in RESETS]
+)
+def test_after_a_call_that_broke_off_a_reset_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch, copies: int | None, step: bool, where: str
+) -> None:
+    """Wherever it did. Then all is as in an environment in which nothing of the kind has happened."""
+    made = make if copies is None else lambda name, **how: make_vec(name, copies, "native", "SameStep", **how)
+    env, fresh = (made(IDS[0], render_mode="rgb_array") for _ in range(2))
+    steps = actions(env, 4)
+    env.reset(seed=3)
+    lives(env, steps[:2])
+    broken_off(monkeypatch, env, where, lambda: env.step(steps[2]) if step else env.reset())
+    assert not springgym.get_state(env)["ready"]
+    before = frozen(env)
+    for call in (lambda: env.step(steps[3]), env.render):
+        with pytest.raises(gym.error.ResetNeeded, match="the last step or reset broke off"):
+            call()
+    if copies:
+        with pytest.raises(ValueError, match="reset_mask leaves out copies, and the last step"):
+            env.reset(options={"reset_mask": np.array([True, False, True])})
+    same(frozen(env), before)
+    same([env.reset(seed=5), *lives(env, steps)], [fresh.reset(seed=5), *lives(fresh, steps)])
+
+
+def test_a_reward_that_raises_leaves_no_step_half_counted() -> None:
+    wrong: list[str] = []
+
+    def reward(m: Any, x: Any, v: Any, action: Any) -> Any:
+        if wrong:
+            raise RuntimeError(wrong.pop())
+        return m.centre[:, 2]
+
+    def make_own() -> Any:
+        scene = Scene(cube(), gravity=None)
+        return springgym.make_scene_env(scene, reward, actuators={"torque": 1.0}, max_episode_steps=LIMIT)
+
+    env, fresh = make_own(), make_own()
+    steps = actions(env, LIMIT)
+    for own in (env, fresh):
+        own.reset(seed=0)
+    good = springgym.get_state(env)
+    wrong.append("no reward today")
+    with pytest.raises(RuntimeError, match="no reward today"):
+        env.step(steps[0])
+    with pytest.raises(gym.error.ResetNeeded, match="the last step or reset broke off in the middle"):
+        env.step(steps[0])
+    springgym.set_state(env, good)  # what goes back to before the step takes it anew
+    follows = lives(env, steps)
+    same(follows, lives(fresh, steps))
+    assert follows[-1][3]
 
 
 def test_other_environments_have_no_such_state() -> None:
