@@ -27,6 +27,7 @@ from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.pairs import PairReadings
 from springgym.forces.together import START
+from springgym.guard import Guard, guarded
 from springgym.integrators.clock import Clock
 from springgym.integrators.record import COUNTS, Control, Phase
 from springgym.lanes import Ragged
@@ -69,6 +70,8 @@ class SimulationDivergedError(ArithmeticError):
 
 class Simulator:
     """Steps copies of a scene through time. What it was made with is read, not set.
+
+    One thread at a time may use it: a call while another thread is in one raises a RuntimeError.
 
     Arguments are checked as `springgym.checks` says. Where a method takes ``copies``, these are their
     indices, each once and none negative, or a mask (copies,); all of them if None. What it sets them to
@@ -125,6 +128,7 @@ class Simulator:
         ledger: bool = True,
         tolerance: tuple[float, float] | None = None,
     ) -> None:
+        self._guard = Guard()
         self.scene = checks.instance("scene", scene, Scene)
         self.dynamics = checks.chosen("dynamics", dynamics, DYNAMICS)
         self._kind = DYNAMICS[dynamics]
@@ -272,11 +276,13 @@ class Simulator:
     # --- State ------------------------------------------------------------------------------------
 
     @property
+    @guarded
     def positions(self) -> np.ndarray:
         """Positions of the particles [m], (copies, N, 3), a copy."""
         return to_copies(self._x, self.copies)
 
     @property
+    @guarded
     def velocities(self) -> np.ndarray:
         """Velocities of the particles [m/s], (copies, N, 3), a copy."""
         return to_copies(self._v, self.copies)
@@ -286,6 +292,7 @@ class Simulator:
         """Copies in a block."""
         return int(numbers(self._x).shape[-1])
 
+    @guarded
     def place(self, positions: Any, velocities: Any, copies: Any = None) -> None:
         """Start some copies (all) anew, with an empty ledger, at time 0.
 
@@ -376,6 +383,7 @@ class Simulator:
             for first, last in self._block_ranges(index):
                 self._run(0, first, last, START, settles=False, reads=False)
 
+    @guarded
     def vary(self, copies: Any, **values: Any) -> None:
         """Give some copies their own parameters.
 
@@ -424,6 +432,7 @@ class Simulator:
         packing.vary_pairs(self._terms.meets, self.scene, index, given[0])
         self._meet(index)
 
+    @guarded
     def actuate(self, **values: Any) -> None:
         """Set what the scene's actuators do until further notice.
 
@@ -463,10 +472,12 @@ class Simulator:
             else:
                 set_all(array, value)
 
+    @guarded
     def state(self) -> dict[str, np.ndarray]:
         """All that changes, copied: give it to `restore`, of this simulator or one made the same way."""
         return {name: array.copy() for name, array in self._changing()}
 
+    @guarded
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Return to what `state` gave, to the bit.
 
@@ -493,6 +504,7 @@ class Simulator:
         for name, array in own.items():
             array[:] = state[name]
 
+    @guarded
     def take_over(self, other: Simulator) -> None:
         """Be where another simulator of the same scene is, to go on from there by steps of one's own.
 
@@ -526,6 +538,7 @@ class Simulator:
 
     # --- Time -------------------------------------------------------------------------------------
 
+    @guarded
     def advance(
         self,
         steps: int = 1,
@@ -595,6 +608,7 @@ class Simulator:
             self._clock,
         )
 
+    @guarded
     def counts(self) -> np.ndarray:
         """Steps taken, steps rejected and Newton iterations of each copy since it was made, (copies, 3).
 
@@ -607,6 +621,7 @@ class Simulator:
             raise ValueError(f"{self.integrator.name} neither chooses its steps nor iterates: no counts")
         return to_copies(self._control.counts, self.copies)
 
+    @guarded
     def measure(self, body: int | str | None = None) -> Measures:
         """Energies, momenta, orientation and strain of all copies.
 
@@ -619,6 +634,7 @@ class Simulator:
         self.read()
         return measures.view((self.readout.rows if number is None else self.readout.bodies[:, number]).copy())
 
+    @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:
         """What happened between the bodies that collide since the copies were placed, or were forgotten.
 
@@ -638,6 +654,7 @@ class Simulator:
             packing.forget_pairs(self._terms.meets)
         return found
 
+    @guarded
     def read(self, copies: Any = None) -> None:
         """Write measures, positions and velocities of some copies (all) to their rows of `readout`.
 
@@ -724,6 +741,7 @@ class Simulator:
             raise AttributeError(f"{name} of a simulator is what it was made with; make another")
         super().__setattr__(name, value)
 
+    @guarded
     def __getstate__(self) -> dict[str, Any]:
         left_out = (
             "_advance",

@@ -19,12 +19,14 @@ from gymnasium.wrappers import TimeLimit
 from springgym.checks import chosen, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
 from springgym.envs.task import MET, Task
+from springgym.guard import Guard, guarded
 from springgym.rendering import Renderer
 
 
 class _Common:
-    """What the single and the batch environment share."""
+    """What the single and the batch environment share. One thread at a time may use one, see `Guard`."""
 
+    _guard: Guard
     task_type: ClassVar[type[Task]]
     episodes: Episodes
     _spec: EnvSpec | None = None
@@ -44,6 +46,7 @@ class _Common:
         error: bool = False,
         **options: Any,
     ) -> None:
+        self._guard = Guard()
         self.episodes = Episodes(
             self.task_type(**options),
             copies,
@@ -181,6 +184,7 @@ class SpringEnv(_Common, gym.Env):
         self.action_space = task.action_space
         self._canvas: Renderer | None = None
 
+    @guarded
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
@@ -208,6 +212,7 @@ class SpringEnv(_Common, gym.Env):
         self.episodes.unready = ""
         return begun
 
+    @guarded
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
         result, seen = self.episodes.step(checked[None])
@@ -223,6 +228,7 @@ class SpringEnv(_Common, gym.Env):
         stepped = zip(self.episodes.task.reported, self.episodes.out[0, :MET].tolist(), strict=True)
         return _plain(self._always(0)) | dict(stepped)
 
+    @guarded
     def render(self) -> np.ndarray | None:
         if self.render_mode is None:
             gym.logger.warn(
@@ -244,6 +250,7 @@ class SpringEnv(_Common, gym.Env):
             self._canvas.close()
             self._canvas = None
 
+    @guarded
     def get_state(self) -> dict[str, Any]:
         """The true state, with clock and random generator: give it to `set_state`."""
         return {
@@ -253,6 +260,7 @@ class SpringEnv(_Common, gym.Env):
             "ready": not self.episodes.unready,
         }
 
+    @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state, to the bit: what follows is what followed.
 
@@ -273,6 +281,7 @@ class SpringEnv(_Common, gym.Env):
         if self._canvas:
             self._restart(self._canvas, 0)
 
+    @guarded
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_canvas": None}  # pictures do not travel
 
@@ -329,6 +338,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         self._ended = np.zeros(num_envs, bool)
         self._canvases: list[Renderer] = []
 
+    @guarded
     def reset(
         self,
         *,
@@ -363,6 +373,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         self.episodes.unready = ""
         return seen, infos
 
+    @guarded
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         checked = self._checked(actions, self.action_space.shape)
         mode, episodes = self.autoreset_mode, self.episodes
@@ -438,6 +449,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             raise ValueError(f"reset_mask leaves out copies, and {self.episodes.unready}: reset all copies")
         return mask.copy(), {name: value for name, value in options.items() if name != "reset_mask"}
 
+    @guarded
     def render(self) -> tuple[Any, ...]:
         """A picture of every copy."""
         if self.render_mode is None:
@@ -475,6 +487,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         """The seeds of `np_random`, −1 where the generator was set and not seeded."""
         return tuple(self._seeds) if self.np_random else ()
 
+    @guarded
     def get_state(self) -> dict[str, Any]:
         """The true state of all copies, with clocks and random generators: give it to `set_state`."""
         return {
@@ -485,6 +498,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             "ended": self._ended.copy(),
         }
 
+    @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state, to the bit: what follows is what followed.
 
@@ -504,6 +518,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         self.episodes.unready = "" if state["ready"] else NOT_BEGUN
         self._show_new(np.arange(self.num_envs))
 
+    @guarded
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_canvases": []}  # pictures do not travel
 

@@ -14,6 +14,7 @@ from springgym.envs.base import SpringEnv, _Common, _plain, _seed, frame_rate
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
 from springgym.envs.task import MET
 from springgym.extras import missing
+from springgym.guard import guarded
 from springgym.measures import Measures
 from springgym.rendering import Renderer
 
@@ -87,6 +88,7 @@ class ParallelDuel(_Common, ParallelEnv):
         """What the second agent does, as `SpringDuel` asks its opponent."""
         return self._answered
 
+    @guarded
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
@@ -107,6 +109,7 @@ class ParallelDuel(_Common, ParallelEnv):
         self.episodes.unready = ""
         return begun
 
+    @guarded
     def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], ...]:
         """Both act for a control period.
 
@@ -178,6 +181,7 @@ class ParallelDuel(_Common, ParallelEnv):
             for n, name in enumerate(AGENTS)
         }
 
+    @guarded
     def render(self) -> np.ndarray | None:
         if self.render_mode is None:
             gym.logger.warn("render() draws nothing without a render mode")

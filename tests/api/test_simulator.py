@@ -257,6 +257,42 @@ def test_steps_that_would_never_end_are_interrupted() -> None:
     assert simulator.step < simulator.time[0] < 1e9 * simulator.step
 
 
+# --- Threads -----------------------------------------------------------------------------------------
+
+
+def test_another_thread_is_told_and_does_not_wait() -> None:
+    """By every method, while one thread is in one; then all is as if it had not asked."""
+    simulator, alone = everything(), everything()
+    for own in (simulator, alone):
+        own.advance(2)
+    kernel, inside, go_on = simulator._advance, threading.Event(), threading.Event()
+
+    def waiting(*arguments: Any) -> None:
+        inside.set()
+        assert go_on.wait(60)
+        kernel(*arguments)
+
+    simulator._advance = waiting  # type: ignore[assignment]
+    thread = threading.Thread(target=simulator.advance, args=(10,))
+    thread.start()
+    try:
+        assert inside.wait(60)
+        public = [name for name in vars(Simulator) if not name.startswith("_")]
+        for name in public:
+            if name not in ("paper", "width"):  # which read nothing that changes
+                with pytest.raises(RuntimeError, match=f"two threads use one Simulator at once: {name} was"):
+                    getattr(simulator, name)()
+        with pytest.raises(RuntimeError, match="two threads"):
+            copy.deepcopy(simulator)
+    finally:
+        go_on.set()
+        thread.join()
+    simulator._advance = kernel
+    alone.advance(10)
+    assert same(simulator.state(), alone.state())
+    assert same(copy.deepcopy(simulator).state(), alone.state())
+
+
 @pytest.fixture(scope="module")
 def simulator() -> Simulator:
     return everything()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +14,8 @@ import pytest
 
 import springgym
 from springgym.bodies import cube
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.players import ParallelDuel
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from tests.envs.cases import IDS, each_id, make, make_vec
@@ -246,6 +249,46 @@ def test_a_reward_that_raises_leaves_no_step_half_counted() -> None:
     follows = lives(env, steps)
     same(follows, lives(fresh, steps))
     assert follows[-1][3]
+
+
+# --- Threads ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("copies", [None, 3])
+def test_another_thread_is_told_and_does_not_wait(copies: int | None) -> None:
+    made = make if copies is None else lambda name: make_vec(name, copies, "native", "SameStep")
+    env, alone = made(IDS[0]).unwrapped, made(IDS[0]).unwrapped
+    steps = actions(env, 3)
+    for own in (env, alone):
+        own.reset(seed=0)
+    function, inside, go_on = env.episodes._judge, threading.Event(), threading.Event()
+
+    def waiting(*arguments: Any) -> None:
+        inside.set()
+        assert go_on.wait(60)
+        function(*arguments)
+
+    env.episodes._judge = waiting
+    thread = threading.Thread(target=env.step, args=(steps[0],))
+    thread.start()
+    try:
+        assert inside.wait(60)
+        for name in ("reset", "step", "render", "get_state", "set_state"):
+            told = f"two threads use one {type(env).__name__} at once: {name} was called"
+            with pytest.raises(RuntimeError, match=told):
+                getattr(env, name)()
+    finally:
+        go_on.set()
+        thread.join()
+    del env.episodes._judge
+    alone.step(steps[0])
+    same(lives(env, steps[1:]), lives(alone, steps[1:]))
+
+
+def test_every_environment_is_guarded() -> None:
+    for kind in (SpringEnv, SpringVectorEnv, ParallelDuel):
+        for name in {"reset", "step", "render", "get_state", "set_state"} & vars(kind).keys():
+            assert hasattr(getattr(kind, name), "__wrapped__"), (kind, name)
 
 
 def test_other_environments_have_no_such_state() -> None:
