@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, lru_cache
+from itertools import repeat
 from threading import Lock
 from typing import Any, Self
 
@@ -28,6 +31,7 @@ from springgym.forces.ledger import ENTRIES
 from springgym.forces.pairs import PairReadings
 from springgym.forces.together import START
 from springgym.guard import Guard, guarded
+from springgym.identity import check_same
 from springgym.integrators.clock import Clock
 from springgym.integrators.record import COUNTS, Control, Phase
 from springgym.lanes import Ragged
@@ -53,6 +57,9 @@ FEWEST = 64
 
 OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.memory")
 """Arrays of `Simulator._changing` that hold what happens in a step, or happened in the last."""
+
+GOES_FORWARD = ("integrator", "step", "tolerance")
+"""What a simulator may have of its own that takes over from another."""
 
 PAPER_STEP = 5e-4
 """h of the paper [s]."""
@@ -172,6 +179,7 @@ class Simulator:
         self._workspace = packing.workspaces(
             scene, self.integrator, self._terms.meets, self._x.dtype, len(shares)
         )
+        self._varying = sorted(varying)
         self._actuators = self._actuated()
         self._advance = self._kernel()
         self._check_settled(scene.positions[None], scene.velocities[None], np.zeros(1, int))
@@ -473,12 +481,32 @@ class Simulator:
                 set_all(array, value)
 
     @guarded
-    def state(self) -> dict[str, np.ndarray]:
-        """All that changes, copied: give it to `restore`, of this simulator or one made the same way."""
-        return {name: array.copy() for name, array in self._changing()}
+    def state(self) -> dict[str, Any]:
+        """All that changes, copied: give it to `restore`, of this simulator or one made the same way.
+
+        Beside the arrays it says what it is of, and which copies ("lost") are not finite.
+        """
+        arrays = {name: array.copy() for name, array in self._changing()}
+        return {"of": dict(self.identity), "lost": self._lost(arrays.values()), **arrays}
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """What it was made of, by name in plain data: a state is one of all simulators made so."""
+        control = self._control
+        return {
+            "copies": self.copies,
+            "dtype": self.dtype.name,
+            "dynamics": self.dynamics,
+            "integrator": self.integrator.name,
+            "step": self.step,
+            "tolerance": [control.relative, control.absolute] if isinstance(control, Control) else None,
+            "ledger": self._ledger is not None,
+            "varying": self._varying,
+            **self.scene.identity,
+        }
 
     @guarded
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+    def restore(self, state: Mapping[str, Any]) -> None:
         """Return to what `state` gave, to the bit.
 
         Raises
@@ -486,23 +514,32 @@ class Simulator:
         TypeError
             If it is no such state; nothing is changed.
         ValueError
-            If it is that of another simulator: of another number of copies, dtype or scene, with a ledger, or
-            with other parameters that vary; nothing is changed.
+            If it is that of a simulator that was made otherwise, saying what differs, or holds a number that
+            is not finite of a copy that was; nothing is changed.
         """
         own = dict(self._changing())
-        if checks.instance("state", state, Mapping).keys() != own.keys():
-            wrong = sorted(map(str, state.keys() ^ own.keys()))[0]
-            has = "holds" if wrong in state else "lacks"
+        names = {"of", "lost", *own}
+        given = checks.instance("state", state, Mapping)
+        if "of" in given:
+            check_same("the simulator that the state is of", given["of"], self.identity)
+        if given.keys() != names:
+            wrong = sorted(map(str, given.keys() ^ names))[0]
+            has = "holds" if wrong in given else "lacks"
             raise ValueError(f"the state {has} {wrong!r}; it must be that of a simulator made like this one")
-        for name, array in own.items():
+        for name, array in {"lost": np.zeros(self.copies, bool), **own}.items():
             given = checks.instance(f"state[{name!r}]", state[name], np.ndarray)
             if given.shape != array.shape or given.dtype != array.dtype:
                 raise ValueError(
                     f"state[{name!r}] is of shape {given.shape} and {given.dtype}; in this simulator, of "
                     f"{self.copies} copies, it must be {array.shape} and {array.dtype}"
                 )
-        for name, array in own.items():
-            array[:] = state[name]
+        for name in own:
+            if (wrong := self._lost([state[name]]) & ~state["lost"]).any():
+                raise ValueError(
+                    f"state[{name!r}] is not finite in copy {int(np.argmax(wrong))}; it must be numbers, but "
+                    "in copies that are lost"
+                )
+        _set(own.values(), (state[name] for name in own))
 
     @guarded
     def take_over(self, other: Simulator) -> None:
@@ -516,17 +553,27 @@ class Simulator:
         TypeError, ValueError
             If it is not of as many copies of the same scene, of the same type; nothing is changed.
         """
-        theirs = dict(checks.instance("other", other, Simulator)._changing())
+        must = "; it must be made like this simulator but for its step"
+        made = checks.instance("other", other, Simulator).identity
+        check_same("other", made, self.identity, but=GOES_FORWARD, must=must)
+        theirs = dict(other._changing())
         own = {name: array for name, array in self._changing() if not name.startswith(OF_A_STEP)}
-        for name, array in own.items():
-            given = theirs.get(name)
-            if given is None or given.shape != array.shape or given.dtype != array.dtype:
-                raise ValueError(f"other is {other!r}; it must be made like this simulator but for its step")
-        for name, array in own.items():
-            array[:] = theirs[name]
+        _set(own.values(), (theirs[name] for name in own))
         for packed in self._packed:
             packing.renew(packed, np.arange(self.copies))
         self._meet(np.arange(self.copies))
+
+    def _lost(self, arrays: Iterable[np.ndarray]) -> np.ndarray:
+        """Which copies (copies,) have a number that is not finite in arrays like those of `_changing`."""
+        lost = np.zeros(self.copies, bool)
+        for array in arrays:
+            values = numbers(array) if array.dtype.names else array
+            with np.errstate(all="ignore"):
+                if math.isfinite(values.sum()):
+                    continue
+            rows = to_copies(array, self.copies) if array.dtype.names else array
+            lost |= ~np.isfinite(rows).reshape(self.copies, -1).all(axis=1)
+        return lost
 
     def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
         """Names and arrays of all that changes: what moves, what actuators do, and what was varied."""
@@ -563,7 +610,8 @@ class Simulator:
             Whether the copies are read off then, see `read`: all is done in one compiled call.
         then
             Called with a range of copies, the first and the one behind the last, when these are where they
-            should be: by each thread with its own share of them.
+            should be: by each thread with its own share of them. It may look at `readout`, and call no
+            method of the simulator.
 
         Raises
         ------
@@ -818,6 +866,11 @@ def _checked_dtype(dtype: Any) -> np.dtype:
             f"dtype is {checks.shown(dtype)}; it must be float64 or float32"
         )
     return given
+
+
+def _set(arrays: Iterable[np.ndarray], values: Iterable[np.ndarray]) -> None:
+    """Copy values to arrays, all or none: Python runs in between no line at which Ctrl-C is served."""
+    deque(map(np.ndarray.__setitem__, tuple(arrays), repeat(...), tuple(values)), 0)
 
 
 def _blocks_in(name: str, term: Any) -> Iterator[tuple[str, np.ndarray]]:

@@ -16,8 +16,9 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
-from springgym.checks import chosen, shown, whole
+from springgym.checks import chosen, flag, instance, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
+from springgym.envs.options import arguments
 from springgym.envs.task import MET, Task
 from springgym.guard import Guard, guarded
 from springgym.rendering import Renderer
@@ -59,6 +60,11 @@ class _Common:
             sparse=sparse,
             max_episode_steps=max_episode_steps,
             error=error,
+            arguments={
+                name: value
+                for name, value in arguments(self.task_type, options).items()
+                if name not in ("body", "scene")  # what they are made of is compared
+            },
         )
 
     @property
@@ -270,14 +276,16 @@ class SpringEnv(_Common, gym.Env):
         Raises
         ------
         ValueError
-            If the state is not one of this environment, made with as many copies of the same body, of the
-            same type. Nothing is changed then.
+            If the state is not one of an environment made like this one, but for its time limit, or is
+            mangled; it says what differs. Nothing is changed then.
         """
         _check_keys(state, ("episodes", "rng", "seed", "ready"))
-        generator = _generator(state["rng"])
+        generator = _generator("state['rng']", state["rng"])
+        seed = _seed_of("state['seed']", state["seed"])
+        ready = flag("state['ready']", state["ready"])
         self.episodes.restore(state["episodes"])
-        self._np_random, self._np_random_seed = generator, state["seed"]
-        self.episodes.unready = "" if state["ready"] else NOT_BEGUN
+        self._np_random, self._np_random_seed = generator, seed
+        self.episodes.unready = "" if ready else NOT_BEGUN
         if self._canvas:
             self._restart(self._canvas, 0)
 
@@ -505,17 +513,21 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         Raises
         ------
         ValueError
-            If the state is not one of this environment, made with as many copies of the same body, of the
-            same type. Nothing is changed then.
+            If the state is not one of an environment made like this one, but for its time limit, or is
+            mangled; it says what differs. Nothing is changed then.
         """
         _check_keys(state, ("episodes", "rng", "seed", "ready", "ended"))
-        generators = [_generator(its) for its in state["rng"]]
-        ended = np.array(state["ended"], bool)
-        if not len(generators) == len(state["seed"]) == len(ended) == self.num_envs:
-            raise ValueError(f"the state is one of {len(generators)} copies; there are {self.num_envs}")
+        for name, kind in (("rng", list), ("seed", list), ("ended", np.ndarray)):
+            if len(instance(f"state[{name!r}]", state[name], kind)) != self.num_envs:
+                raise ValueError(f"state[{name!r}] is of {len(state[name])} copies, here are {self.num_envs}")
+        generators = [_generator(f"state['rng'][{n}]", its) for n, its in enumerate(state["rng"])]
+        seeds = [_seed_of(f"state['seed'][{n}]", seed) for n, seed in enumerate(state["seed"])]
+        ready, ended = flag("state['ready']", state["ready"]), state["ended"].copy()
+        if ended.dtype != bool or ended.ndim != 1:
+            raise ValueError(f"state['ended'] is {ended.dtype} of shape {ended.shape}; it must be a mask")
         self.episodes.restore(state["episodes"])
-        self._generators, self._seeds, self._ended = generators, list(state["seed"]), ended
-        self.episodes.unready = "" if state["ready"] else NOT_BEGUN
+        self._generators, self._seeds, self._ended = generators, seeds, ended
+        self.episodes.unready = "" if ready else NOT_BEGUN
         self._show_new(np.arange(self.num_envs))
 
     @guarded
@@ -583,17 +595,41 @@ def _check_keys(state: Any, keys: Sequence[str]) -> None:
         raise ValueError(f"state is not one of this environment: it holds {given}, not {', '.join(keys)}")
 
 
-def _generator(state: Any) -> np.random.Generator:
-    """A generator in the state that one had."""
+LAST = {"MT19937": ("pos", 624), "Philox": ("buffer_pos", 4)}
+"""Of generators that hand numbers out of a buffer: what counts them, and how many it holds."""
+
+
+def _generator(name: str, state: Any) -> np.random.Generator:
+    """A generator in the state that one had; ``name`` is what errors call it."""
     try:
         kind = getattr(np.random, state["bit_generator"])
         if not issubclass(kind, np.random.BitGenerator):
             raise TypeError
         bits = kind(0)
         bits.state = state
-    except (TypeError, KeyError, AttributeError, ValueError):
-        raise ValueError(f"state['rng'] is not one of a random generator: {state!r}") from None
+        right = _same(bits.state, state) and state.get("has_uint32", 0) in (0, 1)
+        if kind.__name__ in LAST:
+            count, last = LAST[kind.__name__]
+            right &= 0 <= (state["state"] | state)[count] <= last
+    except Exception:  # of many kinds, as there are many ways to mangle one
+        right = False
+    if not right:
+        raise ValueError(f"{name} is {shown(state)}; it must be the state of a random generator of NumPy")
     return np.random.Generator(bits)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether states of random generators are the same."""
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
+    return bool(np.array_equal(one, other))
+
+
+def _seed_of(name: str, seed: Any) -> int:
+    """The seed that a generator says it began with: −1 if it was not seeded."""
+    if type(seed) is not int or seed < -1:
+        raise ValueError(f"{name} is {shown(seed)}; it must be a whole number, at least −1")
+    return seed
 
 
 # --- Of info, and of the spec -------------------------------------------------------------------------

@@ -279,7 +279,7 @@ def test_another_thread_is_told_and_does_not_wait() -> None:
         assert inside.wait(60)
         public = [name for name in vars(Simulator) if not name.startswith("_")]
         for name in public:
-            if name not in ("paper", "width"):  # which read nothing that changes
+            if name not in ("paper", "width", "identity"):  # which read nothing that changes
                 with pytest.raises(RuntimeError, match=f"two threads use one Simulator at once: {name} was"):
                     getattr(simulator, name)()
         with pytest.raises(RuntimeError, match="two threads"):
@@ -395,23 +395,97 @@ def test_state_holds_all_that_changes() -> None:
     assert not same(first.state(), state)
 
 
+HEAVIER = CUBE.with_(masses=0.2)
+
+OTHERS: list[tuple[dict[str, Any], str]] = [
+    ({"copies": 3}, "copies is 3, here it is 10"),
+    ({"copies": 16}, "copies is 16"),
+    ({"dtype": np.float32}, "dtype is 'float32', here it is 'float64'"),
+    ({"ledger": False}, "ledger is False, here it is True"),
+    ({"varying": ("masses",)}, r"varying is \['masses'\]"),
+    ({"step": 1e-4}, "step is 0.0001"),
+    ({"scene": SCENE.with_(gravity=(0, 0, -1.62))}, r"gravity is \[0.0, 0.0, -1.62\], here .*-9.81"),
+    ({"scene": SCENE.with_(contact=Contact(0.4, 0.5))}, "friction of the contact is 0.4, here it is 0.5"),
+    ({"scene": SCENE.with_(surfaces=(floor(-1.0),))}, r"surface 0 is 'Plane\(point=\(0.0, 0.0, -1.0\)"),
+    ({"scene": SCENE.with_(surfaces=(floor(), floor(-1.0)))}, "number of surfaces is 2, here it is 1"),
+    ({"scene": SCENE.with_(body=HEAVIER)}, "masses is '#"),
+    ({"scene": SCENE.with_(body=CUBE.with_(stiffness=CUBE.stiffness * 0.9))}, "stiffness is '#"),
+    ({"scene": SCENE.with_(thrust=ThrustActuator((1, 4)))}, "thrust is "),
+]
+
+
+def other(options: dict[str, Any]) -> Simulator:
+    made = {"scene": SCENE, "copies": COPIES, "varying": tuple(VARYING), "step": everything().step}
+    return Simulator(**(made | options))
+
+
+@pytest.mark.parametrize(("options", "differs"), OTHERS)
+def test_only_one_of_the_same_scene_is_taken_over(options: dict[str, Any], differs: str) -> None:
+    """By steps of one's own; else it is said what differs, and nothing is changed."""
+    own, its = everything(), other(options)
+    before = own.state()
+    if "step" in options:
+        own.take_over(its)
+        return
+    with pytest.raises(
+        ValueError, match=f"other is another one: its {differs}.*made like this simulator but"
+    ):
+        own.take_over(its)
+    assert same(own.state(), before)
+
+
+def test_a_state_that_is_not_finite_is_refused_but_of_copies_that_were_lost() -> None:
+    simulator = everything()
+    simulator.advance(2, check=False)
+    good = simulator.state()
+    assert not good["lost"].any()
+    for name, array in good.items():
+        if name not in ("of", "lost"):
+            for value in (np.nan, np.inf):
+                wrong = array.copy()
+                (wrong if name == "time" else wrong["lanes"])[..., 4] = value
+                with pytest.raises(
+                    ValueError, match=rf"state\['{name}'\] is not finite in copy 4; it must be"
+                ):
+                    simulator.restore(good | {name: wrong})
+                assert same(simulator.state(), good)
+    x = good["x"].copy()
+    x["lanes"][..., 4] = np.nan
+    simulator.restore(good | {"x": x, "lost": np.arange(COPIES) == 4})
+    lost = simulator.state()
+    assert lost["lost"].tolist() == (np.arange(COPIES) == 4).tolist()
+    simulator.restore(lost)
+    assert np.array_equal(simulator.state()["x"]["lanes"], lost["x"]["lanes"], equal_nan=True)
+
+
 @pytest.mark.parametrize(
-    "options",
-    [{"copies": 3}, {"copies": 16}, {"dtype": np.float32}, {"ledger": False}, {"varying": ("masses",)}],
+    ("options", "differs"),
+    OTHERS,
     ids=str,
 )
-def test_a_state_of_another_simulator_is_refused_and_changes_nothing(options: dict[str, Any]) -> None:
+def test_a_state_of_another_simulator_is_refused_and_changes_nothing(
+    options: dict[str, Any], differs: str
+) -> None:
     own = everything()
     own.advance(2, check=False)
-    other = Simulator(SCENE, **{"copies": COPIES, "varying": tuple(VARYING)} | options)
     before = own.state()
-    with pytest.raises(ValueError, match=r"the state lacks|the state holds|is of shape"):
-        own.restore(other.state())
+    with pytest.raises(ValueError, match=f"the simulator that the state is of is another one: its {differs}"):
+        own.restore(other(options).state())
     assert same(own.state(), before)
+
+
+def test_a_mangled_state_is_refused_and_changes_nothing() -> None:
+    own = everything()
+    own.advance(2, check=False)
+    before = own.state()
     for name, array in before.items():
-        for wrong in (array[:0], array[None], None, array.tolist()):
-            with pytest.raises((TypeError, ValueError), match=rf"state\['{name}'\] is"):
-                own.restore(before | {name: wrong})
+        if name != "of":
+            for wrong in (array[:0], array[None], None, array.tolist()):
+                with pytest.raises((TypeError, ValueError), match=rf"state\['{name}'\] is"):
+                    own.restore(before | {name: wrong})
+    for wrong in (None, {}, before["of"] | {"step": np.zeros(3)}, before["of"] | {"more": 1}):
+        with pytest.raises(ValueError, match="the simulator that the state is of"):
+            own.restore(before | {"of": wrong})
     with pytest.raises(ValueError, match="the state lacks 'time'"):
         own.restore({name: array for name, array in before.items() if name != "time"})
     assert same(own.state(), before)

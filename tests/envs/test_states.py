@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 import threading
 from collections.abc import Callable
@@ -111,6 +112,9 @@ def variants() -> dict[str, Any]:
         "other dynamics": make(IDS[0], dynamics="rigid"),
         "another body": make(IDS[0], body={"mass": 11.0}),
         "randomised": make(IDS[0], randomize={"actuator": (0.5, 1.0)}),
+        "a harder variant": make(IDS[0], hard=True),
+        "another reward": make(IDS[0], sparse=True),
+        "other steps": make(IDS[0], step=2.5e-4),
         "copies": make_vec(IDS[0], 2, "native", "SameStep"),
         "one copy of a batch": make_vec(IDS[0], 1, "native", "SameStep"),
     }
@@ -128,9 +132,32 @@ def mangled(state: dict[str, Any]) -> dict[str, Any]:
             "episodes": {k: v for k, v in state["episodes"].items() if k != key}
         }
         spoilt[f"odd {key}"] = state | {"episodes": state["episodes"] | {key: np.zeros((2, 2), np.float32)}}
-    spoilt["rng of another kind"] = state | {"rng": {"bit_generator": "system"}}
-    spoilt["mangled rng"] = state | {"rng": state["rng"] | {"state": 1}}
+    for key, values in state["episodes"]["simulator"].items():
+        if key == "x":
+            lost = values.copy()
+            lost["lanes"][:] = np.nan
+            inner = state["episodes"]["simulator"] | {key: lost}
+            spoilt["nowhere"] = state | {"episodes": state["episodes"] | {"simulator": inner}}
+    rngs: list[Any] = [None, 3, [], {}, {"bit_generator": "system"}, state["rng"] | {"state": 1}]
+    rngs += [state["rng"] | {"has_uint32": value} for value in (-1, 2**40, "no", 0.5)]
+    inside = state["rng"]["state"]
+    rngs += [state["rng"] | {"state": inside | {"state": value}} for value in (2**200, -1, 1.5, "1", None)]
+    for kind, count in (("MT19937", "pos"), ("Philox", "buffer_pos")):
+        its = getattr(np.random, kind)(0).state
+        for place in (-1, 10**6):
+            within = its["state"] | {count: place} if count in its["state"] else its["state"]
+            rngs.append(its | {"state": within} | ({} if count in its["state"] else {count: place}))
+    spoilt |= {f"rng {n}": state | {"rng": rng} for n, rng in enumerate(rngs)}
+    spoilt |= {f"seed {seed}": state | {"seed": seed} for seed in (None, "1", -2, 1.5, True)}
+    spoilt |= {f"ready {ready}": state | {"ready": ready} for ready in (None, "no", 1, np.zeros(3))}
     return spoilt
+
+
+def with_value(state: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
+    """A state of which an array of the episodes ends with another value."""
+    array = state["episodes"][name].copy()
+    array[..., -1] = value
+    return state | {"episodes": state["episodes"] | {name: array}}
 
 
 def check_refused(env: Any, states: dict[str, Any]) -> None:
@@ -170,8 +197,36 @@ def test_mangled_states_are_refused_and_change_nothing() -> None:
             "two rngs": state | {"rng": state["rng"][:2]},
             "two ends": state | {"ended": state["ended"][:2]},
             "two seeds": state | {"seed": state["seed"][:2]},
+            "no list": state | {"rng": 3},
+            "one rng mangled": state | {"rng": [*state["rng"][:2], {}]},
+            "ends of another kind": state | {"ended": np.zeros(3)},
+            "ends of another shape": state | {"ended": np.zeros((3, 1), bool)},
         },
     )
+
+
+@pytest.mark.parametrize(
+    ("env_id", "name", "values"),
+    [
+        ("SpringTumble-v0", "goal", (math.nan, math.inf, -1.0, 1.5, 1e9)),  # a particle, that is looked up
+        ("SpringGyroscope-v0", "goal", (math.nan, -math.inf)),
+        (IDS[0], "factors", (math.nan, 0.0, -1.0, 0.79, 1.3)),
+        (IDS[0], "action", (math.nan, 1.1)),
+        (IDS[0], "elapsed", (-1,)),
+        (IDS[0], "held", (-1,)),
+        (IDS[0], "balance", (math.nan,)),
+    ],
+)
+def test_values_that_no_state_has_are_refused(env_id: str, name: str, values: tuple[float, ...]) -> None:
+    """Before anything is changed, be it the particles, which are looked at last."""
+    env = make(env_id, **({"randomize": {"actuator": (0.8, 1.2)}} if name == "factors" else {})).unwrapped
+    state = copy.deepcopy(env.get_state())
+    elsewhere = state["episodes"]["simulator"] | {"time": np.ones(1)}
+    state["episodes"] |= {"simulator": elsewhere}
+    wrong = {str(value): with_value(state, name, value) for value in values}
+    check_refused(env, wrong)
+    env.set_state(state)
+    assert env.episodes.simulator.time[0] == 1
 
 
 # --- Calls that break off -----------------------------------------------------------------------------
