@@ -414,12 +414,17 @@ OTHERS: list[tuple[dict[str, Any], str]] = [
 ]
 
 
+each_other = pytest.mark.parametrize(
+    ("options", "differs"), OTHERS, ids=[differs.split(" is")[0] for _, differs in OTHERS]
+)
+
+
 def other(options: dict[str, Any]) -> Simulator:
     made = {"scene": SCENE, "copies": COPIES, "varying": tuple(VARYING), "step": everything().step}
     return Simulator(**(made | options))
 
 
-@pytest.mark.parametrize(("options", "differs"), OTHERS)
+@each_other
 def test_only_one_of_the_same_scene_is_taken_over(options: dict[str, Any], differs: str) -> None:
     """By steps of one's own; else it is said what differs, and nothing is changed."""
     own, its = everything(), other(options)
@@ -458,11 +463,7 @@ def test_a_state_that_is_not_finite_is_refused_but_of_copies_that_were_lost() ->
     assert np.array_equal(simulator.state()["x"]["lanes"], lost["x"]["lanes"], equal_nan=True)
 
 
-@pytest.mark.parametrize(
-    ("options", "differs"),
-    OTHERS,
-    ids=str,
-)
+@each_other
 def test_a_state_of_another_simulator_is_refused_and_changes_nothing(
     options: dict[str, Any], differs: str
 ) -> None:
