@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import wraps
 from threading import RLock
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, TypeVar, cast
 
-P = ParamSpec("P")
-R = TypeVar("R")
+Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 class Guard:
@@ -23,7 +22,7 @@ class Guard:
         return Guard, ()
 
 
-def guarded(method: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[Any, P], R]:
+def guarded(method: Method) -> Method:
     """A method of an object with a `Guard`, ``_guard``: refused while another thread is in one of them.
 
     Raises
@@ -33,7 +32,7 @@ def guarded(method: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[An
     """
 
     @wraps(method)
-    def alone(self: Any, /, *arguments: P.args, **options: P.kwargs) -> R:
+    def alone(self: Any, /, *arguments: Any, **options: Any) -> Any:
         guard = self._guard
         if not guard.taken(blocking=False):
             raise RuntimeError(
@@ -45,4 +44,4 @@ def guarded(method: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[An
         finally:
             guard.given_back()
 
-    return alone
+    return cast(Method, alone)

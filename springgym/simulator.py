@@ -740,7 +740,8 @@ class Simulator:
                 then(0, self.copies)
             return
         edges = [blocks * n // threads for n in range(threads + 1)]
-        width, working, over = self.width, [Lock() for _ in range(threads)], []
+        width, working = self.width, [Lock() for _ in range(threads)]
+        over: list[bool] = []
 
         def work(n: int) -> None:
             with working[n]:
