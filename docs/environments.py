@@ -331,11 +331,19 @@ the number in an environment's id.
 `springgym.envs.parallel` or `springgym.envs.sb3.make_sb3` made: positions and velocities, clocks, goals,
 factors, actuators, the time limit, random generators, and what a monitor counts. After
 `springgym.set_state(env, state)`, in the same environment or in another one made alike, what follows is
-what followed, to the bit. A state of another task, action mode, body, number of copies, kind of dynamics or
-type of numbers is refused. (`env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit
-as it is. That counter starts anew whenever Gymnasium's wrapper is asked to reset, even where the
-environment refuses: a state set back mends it.) `pickle` and `copy.deepcopy` take an environment in
-mid-episode with all its wrappers.
+what followed, to the bit. A state of an environment that was made otherwise, be it by another friction,
+step or variant, is refused, and it is said what differs; only the time limit and `error` may be others.
+So is a mangled one. Either all of a state is set, or nothing. (`env.unwrapped.set_state` leaves the counter
+of `gymnasium.make`'s time limit as it is. That counter starts anew whenever Gymnasium's wrapper is asked to
+reset, even where the environment refuses: a state set back mends it.) `pickle` and `copy.deepcopy` take
+an environment in mid-episode with all its wrappers.
+
+**Calls that break off.** If Ctrl-C, or a reward of your own that raises, ends a step or a reset in its
+middle, the next step asks for a reset; to set a state from before will do, too. `Simulator.advance` needs
+none: `time` says how far each copy got.
+
+**Threads.** One thread at a time may use an environment, or a simulator. A call while another thread is
+in one raises a `RuntimeError`; it does not wait.
 
 **Divergence.** A copy whose springs are stretched by half, or whose numbers are not finite, ends with
 reward 0, an observation of zeros and `info["diverged"]`; `energy` and `strain` in `info` are then what they

@@ -14,6 +14,7 @@ from springgym.bodies import Body
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
 from springgym.collisions import Collisions, Meeting, check_apart, meetings, shape
 from springgym.collisions.meeting import ALL, Named
+from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
 from springgym.surfaces import (
@@ -197,6 +198,10 @@ OWN = ("body", "positions", "velocities", "pinned", "wrench", "thrust", "drive",
 """Fields of a scene that say of its one body what `Placed` says of each of several."""
 
 
+OF_A_BODY = ("positions", "masses", "springs", "stiffness", "damping", "lengths", "markers", "triangles")
+"""Arrays of a body that decide how it moves, and how it is measured."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scene(ReadOnly):
     """All that is simulated: bodies, how they start, and what acts on them.
@@ -260,6 +265,32 @@ class Scene(ReadOnly):
         if isinstance(self.collisions, Sequence) and not isinstance(self.collisions, str):
             object.__setattr__(self, "collisions", tuple(self.collisions))
         self._check_apart(self.positions)
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """All but the start that decides how it moves, by name in plain data, see `springgym.identity`."""
+        made: dict[str, Any] = {
+            "gravity": None if self.gravity is None else list(self.gravity),
+            "number of bodies": len(self.bodies),
+            "number of surfaces": len(self.surfaces),
+            "collisions": [[met.first, met.second] for met in self.meetings],
+        }
+        made |= {f"surface {n}": repr(surface) for n, surface in enumerate(self.surfaces)}
+        contacts = {"": self.contact} if self.surfaces else {}
+        for met in self.meetings:
+            of = f" of bodies {met.first} and {met.second}"
+            contacts[of] = met.contact
+            made |= {f"c{of}": float(met.strength), f"Δ{of}": float(met.reach)}
+        for of, contact in contacts.items():
+            made[f"contact{of}"] = type(contact).__name__
+            made |= {f"{own.name} of the contact{of}": getattr(contact, own.name) for own in fields(contact)}
+        for placed in self.bodies:
+            of = self._of(placed)
+            made |= {f"{name}{of}": digest(getattr(placed.body, name)) for name in OF_A_BODY}
+            made |= {f"radius{of}": placed.body.radius, f"floppy{of}": placed.body.floppy}
+            made |= {f"pinned{of}": list(placed.pinned), f"forces{of}": digest(placed.forces)}
+            made |= {f"{name}{of}": repr(getattr(placed, name)) for name in ("wrench", "thrust", "drive")}
+        return made
 
     @cached_property
     def meetings(self) -> tuple[Meeting, ...]:

@@ -16,17 +16,21 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
-from springgym.checks import chosen, shown, whole
-from springgym.envs.episodes import Begun, Episodes
+from springgym.checks import chosen, flag, instance, shown, whole
+from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
+from springgym.envs.options import arguments
 from springgym.envs.task import MET, Task
+from springgym.guard import Guard, guarded
 from springgym.rendering import Renderer
 
 
 class Stateful:
     """What has a state: `get_state` takes it, and `set_state` returns to it."""
 
-    _ready: bool
-    """whether episodes have begun"""
+    @property
+    def _unready(self) -> str:
+        """Why there is nothing to step: no episode has begun, or a call broke off; empty if there is."""
+        raise NotImplementedError
 
     def get_state(self) -> dict[str, Any]:
         """The true state, with clocks and random generators: give it to `set_state`."""
@@ -38,8 +42,9 @@ class Stateful:
 
 
 class _Common(Stateful):
-    """What the single and the batch environment share."""
+    """What the single and the batch environment share. One thread at a time may use one, see `Guard`."""
 
+    _guard: Guard
     task_type: ClassVar[type[Task]]
     episodes: Episodes
     _spec: EnvSpec | None = None
@@ -59,6 +64,7 @@ class _Common(Stateful):
         error: bool = False,
         **options: Any,
     ) -> None:
+        self._guard = Guard()
         self.episodes = Episodes(
             self.task_type(**options),
             copies,
@@ -71,8 +77,16 @@ class _Common(Stateful):
             sparse=sparse,
             max_episode_steps=max_episode_steps,
             error=error,
+            arguments={
+                name: value
+                for name, value in arguments(self.task_type, options).items()
+                if name not in ("body", "scene")  # what they are made of is compared
+            },
         )
-        self._ready = False
+
+    @property
+    def _unready(self) -> str:
+        return self.episodes.unready
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -83,6 +97,12 @@ class _Common(Stateful):
     def spec(self, spec: EnvSpec | None) -> None:
         self._spec = None if spec is None else replace(spec, kwargs=_written(spec.kwargs))
 
+    def _check_ready(self, call: str) -> None:
+        if self.episodes.unready:
+            raise gym.error.ResetNeeded(
+                f"Cannot call env.{call}() before calling env.reset(): {self.episodes.unready}"
+            )
+
     def _checked(self, action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
         """The action as numbers.
 
@@ -91,10 +111,9 @@ class _Common(Stateful):
         ValueError
             If it has another shape, or holds what is not a number.
         gymnasium.error.ResetNeeded
-            If no episode has begun.
+            If no episode has begun, or the last call broke off.
         """
-        if not self._ready:
-            raise gym.error.ResetNeeded("Cannot call env.step() before calling env.reset()")
+        self._check_ready("step")
         try:
             given = np.asarray(action)
         except ValueError:
@@ -129,8 +148,6 @@ class _Common(Stateful):
         return always
 
     def _picture(self, renderer: Renderer, copy: int) -> np.ndarray | None:
-        if not self._ready:
-            raise gym.error.ResetNeeded("Cannot call env.render() before calling env.reset()")
         episodes = self.episodes
         positions, _ = episodes.particles
         if not episodes.diverged[copy]:
@@ -194,6 +211,7 @@ class SpringEnv(_Common, gym.Env):
         self.action_space = task.action_space
         self._canvas: Renderer | None = None
 
+    @guarded
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
@@ -213,32 +231,31 @@ class SpringEnv(_Common, gym.Env):
         except BaseException:
             self._np_random, self._np_random_seed = before
             raise
-        self._ready = True
         if self._canvas:
             self._restart(self._canvas, 0)
         if self.render_mode == "human":
-            self.render()
-        return self.episodes.observe()[0], self._info()
+            self._draw()
+        begun = self.episodes.observe()[0], self._info()
+        self.episodes.unready = ""
+        return begun
 
+    @guarded
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
         result, seen = self.episodes.step(checked[None])
         if self._canvas:
             self._canvas.follow(self.episodes.particles[0][0])
         if self.render_mode == "human":
-            self.render()
-        return (
-            self.episodes.observe(seen)[0],
-            result.reward.item(),
-            result.terminated.item(),
-            result.truncated.item(),
-            self._info(),
-        )
+            self._draw()
+        seen, info = self.episodes.observe(seen), self._info()
+        self.episodes.unready = ""
+        return seen[0], result.reward.item(), result.terminated.item(), result.truncated.item(), info
 
     def _info(self) -> dict[str, Any]:
         stepped = zip(self.episodes.task.reported, self.episodes.out[0, :MET].tolist(), strict=True)
         return _plain(self._always(0)) | dict(stepped)
 
+    @guarded
     def render(self) -> np.ndarray | None:
         if self.render_mode is None:
             gym.logger.warn(
@@ -247,6 +264,10 @@ class SpringEnv(_Common, gym.Env):
                 'render_mode="rgb_array")'
             )
             return None
+        self._check_ready("render")
+        return self._draw()
+
+    def _draw(self) -> np.ndarray | None:
         if self._canvas is None:
             self._canvas = self._renderer(self.render_mode)
         return self._picture(self._canvas, 0)
@@ -256,15 +277,17 @@ class SpringEnv(_Common, gym.Env):
             self._canvas.close()
             self._canvas = None
 
+    @guarded
     def get_state(self) -> dict[str, Any]:
         """The true state, with clock and random generator: give it to `set_state`."""
         return {
             "episodes": self.episodes.state(),
             "rng": self.np_random.bit_generator.state,
             "seed": self.np_random_seed,
-            "ready": self._ready,
+            "ready": not self.episodes.unready,
         }
 
+    @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state, to the bit: what follows is what followed.
 
@@ -274,17 +297,20 @@ class SpringEnv(_Common, gym.Env):
         Raises
         ------
         ValueError
-            If the state is not one of this environment, made with as many copies of the same body, of the
-            same type. Nothing is changed then.
+            If the state is not one of an environment made like this one, but for its time limit, or is
+            mangled; it says what differs. Nothing is changed then.
         """
         _check_keys(state, ("episodes", "rng", "seed", "ready"))
-        generator = _generator(state["rng"])
+        generator = _generator("state['rng']", state["rng"])
+        seed = _seed_of("state['seed']", state["seed"])
+        ready = flag("state['ready']", state["ready"])
         self.episodes.restore(state["episodes"])
-        self._np_random, self._np_random_seed = generator, state["seed"]
-        self._ready = bool(state["ready"])
+        self._np_random, self._np_random_seed = generator, seed
+        self.episodes.unready = "" if ready else NOT_BEGUN
         if self._canvas:
             self._restart(self._canvas, 0)
 
+    @guarded
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_canvas": None}  # pictures do not travel
 
@@ -341,6 +367,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         self._ended = np.zeros(num_envs, bool)
         self._canvases: list[Renderer] = []
 
+    @guarded
     def reset(
         self,
         *,
@@ -367,13 +394,15 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         started = np.flatnonzero(mask)
         self.episodes.begin(started, [generators[n] for n in started], given)
         self._generators, self._seeds = generators, known
-        self._ready = True
         self._ended[mask] = False
         self._show_new(started)
         infos: dict[str, Any] = {}
         _add(infos, self._info(), mask)
-        return self.episodes.observe(), infos
+        seen = self.episodes.observe()
+        self.episodes.unready = ""
+        return seen, infos
 
+    @guarded
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         checked = self._checked(actions, self.action_space.shape)
         mode, episodes = self.autoreset_mode, self.episodes
@@ -406,7 +435,9 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             begun = self._begin(fresh)
             self._ended = np.zeros(self.num_envs, bool)
         _add(infos, self._info(), np.ones(self.num_envs, bool))
-        return episodes.observe(seen, begun), reward, terminated, truncated, infos
+        seen = episodes.observe(seen, begun)
+        episodes.unready = ""
+        return seen, reward, terminated, truncated, infos
 
     def _info(self) -> dict[str, Any]:
         return self._always(slice(None)) | dict(
@@ -443,14 +474,16 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             raise ValueError(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
         if not mask.any():
             raise ValueError("reset_mask resets no copy")
-        if not self._ready and not mask.all():
-            raise ValueError("reset_mask leaves out copies that have not begun: the first reset takes all")
+        if self.episodes.unready and not mask.all():
+            raise ValueError(f"reset_mask leaves out copies, and {self.episodes.unready}: reset all copies")
         return mask.copy(), {name: value for name, value in options.items() if name != "reset_mask"}
 
+    @guarded
     def render(self) -> tuple[Any, ...]:
         """A picture of every copy."""
         if self.render_mode is None:
             raise ValueError('make the batch with render_mode="rgb_array" to draw it')
+        self._check_ready("render")
         if not self._canvases:
             self._canvases = [self._renderer(self.render_mode) for _ in range(self.num_envs)]
         return tuple(self._picture(canvas, n) for n, canvas in enumerate(self._canvases))
@@ -483,35 +516,42 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         """The seeds of `np_random`, −1 where the generator was set and not seeded."""
         return tuple(self._seeds) if self.np_random else ()
 
+    @guarded
     def get_state(self) -> dict[str, Any]:
         """The true state of all copies, with clocks and random generators: give it to `set_state`."""
         return {
             "episodes": self.episodes.state(),
             "rng": [generator.bit_generator.state for generator in self.np_random],
             "seed": list(self.np_random_seed),
-            "ready": self._ready,
+            "ready": not self.episodes.unready,
             "ended": self._ended.copy(),
         }
 
+    @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state, to the bit: what follows is what followed.
 
         Raises
         ------
         ValueError
-            If the state is not one of this environment, made with as many copies of the same body, of the
-            same type. Nothing is changed then.
+            If the state is not one of an environment made like this one, but for its time limit, or is
+            mangled; it says what differs. Nothing is changed then.
         """
         _check_keys(state, ("episodes", "rng", "seed", "ready", "ended"))
-        generators = [_generator(its) for its in state["rng"]]
-        ended = np.array(state["ended"], bool)
-        if not len(generators) == len(state["seed"]) == len(ended) == self.num_envs:
-            raise ValueError(f"the state is one of {len(generators)} copies; there are {self.num_envs}")
+        for name, kind in (("rng", list), ("seed", list), ("ended", np.ndarray)):
+            if len(instance(f"state[{name!r}]", state[name], kind)) != self.num_envs:
+                raise ValueError(f"state[{name!r}] is of {len(state[name])} copies, here are {self.num_envs}")
+        generators = [_generator(f"state['rng'][{n}]", its) for n, its in enumerate(state["rng"])]
+        seeds = [_seed_of(f"state['seed'][{n}]", seed) for n, seed in enumerate(state["seed"])]
+        ready, ended = flag("state['ready']", state["ready"]), state["ended"].copy()
+        if ended.dtype != bool or ended.ndim != 1:
+            raise ValueError(f"state['ended'] is {ended.dtype} of shape {ended.shape}; it must be a mask")
         self.episodes.restore(state["episodes"])
-        self._generators, self._seeds, self._ended = generators, list(state["seed"]), ended
-        self._ready = bool(state["ready"])
+        self._generators, self._seeds, self._ended = generators, seeds, ended
+        self.episodes.unready = "" if ready else NOT_BEGUN
         self._show_new(np.arange(self.num_envs))
 
+    @guarded
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_canvases": []}  # pictures do not travel
 
@@ -553,9 +593,9 @@ def set_state(env: Any, state: Mapping[str, Any]) -> None:
         If the state is not one of this environment, see `SpringEnv.set_state`. Nothing is changed then.
     """
     own = _own(env)
-    begun = own._ready
+    unready = own._unready
     own.set_state(state)
-    if env is not own and not begun:  # wrappers, too, want a first reset
+    if env is not own and unready:  # wrappers, too, want a first reset
         env.reset()
         own.set_state(state)
     while isinstance(env, gym.Wrapper):
@@ -582,17 +622,41 @@ def _check_keys(state: Any, keys: Sequence[str]) -> None:
         raise ValueError(f"state is not one of this environment: it holds {given}, not {', '.join(keys)}")
 
 
-def _generator(state: Any) -> np.random.Generator:
-    """A generator in the state that one had."""
+LAST = {"MT19937": ("pos", 624), "Philox": ("buffer_pos", 4)}
+"""Of generators that hand numbers out of a buffer: what counts them, and how many it holds."""
+
+
+def _generator(name: str, state: Any) -> np.random.Generator:
+    """A generator in the state that one had; ``name`` is what errors call it."""
     try:
         kind = getattr(np.random, state["bit_generator"])
         if not issubclass(kind, np.random.BitGenerator):
             raise TypeError
         bits = kind(0)
         bits.state = state
-    except (TypeError, KeyError, AttributeError, ValueError):
-        raise ValueError(f"state['rng'] is not one of a random generator: {state!r}") from None
+        right = _same(bits.state, state) and state.get("has_uint32", 0) in (0, 1)
+        if kind.__name__ in LAST:
+            count, last = LAST[kind.__name__]
+            right &= 0 <= (state["state"] | state)[count] <= last
+    except Exception:  # of many kinds, as there are many ways to mangle one
+        right = False
+    if not right:
+        raise ValueError(f"{name} is {shown(state)}; it must be the state of a random generator of NumPy")
     return np.random.Generator(bits)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether states of random generators are the same."""
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
+    return bool(np.array_equal(one, other))
+
+
+def _seed_of(name: str, seed: Any) -> int:
+    """The seed that a generator says it began with: −1 if it was not seeded."""
+    if type(seed) is not int or seed < -1:
+        raise ValueError(f"{name} is {shown(seed)}; it must be a whole number, at least −1")
+    return seed
 
 
 # --- Of info, and of the spec -------------------------------------------------------------------------

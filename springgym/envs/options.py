@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
+from os import PathLike
 from typing import Any
+
+import numpy as np
 
 from springgym import checks
 from springgym.bodies import Body
@@ -22,6 +25,27 @@ def number(options: dict[str, Any], name: str, otherwise: float, low: float, hig
     if name not in options:
         return otherwise
     return checks.number(f"reset option {name!r}", options.pop(name), low, high)
+
+
+def arguments(maker: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """All arguments that a call has by name, defaults included, in plain data; of a function, its name."""
+    bound = inspect.signature(maker).bind(**given)
+    bound.apply_defaults()
+    return {name: _plain(value) for name, value in bound.arguments.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    if isinstance(value, PathLike):
+        return str(value)
+    return getattr(value, "__qualname__", type(value).__qualname__)
 
 
 def made(maker: Callable[..., Body], body: Mapping[str, Any] | None, **usual: Any) -> Body:

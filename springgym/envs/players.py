@@ -10,12 +10,23 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import seeding
 
-from springgym.checks import chosen, instance, shown, whole
-from springgym.envs.base import SpringEnv, _check_keys, _Common, _generator, _plain, _seed, frame_rate
+from springgym.checks import chosen, flag, instance, shown, whole
+from springgym.envs.base import (
+    SpringEnv,
+    _check_keys,
+    _Common,
+    _generator,
+    _plain,
+    _seed,
+    _seed_of,
+    frame_rate,
+)
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
+from springgym.envs.episodes import NOT_BEGUN
 from springgym.envs.options import mapping
 from springgym.envs.task import MET
 from springgym.extras import missing
+from springgym.guard import guarded
 from springgym.measures import Measures
 from springgym.registration import register
 from springgym.rendering import Renderer
@@ -94,6 +105,7 @@ class ParallelDuel(_Common, ParallelEnv):
         """What the second agent does, as `SpringDuel` asks its opponent."""
         return self._answered
 
+    @guarded
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
@@ -106,14 +118,16 @@ class ParallelDuel(_Common, ParallelEnv):
             generator, known = seeding.np_random(given)
         self.episodes.begin(np.array([0]), [generator], options)
         self._np_random, self._np_random_seed = generator, known
-        self._ready = True
         self.agents = list(AGENTS)
         if self._canvas:
             self._restart(self._canvas, 0)
         if self.render_mode == "human":
-            self.render()
-        return self._seen(), self._infos(self._outcomes())
+            self._draw()
+        begun = self._seen(), self._infos(self._outcomes())
+        self.episodes.unready = ""
+        return begun
 
+    @guarded
     def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], ...]:
         """Both act for a control period.
 
@@ -127,7 +141,7 @@ class ParallelDuel(_Common, ParallelEnv):
             If no episode has begun.
         """
         if not self.agents:
-            self._checked(np.zeros(self.task.action_space.shape), self.task.action_space.shape)
+            self._check_ready("step")
             return {}, {}, {}, {}, {}
         mapping("actions", actions)
         if missing := [name for name in self.agents if name not in actions]:
@@ -145,10 +159,11 @@ class ParallelDuel(_Common, ParallelEnv):
         if self._canvas:
             self._canvas.follow(self.episodes.particles[0][0])
         if self.render_mode == "human":
-            self.render()
+            self._draw()
         seen, infos = self._seen(), self._infos(out)
         if ended or cut:
             self.agents = []
+        self.episodes.unready = ""
         return seen, rewards, terminations, truncations, infos
 
     def state(self) -> np.ndarray:
@@ -159,8 +174,7 @@ class ParallelDuel(_Common, ParallelEnv):
         gymnasium.error.ResetNeeded
             If no episode has begun.
         """
-        if not self._ready:
-            raise gym.error.ResetNeeded("Cannot call env.state() before calling env.reset()")
+        self._check_ready("state")
         return self.episodes.observe()[0]
 
     @property
@@ -180,15 +194,17 @@ class ParallelDuel(_Common, ParallelEnv):
         """The seed of `np_random`, −1 where the generator was set and not seeded."""
         return self._np_random_seed if self.np_random else None
 
+    @guarded
     def get_state(self) -> dict[str, Any]:
         return {
             "episodes": self.episodes.state(),
             "rng": self.np_random.bit_generator.state,
             "seed": self.np_random_seed,
-            "ready": self._ready,
+            "ready": not self.episodes.unready,
             "agents": list(self.agents),
         }
 
+    @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state, to the bit: what follows is what followed.
 
@@ -200,13 +216,16 @@ class ParallelDuel(_Common, ParallelEnv):
         _check_keys(state, ("episodes", "rng", "seed", "ready", "agents"))
         if state["agents"] not in ([], list(AGENTS)):
             raise ValueError(f"state['agents'] is {shown(state['agents'])}; it must be {list(AGENTS)} or []")
-        generator = _generator(state["rng"])
+        generator = _generator("state['rng']", state["rng"])
+        seed = _seed_of("state['seed']", state["seed"])
+        ready = flag("state['ready']", state["ready"])
         self.episodes.restore(state["episodes"])
-        self._np_random, self._np_random_seed = generator, state["seed"]
-        self._ready, self.agents = bool(state["ready"]), list(state["agents"])
+        self._np_random, self._np_random_seed = generator, seed
+        self.episodes.unready, self.agents = "" if ready else NOT_BEGUN, list(state["agents"])
         if self._canvas:
             self._restart(self._canvas, 0)
 
+    @guarded
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_canvas": None}  # pictures do not travel
 
@@ -246,10 +265,15 @@ class ParallelDuel(_Common, ParallelEnv):
             for n, name in enumerate(AGENTS)
         }
 
+    @guarded
     def render(self) -> np.ndarray | None:
         if self.render_mode is None:
             gym.logger.warn("render() draws nothing without a render mode")
             return None
+        self._check_ready("render")
+        return self._draw()
+
+    def _draw(self) -> np.ndarray | None:
         if self._canvas is None:
             self._canvas = self._renderer(self.render_mode)
         return self._picture(self._canvas, 0)

@@ -110,8 +110,8 @@ class SB3VecEnv(Stateful, VecEnv):
         return deepcopy(observations), np.array(rewards, dtype=np.float32), dones, sb3_infos
 
     @property
-    def _ready(self) -> bool:  # type: ignore[override]
-        return _own(self.vector_env)._ready
+    def _unready(self) -> str:
+        return _own(self.vector_env)._unready
 
     def get_state(self) -> dict[str, Any]:
         """The state of the vector environment, see `springgym.get_state`."""
@@ -173,8 +173,8 @@ class Monitor(Stateful, VecMonitor):
     """arrays (n,) of what it remembers of the copies"""
 
     @property
-    def _ready(self) -> bool:  # type: ignore[override]
-        return _own(self.venv)._ready
+    def _unready(self) -> str:
+        return _own(self.venv)._unready
 
     def get_state(self) -> dict[str, Any]:
         """The state of the vector environment, and what is counted of it."""

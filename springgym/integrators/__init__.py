@@ -16,6 +16,7 @@ import numpy as np
 from springgym.blocks import at
 from springgym.checks import instance, shown
 from springgym.compiling import Inner, compiled, kernel
+from springgym.integrators.clock import Clock, tick
 from springgym.integrators.record import Integrator, Phase
 from springgym.kinds import Ledger
 from springgym.lanes import bodies_of, of_body
@@ -113,7 +114,7 @@ def advance_kernel(
 
     If the kernel is called with ``reads``, it then reads them off by ``read``, a compiled function like
     `springgym.measures.read`, which takes ``reading``, a `springgym.measures.Reading`. Only kernels of rigid
-    bodies make use of ``settles``: springs need not be put into shape.
+    bodies make use of ``settles``: springs need not be put into shape. ``clock`` counts the steps.
     """
     if together:
         return _kernel(_method(name, "integrate_together")[1], at_once, read)
@@ -160,11 +161,14 @@ def _kernel(
         terms: Terms,
         reading: Any,
         reads: bool,
+        clock: Clock,
     ) -> None:
         for block in range(blocks[0], blocks[1]):
             here, own = at(phase, block), at(terms, block)
             if steps != 0:
                 take(integrate, here.x, here.v, here.ledger, workspace, at(h, block), steps, own)
+            if steps > 0:
+                tick(clock, block, steps)
             if reads:
                 read(block, here, reading, own)
 
