@@ -32,7 +32,7 @@ def test_who_fails_after_success_has_none(env_id: str, honest: int) -> None:
         return control(seen) if steps <= honest else np.tile(worst, (len(seen), 1))
 
     played = play(env_id, turns, COPIES, observation="frame")
-    failed = (played.lengths > honest) & (played.lengths < make(env_id).spec.max_episode_steps)
+    failed = (played.lengths > honest) & (played.lengths < gym.spec(env_id).max_episode_steps)
     assert failed.sum() > COPIES / 2
     assert not played.successes[failed].any()
 
