@@ -58,7 +58,8 @@ python agents/watch.py --pretrained SpringTop-v0 --out top.gif
 ```
 
 The audit plays the same episodes with a quarter of the step, by another method and by the rigid twin, and
-tells what of the return per step is lost: whether the agent lives on errors of the simulation.
+tells what share of the return is lost: whether the agent lives on errors of the simulation. It survives if
+that is below 2 %, with a certainty of 95 %; a simulation that the task cannot be played in tells nothing.
 """
 TIME = """## Time to learn
 
@@ -182,11 +183,11 @@ def table_of_agents() -> list[str]:
     for path in sorted(CARDS.glob("*/card.json")):
         card = json.loads(path.read_text(encoding="utf-8"))
         low, high = card["interval"]
+        own, *others = card["audit"]
         lost = [
-            f"{found['simulation']}: none"
-            if found["refused"]
-            else f"{found['simulation']}: {found['lost']:+.4f}"
-            for found in card["audit"][1:]
+            f"{found['simulation']}: {found['verdict']}"
+            + ("" if found["refused"] else f", {100 * found['lost'] / own['return_per_step']:+.2f} %")
+            for found in others
         ]
         lines.append(
             f"| `{card['task']}` | {card['algorithm']}, seed {card['seed']} | {card['mean_return']:.3f} "

@@ -86,9 +86,9 @@ class SB3VecEnv(VecEnv):
         ----------
         seed
             Of one number every copy gets a seed of its own, which no copy gets of another number:
-            `springgym.envs.starts.spawned`. (Stable-Baselines3's own environments count on from the number, so
-            that the copies of neighbouring ones begin alike.) A sequence has the seed of each copy. None draws
-            the number.
+            `springgym.envs.starts.spawned`. (Stable-Baselines3's own environments count on from the number:
+            copies of neighbouring ones begin alike.) A sequence has the seed of each copy. None draws the
+            number.
 
         Raises
         ------
