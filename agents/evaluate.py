@@ -110,7 +110,7 @@ def evaluate(
     run = trained_on(agent, env_id)
     kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_kwargs)
     with making(env_id):
-        env = make_sb3(env_id, episodes, **kwargs)
+        env = make_sb3(env_id, episodes, env_kwargs=kwargs)
     try:
         policy = (
             load_policy(run, env.observation_space, env.action_space)

@@ -6,7 +6,7 @@ batch to the native vector environment, so Python works only for the copies whos
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from importlib import import_module
 from typing import Any
@@ -221,6 +221,7 @@ def make_sb3(
     seed: int | None = None,
     *,
     stagger: bool = False,
+    env_kwargs: Mapping[str, Any] | None = None,
     **kwargs: Any,
 ) -> VecMonitor:
     """Make ``num_envs`` copies of an environment for Stable-Baselines3: native ones if it has them.
@@ -236,8 +237,10 @@ def make_sb3(
         Of the first episodes, see `SB3VecEnv.seed`: runs of different seeds share no start. None draws them.
     stagger
         Spread the ends of the episodes over time, see `StaggeredMonitor`: for training, not for evaluation.
+    env_kwargs
+        Arguments of the environment, whatever their names.
     **kwargs
-        Passed to the environment.
+        More of them.
 
     Returns
     -------
@@ -254,7 +257,7 @@ def make_sb3(
         mode |= {"vectorization_mode": "vector_entry_point"}
     else:
         mode = {"vectorization_mode": "sync", "vector_kwargs": mode}
-    vector_env = gym.make_vec(env_id, num_envs=num_envs, **mode, **kwargs)
+    vector_env = gym.make_vec(env_id, num_envs=num_envs, **mode, **(env_kwargs or {}), **kwargs)
     env = (StaggeredMonitor if stagger else VecMonitor)(SB3VecEnv(vector_env))
     if seed is not None:
         env.seed(seed)
