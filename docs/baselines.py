@@ -79,13 +79,14 @@ python docs/baselines.py --rows runs/benchmark/baselines.json
 
 The first command trains and evaluates everything, on all cores or on a Ray cluster; stopped in whatever
 way, it goes on. The second writes this page. The same command, seed, machine and commit give the same curve
-to the bit. Copies that learn begin from seeds of their own, spawned from the run's; in rows older than that they
-counted on from it, so that runs of a task shared most of their starts. *Linear* is a ← clip(W o + b) over
-the compact observation, found by the cross-entropy method; *classical* is the controller in
-`agents/controllers.py`, which is not learned. Hyperparameters are those of `configs/`, which say what is observed, too: PPO sees particles where nothing is said, the others the compact
-observation. A variant is trained with those of its environment. All begin from nothing, but PPO of
-`SpringDuel-v0` and `SpringDuelStrong-v0`: it [imitates](training.md#begin-with-what-is-known) classical
-control in its first 400,000 steps.
+to the bit. Copies that learn begin from seeds of their own, spawned from the run's; in rows older than that
+they counted on from it, so that runs of a task shared most of their starts. *Linear* is a ← clip(W o + b)
+over the compact observation, found by the cross-entropy method; *classical* is the controller in
+`agents/controllers.py`, which is not learned. Hyperparameters are those of `configs/`, which say what is
+observed, too: PPO sees particles where nothing is said, the others the compact observation. A variant is
+trained with those of its environment. All begin from nothing, but PPO of `SpringDuel-v0` and
+`SpringDuelStrong-v0`: it [imitates](training.md#begin-with-what-is-known) classical control in its first
+400,000 steps.
 
 The rows are in `docs/baselines.json`, each with the versions and the commit it was made with, a digest of
 its configuration (of classical control, a sum of what it does where given actions lead), and a probe of its
