@@ -100,7 +100,7 @@ class SB3VecEnv(VecEnv):
                 raise ValueError(f"{len(seed)} seeds were given for {self.num_envs} copies")
             self._seeds = list(seed)
         else:
-            self._seeds = spawned(super().seed(seed)[0], self.num_envs)  # type: ignore[arg-type]
+            self._seeds = [*spawned(super().seed(seed)[0], self.num_envs)]  # type: ignore[arg-type]
         return self._seeds
 
     def reset(self) -> VecEnvObs:
