@@ -283,7 +283,8 @@ an episode starts and ends. All of them
 - observe positions and velocities of particles (`observation="particles"`) or a few numbers such as axis
   and spin (`observation="frame"`), scaled to about one;
 - take actions in [−1, 1], in one of several modes (`action=…`);
-- reward each step with a number from 0 to 1, and say in `info["is_success"]` whether the aim is met;
+- reward each step with a number from 0 to 1, and say in `info["is_success"]` whether the aim is met: an
+  episode that ends by failure is no success, however long the aim was met before;
 - run with springs or, except for ropes, as rigid bodies (`dynamics="rigid"`), in a batch, and with
   randomised masses, stiffness, friction and more (`randomize=…`);
 - give and take their true state (`get_state`, `set_state`).

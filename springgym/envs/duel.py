@@ -198,6 +198,7 @@ class SpringDuel(Task):
     entries = ENTRIES
     finest = 1e-3
     hold = 1
+    wins = True
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
 

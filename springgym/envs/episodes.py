@@ -329,8 +329,8 @@ class Episodes:
             own, result = self._part(share), Step(*(values[share] for values in result))
             seen = None if seen is None else seen[share]
         self._evaluate(*own[:5], self.parameters, own.outcome)
-        terms, limit = self.rewarded, self.max_episode_steps
-        self._finish(own.rows, own.out, terms, own.held, own.elapsed, limit, own.diverged, result)
+        terms, wins, limit = self.rewarded, self.task.wins, self.max_episode_steps
+        self._finish(own.rows, own.out, terms, wins, own.held, own.elapsed, limit, own.diverged, result)
         if seen is not None:
             self._look(own, seen)
 
@@ -584,6 +584,7 @@ def finish(
     rows: np.ndarray,
     out: np.ndarray,
     terms: Any,
+    wins: Any,
     held: np.ndarray,
     elapsed: np.ndarray,
     limit: Any,
@@ -592,7 +593,8 @@ def finish(
 ) -> None:
     """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0.
 
-    The terms of the reward are the first ``terms`` columns; if `SPARSE`, it is whether the aim is met.
+    The terms of the reward are the first ``terms`` columns; if `SPARSE`, it is whether the aim is met. Who
+    fails has not met it, unless the episode ``wins`` by its end.
     """
     met, failed = out.shape[1] + MET, out.shape[1] + FAILED
     for c in range(out.shape[0]):
@@ -603,6 +605,8 @@ def finish(
         if diverged[c]:
             out[c, :] = 0.0
             out[c, failed] = 1.0
+        if out[c, failed] > 0 and not wins:
+            out[c, met] = 0.0
         result.reward[c] = 0.0
         for n in range(terms):
             result.reward[c] += out[c, n]

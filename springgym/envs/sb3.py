@@ -29,6 +29,7 @@ except ImportError as error:
     raise ImportError(missing("springgym.envs.sb3", "Stable-Baselines3", "agents")) from error
 
 from springgym.envs.base import SpringVectorEnv, Stateful, _check_keys, _own, get_state, set_state
+from springgym.envs.starts import spawned
 
 __all__ = ["Monitor", "SB3VecEnv", "StaggeredMonitor", "make_sb3"]
 
@@ -77,6 +78,30 @@ class SB3VecEnv(Stateful, VecEnv):
             vector_env.single_observation_space,
             vector_env.single_action_space,
         )
+
+    def seed(self, seed: int | Sequence[int] | None = None) -> Sequence[int | None]:
+        """Seed the copies for the next reset.
+
+        Parameters
+        ----------
+        seed
+            Of one number every copy gets a seed of its own, which no copy gets of another number:
+            `springgym.envs.starts.spawned`. (Stable-Baselines3's own environments count on from the number:
+            copies of neighbouring ones begin alike.) A sequence has the seed of each copy. None draws the
+            number.
+
+        Raises
+        ------
+        ValueError
+            If a sequence has not one for each copy.
+        """
+        if isinstance(seed, Sequence):
+            if len(seed) != self.num_envs:
+                raise ValueError(f"{len(seed)} seeds were given for {self.num_envs} copies")
+            self._seeds = list(seed)
+        else:
+            self._seeds = [*spawned(super().seed(seed)[0], self.num_envs)]  # type: ignore[arg-type]
+        return self._seeds
 
     def reset(self) -> VecEnvObs:
         """Start a new episode in every copy, with the seeds and options set since the last one."""
@@ -245,6 +270,7 @@ def make_sb3(
     seed: int | None = None,
     *,
     stagger: bool = False,
+    env_kwargs: Mapping[str, Any] | None = None,
     **kwargs: Any,
 ) -> Monitor:
     """Make ``num_envs`` copies of an environment for Stable-Baselines3: native ones if it has them.
@@ -257,11 +283,13 @@ def make_sb3(
     num_envs
         Number of copies.
     seed
-        Copy ``i`` starts its first episode from ``seed + i``; None draws the seeds.
+        Of the first episodes, see `SB3VecEnv.seed`: runs of different seeds share no start. None draws them.
     stagger
         Spread the ends of the episodes over time, see `StaggeredMonitor`: for training, not for evaluation.
+    env_kwargs
+        Arguments of the environment, whatever their names.
     **kwargs
-        Passed to the environment.
+        More of them.
 
     Returns
     -------
@@ -278,7 +306,7 @@ def make_sb3(
         mode |= {"vectorization_mode": "vector_entry_point"}
     else:
         mode = {"vectorization_mode": "sync", "vector_kwargs": mode}
-    vector_env = gym.make_vec(env_id, num_envs=num_envs, **mode, **kwargs)
+    vector_env = gym.make_vec(env_id, num_envs=num_envs, **mode, **(env_kwargs or {}), **kwargs)
     env = (StaggeredMonitor if stagger else Monitor)(SB3VecEnv(vector_env))
     if seed is not None:
         env.seed(seed)

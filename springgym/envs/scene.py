@@ -109,6 +109,9 @@ class SceneTask(Task):
         and whether the aim is met now.
     hold
         Steps in a row that the aim must be met for ``info["is_success"]``.
+    wins
+        Whether an episode may end by success: where ``failed`` and ``succeeded`` are both true, it is won.
+        Else it is lost there, however long the aim was met before.
     observe
         Takes the same; returns what is observed (n, D), scaled to order one: it is clipped to ±10. Positions
         and velocities of all particles that can move, if not given.
@@ -136,6 +139,7 @@ class SceneTask(Task):
         failed: Seeing | None = None,
         succeeded: Seeing | None = None,
         hold: int = 1,
+        wins: bool = False,
         observe: Seeing | None = None,
         start: Starting | None = None,
         period: float = 0.02,
@@ -152,6 +156,7 @@ class SceneTask(Task):
         self._observe, self._start = observe, start
         self._judges = (("met", "succeeded", succeeded), ("failed", "failed", failed))
         self.hold = checks.whole("hold", hold, 1)  # type: ignore[misc]
+        self.wins = checks.flag("wins", wins)  # type: ignore[misc]
         self.period = checks.number("period", period, TINY)  # type: ignore[misc]
         self._actuators = {
             name: checks.number(f"actuators[{name!r}]", most, TINY)

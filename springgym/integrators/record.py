@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from springgym import checks
 from springgym.blocks import aligned_zeros
 from springgym.integrators.envelope import envelope
 from springgym.ragged import stacked
@@ -45,6 +46,20 @@ class Integrator:
     """has the node that `springgym.forces.pairs.collide` acts at"""
     meets_surfaces: bool = False
     """passes nodes, see `springgym.forces.node`, where there are surfaces"""
+
+    def __post_init__(self) -> None:
+        for own in fields(self):
+            name, value = own.name, getattr(self, own.name)
+            if own.type == "str":
+                checks.instance(name, value, str)
+            elif own.type == "bool":
+                checks.flag(name, value)
+            elif own.type == "float":  # a stability limit
+                checks.number(name, value, 0.0, math.inf)
+            else:
+                checks.whole(name, value, 0 if name == "workspace" else 1)
+        if self.name.split() != [self.name]:
+            raise ValueError(f"name is {checks.shown(self.name)}; it must be one word")
 
     @property
     def splits_dampers(self) -> bool:

@@ -332,6 +332,34 @@ def test_a_method_without_dampers_says_so() -> None:
         gym.make("SpringTop-v0", integrator="pefrl")
 
 
+@pytest.mark.parametrize(
+    ("wrong", "error", "says"),
+    [
+        ({"name": ""}, ValueError, "name is ''; it must be one word"),
+        ({"name": "leap frog"}, ValueError, "name is 'leap frog'; it must be one word"),
+        ({"name": None}, TypeError, "name is None; it must be str"),
+        ({"order": 0}, ValueError, "order is 0; it must be a whole number, at least 1"),
+        ({"order": 2.0}, TypeError, "order is 2.0; it must be a whole number"),
+        ({"evaluations": -1}, ValueError, "evaluations is -1; it must be a whole number, at least 1"),
+        (
+            {"imaginary_limit": np.nan},
+            ValueError,
+            "imaginary_limit is nan; it must be a number from 0 to inf",
+        ),
+        ({"real_limit": np.nan}, ValueError, "real_limit is nan; it must be a number from 0 to inf"),
+        ({"real_limit": -1.0}, ValueError, "real_limit is -1.0; it must be a number from 0 to inf"),
+        ({"imaginary_limit": "2"}, TypeError, "imaginary_limit is '2'; it must be a number"),
+        ({"workspace": -1}, ValueError, "workspace is -1; it must be a whole number, at least 0"),
+        ({"symplectic": 1}, TypeError, "symplectic is 1; it must be True or False"),
+        ({"meets_surfaces": "no"}, TypeError, "meets_surfaces is 'no'; it must be True or False"),
+        ({"citation": 3}, TypeError, "citation is 3; it must be str"),
+    ],
+)
+def test_facts_that_cannot_be_are_refused(wrong: Any, error: type[Exception], says: str) -> None:
+    with pytest.raises(error, match=says):
+        replace(LEAPFROG, **wrong)
+
+
 def test_what_is_no_method_is_refused() -> None:
     with pytest.raises(TypeError, match="record is 'verlet'"):
         register("verlet", drift_kick_drift)  # type: ignore[arg-type]

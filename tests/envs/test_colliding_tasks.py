@@ -25,6 +25,23 @@ with warnings.catch_warnings():
 COPIES = 8
 
 
+@pytest.mark.parametrize(("env_id", "honest"), [("Balance", 300), ("Shove", 200), ("Juggle", 300)])
+def test_who_fails_after_success_has_none(env_id: str, honest: int) -> None:
+    """Paddle, plate or pusher runs away, while ball or box is still where it should be."""
+    env_id = f"Spring{env_id}-v0"
+    control, steps, worst = classical(env_id), 0, np.ones(task_type(env_id)().action_space.shape)
+
+    def turns(seen: np.ndarray) -> np.ndarray:
+        nonlocal steps
+        steps += 1
+        return control(seen) if steps <= honest else np.tile(worst, (len(seen), 1))
+
+    played = play(env_id, turns, COPIES, observation="frame")
+    failed = (played.lengths > honest) & (played.lengths < gym.spec(env_id).max_episode_steps)
+    assert failed.sum() > COPIES / 2
+    assert not played.successes[failed].any()
+
+
 # --- SpringBalance --------------------------------------------------------------------------------------
 
 

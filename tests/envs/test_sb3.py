@@ -47,7 +47,7 @@ def test_same_as_dummy_vec_env():
     ours, theirs = SB3VecEnv(cartpoles()), DummyVecEnv([cartpole] * N)
     assert ours.observation_space == theirs.observation_space
     assert ours.action_space == theirs.action_space
-    assert ours.seed(5) == theirs.seed(5) == [5, 6, 7]
+    assert ours.seed([5, 6, 7]) == theirs.seed(5)
     np.testing.assert_array_equal(ours.reset(), theirs.reset())
     rng = np.random.default_rng(0)
     ends = []
@@ -77,6 +77,30 @@ def test_next_reset_draws_new_episodes():
     assert not np.array_equal(env.reset(), first)
     env.seed(1)
     np.testing.assert_array_equal(env.reset(), first)
+
+
+def test_no_seed_shares_a_start_with_another():
+    """Neighbouring ones neither: not as they are made, nor when an algorithm seeds them anew."""
+    seeds = np.array([SB3VecEnv(cartpoles()).seed(seed) for seed in range(20)])
+    assert len(np.unique(seeds)) == seeds.size
+    starts = []
+    for seed in (0, 1):
+        env = make_sb3("ScoredCartPole-v0", 8, seed=seed)
+        starts.append(env.reset())
+        model = PPO("MlpPolicy", env, n_steps=8, batch_size=64, seed=seed, device="cpu")
+        np.testing.assert_array_equal(model.get_env().reset(), starts[-1])
+    assert len(np.unique(np.concatenate(starts), axis=0)) == 16
+
+
+def test_drawn_seeds_follow_numpys_generator():
+    env = SB3VecEnv(cartpoles())
+    drawn = []
+    for state in (4, 4, 5):
+        np.random.seed(state)  # noqa: NPY002
+        drawn.append(env.seed())
+    assert drawn[0] == drawn[1] != drawn[2]
+    with pytest.raises(ValueError, match="2 seeds were given for 3 copies"):
+        env.seed([1, 2])
 
 
 def test_nothing_returned_is_shared():
@@ -161,7 +185,7 @@ def test_render_tiles_the_copies_and_close_closes():
 def test_make_sb3():
     env = make_sb3("ScoredCartPole-v0", num_envs=2, seed=3)
     assert isinstance(env, VecMonitor)
-    reference = DummyVecEnv([cartpole] * 2)
+    reference = SB3VecEnv(cartpoles(2))
     reference.seed(3)
     np.testing.assert_array_equal(env.reset(), reference.reset())
 
@@ -171,7 +195,8 @@ gym.register("LonelyCartPole-v0", entry_point=cartpole)
 
 def test_make_sb3_without_native_copies():
     """An environment that a user registered with no vector entry point is stepped in a loop."""
-    env = make_sb3("LonelyCartPole-v0", num_envs=2, seed=3)
+    env = make_sb3("LonelyCartPole-v0", num_envs=2)
+    env.seed([3, 4])
     reference = DummyVecEnv([cartpole] * 2)
     reference.seed(3)
     np.testing.assert_array_equal(env.reset(), reference.reset())
