@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import re
 import webbrowser
 from contextlib import redirect_stdout
 from dataclasses import replace
@@ -86,11 +87,16 @@ def show(subject: Subject, port: int = PORT, browser: bool = True) -> None:
 
 def _subject(args: argparse.Namespace) -> Subject:
     """What the arguments name."""
-    if args.agent is None and "-v" not in args.what:
+    if args.agent is None and not _is_environment(args.what):
         return scenes(args.what)
     from springgym.view.episodes import episodes, find_agent
 
     return episodes(find_agent(args.agent, args.what), args.seed)
+
+
+def _is_environment(what: str) -> bool:
+    """Whether a name ends as the id of an environment does, and is not that of a file."""
+    return re.search(r"-v[0-9]+$", what) is not None and not Path(what).is_file()
 
 
 def scenes(first: str) -> Subject:
