@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -12,6 +12,7 @@ from gymnasium.utils import seeding
 from springgym.checks import chosen, whole
 from springgym.envs.base import SpringEnv, _Common, _plain, _seed, frame_rate
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
+from springgym.envs.options import Observation, SimulationOptions
 from springgym.envs.task import MET
 from springgym.extras import missing
 from springgym.measures import Measures
@@ -25,6 +26,20 @@ except ImportError as error:
 AGENTS = ("first", "second")
 OPTIONS = ("tilt", "spin", "other_tilt", "other_spin", "randomize")
 """Reset options of the duel."""
+
+
+class PlayerOptions(SimulationOptions, total=False):
+    """What `ParallelDuel` takes beside its own arguments."""
+
+    observation: Observation
+    action: Literal["push"]
+
+
+class ParallelOptions(PlayerOptions, total=False):
+    """All that it takes."""
+
+    render_mode: Literal["human", "rgb_array"] | None
+    max_episode_steps: int
 
 
 class ParallelDuel(_Common, ParallelEnv):
@@ -52,7 +67,11 @@ class ParallelDuel(_Common, ParallelEnv):
     }
 
     def __init__(
-        self, *, render_mode: str | None = None, max_episode_steps: int = 500, **options: Any
+        self,
+        *,
+        render_mode: Literal["human", "rgb_array"] | None = None,
+        max_episode_steps: int = 500,
+        **options: Unpack[PlayerOptions],
     ) -> None:
         for name in ("opponent", "sparse"):
             if name in options:
