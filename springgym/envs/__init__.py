@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
+
+if TYPE_CHECKING:
+    from springgym.envs.players import ParallelDuel, ParallelOptions
 
 from springgym.registration import PARALLEL
 
 
-def parallel(env_id: str, **options: Any) -> Any:
+def parallel(env_id: str, **options: Unpack[ParallelOptions]) -> ParallelDuel:
     """Make an environment of several agents, a `ParallelEnv` of PettingZoo: it needs the extra ``parallel``.
 
     Parameters

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
@@ -167,7 +168,7 @@ class _Common(Stateful):
         return Renderer(task.look(), task.camera(), task.scenery(), mode=mode, fps=frame_rate(task))
 
 
-class SpringEnv(_Common, gym.Env):
+class SpringEnv(_Common, gym.Env[np.ndarray, np.ndarray]):
     """One environment.
 
     A concrete one names `gymnasium.Env` among its own bases: some libraries look there to tell what it is.
@@ -194,6 +195,8 @@ class SpringEnv(_Common, gym.Env):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"]}  # noqa: RUF012
+    observation_space: spaces.Box
+    action_space: spaces.Box
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -315,7 +318,7 @@ class SpringEnv(_Common, gym.Env):
         return {**vars(self), "_canvas": None}  # pictures do not travel
 
 
-class SpringVectorEnv(_Common, gym.vector.VectorEnv):
+class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """Many copies stepped by one call, equal to the bit to as many single environments.
 
     A concrete one names `gymnasium.vector.VectorEnv` among its own bases, see `SpringEnv`.
@@ -333,6 +336,11 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
     options
         As for the single environment.
     """
+
+    single_observation_space: spaces.Box
+    single_action_space: spaces.Box
+    observation_space: spaces.Box
+    action_space: spaces.Box
 
     def __init__(
         self,
@@ -360,8 +368,8 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         }
         self.single_observation_space = task.observation_space
         self.single_action_space = task.action_space
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(task.observation_space, num_envs)  # type: ignore[assignment]
+        self.action_space = batch_space(task.action_space, num_envs)  # type: ignore[assignment]
         self._generators: list[np.random.Generator] = []
         self._seeds: list[int] = []
         self._ended = np.zeros(num_envs, bool)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -18,7 +18,7 @@ from springgym.compiling import compiled, kernel
 from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, values
-from springgym.envs.options import number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, thrift
 from springgym.envs.starts import above_bowl, standing, uniform
 from springgym.envs.task import Start, Task
@@ -203,7 +203,10 @@ class SpringDuel(Task):
     compact = staticmethod(compact)
 
     def __init__(
-        self, observation: str = "particles", action: str = "push", opponent: str | Opponent = "script"
+        self,
+        observation: Observation = "particles",
+        action: Literal["push"] = "push",
+        opponent: Literal["still", "guard", "script", "strong"] | Opponent = "script",
     ) -> None:
         super().__init__(observation, action)
         if not callable(opponent) or isinstance(opponent, type):
@@ -348,6 +351,14 @@ class SpringDuel(Task):
         )
 
 
+class DuelOptions(EnvOptions, total=False):
+    """What `SpringDuelEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["push"]
+    opponent: Literal["still", "guard", "script", "strong"] | Opponent
+
+
 class SpringDuelEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -429,8 +440,18 @@ class SpringDuelEnv(SpringEnv, gym.Env):
 
     task_type = SpringDuel
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[DuelOptions]) -> None: ...
+
 
 class SpringDuelVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringDuelEnv`."""
 
     task_type = SpringDuel
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[DuelOptions]
+        ) -> None: ...

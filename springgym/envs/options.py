@@ -1,16 +1,46 @@
-"""What users give to environments by name: checked, and told by name if it is wrong."""
+"""What users give to environments by name: declared for type checkers, checked, and told if it is wrong."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
-from typing import Any
+from typing import Any, Literal, TypedDict
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import DTypeLike
 
 from springgym import checks
 from springgym.bodies import Body
+
+Observation = Literal["particles", "frame"]
+Autoreset = AutoresetMode | Literal["NextStep", "SameStep", "Disabled"]
+
+
+class SimulationOptions(TypedDict, total=False):
+    """What every environment takes, see `springgym.envs.base.SpringEnv`."""
+
+    integrator: str | None
+    step: float | None
+    dynamics: Literal["springs", "rigid"]
+    dtype: DTypeLike
+    threads: int
+    randomize: Mapping[str, Sequence[float]] | None
+    error: bool
+
+
+class RewardedOptions(SimulationOptions, total=False):
+    """What every environment of one agent takes, too."""
+
+    render_mode: Literal["human", "rgb_array"] | None
+    sparse: bool
+
+
+class EnvOptions(RewardedOptions, total=False):
+    """The same and a time limit."""
+
+    max_episode_steps: int | None
 
 
 def mapping(name: str, value: Any) -> Mapping[str, Any]:

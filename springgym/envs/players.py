@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -23,7 +23,7 @@ from springgym.envs.base import (
 )
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
 from springgym.envs.episodes import NOT_BEGUN
-from springgym.envs.options import mapping
+from springgym.envs.options import Observation, SimulationOptions, mapping
 from springgym.envs.task import MET
 from springgym.extras import missing
 from springgym.guard import guarded
@@ -41,6 +41,20 @@ register()  # with PettingZoo, which is there by now
 AGENTS = ("first", "second")
 OPTIONS = ("tilt", "spin", "other_tilt", "other_spin", "randomize")
 """Reset options of the duel."""
+
+
+class PlayerOptions(SimulationOptions, total=False):
+    """What `ParallelDuel` takes beside its own arguments."""
+
+    observation: Observation
+    action: Literal["push"]
+
+
+class ParallelOptions(PlayerOptions, total=False):
+    """All that it takes."""
+
+    render_mode: Literal["human", "rgb_array"] | None
+    max_episode_steps: int
 
 
 class ParallelDuel(_Common, ParallelEnv):
@@ -68,7 +82,11 @@ class ParallelDuel(_Common, ParallelEnv):
     }
 
     def __init__(
-        self, *, render_mode: str | None = None, max_episode_steps: int = 500, **options: Any
+        self,
+        *,
+        render_mode: Literal["human", "rgb_array"] | None = None,
+        max_episode_steps: int = 500,
+        **options: Unpack[PlayerOptions],
     ) -> None:
         for name in ("opponent", "sparse"):
             if name in options:

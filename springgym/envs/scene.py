@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Unpack, overload
 
 import gymnasium as gym
 import numpy as np
@@ -20,7 +20,7 @@ from springgym import checks
 from springgym.checks import TINY, chosen, instance
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles
-from springgym.envs.options import mapping
+from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
@@ -35,6 +35,44 @@ Seeing = Callable[[Measures, np.ndarray, np.ndarray], np.ndarray]
 Starting = Callable[[Generator], tuple[np.ndarray, np.ndarray]]
 
 
+class SceneOptions(RewardedOptions, total=False):
+    """What `make_scene_env` takes beside its own arguments."""
+
+    failed: Seeing | None
+    succeeded: Seeing | None
+    hold: int
+    observe: Seeing | None
+    start: Starting | None
+    period: float
+    position_scale: float | None
+    velocity_scale: float | None
+
+
+@overload
+def make_scene_env(
+    scene: Scene | str | Path,
+    reward: Reward,
+    *,
+    actuators: Mapping[str, float],
+    num_envs: None = None,
+    max_episode_steps: int | None = 500,
+    **options: Unpack[SceneOptions],
+) -> gym.Env[np.ndarray, np.ndarray]: ...
+
+
+@overload
+def make_scene_env(
+    scene: Scene | str | Path,
+    reward: Reward,
+    *,
+    actuators: Mapping[str, float],
+    num_envs: int,
+    max_episode_steps: int | None = 500,
+    autoreset_mode: Autoreset = ...,
+    **options: Unpack[SceneOptions],
+) -> SceneVectorEnv: ...
+
+
 def make_scene_env(
     scene: Scene | str | Path,
     reward: Reward,
@@ -43,7 +81,7 @@ def make_scene_env(
     num_envs: int | None = None,
     max_episode_steps: int | None = 500,
     **options: Any,
-) -> gym.Env | gym.vector.VectorEnv:
+) -> gym.Env[np.ndarray, np.ndarray] | SceneVectorEnv:
     """Make a Gymnasium environment over a scene, or a native batch of it.
 
     Its ``spec`` makes it again, with `gymnasium.make` or `gymnasium.make_vec`. It pickles if the functions
