@@ -230,7 +230,7 @@ def test_nothing_adds_energy_or_gets_through(
         before = found.energy[0]
 
 
-def test_what_is_placed_in_touch_loses_nothing_less_than_nothing() -> None:
+def test_placing_in_touch_enters_no_negative_loss() -> None:
     """At rest in the barrier, squeezed, sliding, held on a slope: no negative loss, and what rests has none.
 
     What is read of energy at a node with contact is m g² h²/8 more than at rest, which is no loss.
