@@ -39,7 +39,7 @@ from springgym.surfaces import Contact, PaperContact
 STRAIN_LIMIT = 0.5
 """A spring stretched or squeezed by more than this share of its length has left what the model means."""
 
-STRAINED = 0.2
+STRAINED = 0.3
 """Strain from which springs that should hold a body in shape do so no more: a `PrecisionWarning` tells."""
 
 COARSE = 1e-5

@@ -389,7 +389,7 @@ def test_strain_that_holds_no_shape_is_told_of_once_unless_it_is_meant() -> None
         simulator.readout.rows[:, OFFSETS["strain"]] = strain
         return simulator
 
-    read(0.19)._check()
+    read(0.29)._check()
     strained = read(0.46)
     with pytest.warns(PrecisionWarning, match=r"copy 0 .* by 0\.46 of its length .*say strain_limit"):
         strained._check()
