@@ -151,8 +151,15 @@ def _whole(recording: Recording, lost: float) -> str:
         f"{plan.name}: {plan.title}\n{recording.simulator}\n"
         f"{recording.times[-1]:g} s: largest strain {m.strain.max():.3g}, "
         f"energy {m.energy[0]:.6g} → {m.energy[-1]:.6g} J, lost {lost:.3g} J, "
-        f"unaccounted {m.balance[-1] - m.balance[0]:.2g} J"
+        f"unaccounted {m.balance[-1] - m.balance[0]:.2g} J{_of_shadow(recording, lost)}"
     )
+
+
+def _of_shadow(recording: Recording, lost: float) -> str:
+    """What is unaccounted for of the energy that the method keeps, if that is known."""
+    first, last = recording.shadow
+    left = last + lost - float(recording.measures.work[-1]) - first
+    return "" if np.isnan(left) else f", of the shadow energy {left:.2g} J"
 
 
 def save_trace(recording: Recording, path: Path) -> None:

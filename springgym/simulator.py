@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
@@ -44,6 +45,13 @@ from springgym.surfaces import Contact, PaperContact
 STRAIN_LIMIT = 0.5
 """A spring stretched or squeezed by more than this share of its length has left what the model means."""
 
+STRAINED = 0.3
+"""Strain from which springs that should hold a body in shape do so no more: a `PrecisionWarning` tells."""
+
+COARSE = 1e-5
+"""Rounding of positions, as a share of the shortest spring, from which a `PrecisionWarning` tells: springs
+feel it as a stretch, and energy grows with every step."""
+
 WORTH_A_THREAD = 10_000
 """Springs and pairs of bodies × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms)
 pays."""
@@ -72,7 +80,11 @@ MOST_PARTICLES, MOST_THREADS = 10**8, 1024
 
 
 class SimulationDivergedError(ArithmeticError):
-    """A copy has left what the model means: not finite, or a spring beyond `STRAIN_LIMIT`."""
+    """A copy has left what the model means: not finite, or a spring beyond its limit."""
+
+
+class PrecisionWarning(UserWarning):
+    """A simulation means less than it seems to, see `STRAINED` and `COARSE`; a simulator tells it once."""
 
 
 class Simulator:
@@ -110,6 +122,9 @@ class Simulator:
     tolerance
         (relative, absolute) of a method that controls its error, see
         `springgym.integrators.record.Control`; (1e-6, 1e-9) if not given.
+    strain_limit
+        Largest |L/L₀ − 1| of a spring; a copy beyond it has diverged. If it is given, strains up to it are
+        meant, and no `PrecisionWarning` tells of them; if not, it is `STRAIN_LIMIT`.
 
     Raises
     ------
@@ -134,6 +149,7 @@ class Simulator:
         varying: Collection[str] = (),
         ledger: bool = True,
         tolerance: tuple[float, float] | None = None,
+        strain_limit: float | None = None,
     ) -> None:
         self._guard = Guard()
         self.scene = checks.instance("scene", scene, Scene)
@@ -155,6 +171,12 @@ class Simulator:
         self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
         self.dtype = _checked_dtype(dtype)
         ledger = checks.flag("ledger", ledger)
+        self.strain_limit = (
+            STRAIN_LIMIT if strain_limit is None else checks.number("strain_limit", strain_limit, low=TINY)
+        )
+        """share of its length beyond which a spring means that a copy has diverged"""
+        self._strained = self._strain_of_note(strain_limit is not None)
+        self._far = self._far_away()
         self.time = np.zeros(self.copies)
         """[s], (copies,)"""
         self._x = self._blocks(particles, 3)
@@ -183,6 +205,7 @@ class Simulator:
         self._actuators = self._actuated()
         self._advance = self._kernel()
         self._check_settled(scene.positions[None], scene.velocities[None], np.zeros(1, int))
+        self._check_distance(scene.positions)
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
             numbers(array)[:] = start[..., None]  # the padding of the last block, too
         self._settle(np.arange(self.copies))
@@ -327,6 +350,7 @@ class Simulator:
         )
         self.scene.check_start(x, v, index)
         self._check_settled(x, v, index)
+        self._check_distance(x)
         set_copies(self._x, index, x)
         set_copies(self._v, index, v)
         self._settle(index)
@@ -627,16 +651,56 @@ class Simulator:
             check, read = checks.flag("check", check), checks.flag("read", read)
         self._share(steps, settles=True, reads=check or read, then=then)
         if check:
-            strain = self.readout.rows[:, measures.STRAIN]
-            strained = ~(strain <= STRAIN_LIMIT)
-            diverged = strained | ~np.isfinite(self.readout.rows).all(axis=1)
-            if diverged.any():
-                n = int(np.argmax(diverged))
-                what = f"strain {strain[n]:g}, limit {STRAIN_LIMIT}" if strained[n] else "not finite"
-                raise SimulationDivergedError(
-                    f"copy {n} diverged before t = {self.time[n]:g} s: {what}; step {self.step:g} s, "
-                    f"stability limit {self.largest_step:g} s"
-                )
+            self._check()
+
+    def _check(self) -> None:
+        """Refuse what has diverged, and tell of what means little, as it was read off last."""
+        strain = self.readout.rows[:, measures.STRAIN]
+        strained = ~(strain <= self.strain_limit)
+        diverged = strained | ~np.isfinite(self.readout.rows).all(axis=1)
+        if diverged.any():
+            n = int(np.argmax(diverged))
+            what = "not finite"
+            if strained[n]:
+                what = f"strain {strain[n]:g}, strain_limit {self.strain_limit:g}"
+            raise SimulationDivergedError(
+                f"copy {n} diverged before t = {self.time[n]:g} s: {what}; step {self.step:g} s, "
+                f"stability limit {self.largest_step:g} s"
+            )
+        if (strain > self._strained).any():
+            n = int(np.argmax(strain > self._strained))
+            self._strained = math.inf
+            _tell(
+                f"a spring of copy {n} is stretched or squeezed by {strain[n]:.2g} of its length at "
+                f"t = {self.time[n]:g} s, and holds no shape any more; take stiffer springs, or say "
+                "strain_limit, the share up to which you mean it"
+            )
+        if self._far < math.inf:
+            self._check_distance(self.readout.positions)
+
+    def _check_distance(self, positions: np.ndarray) -> None:
+        """Tell if positions (copies, N, 3) are so far away that rounding them moves springs."""
+        far = float(np.abs(positions).max())
+        if far > self._far:
+            limit = self._far
+            rounding = float(np.spacing(self.dtype.type(far)))
+            self._far = math.inf
+            _tell(
+                f"a particle is {far:.3g} m away from the origin, where positions in {self.dtype} are "
+                f"{rounding:.2g} m apart, and springs feel that; stay within {limit:.3g} m, or use float64"
+            )
+
+    def _strain_of_note(self, meant: bool) -> float:
+        """The strain to tell of; infinite where it is meant, as in ropes."""
+        shaped = not any(placed.body.floppy for placed in self.scene.bodies)
+        return STRAINED if shaped and not meant else math.inf
+
+    def _far_away(self) -> float:
+        """How far from the origin rounding is `COARSE` [m]; of float64, as far as nobody goes."""
+        lengths = self.scene.of_bodies("lengths")
+        if self._kind.rigid or not len(lengths) or self.dtype != np.float32:
+            return math.inf
+        return COARSE * float(lengths.min()) / float(np.finfo(self.dtype).eps)
 
     def _run(self, thread: int, first: int, last: int, steps: int, settles: bool, reads: bool) -> None:
         """Take blocks ``first`` to ``last`` ``steps`` further; then read them off, if ``reads``.
@@ -681,6 +745,30 @@ class Simulator:
         number = None if body is None else self.scene.number(body)
         self.read()
         return measures.view((self.readout.rows if number is None else self.readout.bodies[:, number]).copy())
+
+    @guarded
+    def shadow_energy(self) -> np.ndarray:
+        """What the steps of velocity Verlet keep [J], (copies,): H − (h²/8) Σ m |a|².
+
+        H is the `energy` of `Measures`, a is what springs and gravity make of a particle's velocity. Springs
+        that vibrate keep this to rounding, while H swings: it is off by up to (ω h)²/4 of the energy in a
+        vibration of ω. Dampers, contact and friction take from both what is in the ledger. Amid contact H
+        holds the springs' share already.
+
+        Raises
+        ------
+        ValueError
+            If it is not known: of another method, of rigid bodies, or with forces of one's own.
+        """
+        if self._kind.rigid or self.integrator.name != "verlet":
+            what = f"{self.integrator.name} on {self.dynamics}"
+            raise ValueError(f"the shadow energy is known of verlet on springs alone; this is {what}")
+        if self._terms.own is not None:
+            raise ValueError("the shadow energy is not known where forces of one's own act")
+        self.read()
+        x, slices = self.readout.positions, self.scene.slices
+        swings = [packing.swing(packed, x[:, own]) for packed, own in zip(self._packed, slices, strict=True)]
+        return np.asarray(self.readout.rows[:, measures.ENERGY] - self.step**2 / 8 * sum(swings))
 
     @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:
@@ -829,6 +917,11 @@ class Simulator:
                 f"{self.largest_step:.4g} s. Take a smaller step, softer springs or heavier particles"
             )
         return step
+
+
+def _tell(what: str) -> None:
+    """Warn whoever called the simulator."""
+    warnings.warn(what, PrecisionWarning, stacklevel=4)
 
 
 @lru_cache(maxsize=8)

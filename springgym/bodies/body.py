@@ -171,8 +171,7 @@ class Body(ReadOnly):
         """
         held = indices("pinned", pinned, len(self.masses))
         free = np.setdiff1d(np.arange(len(self.masses)), held)
-        rigid = rigid_motions(self.positions)
-        moving = rank(rigid.reshape(-1, 6)) - rank(rigid[held].reshape(-1, 6))
+        moving = rigid_ways(self.positions) - rigid_ways(self.positions, held)
         if len(self.masses) > EXACT:
             first, second = self.springs.T
             along = (self.positions[second] - self.positions[first]) / self._distances()[:, None]
@@ -306,6 +305,12 @@ def rigid_motions(positions: np.ndarray, about: Any = None) -> np.ndarray:
     motions[:, :, :3] = np.eye(3)
     motions[:, :, 3:] = np.cross(np.eye(3), r[:, None, :]).transpose(0, 2, 1)
     return motions
+
+
+def rigid_ways(positions: np.ndarray, particles: Any = slice(None)) -> int:
+    """How many independent rigid motions of a body, of whatever size, move some of its particles."""
+    size = np.ptp(positions, axis=0).max() or 1.0
+    return rank(rigid_motions(positions / size)[particles].reshape(-1, 6))
 
 
 def assembled(blocks: np.ndarray, springs: np.ndarray, count: int) -> np.ndarray:

@@ -19,12 +19,12 @@ from hypothesis import strategies as st
 from springgym import compiling
 from springgym import simulator as module
 from springgym.blocks import to_copies
-from springgym.bodies import cube, top
+from springgym.bodies import cube, rope, top
 from springgym.compiling import SameTypes, kernel
-from springgym.measures import Measures
+from springgym.measures import OFFSETS, Measures
 from springgym.packing import PARAMETERS as VARYING
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
-from springgym.simulator import SimulationDivergedError, Simulator
+from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
 from springgym.surfaces import Contact, floor, impact_damping
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
 
@@ -541,3 +541,53 @@ def test_compiled_code_is_not_given_other_types(monkeypatch: pytest.MonkeyPatch)
     assert same_types(3) == same_types(4) - 2
     with pytest.raises(TypeError, match=r"twice was compiled for .*int64.* and is called with .*float64"):
         same_types(3.0)
+
+
+# --- What is told -------------------------------------------------------------------------------------
+
+
+def test_float32_far_from_the_origin_is_told_of_once() -> None:
+    """A cube of 1 m, 1 km away: springs of 1 m feel steps of 6e-5 m. Nothing is compiled for this."""
+    near, far = CUBE.positions + 50.0, CUBE.positions + 1000.0
+    scene = Scene(CUBE, near)
+    Simulator(scene.with_(positions=far))
+    made = Simulator(scene, dtype=np.float32)
+    apart = r"1e\+03 m away .* in float32 are 6\.1e-05 m apart, .* within 83\.9 m, or use float64"
+    with pytest.warns(PrecisionWarning, match=apart):
+        Simulator(scene.with_(positions=far), dtype=np.float32)
+    with pytest.warns(PrecisionWarning, match="use float64"):
+        made.place(far, 0 * far)
+    made.place(far, 0 * far)  # not twice
+    flown = Simulator(scene, dtype=np.float32)
+    flown.readout.positions[:] = far
+    with pytest.warns(PrecisionWarning, match="away from the origin"):
+        flown._check()
+
+
+def test_strain_that_holds_no_shape_is_told_of_once_unless_it_is_meant() -> None:
+    scene = Scene(CUBE)
+
+    def read(strain: float, **options: Any) -> Simulator:
+        simulator = Simulator(scene, **options)
+        simulator.readout.rows[:, OFFSETS["strain"]] = strain
+        return simulator
+
+    read(0.29)._check()
+    strained = read(0.46)
+    with pytest.warns(PrecisionWarning, match=r"copy 0 .* by 0\.46 of its length .*say strain_limit"):
+        strained._check()
+    strained._check()
+    read(0.46, strain_limit=0.5)._check()
+    read(1.5, strain_limit=2.0)._check()
+    for limit, strain in ((None, 0.51), (0.3, 0.31)):
+        with pytest.raises(SimulationDivergedError, match=f"strain {strain}, strain_limit {limit or 0.5}"):
+            read(strain, strain_limit=limit)._check()
+    cord = Simulator(Scene(rope(), gravity=None))
+    cord.readout.rows[:, OFFSETS["strain"]] = 0.46  # a rope has no shape to lose
+    cord._check()
+
+
+def test_shadow_energy_is_refused_where_it_is_not_known() -> None:
+    for options in ({"integrator": "rk4"}, {"dynamics": "rigid"}):
+        with pytest.raises(ValueError, match=r"known of verlet on springs alone; this is (rk4|suzuki) on"):
+            Simulator(PLAIN, **options).shadow_energy()

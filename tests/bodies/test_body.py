@@ -4,7 +4,7 @@ import re
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, box, cube, gyroscope, rope, top
+from springgym.bodies import Body, box, cube, gyroscope, rope, top, vibrations
 from springgym.bodies.body import EXACT, MOST_PARTICLES, inertia, rigid_motions, rigidity_matrix
 
 TRIANGLE = {
@@ -158,6 +158,16 @@ def test_floppy_modes_are_counted():
     assert cube().floppy_modes() == cube().floppy_modes((0,)) == cube().floppy_modes((0, 4)) == 0
     far = cube().with_(positions=cube().positions + 1000.0)
     assert far.floppy_modes() == 0
+
+
+@pytest.mark.parametrize("size", [1e-20, 1e-9, 1e9, 1e20])
+def test_whether_a_body_can_change_shape_does_not_depend_on_its_size(size):
+    body = cube(size)
+    assert body.floppy_modes() == body.floppy_modes((0,)) == body.floppy_modes((0, 1)) == 0
+    with pytest.raises(ValueError, match="can change shape in 5 ways"):
+        body.with_(springs=body.springs[:13], stiffness=1e5, damping=0.0, lengths=None)
+    rates, _ = vibrations(body)
+    assert rates == pytest.approx(vibrations(cube())[0], rel=1e-9)
 
 
 def test_weakening_a_top_is_noticed():

@@ -50,6 +50,7 @@ def test_summary(capsys):
         "verlet, step",
         "largest strain",
         "unaccounted",
+        "J, of the shadow energy ",
     ):
         assert word in out
 
