@@ -13,7 +13,7 @@ import numpy as np
 
 from springgym.cli import INTERRUPTED, whole_file
 from springgym.integrators import METHODS
-from springgym.scenes.checks import Check, check, fitting
+from springgym.scenes.checks import NOT_COVERED, Check, check, fitting
 from springgym.scenes.plan import LEAST, Plan
 from springgym.scenes.reading import load
 from springgym.scenes.reading import names as scene_names
@@ -205,7 +205,7 @@ def _report(recording: Recording, whole: float) -> int:
     short = length < (1 - 1e-6) * whole
     print(table(checks, "too short" if short else "FAILED"))
     unseen = sum(bool(np.isnan(result.measured)) for result in checks)
-    outside = sum(_verdict(result, "") == NOT_COVERED for result in checks)
+    outside = sum(result.verdict == NOT_COVERED for result in checks)
     failed = sum(not result.passed for result in checks) - outside
     if failed and short:
         print(f"the run is too short for {failed} of {len(checks)} checks: {length:g} s of {whole:g} s")
@@ -213,21 +213,12 @@ def _report(recording: Recording, whole: float) -> int:
         print(f"{failed} of {len(checks)} checks failed")
     if outside:
         print(
-            f"{outside} of {len(checks)} checks not covered: what theory leaves out may make more than the tolerance"
+            f"{outside} of {len(checks)} checks not covered: what theory leaves out may make more than the "
+            "tolerance"
         )
     if unseen and not short:
         print(f"{unseen} of them: nothing to measure in {length:g} s; a longer run may show it (--duration)")
     return 1 if failed else UNCOVERED if outside else 0
-
-
-NOT_COVERED = "not covered"
-
-
-def _verdict(result: Check, otherwise: str) -> str:
-    """What a check says; ``otherwise`` where it does not pass. What was not seen is not outside of theory."""
-    if result.passed:
-        return "ok"
-    return otherwise if result.covered or np.isnan(result.measured) else NOT_COVERED
 
 
 def table(checks: list[Check], otherwise: str = "FAILED") -> str:
@@ -252,7 +243,7 @@ def _row(result: Check, otherwise: str) -> tuple[str, ...]:
     scale = abs(result.theory) or 1.0
     relative = "" if result.theory else f" {result.unit}"
     seen = not np.isnan(result.measured)
-    verdict = _verdict(result, otherwise)
+    verdict = otherwise if result.verdict == "FAILED" else result.verdict
     if verdict == NOT_COVERED:
         verdict += f", theory leaves out {result.doubt / scale:.1e}{relative}"
     return (

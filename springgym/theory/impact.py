@@ -25,7 +25,7 @@ RADIANS = 0.02
 
 
 class Impact(NamedTuple):
-    """An impact, from the first touch: ``duration``, s, to the last; ``speed``, m/s, of the centre at ``until``, s."""
+    """From the first touch: `duration` to the last, s; `speed` of the centre at `until`, m/s and s."""
 
     duration: float
     speed: float
@@ -69,7 +69,8 @@ def impact(
     high = reach + np.asarray(heights, float)
     root = np.sqrt(mass)
     squares = np.linalg.eigvalsh(np.asarray(stiffness, float) / (root * root.T))
-    quick, slow = math.sqrt(squares[-1]), math.sqrt(squares[6])
+    quick = math.sqrt(squares[-1] + 2 * strength / (reach**3 * mass.min()))
+    slow = math.sqrt(squares[squares > 1e-9 * squares[-1]][0])
     springs, dampers = np.asarray(stiffness, float) / mass, np.asarray(damping, float) / mass
     vertical, step = slice(2, None, 3), RADIANS / quick
 
@@ -87,7 +88,8 @@ def impact(
     clear = min(reach, 10 * speed / slow)
     share = mass[vertical, 0] / mass[vertical].sum()
     last = 0.0
-    for n in range(math.ceil(100 / slow / step)):
+    slowest = min(slow, math.sqrt(2 * strength / (reach**3 * mass[vertical].sum())))
+    for n in range(math.ceil(100 / slowest / step)):
         before = float((high + state[0, vertical]).min()) - reach
         k1 = rate(state)
         k2 = rate(state + step / 2 * k1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from springgym.scene import Scene
-from springgym.scenes.checks.basis import Check
+from springgym.scenes.checks.basis import NOT_COVERED, Check
 from springgym.scenes.checks.contact import (
     axial_spin,
     bounces,
@@ -118,4 +118,4 @@ def check(recording: Recording) -> list[Check]:
     return found
 
 
-__all__ = ["CHECKS", "Check", "check", "fitting", "of_all"]
+__all__ = ["CHECKS", "NOT_COVERED", "Check", "check", "fitting", "of_all"]

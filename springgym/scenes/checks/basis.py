@@ -10,6 +10,9 @@ import numpy as np
 
 from springgym.scenes.recording import Recording
 
+NOT_COVERED = "not covered"
+"""The verdict where theory leaves out more than the tolerance."""
+
 
 class Check(NamedTuple):
     """A quantity by theory and as measured.
@@ -33,6 +36,13 @@ class Check(NamedTuple):
     def covered(self) -> bool:
         """Whether theory says the quantity to within the tolerance; a doubt that is NaN is none."""
         return bool(self.doubt <= self.tolerance)
+
+    @property
+    def verdict(self) -> str:
+        """In a word or two. What was not seen is not outside of theory."""
+        if self.passed:
+            return "ok"
+        return NOT_COVERED if not self.covered and self.measured == self.measured else "FAILED"
 
     @property
     def passed(self) -> bool:

@@ -140,9 +140,9 @@ def at_stake(plan: Plan) -> float:
 
 
 def twin(recording: Recording) -> list[Check]:
-    """How far the traced particle strays from that of the rigid twin, at the most: a share of the body's size.
+    """How far the traced particle strays from that of the rigid twin, at the most.
 
-    A share of the rate at which it moves adds up to that share of its path.
+    It may by a share of the body's size. A share of the rate at which it moves adds up to that of its path.
     """
     plan = recording.plan
     assert plan.trace is not None

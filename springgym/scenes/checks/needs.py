@@ -99,11 +99,11 @@ def _smooth(plan: Plan) -> None:
 
 
 def _falls(plan: Plan) -> None:
+    if not len(plan.scene.body.springs):
+        raise ValueError("it is of a body with springs")
     _, reach = scales(plan.scene.contact, plan.scene.body)
     if plan.scene.velocities.any() or float(plan.scene.positions[:, 2].min()) <= reach:
         raise ValueError("it is not dropped from rest above the floor's reach")
-    if not len(plan.scene.body.springs):
-        raise ValueError("it is of a body with springs")
 
 
 def _on_tip(plan: Plan) -> None:

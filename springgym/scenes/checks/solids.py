@@ -18,7 +18,7 @@ EXACT = 1e-12
 """Share of what a network has exactly of its solid: round-off."""
 
 TUNED = 2e-4
-"""Share of the lowest frequency, to which springs are calibrated; half of it is how period and phase are read."""
+"""Share of the lowest frequency, to which springs are calibrated; half of it is how a period is read."""
 
 DAMPED = 0.01
 """Share of the damping ratio: peaks that fall are read to half of it."""

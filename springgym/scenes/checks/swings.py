@@ -12,7 +12,7 @@ from springgym.theory import pendulum as theory
 from springgym.theory import rope
 
 PENDULUM = 1e-3
-"""Share of the period of a stiff body: strains of 5e-5 make 1e-4 of its moments, and near the top six times as
+"""Share of the period of a stiff body: strains of 5e-5 make 1e-4 of its moments, and at 150° six times as
 much of the period."""
 
 SMALL = 0.01
@@ -28,11 +28,11 @@ MODES = 5e-3
 """Share of the frequencies of a rope's modes: steps make (ω h)²/24 of it, 1e-3 of the highest."""
 
 SWING = 0.01
-"""Share of the period of a rope that swings: it stretches by 1 %, and by that much more or less as it swings."""
+"""Share of the period of a rope that swings: it is stretched by 1.2 %, and more or less so as it swings."""
 
 DEPTH = 0.01
-"""Share of the depth of a jump: a cord of 1.4 % of the mass gains as much of the energy as it falls, and dampers
-take 1 %; of the depth that is half."""
+"""Share of the depth of a jump: a cord of 1.4 % of the mass gains as much of the energy as it falls, and
+dampers take 1 %; of the depth that is half."""
 
 
 def _gravity(recording: Recording) -> float:

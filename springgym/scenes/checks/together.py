@@ -29,11 +29,11 @@ SLID = 1e-3
 """[m] A rope that stays draped moves less, in half the run."""
 
 WAVE = 0.03
-"""Share of the speed of a wave of dominoes: of their free space 2 % are within reach, and 0.5 % is kept of what
-impacts of theory lose."""
+"""Share of the speed of a wave of dominoes: the reach is 2 % of their free space, and restitution keeps 0.5 %
+of what impacts of theory lose."""
 
 TURNED = 2e-5
-"""Share of Σ m |r| |v| about the upright line through a bowl's centre: (ω h)² of tops at 40 rad/s and 1e-4 s."""
+"""Share of Σ m |r| |v| about the upright line through a bowl: (ω h)² of tops at 40 rad/s and 1e-4 s."""
 
 TOPPLED = 0.01
 """[rad] A domino that leans by this much has been hit."""

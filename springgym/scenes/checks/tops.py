@@ -14,12 +14,12 @@ from springgym.theory import top as theory
 from springgym.theory.top import HeavyTop, TopState
 
 WITHIN = 0.015
-"""Share of theory. The paper's top stretches by 1e-3, and takes steps of 5e-4 s: its three constants are off by
-2.4e-3, which makes 1.2e-2 of its nutation period."""
+"""Share of theory. The paper's top stretches by 1e-3, and takes steps of 5e-4 s: its three constants are off
+by 2.4e-3, which makes 1.2e-2 of its nutation period."""
 
 ASLEEP = 0.1
-"""The same of the tilt of a sleeping top: 2 % from the threshold, 1.7e-3 of the constants make 50 times as much
-of the tilt."""
+"""The same of the tilt of a sleeping top: 2 % from the threshold, 1.7e-3 of the constants make 50 times as
+much of the tilt."""
 
 
 def rigid_top(recording: Recording) -> tuple[HeavyTop, TopState]:
@@ -136,7 +136,7 @@ def steady_precession(recording: Recording) -> list[Check]:
 
 
 def sleep(recording: Recording) -> list[Check]:
-    """The largest tilt of a top that starts almost upright: whether it sleeps, and how far it falls if not."""
+    """The largest tilt of a top that starts almost upright: whether it sleeps, or how far it falls."""
     top, state = rigid_top(recording)
     by = slack(recording, state.omega3)
     tilt, _ = angles(recording)
