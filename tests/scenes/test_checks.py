@@ -65,26 +65,27 @@ def test_something_moved(name):
 
 def wilder(recording):
     """With ten times the strain, the energies and the losses after the start, said to be of longer steps."""
-    m = recording.measures
-    names = ("strain", "kinetic", "elastic", "damping_loss", "contact_loss", "friction_loss")
-    factor = np.where(np.arange(len(m.kinetic)) > 0, 10.0, 1.0)
-    grown = m._replace(**{name: factor * getattr(m, name) for name in names})
-    return replace(
-        recording, measures=grown, step=1.5 * recording.step, bodies=(grown,) * len(recording.bodies)
-    )
+
+    def grown(m):
+        names = ("strain", "kinetic", "elastic", "damping_loss", "contact_loss", "friction_loss")
+        factor = np.where(np.arange(len(m.kinetic)) > 0, 10.0, 1.0)
+        return m._replace(**{name: factor * getattr(m, name) for name in names})
+
+    m, bodies = grown(recording.measures), tuple(map(grown, recording.bodies))
+    return replace(recording, measures=m, bodies=bodies, step=1.5 * recording.step)
 
 
-@pytest.mark.parametrize("name", marked(sorted(set(names()) - {"side-by-side", "dominoes", "slab-slides"})))
+@pytest.mark.parametrize("name", marked(names()))
 def test_tolerances_do_not_grow_with_what_was_measured(name):
     """Not with strain, energy, losses or the step: a scene that goes worse is not given more."""
     recording = recorded(name)
-    plan = replace(recording.plan, parts=())
-    good, bad = (check(replace(one, plan=plan)) for one in (recording, wilder(recording)))
+    good, bad = (check(one) for one in (recording, wilder(recording)))
     assert len(good) == len(bad)
     for result, worse in zip(good, bad, strict=True):
         # steps are part of the theory of what rings, by (ω h)²/24
         assert worse.tolerance == pytest.approx(result.tolerance, rel=0.05), result
-        assert worse.doubt >= result.doubt
+        if not result.quantity.startswith("change of"):  # fewer steps round less
+            assert worse.doubt >= result.doubt
 
 
 ACCEPTED_ONCE = [
@@ -264,7 +265,7 @@ def heated(recording):
 
 def pushed(recording):
     """With a momentum, angular momentum and centre of mass that drift."""
-    m, drift = recording.measures, np.linspace(0, 1e-6, len(recording.times))[:, None]
+    m, drift = recording.measures, np.linspace(0, 1e-5, len(recording.times))[:, None]
     return replace(
         recording,
         measures=m._replace(

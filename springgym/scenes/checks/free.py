@@ -71,14 +71,17 @@ def spun_length(recording: Recording) -> list[Check]:
 def momentum(recording: Recording) -> list[Check]:
     """What is kept exactly: momentum and angular momentum of a free body, L_z of a pinned one.
 
-    To `ROUNDED` of Σ m |r| |v|, and of Σ m |v|, with the speeds of the start and those that gravity adds.
+    To `ROUNDED` of Σ m |r| |v|, and of Σ m |v|, with the speeds of the start and those that gravity may add:
+    g t of a free body, 2 √(g r) of one that swings over its pin.
     """
     m, scene = recording.measures, recording.plan.scene
     duration = float(recording.times[-1])
     pull = np.zeros(3) if scene.gravity is None else np.array(scene.gravity)
     about = scene.positions[scene.pinned[0]] if scene.pinned else m.centre[0]
     arms = np.linalg.norm(scene.positions - about, axis=1)
-    speeds = np.linalg.norm(scene.velocities, axis=1) + float(np.linalg.norm(pull)) * duration
+    g = float(np.linalg.norm(pull))
+    added = 2 * math.sqrt(g * float(arms.max())) if scene.pinned else g * duration
+    speeds = np.linalg.norm(scene.velocities, axis=1) + added
     doubt = 1e-15 * duration / recording.step / ROUNDED  # each step rounds by as much
 
     def kept(quantity: str, change: float, size: float, unit: str) -> Check:
