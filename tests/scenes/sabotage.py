@@ -1,10 +1,11 @@
 """For every check of every scene a change of the scene after which the check does not pass.
 
-``python -m tests.scenes.sabotage`` runs all and prints them as a table.
+``python -m tests.scenes.sabotage`` prints all as a table, or those of scenes that it is given.
 """
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -241,7 +242,10 @@ def main() -> None:
     """Print the table, with what each check says, and of what."""
     print("| scene | check | change | first to be off | by, in tolerances | verdict |")
     print("|---|---|---|---|---|---|")
+    wanted = sys.argv[1:] or names()
     for scene, name in pairs():
+        if scene not in wanted:
+            continue
         change = SABOTAGE[scene, name]
         with tempfile.TemporaryDirectory() as folder:
             found = after(scene, name, change, Path(folder))

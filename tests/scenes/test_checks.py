@@ -84,8 +84,7 @@ def test_tolerances_do_not_grow_with_what_was_measured(name):
     for result, worse in zip(good, bad, strict=True):
         # steps are part of the theory of what rings, by (ω h)²/24
         assert worse.tolerance == pytest.approx(result.tolerance, rel=0.05), result
-        if not result.quantity.startswith("change of"):  # fewer steps round less
-            assert worse.doubt >= result.doubt
+        assert worse.doubt > 0.6 * result.doubt or not result.doubt  # fewer steps round less
 
 
 ACCEPTED_ONCE = [
