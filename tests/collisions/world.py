@@ -25,9 +25,9 @@ from springgym.scene import Scene
 from springgym.stability import automatic_step
 from springgym.vectors import TINY, dot, minus, plus_scaled, row, row_each, set_row, set_row_each, times
 
-BLIND, UNTAPERED, SINGLE, PLAIN = range(1, 5)
-"""What is left out on purpose: the history of signs, the force of the share's gradient, the second sweep, the
-turn of friction."""
+NOTHING, BLIND, UNTAPERED, SINGLE, PLAIN = range(5)
+"""What is left out on purpose: nothing, the history of signs, the force of the share's gradient, the second
+sweep, the turn of friction."""
 
 
 @compiled
@@ -163,7 +163,7 @@ class World:
             for n in range(lanes.shape[0] * lanes.shape[-1]):  # the padding is of the last copy
                 lanes[n // lanes.shape[-1], ..., n % lanes.shape[-1]] = rows[min(n, self.copies - 1)]
 
-    def run(self, steps: int, lacks: int = 0) -> None:
+    def run(self, steps: int, lacks: int) -> None:
         advance(
             self._x,
             self._v,
