@@ -152,7 +152,7 @@ class Body(ReadOnly):
             seen.add((min(i, j), max(i, j)))
 
     def _check_shape(self) -> None:
-        piece = pieces(len(self.positions), self.springs)
+        piece = surface.pieces(len(self.positions), self.springs)
         if piece.any():
             stray = int(np.argmax(piece))
             raise ValueError(f"body {self.name!r} is in pieces: nothing joins particle {stray} to particle 0")
@@ -335,15 +335,3 @@ def rank(matrix: np.ndarray) -> int:
 def _span(values: np.ndarray) -> str:
     low, high = f"{values.min():g}", f"{values.max():g}"
     return low if low == high else f"{low}…{high}"
-
-
-def pieces(count: int, springs: np.ndarray) -> np.ndarray:
-    """For each particle, the first particle of the piece it belongs to."""
-    piece = np.arange(count)
-    while True:
-        lower = piece.copy()
-        for a, b in ((0, 1), (1, 0)):
-            np.minimum.at(lower, springs[:, a], piece[springs[:, b]])
-        if (lower == piece).all():
-            return piece
-        piece = lower

@@ -43,7 +43,7 @@ class Integrator:
     iterative: bool = False
     """solves by Newton's method"""
     meets_bodies: bool = False
-    """has the node that `springgym.forces.pairs.collide` acts at"""
+    """passes the nodes of `springgym.forces.together` where bodies may meet"""
     meets_surfaces: bool = False
     """passes nodes, see `springgym.forces.node`, where there are surfaces"""
 
