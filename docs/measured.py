@@ -284,6 +284,11 @@ def _span(runs: list[Report]) -> str:
     return f"{percent(min(found))}–{percent(max(found))}"
 
 
+def _seconds(runs: list[Report]) -> str:
+    found = [own["seconds"] for own in runs]
+    return f"{min(found):.0f}–{max(found):.0f}"
+
+
 def _return(runs: list[Report]) -> str:
     return f"{np.mean([own['mean_return'] for own in runs]):.2f}"
 
@@ -443,6 +448,7 @@ NUMBERS: dict[str, Number] = {
     "top learns, seconds": _learning(TOP, lambda own: f"{own['seconds']:.0f}"),
     "learning processor": _learning(TOP, lambda own: own["measured"]["cpu"]),
     "top, PPO steps": _baseline(TOP, "ppo", lambda runs: millions(runs[0]["steps"], " million")),
+    "top, PPO seconds": _baseline(TOP, "ppo", _seconds),
     "top, PPO seeds": _baseline(TOP, "ppo", lambda runs: str(len(runs))),
     "top, PPO success": _baseline(TOP, "ppo", _success),
     "top, PPO return": _baseline(TOP, "ppo", _return),

@@ -11,10 +11,12 @@ from typing import Any
 import pytest
 
 from springgym.accuracy.code import PACKAGE, PARTS, digests, meaning
+from springgym.registration import ENVIRONMENTS, VARIANTS, Row
 from tests.test_docs import page_writer
 
 ROOT = Path(__file__).parents[1]
 MEASURED = page_writer("measured")
+ENVIRONMENTS_PAGE = page_writer("environments")
 REPORT = MEASURED.read()
 ELSEWHERE = ("another",)
 """Sections measured on other machines; their pages tell when."""
@@ -117,12 +119,26 @@ def test_a_name_that_is_not_there_is_told() -> None:
 
 
 def test_baselines_are_told_alike() -> None:
-    """Classical control has the same 100 episodes on the pages of the environments and of the baselines."""
-    told = {own["environment"]: own["classical"] for own in reversed(REPORT["variants"]["rows"])}
-    rows = {own["task"]: own for own in REPORT["baselines"] if own["algorithm"] == "classical"}
-    for task, (success, earned) in told.items():
-        assert success == pytest.approx(rows[task]["success_rate"]), task
-        assert earned == pytest.approx(rows[task]["mean_return"], abs=1e-3), task
+    """Controllers have the same 100 episodes on the pages of the environments and of the baselines."""
+    tasks = {(row.id, repr({"action": usual(row)})): row.id for row in ENVIRONMENTS}
+    for variant in VARIANTS:
+        row = next(row for row in ENVIRONMENTS if row.id == variant.of)
+        tasks[row.id, repr({"action": usual(row)} | variant.arguments)] = variant.id
+    rows = {(own["task"], own["algorithm"]): own for own in REPORT["baselines"]}
+    found = 0
+    for own in REPORT["variants"]["rows"]:
+        if task := tasks.get((own["environment"], own["arguments"])):
+            for name in ("zero", "random", "classical"):
+                there = rows[task, name]
+                assert own[name][0] == pytest.approx(there["success_rate"]), (task, name)
+                assert own[name][1] == pytest.approx(there["mean_return"], abs=1e-3), (task, name)
+            found += 1
+    assert found > len(ENVIRONMENTS) + 5
+
+
+def usual(row: Row) -> str:
+    """The action mode of an environment that names none."""
+    return next(iter(ENVIRONMENTS_PAGE.environment(row, "").actions))
 
 
 # --- Source and code ----------------------------------------------------------------------------------

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"measure only these, out of {', '.join(NAMES)}",
     )
     parser.add_argument("--rounds", type=int, default=21, help="rounds that medians are taken over (21)")
-    parser.add_argument("--quick", action="store_true", help="3 rounds: some 4 minutes in place of 7")
+    parser.add_argument("--quick", action="store_true", help="3 rounds")
     parser.add_argument("--out", type=Path, help="write the results to this JSON file, see docs/speed.md")
     parser.add_argument("--figure", type=Path, help="draw peers and sizes to this file (needs matplotlib)")
 
