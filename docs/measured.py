@@ -21,6 +21,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -37,7 +38,7 @@ from springgym.accuracy import table as cheapest_methods  # noqa: E402
 from springgym.accuracy.code import SIMULATION, digests  # noqa: E402
 from springgym.accuracy.work_precision import cheapest  # noqa: E402
 from springgym.bench.ratios import ratios, speed  # noqa: E402
-from springgym.cli import whole_file  # noqa: E402
+from springgym.cli import guarded, whole_file  # noqa: E402
 from springgym.registration import ENVIRONMENTS  # noqa: E402
 
 SOURCE = HERE / "numbers.json"
@@ -645,8 +646,8 @@ def differences(text: str, report: Report) -> list[str]:
     found = []
     for pattern, made in ((NUMBER, NUMBERS), (TABLE, TABLES)):
         for name, told in pattern.findall(text):
-            if told.strip() != (right := made[name](report)):
-                found.append(f"{name}: {told.strip()!r} should be {right!r}")
+            lines = zip_longest(told.strip().split("\n"), made[name](report).split("\n"))
+            found += [f"{name}: {said!r} should be {right!r}" for said, right in lines if said != right]
     found += [f"a line begins with a number: {line!r}" for line in BEGINS.findall(text)]
     return found
 
@@ -706,4 +707,4 @@ def check(report: Report) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(guarded(Path(__file__).name, main))
