@@ -118,6 +118,13 @@ def test_a_name_that_is_not_there_is_told() -> None:
         MEASURED.filled("<!--n:no such number-->1<!--/n-->", REPORT)
 
 
+def test_speeds_are_of_one_processor() -> None:
+    """They stand in one table, under one line that says where they were measured."""
+    sections = (*MEASURED.OF_SIMULATION, "environments", "startup")
+    where = {name: (REPORT[name]["measured"]["cpu"], REPORT[name]["measured"]["cores"]) for name in sections}
+    assert len(set(where.values())) == 1, where
+
+
 def test_baselines_are_told_alike() -> None:
     """Controllers have the same 100 episodes on the pages of the environments and of the baselines."""
     tasks = {(row.id, repr({"action": usual(row)})): row.id for row in ENVIRONMENTS}
