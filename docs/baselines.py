@@ -172,7 +172,7 @@ def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def table_of_times(rows: Sequence[dict[str, Any]]) -> list[str]:
     """What learning takes, see ``agents/learning_time.py``."""
-    cpus = ", ".join(sorted({row["cpu"] for row in rows}))
+    cpus = ", ".join(sorted({row["measured"]["cpu"] for row in rows}))
     return [TIME.format(table=times(rows), cpu=cpus)]
 
 

@@ -884,7 +884,7 @@ def random_impacts(broken: bool) -> Outcome:
     if broken:
         terms(simulator).particles.inverse_mass.values[3] *= 1 - 1e-9
     kept, energy = momenta(simulator), simulator.shadow_energy()
-    simulator.advance(math.ceil(2.2 * body.size / speed / simulator.step), check=False)
+    simulator.advance(math.ceil(2.2 * body.swept / speed / simulator.step), check=False)
     told = simulator.pairs()
     hit = told.impulse[:, 0] > 0
     size = float(np.abs(kept).max())

@@ -232,7 +232,13 @@ class Body(ReadOnly):
 
     @cached_property
     def size(self) -> float:
-        """Twice the distance from the centre of mass to the particle farthest from it, and its radius [m]."""
+        """The widest distance of two of its particles, from rim to rim where they have a radius [m]."""
+        farthest = max(float(np.linalg.norm(self.positions - one, axis=1).max()) for one in self.positions)
+        return farthest + 2 * self.radius
+
+    @cached_property
+    def swept(self) -> float:
+        """Diameter of the ball that it sweeps when it turns about its centre of mass [m]."""
         return 2 * float(np.linalg.norm(self.positions - self.centre, axis=1).max() + self.radius)
 
     @cached_property

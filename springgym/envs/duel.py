@@ -423,7 +423,7 @@ class SpringDuelEnv(SpringEnv, gym.Env):
       other one with 20 N and back to the middle with 20 N a metre.
     - `opponent="guard"`: a top that goes back to the middle, and rights itself.
     - `opponent="strong"`: one that goes for the other with all it has, on the side on which it rolls off it,
-      and rights itself and keeps to the middle. It wins 87 % of duels with the usual one.
+      and rights itself and keeps to the middle, as classical control does.
     - `opponent` may be any function of what it observes, too: as `"frame"` (n, 22), in axes that are turned
       by half a turn, so that both players see the same duel; it returns actions (n, 2). Agents that are
       trained here with `observation="frame"` are such functions, see `springgym.envs.agent`.

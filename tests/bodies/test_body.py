@@ -229,7 +229,9 @@ def test_a_single_particle_is_a_body():
 def test_size_and_inertia_by_hand() -> None:
     """Masses of 1 and 3 kg, 4 m apart: the centre is 3 m from the first, which is the farthest."""
     body = Body("dumbbell", np.array([[0.0, 0, 0], [4.0, 0, 0]]), [1.0, 3.0], [(0, 1)], 1e3, 0.0)
-    assert body.size == pytest.approx(6.0)
+    assert (body.size, body.swept) == (pytest.approx(4.0), pytest.approx(6.0))
+    assert body.with_(radius=0.5).size == pytest.approx(5.0)
+    assert (top().size, top().swept) == (pytest.approx(math.sqrt(1.25)), pytest.approx(1.5))
     across = 1 * 3.0**2 + 3 * 1.0**2
     np.testing.assert_allclose(body.inertia(), np.diag([0.0, across, across]), atol=1e-14)
     np.testing.assert_allclose(inertia(body.positions, body.masses), np.diag([0.0, 48.0, 48.0]), atol=1e-14)

@@ -148,7 +148,7 @@ def convex(rng: np.random.Generator) -> Body:
     while True:
         points = 0.4 * rng.normal(size=(int(rng.integers(5, 10)), 3))
         body = from_points(points, damping=0.0)
-        if len(body.edges) and body.thickness > 0.06 * body.size:
+        if len(body.edges) and body.thickness > 0.06 * body.swept:
             return body
 
 

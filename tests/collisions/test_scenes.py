@@ -38,7 +38,7 @@ def test_defaults() -> None:
     (met,) = beside(small, contact=Contact(friction=0.3)).meetings
     assert (met.first, met.second) == (0, 1)
     assert met.contact.friction == 0.3
-    assert met.reach == 0.01 * small.size
+    assert met.reach == 0.01 * small.swept
     assert met.strength == 0.5 * 3e4 * met.reach**3
     assert beside(small, collisions=None).meetings == ()
     (met,) = beside(small, collisions=Contact(friction=0.7, reach=2e-3)).meetings

@@ -141,7 +141,7 @@ def slab(recording: Recording) -> list[Check]:
     expected = theory.slope_acceleration(angle, met.contact.friction, g)
     enough = late.sum() > 3
     measured = 2 * float(np.polyfit(recording.times[late], way[late], 2)[0]) if enough else math.nan
-    by = slack(recording, math.sqrt(g / scene.bodies[free].body.size))
+    by = slack(recording, math.sqrt(g / scene.bodies[free].body.swept))
     return [within(WITHIN, "acceleration", expected, measured, "m/s²", by * g / expected)]
 
 
