@@ -214,15 +214,15 @@ def _report(recording: Recording, whole: float) -> int:
     unseen = sum(bool(np.isnan(result.measured)) for result in checks)
     outside = sum(result.verdict == NOT_COVERED for result in checks)
     failed = sum(not result.passed for result in checks) - outside
-    if failed and short:
-        print(f"the run is too short for {failed} of {len(checks)} checks: {length:g} s of {whole:g} s")
-    elif failed:
-        print(f"{failed} of {len(checks)} checks failed")
     if outside:
         print(
             f"{outside} of {len(checks)} checks not covered: what theory leaves out may make more than the "
             "tolerance"
         )
+    if failed and short:
+        print(f"the run is too short for {failed} of {len(checks)} checks: {length:g} s of {whole:g} s")
+    elif failed:
+        print(f"{failed} of {len(checks)} checks failed")
     if unseen and not short:
         print(f"{unseen} of them: nothing to measure in {length:g} s; a longer run may show it (--duration)")
     return 1 if failed else UNCOVERED if outside else 0
