@@ -197,7 +197,8 @@ def wandering(task: str, **kwargs: Any) -> Iterator[tuple[Any, Any, Any]]:
     from springgym.envs.sb3 import make_sb3
 
     copies = 8
-    env = make_sb3(task, copies, 0, **kwargs)
+    env: Any = make_sb3(task, copies, **kwargs)
+    env.seed(range(copies))
     rng = np.random.default_rng(0)
     try:
         seen = env.reset()

@@ -110,7 +110,7 @@ def evaluate(
     run = trained_on(agent, env_id)
     kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_kwargs)
     with making(env_id):
-        env = make_sb3(env_id, episodes, **kwargs)
+        env = make_sb3(env_id, episodes, env_kwargs=kwargs)
     try:
         policy = (
             load_policy(run, env.observation_space, env.action_space)
@@ -161,7 +161,7 @@ def trained_kwargs(run: Run, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
 
 def _run_one_episode_each(env: Any, policy: Policy, first_seed: int) -> list[dict[str, Any]]:
     """The last info of the first episode of every copy; copy i starts from first_seed + i."""
-    env.seed(first_seed)
+    env.seed(range(first_seed, first_seed + env.num_envs))
     observations = env.reset()
     last_infos: list[dict[str, Any] | None] = [None] * env.num_envs
     while any(info is None for info in last_infos):

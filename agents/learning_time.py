@@ -24,10 +24,11 @@ from typing import Any
 import numpy as np
 import torch
 from config import CONFIG_FOLDER, MENDABLE, Config, load_config, whole
-from runs import HELD_OUT_SEED, Run, create_run, versions, write_atomically
+from runs import HELD_OUT_SEED, Run, create_run, write_atomically
 from tqdm import tqdm
 from train import Recorder, begin_with_imitation, make_logger, make_training_env, native_env, new_model
 
+from springgym.accuracy import conditions
 from springgym.cli import guarded
 from springgym.strict_yaml import read_yaml
 
@@ -101,7 +102,7 @@ def measure(env_id: str, seed: int, config: Config) -> dict[str, Any]:
         "physics": round(watch.physics, 2),
         "policy": round(watch.rollouts - watch.physics, 2),
         "learning": round(seconds - watch.rollouts, 2),
-        "cpu": versions()["cpu"],
+        "measured": conditions(),
     }
 
 

@@ -34,7 +34,7 @@ class Search:
         self.run, self.config, self.columns = run, run.config, columns
         copies = self.config.population * self.config.episodes
         with making(run.env_id):
-            adapter = make_sb3(run.env_id, copies, **run.config.env_kwargs).unwrapped
+            adapter = make_sb3(run.env_id, copies, env_kwargs=run.config.env_kwargs).unwrapped
         assert isinstance(adapter, SB3VecEnv)
         self.env: gym.vector.VectorEnv = adapter.vector_env
         seen, done = self.env.single_observation_space, self.env.single_action_space

@@ -5,7 +5,8 @@
 Of several runs of a task the one with the highest return is taken, over one that is there already only if it
 is better. Into agents/trained/ID go config.yaml, agent.npz, which is numbers and nothing else, and
 card.json: the command that trained it, versions and commit, checksums, how it fares on held-out episodes
-with a 95 % interval of the mean, and what its audit says (see audit.py). evaluate.py and watch.py take them
+with a 95 % interval of the mean, and what its audit says (see audit.py), which takes more episodes
+(--audited) where a return is earned in few steps. evaluate.py and watch.py take them
 by --pretrained ID.
 """
 
@@ -33,13 +34,13 @@ EPISODES = 100
 SHARED = ("config.yaml", "agent.npz")
 
 
-def card(run: Run, episodes: int) -> dict[str, Any]:
+def card(run: Run, episodes: int, audited: int) -> dict[str, Any]:
     """What there is to know of an agent."""
     kwargs = task_kwargs(run.config)
     found = evaluate(str(run.folder), run.env_id, kwargs, episodes)
     returns = np.array(found.returns_per_step)
     half = 1.96 * float(returns.std(ddof=1)) / np.sqrt(len(returns))
-    findings = audit(str(run.folder), run.env_id, kwargs, episodes, HELD_OUT_SEED)
+    findings = audit(str(run.folder), run.env_id, kwargs, audited, HELD_OUT_SEED)
     made_with = json.loads((run.folder / "versions.json").read_text(encoding="utf-8"))
     return {
         "task": run.env_id,
@@ -51,7 +52,8 @@ def card(run: Run, episodes: int) -> dict[str, Any]:
         "mean_return": found.return_per_step,
         "interval": [found.return_per_step - half, found.return_per_step + half],
         "success_rate": found.success_rate,
-        "audit": [vars(finding) | {"survives": finding.survives} for finding in findings],
+        "audited": audited,
+        "audit": [vars(finding) for finding in findings],
         "probe": probe(run.env_id),
         "versions": {key: made_with.get(key) for key in ("packages", "python", "git_revision")},
         "sha256": {name: checksum(run.folder / name) for name in SHARED},
@@ -74,14 +76,14 @@ def command(run: Run) -> str:
     return shlex.join(words)
 
 
-def publish(folders: Sequence[Path], episodes: int, into: Path) -> int:
+def publish(folders: Sequence[Path], episodes: int, audited: int, into: Path) -> int:
     """Take in the best run of every task."""
     best: dict[str, tuple[dict[str, Any], Path]] = {}
     for folder in folders:
         run = open_run(folder)
         if ":" in run.env_id:
             raise ConfigError(f"{folder}: {run.env_id} is of another package")
-        found = card(run, episodes)
+        found = card(run, episodes, audited)
         if run.env_id not in best or found["mean_return"] > best[run.env_id][0]["mean_return"]:
             best[run.env_id] = found, folder
     for env_id, (found, folder) in best.items():
@@ -107,9 +109,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("runs", nargs="+", type=Path, help="run folders")
     parser.add_argument("--episodes", type=whole(2, 100_000), default=EPISODES)
+    parser.add_argument("--audited", type=whole(2, 100_000), default=EPISODES, help="episodes of the audit")
     parser.add_argument("--into", type=Path, default=TRAINED, help="folder of the agents (agents/trained)")
     options = parser.parse_args(arguments)
-    return guarded("publish.py", lambda: publish(options.runs, options.episodes, options.into), MENDABLE)
+    return guarded(
+        "publish.py",
+        lambda: publish(options.runs, options.episodes, options.audited, options.into),
+        MENDABLE,
+    )
 
 
 if __name__ == "__main__":

@@ -25,11 +25,21 @@ import numpy as np
 from config import MENDABLE, ConfigError, PPOConfig, load_config, making, whole
 
 from springgym.cli import INTERRUPTED, guarded
+from springgym.envs.starts import spawned
 
 ROOT = Path(__file__).resolve().parent.parent
 HELD_OUT_SEED = 1_000_000  # as in runs.py, which needs Stable-Baselines3
 COLUMNS = ("timesteps", "seconds", "return_per_step", "success_rate")
 NATIVE = "vector_entry_point"
+
+
+def seed_apart(*, env_runner: Any, **given: Any) -> None:
+    """Give the copies of a runner seeds that no other runner's have; RLlib calls it for each new batch.
+
+    Of itself RLlib seeds runner k by seed + k, and so copy i of it by seed + k + i, as others of the next.
+    """
+    assert env_runner._seed is not None
+    env_runner._seed = spawned(env_runner.config.seed, env_runner.worker_index + 1)[-1]
 
 
 def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> Any:
@@ -68,7 +78,8 @@ def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> An
                 fcnet_hiddens=config.net_arch, fcnet_activation=config.activation, vf_share_layers=False
             )
         )
-        .debugging(seed=options.seed, log_level="ERROR")
+        .debugging(seed=spawned(options.seed, 1)[0] % 2**31, log_level="ERROR")  # runner k has seed + k
+        .callbacks(on_environment_created=seed_apart)
     )
     return asked.build_algo()
 

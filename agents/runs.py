@@ -44,7 +44,8 @@ from springgym.cli import whole_file
 from springgym.envs.agent import Algorithm, Policy
 from springgym.strict_yaml import build, read_yaml
 
-#: Evaluation episodes start from this seed upwards, training from seeds below it.
+#: Evaluation episodes start from this seed upwards. A run's seed is below it; of that, copies that learn draw
+#: seeds of 64 bits, and linear control seeds below it.
 HELD_OUT_SEED = 1_000_000
 
 

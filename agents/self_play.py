@@ -24,7 +24,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import torch
@@ -40,8 +40,11 @@ from springgym.envs import parallel
 from springgym.envs.duel import OPPONENTS
 from springgym.envs.sb3 import make_sb3
 
+if TYPE_CHECKING:
+    from springgym.envs.players import ParallelOptions
+
 ID = "SpringDuel-v0"
-SEEN: dict[str, str] = {"observation": "frame"}
+SEEN: ParallelOptions = {"observation": "frame"}
 """Opponents observe the duel in the compact way."""
 MOST_RATED = 10
 ANCHOR, POINTS = ("script", 1000.0), 400.0 / np.log(10.0)

@@ -107,9 +107,8 @@ PROGRESS_SEED = 2 * HELD_OUT_SEED
 def make_training_env(run: Run) -> StaggeredMonitor:
     """The copies the agent learns in. They do not all end together, which would show as saw teeth."""
     with making(run.env_id):
-        env = make_sb3(
-            run.env_id, network_config(run).n_envs, run.seed, stagger=True, **run.config.env_kwargs
-        )
+        copies, kwargs = network_config(run).n_envs, run.config.env_kwargs
+        env = make_sb3(run.env_id, copies, run.seed, stagger=True, env_kwargs=kwargs)
     assert isinstance(env, StaggeredMonitor)
     return env
 

@@ -71,7 +71,7 @@ def possible(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, dict[str, Any]
     for name, change in grid().items():
         try:
             with making(env_id):
-                env = make_sb3(env_id, 64, 0, **{**kwargs, **change})
+                env = make_sb3(env_id, 64, 0, env_kwargs={**kwargs, **change})
                 env.reset()
                 env.close()
         except ConfigError as error:
@@ -201,7 +201,7 @@ def transfer(options: argparse.Namespace) -> int:
     )
     for change in kinds().values():  # what cannot be made is told before anything is trained
         with making(options.task):
-            make_sb3(options.task, 1, **{**task_kwargs(config), **change}).close()
+            make_sb3(options.task, 1, env_kwargs={**task_kwargs(config), **change}).close()
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder):
         try:

@@ -1,8 +1,7 @@
-"""Write the pages on environments from the environments themselves: docstrings, variants, error a step.
+"""Write the pages on environments from their docstrings and from what was measured: nothing is measured here.
 
-python docs/environments.py           # docs/environments.md and a page each in docs/environments/
-python docs/environments.py --pages   # only the latter: nothing is measured
-python docs/environments.py --error SpringTumble-v0   # only the errors of some are measured anew
+python docs/environments.py                       # docs/environments.md and a page each in docs/environments/
+python docs/measured.py --write errors variants    # measures, and writes them
 """
 
 from __future__ import annotations
@@ -10,32 +9,22 @@ from __future__ import annotations
 import argparse
 import ast
 import inspect
-import platform
+import json
 import re
-import sys
-from collections.abc import Iterable, Iterator, Sequence
-from datetime import date
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numba
-import numpy as np
-
-import springgym
-from springgym.bench.environments import error_per_step, estimates
+from springgym.bench.errors import EPISODES, EVERY, PERIODS
 from springgym.envs.randomisation import RANDOMIZABLE
-from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row
-from springgym.simulator import Simulator
 
 PAGE = Path(__file__).with_name("environments.md")
 FOLDER = PAGE.with_suffix("")
-EPISODES, STEPS = 10, 50
-SEEDS = 200
+NUMBERS = PAGE.with_name("numbers.json")
+SEEDS = 100
 BASELINES = ("zero", "random", "classical")
-MEASURED = "## Variants\n"
-"""Where the part of the page starts that is measured."""
 
 
 def environment(row: Row, suffix: str) -> Any:
@@ -105,86 +94,86 @@ def variants(row: Row) -> list[Variant]:
     return found
 
 
-def baselines(row: Row, arguments: dict[str, Any]) -> Iterator[str]:
-    """Success and return per step of the controllers without learning."""
+def actions_and_variants(row: Row) -> Iterator[tuple[str, Variant, dict[str, Any]]]:
+    """Each action mode as it is and in every variant, with the arguments of both."""
+    for action in environment(row, "").actions:
+        for variant in (Variant({}, "", "the standard one"), *variants(row)):
+            yield action, variant, {"action": action} | variant.arguments
+
+
+def measured_variants() -> Iterator[dict[str, Any]]:
+    """Success and return per step of the controllers without learning: the rows of a section of numbers."""
     from evaluate import evaluate
 
-    for name in BASELINES:
-        result = evaluate(name, row.id, arguments, SEEDS)
-        yield f"{100 * result.success_rate:.3g} %, {result.return_per_step:.2f}"  # type: ignore[operator]
+    for row in ENVIRONMENTS:
+        for *_, arguments in actions_and_variants(row):
+            found: dict[str, Any] = {"environment": row.id, "arguments": repr(arguments)}
+            for name in BASELINES:
+                result = evaluate(name, row.id, arguments, SEEDS)
+                found[name] = [result.success_rate, round(result.return_per_step, 4)]
+            yield found
 
 
-def table_of_variants() -> list[str]:
+def table_of_variants(report: dict[str, Any]) -> list[str]:
     lines = [
-        MEASURED,
+        "## Variants\n",
         "Keyword arguments, and what controllers without learning make of them: success and return per step "
         f"of no action, of random ones, and of the classical controller in `agents/`, on {SEEDS} held-out "
         "seeds.\n",
         f"| environment | arguments | what is different | {' | '.join(BASELINES)} |",
         "|---|---|---|---|---|---|",
     ]
+    reached = {(own["environment"], own["arguments"]): own for own in report["variants"]["rows"]}
     for row in ENVIRONMENTS:
-        for action in environment(row, "").actions:
-            for variant in (Variant({}, "", "the standard one"), *variants(row)):
-                figures = " | ".join(baselines(row, {"action": action} | variant.arguments))
-                arguments = ", ".join(filter(None, (f'`action="{action}"`', variant.written)))
-                lines.append(f"| `{row.id}` | {arguments} | {variant.change} | {figures} |")
+        for action, variant, arguments in actions_and_variants(row):
+            own = reached[row.id, repr(arguments)]
+            figures = " | ".join(f"{100 * own[name][0]:.3g} %, {own[name][1]:.2f}" for name in BASELINES)
+            written = ", ".join(filter(None, (f'`action="{action}"`', variant.written)))
+            lines.append(f"| `{row.id}` | {written} | {variant.change} | {figures} |")
     return lines
 
 
 # --- Error of a control period ----------------------------------------------------------------------
 
 
-def references(task: Task, step: float) -> tuple[Simulator, ...]:
-    """The reference, and another one to see what it is worth.
-
-    Contact is met by Verlet's method alone; all else by Dormand and Prince's with a tolerance of 1e-13.
-    """
-    scene = task.scene
-    if scene.meetings:
-        return Simulator(scene, step=step / 64), Simulator(scene, step=step / 16)
-    if scene.surfaces:
-        return Simulator(scene, step=step / 1024), Simulator(scene, step=step / 256)
-    exact = Simulator(scene, integrator="dopri5", step=step / 4, tolerance=(1e-13, 1e-16))
-    return exact, Simulator(scene, integrator="rk4", step=step / 128)
-
-
-ERRORS = "## Error of a control period\n"
-
-
-def table_of_errors() -> list[str]:
+def table_of_errors(report: dict[str, Any]) -> list[str]:
     lines = [
-        ERRORS,
+        "## Error of a control period\n",
         "What the default step costs in accuracy: the largest distance of a particle, after one control "
-        "period with a random action, from where the reference takes it, as a share of the body's size. The "
-        f"first {STEPS} control periods, or those until it ends, of {EPISODES} episodes. The reference is "
-        "`dopri5` with a tolerance of 1e-13, on surfaces `verlet` with steps of h/1024, for bodies that "
-        "collide of h/64; the last column is its largest distance from a second one, `rk4` with h/128, on "
-        "surfaces `verlet` with h/256, for bodies that collide with h/16: impacts converge to first order "
-        "only.\n",
+        "period with a random action, from where exact steps take it, as a share of the body's size. "
+        f"{EPISODES} copies begin episodes as everybody's do, and go on to the next ones, for {PERIODS} "
+        f"control periods, of which one in {EVERY} counts. Exact is `dopri5` with a tolerance of 1e-13, on "
+        "surfaces `verlet` with steps of h/1024, for bodies that collide of h/64; the last column is its "
+        "largest distance from a second reference, `rk4` with h/128, on surfaces `verlet` with h/256, for "
+        "bodies that collide with h/16: impacts converge to first order only.\n",
         "| environment | step h | median error | largest error | references apart |",
         "|---|---|---|---|---|",
     ]
-    return lines + rows_of_errors(ENVIRONMENTS)
-
-
-def rows_of_errors(environments: Iterable[Row]) -> list[str]:
-    lines = []
-    for row in environments:
-        step, median, largest, doubt = error_per_step(row.id, EPISODES, STEPS, references)
-        lines.append(f"| `{row.id}` | {step * 1e3:.3g} ms | {median:.1e} | {largest:.1e} | {doubt:.0e} |")
+    for env_id, options, own in _errors(report):
+        if not options:
+            lines.append(
+                f"| `{env_id}` | {own['step_ms']:.3g} ms | {own['median']:.1e} | {own['high']:.1e} | "
+                f"{own['apart']:.0e} |"
+            )
     return lines
+
+
+def _errors(report: dict[str, Any]) -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
+    """The rows of the errors, as `springgym.bench.errors` has them."""
+    names = ("dtype", "integrator", "dynamics")
+    for own in report["errors"]["rows"]:
+        yield own["environment"], {name: own[name] for name in names if name in own}, own
 
 
 # --- What error=True says of it ---------------------------------------------------------------------
 
-ESTIMATED = "## The error, while it runs\n"
+ESTIMATED = """## The error, while it runs
 
-EXAMPLE = """`error=True` has every control period repeated from the same state in steps of half the length.
-`info["step_error"]` then says how far the particles are from where exact steps would have taken them: root
-mean square distance over the body's size, estimated from how far the two are apart (Richardson). Batches have
-an array, one number for each copy. The trajectory is the same to the bit; a step costs three times as much,
-and without `error=True` nothing.
+`error=True` has every control period repeated from the same state in steps of half the length.
+`info["step_error"]` then says how far the particle that is farthest from where exact steps would have taken
+it is from there, over the size of its body: the error of the table above, estimated from how far the two are
+apart (Richardson). Batches have an array, one number for each copy. The trajectory is the same to the bit; a
+step costs three times as much, and without `error=True` nothing.
 
 ```python
 import gymnasium
@@ -204,75 +193,22 @@ may fall into one of the two runs alone. `dopri5` and `rodas3`, which choose the
 """
 
 
-def exact(**options: Any) -> Any:
-    """The first of `references`, for rigid bodies the same method with finer steps."""
-    if options.get("dynamics") != "rigid":
-        return references
-
-    def rigid(task: Task, step: float) -> tuple[Simulator, ...]:
-        return (Simulator(task.scene, dynamics="rigid", step=step / (1024 if task.scene.surfaces else 16)),)
-
-    return rigid
-
-
-def table_of_estimates() -> list[str]:
+def table_of_estimates(report: dict[str, Any]) -> list[str]:
     """How good they are."""
     lines = [
         ESTIMATED,
-        EXAMPLE,
-        "Estimate over true error, median and the middle 90 %, of the control periods and against the "
-        "references of the table above; of rigid bodies, against the same method with steps of h/16, on "
-        "surfaces of h/1024:\n",
+        "Estimate over true error, median and the middle 90 %, of the control periods of the table above; of "
+        "rigid bodies, against the same method with steps of h/16, on surfaces of h/1024:\n",
         "| environment | arguments | median error | estimate / error | middle 90 % |",
         "|---|---|---|---|---|",
     ]
-    return lines + rows_of_estimates(ENVIRONMENTS)
-
-
-def rows_of_estimates(environments: Iterable[Row]) -> list[str]:
-    lines = []
-    for row, options in _estimated(environments):
-        said, true = estimates(row.id, EPISODES, STEPS, exact(**options), **options)
-        ratio = said / true
-        low, middle, high = np.quantile(ratio, (0.05, 0.5, 0.95))
+    for env_id, options, own in _errors(report):
         arguments = ", ".join(f'`{name}="{value}"`' for name, value in options.items())
         lines.append(
-            f"| `{row.id}` | {arguments} | {np.median(true):.1e} | {middle:.3f} | {low:.2f} … {high:.2f} |"
+            f"| `{env_id}` | {arguments} | {own['median']:.1e} | {own['estimate']:.3f} | "
+            f"{own['estimate_low']:.2f} … {own['estimate_high']:.2f} |"
         )
     return lines
-
-
-def _estimated(environments: Iterable[Row]) -> Iterator[tuple[Row, dict[str, Any]]]:
-    """What is estimated: each environment, the first also in other ways, and rigid bodies on a floor."""
-    for row in environments:
-        yield row, {}
-        if row is ENVIRONMENTS[0]:
-            yield row, {"dtype": "float32"}
-            yield row, {"integrator": "rk4"}
-        if row is ENVIRONMENTS[0] or row.id == "SpringTumble-v0":
-            yield row, {"dynamics": "rigid"}
-
-
-def errors_renewed(measured: str, ids: Sequence[str]) -> str:
-    """What was measured, with the errors of some environments measured anew."""
-    chosen = [row for row in ENVIRONMENTS if row.id in ids]
-    before, errors, after = measured.partition(ERRORS)
-    of_periods, estimated, of_estimates = after.partition(ESTIMATED)
-    of_periods = _with_rows(of_periods, rows_of_errors(chosen))
-    of_estimates = _with_rows(of_estimates, rows_of_estimates(chosen))
-    told = f"Errors of {', '.join(row.id for row in chosen)} measured anew {date.today()}.\n"
-    of_estimates = re.sub(r"(\nMeasured [^\n]*\n)(?:Errors of [^\n]*\n)?", rf"\1{told}", of_estimates)
-    return "".join((before, errors, of_periods, estimated, of_estimates))
-
-
-def _with_rows(section: str, rows: Sequence[str]) -> str:
-    """A section whose table has new rows in place of those of the same environments, in their order."""
-    named, new = {row.split("|")[1] for row in rows}, iter(rows)
-    lines = [
-        next(new) if line.startswith("|") and line.split("|")[1] in named else line
-        for line in section.split("\n")
-    ]
-    return "\n".join(lines)
 
 
 # --- The page ---------------------------------------------------------------------------------------
@@ -283,7 +219,8 @@ an episode starts and ends. All of them
 - observe positions and velocities of particles (`observation="particles"`) or a few numbers such as axis
   and spin (`observation="frame"`), scaled to about one;
 - take actions in [−1, 1], in one of several modes (`action=…`);
-- reward each step with a number from 0 to 1, and say in `info["is_success"]` whether the aim is met;
+- reward each step with a number from 0 to 1, and say in `info["is_success"]` whether the aim is met: an
+  episode that ends by failure is no success, however long the aim was met before;
 - run with springs or, except for ropes, as rigid bodies (`dynamics="rigid"`), in a batch, and with
   randomised masses, stiffness, friction and more (`randomize=…`);
 - give and take their true state (`get_state`, `set_state`).
@@ -305,7 +242,7 @@ RANDOMISATION = f"""## Randomisation
 `randomize={{"masses": (0.8, 1.2), …}}` draws a factor from each range for every episode, and for every copy
 of a batch its own, from the same seed as the start. There are
 {", ".join(f"`{n}`" for n in RANDOMIZABLE)}:
-`scale` is that of the body, `actuator` the strength of the actions. The factors stand in
+`scale` is that of the body, `actuator` the strength of the actions, an opponent's too. The factors stand in
 `info["randomization"]`; `reset(options={{"randomize": {{"masses": 1.1}}}})` sets some of them. The step is
 chosen for the stiffest and lightest body of the ranges, and one that is given is held against it. A factor
 that nothing answers to is refused: gravity in free fall, friction and restitution without a surface, springs
@@ -327,14 +264,23 @@ the same bits for 30 starts of each environment, OpenBLAS's oldest kernels start
 the most. A new version of springgym may start a seed otherwise, and says so; what the task is changes with
 the number in an environment's id.
 
-**States.** `springgym.get_state(env)` gives the true state of what `gymnasium.make` or `gymnasium.make_vec`
-made: positions and velocities, clocks, goals, factors, actuators, the time limit, random generators. After
+**States.** `springgym.get_state(env)` gives the true state of what `gymnasium.make`, `gymnasium.make_vec`,
+`springgym.envs.parallel` or `springgym.envs.sb3.make_sb3` made: positions and velocities, clocks, goals,
+factors, actuators, the time limit, random generators, and what a monitor counts. After
 `springgym.set_state(env, state)`, in the same environment or in another one made alike, what follows is
-what followed, to the bit. A state of another task, action mode, body, number of copies, kind of dynamics or
-type of numbers is refused. (`env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit
-as it is. That counter starts anew whenever Gymnasium's wrapper is asked to reset, even where the
-environment refuses: a state set back mends it.) `pickle` and `copy.deepcopy` take an environment in
-mid-episode with all its wrappers.
+what followed, to the bit. A state of an environment that was made otherwise, be it by another friction,
+step or variant, is refused, and it is said what differs; only the time limit and `error` may be others.
+So is a mangled one. Either all of a state is set, or nothing. (`env.unwrapped.set_state` leaves the counter
+of `gymnasium.make`'s time limit as it is. That counter starts anew whenever Gymnasium's wrapper is asked to
+reset, even where the environment refuses: a state set back mends it.) `pickle` and `copy.deepcopy` take
+an environment in mid-episode with all its wrappers.
+
+**Calls that break off.** If Ctrl-C, or a reward of your own that raises, ends a step or a reset in its
+middle, the next step asks for a reset; to set a state from before will do, too. `Simulator.advance` needs
+none: `time` says how far each copy got.
+
+**Threads.** One thread at a time may use an environment, or a simulator. A call while another thread is
+in one raises a `RuntimeError`; it does not wait.
 
 **Divergence.** A copy whose springs are stretched by half, or whose numbers are not finite, ends with
 reward 0, an observation of zeros and `info["diverged"]`; `energy` and `strain` in `info` are then what they
@@ -396,56 +342,48 @@ gymnasium.register("Hover-v0", entry_point=hover, max_episode_steps=200)
 """
 
 
+def page(report: dict[str, Any]) -> str:
+    """The page, with what was measured."""
+    told = []
+    for name in ("variants", "errors"):
+        measured = report[name]["measured"]
+        versions = ", ".join(f"{package} {version}" for package, version in measured["versions"].items())
+        told.append(f"{name.capitalize()} measured {measured['date']}: {versions}.")
+    return "\n".join(
+        [
+            "# Environments\n",
+            INTRODUCTION,
+            "![The environments in the order of the table](figures/environments.png)\n",
+            *table_of_environments(),
+            *table_of_named_variants(),
+            *table_of_variants(report),
+            "",
+            RANDOMISATION,
+            PROMISES,
+            OWN_SCENES,
+            *table_of_errors(report),
+            "",
+            *table_of_estimates(report),
+            "",
+            "\n".join(told),
+            "\nWritten by `python docs/environments.py`, from the docstrings and from `docs/numbers.json`.\n",
+        ]
+    )
+
+
 def main() -> None:
-    """Write the pages; measure, unless told not to."""
+    """Write the pages."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    only = parser.add_mutually_exclusive_group()
-    only.add_argument("--pages", action="store_true", help="measure nothing")
-    only.add_argument(
-        "--error",
-        nargs="+",
-        metavar="ID",
-        choices=[row.id for row in ENVIRONMENTS],
-        help="their errors alone",
-    )
-    options = parser.parse_args()
+    parser.parse_args()
+    write()
+
+
+def write() -> None:
+    """Write all pages, from the docstrings and from what was measured."""
     write_pages()
-    if options.pages or options.error:
-        measured = MEASURED + PAGE.read_text(encoding="utf-8").partition(MEASURED)[2]
-        if options.error:
-            measured = errors_renewed(measured, options.error)
-    else:
-        measured = measure()
-    front = [
-        "# Environments\n",
-        INTRODUCTION,
-        "![The environments in the order of the table](figures/environments.png)\n",
-        *table_of_environments(),
-        *table_of_named_variants(),
-    ]
-    PAGE.write_text("\n".join([*front, measured]), encoding="utf-8")
-
-
-def measure() -> str:
-    """The part of the page that is measured."""
-    sys.path.insert(0, str(PAGE.parents[1] / "agents"))
-    versions = f"springgym {springgym.__version__}, Python {platform.python_version()}, "
-    versions += f"NumPy {np.__version__}, Numba {numba.__version__}"
-    lines = [
-        *table_of_variants(),
-        "",
-        RANDOMISATION,
-        PROMISES,
-        OWN_SCENES,
-        *table_of_errors(),
-        "",
-        *table_of_estimates(),
-        f"\nMeasured {date.today()}, {versions}.\n",
-        "Written by `python docs/environments.py`, from the docstrings and by measuring.\n",
-    ]
-    return "\n".join(lines)
+    PAGE.write_text(page(json.loads(NUMBERS.read_text(encoding="utf-8"))), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
     python docs/figures.py accuracy scenes       # some
     python docs/figures.py agent --agent runs/SpringTop-v0-ppo-0
 
-Curves come from figures/accuracy.json and figures/speed.json, which ``springgym accuracy`` and ``springgym
+Curves come from figures/accuracy.json and numbers.json, which ``springgym accuracy`` and ``springgym
 bench`` write.
 """
 
@@ -62,7 +62,7 @@ def speed(folder: Path, args: argparse.Namespace) -> None:
     """Speed of programs and sizes, from what was measured."""
     from springgym.bench.figures import draw
 
-    draw(json.loads((FIGURES / "speed.json").read_text(encoding="utf-8")), folder / "speed.svg")
+    draw(json.loads((FIGURES.parent / "numbers.json").read_text(encoding="utf-8")), folder / "speed.svg")
 
 
 def scenes(folder: Path, args: argparse.Namespace) -> None:

@@ -61,7 +61,7 @@ def rows(checks: Iterable[Check]) -> list[list[str]]:
         off, scale, sign = each.measured - each.theory, abs(each.theory), " %" if each.theory else ""
         by, allowed = (100 * value / (scale or 100) for value in (off, each.tolerance))
         numbers = [f"{each.theory:.5g}", f"{each.measured:.5g}", each.unit, f"{by:.1g}{sign}"]
-        told.append([each.quantity, *numbers, f"{allowed:.1g}{sign}", "ok" if each.passed else "FAILED"])
+        told.append([each.quantity, *numbers, f"{allowed:.1g}{sign}", each.verdict])
     return told
 
 

@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from springgym.registration import register
+
+if TYPE_CHECKING:
+    from springgym.bodies import Body
+    from springgym.envs.base import get_state, set_state
+    from springgym.envs.scene import make_scene_env
+    from springgym.scene import Placed, Scene
+    from springgym.simulator import Simulator
 
 __version__ = "0.1.0"
 
@@ -23,10 +30,12 @@ _PUBLIC = {
 __all__ = ["Body", "Placed", "Scene", "Simulator", "get_state", "make_scene_env", "register", "set_state"]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _PUBLIC:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_PUBLIC[name]), name)
+if not TYPE_CHECKING:  # to which every name would be one of the package
+
+    def __getattr__(name: str) -> Any:
+        if name not in _PUBLIC:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(_PUBLIC[name]), name)
 
 
 register()

@@ -74,7 +74,7 @@ class Material:
     softness
         How many times softer than it really is, see `softened`.
     sources
-        Where each figure is from, by the names above; "guess" for one that no source was found for.
+        Where each figure is from, by the names above; "guess" if none was found.
 
     Raises
     ------
@@ -154,6 +154,15 @@ def _described(sources: str, **others: str) -> Mapping[str, str]:
 
 IRVINE = "T. Irvine, Damping Properties of Materials, rev. C (2004), tables 1 and 2"
 BEECH = "table 1 of doi:10.1186/s10086-019-1794-4"
+ACROSS = (
+    f"{BEECH}, which contradicts itself: from its ν_RT follows ν_TR = ν_RT E_T/E_R = 0.219, and it prints "
+    "0.373; ν_RT is taken. G_RT: no second source was found. G_LR: 0.93 to 1.29 GPa in an abstract of Krüger "
+    "and Wagenführ, Comparison of methods for determining shear modulus of wood (2020)"
+)
+WOOD_LOSS = (
+    "guess, within what the Wood Handbook (FPL-GTR-282, page 5-21, as others quote it) says of all woods: "
+    "logarithmic decrements πη from less than 0.02, hot and dry, to 0.1, hot and moist"
+)
 OAK = "Wood Handbook (USDA), laurel (red) oak at 12 % moisture"
 PLASTICS = "engineersedge.com, properties of plastic materials, table 14630"
 ABS = "makeitfrom.com, unfilled ABS"
@@ -183,7 +192,7 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
                 *(12.205e9, 0.502, 710.0, 0.01),
                 grain=Grain(1.858e9, 0.774e9, 0.899e9, 0.595e9, 0.195e9, 0.705, 0.526),
                 sources=_described(
-                    BEECH, density="wood-database.com, European beech, dried", loss="guess", grain=BEECH
+                    BEECH, density="wood-database.com, European beech, dried", loss=WOOD_LOSS, grain=ACROSS
                 ),
             ),
             Material(
@@ -194,7 +203,7 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
                     OAK,
                     young=f"{OAK}: 1.1 times its 11.7 GPa in bending, as that book advises",
                     density=f"{OAK}: 1.12 times its specific gravity of 0.63",
-                    loss="guess",
+                    loss=WOOD_LOSS,
                     grain=f"{OAK}, as shares of E_L; G_RT: guess, the share of beech",
                 ),
             ),

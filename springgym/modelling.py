@@ -109,14 +109,13 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
     TypeError
         Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        Naming a number out of bounds or an unknown method; or if the plan is of no heavy top, or it has no
-        steady precession.
+        Naming a number out of bounds or an unknown method; or if the plan is of several bodies or no heavy
+        top, or it has no steady precession.
     """
     wanted = number("wanted", wanted, TINY, 1.0)
     duration = number("duration", duration, LEAST["duration"])
     implicit = [chosen("a method", name, METHODS) for name in instance("implicit", implicit, list, tuple)]
-    scene = instance("plan", plan, Plan).scene
-    steady = _steady(scene.body, scene, *_turning(scene))
+    steady, scene = _asked(instance("plan", plan, Plan)), plan.scene
 
     def tried(dynamics: str, integrator: str, factor: float = 1.0, step: float | None = None) -> Model:
         try:
@@ -140,6 +139,17 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
             model = tried("springs", integrator, 1.0, step)
         models.append(model)
     return Need(steady, wanted, sorted(models, key=lambda model: model.cost))
+
+
+def _asked(plan: Plan) -> Steady:
+    """The precession of the top of a plan."""
+    scene = plan.scene
+    if len(scene.bodies) > 1:
+        raise ValueError(
+            f"scene {plan.name!r} is of {len(scene.bodies)} bodies; the model is sought of one, a heavy top"
+        )
+    heavy_top(scene.body, scene.pinned, scene.gravity or (0.0, 0.0, 0.0))
+    return _steady(scene.body, scene, *_turning(scene))
 
 
 def _turning(scene: Scene) -> tuple[float, float]:

@@ -15,27 +15,35 @@
         def energy(x, tether):              # their energy [J]
             ...
 
-Scenes take any number of them. Fields called ``particle`` or ``particles`` are checked to be of the body.
-Forces act where the springs act, at the same times, so that a method keeps its order and its conservation
-laws; their energy is counted with that of the springs.
+Scenes take any number of them, and keep their numbers: arrays are copied, nobody can write to the copies.
+Fields called ``particle`` or ``particles`` are checked to be of the body. Forces act where the springs act,
+at the same times, so that a method keeps its order and its conservation laws; their energy is counted with
+that of the springs.
 """
 
 from __future__ import annotations
 
+import inspect
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
+from numba.core.errors import NumbaError
 from numba.extending import overload
 
-from springgym.checks import HUGE, number, shown, whole, whole_array
+from springgym.checks import MANY, array, number, shown, whole, whole_array
 from springgym.compiling import OPTIONS, Inner
-from springgym.lanes import load
+from springgym.lanes import Lanes, load
+from springgym.records import read_only
 
 MOST_FORCES = 20
 """A body has no more: each is compiled into the kernel."""
 
-FUNCTIONS = {"add": "add(x, force, own)", "energy": "energy(x, own)"}
+FUNCTIONS = {"add": ("x", "force", "own"), "energy": ("x", "own")}
+"""What a force has to have, and what each of them takes."""
+
+RETURNED = {"add": "nothing: it adds to force", "energy": "a number, the energy [J]"}
+"""What they must return."""
 
 
 class OfBody(NamedTuple):
@@ -47,16 +55,16 @@ class OfBody(NamedTuple):
 
 
 def checked_forces(name: str, given: Any, count: int) -> tuple[Any, ...]:
-    """Forces of a body of ``count`` particles as compiled functions take them: arrays of float64 or int64.
+    """Forces of a body of ``count`` particles, with arrays of their own of float64 or int64, read-only.
 
     Fields called ``particle`` or ``particles`` must be particles of the body. Of all else it is only checked
-    that it is finite numbers.
+    that it is numbers, see `springgym.checks`.
 
     Raises
     ------
     TypeError, ValueError
-        Naming a force that is no named tuple, lacks a function, holds what is no number, or a particle that
-        does not exist.
+        Naming a force that is no named tuple, lacks a function or has one that takes something else, holds
+        what is no number, or a particle that does not exist.
     """
     if not isinstance(given, (tuple, list)) or hasattr(given, "_fields"):
         raise TypeError(f"{name} is {shown(given)}; it must be a tuple of forces")
@@ -69,12 +77,21 @@ def _checked(name: str, force: Any, count: int) -> Any:
     if not isinstance(force, tuple) or not hasattr(force, "_fields"):
         raise TypeError(f"{name} is {shown(force)}; it must be a named tuple, see springgym.own_forces")
     kind: Any = type(force)
-    for function, form in FUNCTIONS.items():
-        if not isinstance(getattr(kind, function, None), Inner):
+    for function, takes in FUNCTIONS.items():
+        form, given = f"{function}({', '.join(takes)})", getattr(kind, function, None)
+        if not isinstance(given, Inner):
             raise TypeError(
                 f"{name} is a {kind.__name__}, which has no function {form}; it must be a staticmethod, "
                 "decorated with springgym.compiling.compiled"
             )
+        signature = inspect.signature(given.py_func)
+        try:
+            signature.bind(*takes)
+        except TypeError:
+            found = ", ".join(signature.parameters)
+            raise TypeError(
+                f"{name} is a {kind.__name__}, whose function is {function}({found}); it must be {form}"
+            ) from None
     return kind._make(
         _particles(f"{name}.{field}", value, count)
         if field in ("particle", "particles")
@@ -86,7 +103,7 @@ def _checked(name: str, force: Any, count: int) -> Any:
 def _particles(name: str, value: Any, count: int) -> Any:
     """A particle as an int, or several as an array of int64."""
     if isinstance(value, (np.ndarray, list, tuple)):
-        return whole_array(name, value, (None,), high=count - 1).astype(np.int64)
+        return read_only(whole_array(name, value, (None,), high=count - 1))
     return whole(name, value, high=count - 1)
 
 
@@ -94,15 +111,51 @@ def _value(name: str, value: Any) -> Any:
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     if isinstance(value, (int, np.integer)):
-        return whole(name, value, low=-(2**53))
+        return whole(name, value, low=-MANY)
     if not isinstance(value, np.ndarray):
         return number(name, value)
-    if value.dtype.kind not in "iuf":
-        raise TypeError(f"{name} is an array of {value.dtype}; it must be one of numbers")
-    made = np.ascontiguousarray(value, np.float64 if value.dtype.kind == "f" else np.int64)
-    if not (np.abs(made) <= HUGE).all():
-        raise ValueError(f"{name} is {shown(value)}; its numbers must be finite, and at most {HUGE:g}")
-    return made
+    if value.dtype.kind in "iu":
+        return read_only(whole_array(name, value, value.shape, low=-MANY))
+    return read_only(array(name, value, value.shape))
+
+
+def to_compiled(force: Any) -> Any:
+    """A checked force as compiled functions take it: with C-contiguous arrays that only they have."""
+    return force._make(value.copy() if isinstance(value, np.ndarray) else value for value in force)
+
+
+def _typed(force: Any, function: str, *arguments: Any) -> Any:
+    """A function of a force, compiled for arguments of some types, of which the last is that of the force.
+
+    Raises
+    ------
+    TypeError
+        Naming the force and the function, if it does not compile, or returns what it must not.
+    """
+    of = f"{function} of the force {force.instance_class.__qualname__}"
+    given = getattr(force.instance_class, function)
+    try:
+        taken = given.get_call_template((*arguments, force), {})[2]
+    except NumbaError as error:
+        raise TypeError(f"{of} does not compile: {_reason(error)}") from None
+    found = given.overloads[tuple(taken)].signature.return_type
+    wanted = types.NoneType if function == "add" else (Lanes, types.Float, types.Integer)
+    if not isinstance(found, wanted):
+        said = f"{len(found)} values" if isinstance(found, types.BaseTuple) else found
+        said = "nothing" if found == types.none else said
+        raise TypeError(f"{of} returns {said}; it must return {RETURNED[function]}")
+    return given
+
+
+def _reason(error: NumbaError) -> str:
+    """Why a function does not compile, in a line: Numba tells all that it tried, too."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    told = [line for line in lines if line and not line.startswith("Failed in nopython mode")]
+    reason = told[0] if told else type(error).__name__
+    if reason.endswith(":") and len(told) > 1:
+        reason = f"{reason} {told[1].removeprefix('>>> ')}"
+    where = getattr(error, "loc", None)
+    return reason if where is None else f"{reason} ({where.filename}, line {where.line})"
 
 
 def add_own_forces(x: Any, force: Any, own: Any, body: Any) -> None:
@@ -117,7 +170,7 @@ def _add_own_forces(x: Any, force: Any, own: Any, body: Any) -> Any:
             pass
 
         return add_none
-    add = own[0][1].instance_class.add
+    add = _typed(own[0][1], "add", x, force)
 
     def add_first_and_others(x: Any, force: Any, own: Any, body: Any) -> None:
         if own[0].body == body:
@@ -139,7 +192,7 @@ def _own_energy(x: Any, own: Any, body: Any) -> Any:
             return 0.0 * load(x, (0, 0))
 
         return no_energy
-    energy = own[0][1].instance_class.energy
+    energy = _typed(own[0][1], "energy", x)
 
     def energy_of_first_and_others(x: Any, own: Any, body: Any) -> Any:
         total = own_energy(x, own[1:], body)

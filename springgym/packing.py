@@ -9,12 +9,13 @@ import numpy as np
 
 from springgym import rigid
 from springgym.blocks import aligned_zeros, get_copies, numbers, set_copies, to_copies
+from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
 from springgym.collisions import shape as shape_of
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.barrier import HollowSphere, Planes
-from springgym.forces.memory import memory
+from springgym.forces.memory import HELD, memory
 from springgym.forces.node import Space
 from springgym.forces.pairs.terms import (
     ENERGY,
@@ -36,7 +37,7 @@ from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.forces.together import Bodies
 from springgym.integrators.record import Integrator, workspace
 from springgym.lanes import Ragged
-from springgym.own_forces import OfBody
+from springgym.own_forces import OfBody, to_compiled
 from springgym.ragged import share, stacked
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Bowl, Contact, PaperContact, Plane, impact_damping, oblique, scales
@@ -124,7 +125,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
 def _shared(scene: Scene, options: Options) -> Terms:
     """What acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
     surfaces, contact, varying = scene.surfaces, scene.contact, options.varying
-    own = [OfBody(n, force) for n, placed in enumerate(scene.bodies) for force in placed.forces]
+    own = [OfBody(n, to_compiled(force)) for n, placed in enumerate(scene.bodies) for force in placed.forces]
     gravity = None
     if scene.gravity is not None:
         gravity = options.parameter({"gravity"}, np.array(scene.gravity, float))
@@ -415,7 +416,8 @@ def shape(packed: Packed, name: str) -> tuple[int, ...]:
 
 
 def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
-    """Present values of ``masses`` (k, N), ``stiffness`` or ``damping`` (k, S), in the body's order."""
+    """Present values of ``masses`` (k, N), or ``stiffness``, ``damping`` or ``lengths`` (k, S), in the body's
+    order."""
     if not varies(packed, name):
         of_body = getattr(packed.scene.body, name)
         return np.broadcast_to(of_body, (len(index), len(of_body)))
@@ -429,6 +431,27 @@ def renew(packed: Packed, index: np.ndarray) -> None:
     """Let some copies (k,) begin anew from where they are and how they move."""
     if packed.terms.memory:
         set_copies(packed.terms.memory.marks, index, 0.0)
+
+
+def swing(packed: Packed, x: np.ndarray) -> np.ndarray:
+    """Σ m |a|² [N²/kg] of a body in all its copies (k, N, 3), by the accelerations of springs and gravity.
+
+    Where the body meets something, by gravity alone: there contact holds the springs' share of the energy
+    that follows from it, see `springgym.forces.node.read_amid`.
+    """
+    index = np.arange(len(x))
+    masses, stiffness, lengths = (values(packed, name, index) for name in ("masses", "stiffness", "lengths"))
+    gravity = np.zeros((len(x), 3))
+    if packed.terms.gravity is not None:
+        gravity[:] = (
+            get_copies(packed.terms.gravity, index) if varies(packed, "gravity") else packed.terms.gravity
+        )
+    pull = spring_forces(packed.scene.body.springs, stiffness, lengths, x)
+    if packed.terms.memory is not None:
+        meets = get_copies(packed.terms.memory.marks, index)[:, HELD] != 0.0
+        pull[meets] = 0.0
+    acceleration = (pull / masses[..., None] + gravity[:, None]) * packed.scene.free[:, None]
+    return np.asarray((masses[..., None] * acceleration**2).sum(axis=(1, 2)))
 
 
 def vary_pairs(meets: Meets | None, scene: Scene, index: np.ndarray, given: Mapping[str, np.ndarray]) -> None:

@@ -7,6 +7,22 @@ from typing import Any
 import numpy as np
 
 
+def read_only(value: Any) -> np.ndarray:
+    """A copy of an array that nobody can write to."""
+    kept = np.array(value)
+    kept.setflags(write=False)
+    return kept
+
+
+def _protect(value: Any) -> None:
+    """Make arrays read-only, in nested tuples too."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, tuple):
+        for part in value:
+            _protect(part)
+
+
 class ReadOnly:
     """Base of frozen dataclasses that hold arrays: no array of theirs can be written to, nor one of a copy.
 
@@ -15,12 +31,9 @@ class ReadOnly:
 
     def keep(self, name: str, value: Any) -> None:
         """Set a field to a read-only copy of an array, while the record is made."""
-        kept = np.array(value)
-        kept.setflags(write=False)
-        object.__setattr__(self, name, kept)
+        object.__setattr__(self, name, read_only(value))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for value in state.values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
+            _protect(value)
         self.__dict__.update(state)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
@@ -197,8 +198,19 @@ def find(env_id: str) -> tuple[Row, dict[str, Any]] | None:
     return None if row is None else (row, {} if variant is None else dict(variant.arguments))
 
 
+PARALLEL = ("SpringDuel-v0",)
+"""Environments of several agents."""
+
+
 def register() -> None:
-    """Register all environments with Gymnasium; those that are registered already stay."""
+    """Register all environments with Gymnasium; those that are registered already stay.
+
+    If PettingZoo has been imported, and has a registry, it is told of those of several agents.
+    """
+    zoo: Any = sys.modules.get("pettingzoo")
+    for env_id in PARALLEL if hasattr(zoo, "parallel_registry") else ():
+        if env_id not in zoo.parallel_registry:
+            zoo.register("parallel", env_id, entry_point="springgym.envs.players:registered")
     plain: list[tuple[str, Row, dict[str, Any]]] = [(row.id, row, {}) for row in ENVIRONMENTS]
     found = {variant.id: find(variant.id) for variant in VARIANTS}
     for env_id, row, arguments in [*plain, *((name, *what) for name, what in found.items() if what)]:

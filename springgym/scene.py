@@ -14,6 +14,7 @@ from springgym.bodies import Body
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
 from springgym.collisions import Collisions, Meeting, check_apart, meetings, shape
 from springgym.collisions.meeting import ALL, Named
+from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
 from springgym.surfaces import (
@@ -197,6 +198,10 @@ OWN = ("body", "positions", "velocities", "pinned", "wrench", "thrust", "drive",
 """Fields of a scene that say of its one body what `Placed` says of each of several."""
 
 
+OF_A_BODY = ("positions", "masses", "springs", "stiffness", "damping", "lengths", "markers", "triangles")
+"""Arrays of a body that decide how it moves, and how it is measured."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scene(ReadOnly):
     """All that is simulated: bodies, how they start, and what acts on them.
@@ -262,6 +267,32 @@ class Scene(ReadOnly):
         self._check_apart(self.positions)
 
     @cached_property
+    def identity(self) -> dict[str, Any]:
+        """All but the start that decides how it moves, by name in plain data, see `springgym.identity`."""
+        made: dict[str, Any] = {
+            "gravity": None if self.gravity is None else list(self.gravity),
+            "number of bodies": len(self.bodies),
+            "number of surfaces": len(self.surfaces),
+            "collisions": [[met.first, met.second] for met in self.meetings],
+        }
+        made |= {f"surface {n}": repr(surface) for n, surface in enumerate(self.surfaces)}
+        contacts = {"": self.contact} if self.surfaces else {}
+        for met in self.meetings:
+            of = f" of bodies {met.first} and {met.second}"
+            contacts[of] = met.contact
+            made |= {f"c{of}": float(met.strength), f"Δ{of}": float(met.reach)}
+        for of, contact in contacts.items():
+            made[f"contact{of}"] = type(contact).__name__
+            made |= {f"{own.name} of the contact{of}": getattr(contact, own.name) for own in fields(contact)}
+        for placed in self.bodies:
+            of = self._of(placed)
+            made |= {f"{name}{of}": digest(getattr(placed.body, name)) for name in OF_A_BODY}
+            made |= {f"radius{of}": placed.body.radius, f"floppy{of}": placed.body.floppy}
+            made |= {f"pinned{of}": list(placed.pinned), f"forces{of}": digest(placed.forces)}
+            made |= {f"{name}{of}": repr(getattr(placed, name)) for name in ("wrench", "thrust", "drive")}
+        return made
+
+    @cached_property
     def meetings(self) -> tuple[Meeting, ...]:
         """The pairs of bodies that may meet, and how."""
         named = [Named(placed.name, placed.body, bool(placed.free.any())) for placed in self.bodies]
@@ -272,13 +303,13 @@ class Scene(ReadOnly):
             raise TypeError(f"bodies is {shown(self.bodies)}; it must be a tuple of Placed")
         if not self.bodies:
             return (Placed(**{name: getattr(self, name) for name in OWN}),)
-        if len(self.bodies) == 1 and isinstance(self.bodies[0], Placed) and self.body is self.bodies[0].body:
-            # what `dataclasses.replace` gives: the fields of the one body, one of them changed
+        if self._replaced():
             return (Placed(**{name: getattr(self, name) for name in OWN}, name=self.bodies[0].name),)
         for own in fields(self):
             if own.name in OWN and getattr(self, own.name) is not own.default:
                 raise ValueError(
-                    f"{own.name} is given beside bodies; it must be said in the Placed of each body"
+                    f"{own.name} is given beside bodies; it must be said in the Placed of each body, or by "
+                    "with_ of a scene that is to be changed"
                 )
         bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))
         if len(bodies) > MOST_BODIES:
@@ -296,6 +327,18 @@ class Scene(ReadOnly):
                     "each Placed a name of its own"
                 )
         return bodies
+
+    def _replaced(self) -> bool:
+        """Whether `dataclasses.replace` makes it, from the fields of a scene of one body.
+
+        These say all that belongs to the body a second time, beside ``bodies``. Who writes the body twice
+        does not say how it starts twice: nothing that is in the `Placed` may be dropped for that.
+        """
+        (first, *others) = self.bodies
+        if others or not isinstance(first, Placed) or self.body is not first.body:
+            return False
+        starts = (self.positions, first.positions), (self.velocities, first.velocities)
+        return all(given is not None for given, _ in starts) and any(given is own for given, own in starts)
 
     def _check_surfaces(self) -> None:
         if not isinstance(self.surfaces, Sequence):

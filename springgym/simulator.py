@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
+import warnings
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, lru_cache
+from itertools import repeat
+from threading import Lock
 from typing import Any, Self
 
 import numpy as np
@@ -26,6 +31,9 @@ from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.pairs import PairReadings
 from springgym.forces.together import START
+from springgym.guard import Guard, guarded
+from springgym.identity import check_same
+from springgym.integrators.clock import Clock
 from springgym.integrators.record import COUNTS, Control, Phase
 from springgym.lanes import Ragged
 from springgym.measures import Markers, Measures, Reading, Readout
@@ -37,12 +45,29 @@ from springgym.surfaces import Contact, PaperContact
 STRAIN_LIMIT = 0.5
 """A spring stretched or squeezed by more than this share of its length has left what the model means."""
 
+STRAINED = 0.3
+"""Strain from which springs that should hold a body in shape do so no more: a `PrecisionWarning` tells."""
+
+COARSE = 1e-5
+"""Rounding of positions, as a share of the shortest spring, from which a `PrecisionWarning` tells: springs
+feel it as a stretch, and energy grows with every step."""
+
 WORTH_A_THREAD = 10_000
 """Springs and pairs of bodies × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms)
 pays."""
 
+AT_ONCE = 4_000_000
+"""Springs and pairs of bodies × steps × blocks of one compiled call at the most, some 0.1 s, of implicit
+methods some seconds: Python serves Ctrl-C between the calls."""
+
+FEWEST = 64
+"""Steps of one compiled call that are taken whatever they cost: a call begins and ends with half a step."""
+
 OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.memory")
 """Arrays of `Simulator._changing` that hold what happens in a step, or happened in the last."""
+
+GOES_FORWARD = ("integrator", "step", "tolerance")
+"""What a simulator may have of its own that takes over from another."""
 
 PAPER_STEP = 5e-4
 """h of the paper [s]."""
@@ -55,11 +80,17 @@ MOST_PARTICLES, MOST_THREADS = 10**8, 1024
 
 
 class SimulationDivergedError(ArithmeticError):
-    """A copy has left what the model means: not finite, or a spring beyond `STRAIN_LIMIT`."""
+    """A copy has left what the model means: not finite, or a spring beyond its limit."""
+
+
+class PrecisionWarning(UserWarning):
+    """A simulation means less than it seems to, see `STRAINED` and `COARSE`; a simulator tells it once."""
 
 
 class Simulator:
     """Steps copies of a scene through time. What it was made with is read, not set.
+
+    One thread at a time may use it: a call while another thread is in one raises a RuntimeError.
 
     Arguments are checked as `springgym.checks` says. Where a method takes ``copies``, these are their
     indices, each once and none negative, or a mask (copies,); all of them if None. What it sets them to
@@ -91,6 +122,9 @@ class Simulator:
     tolerance
         (relative, absolute) of a method that controls its error, see
         `springgym.integrators.record.Control`; (1e-6, 1e-9) if not given.
+    strain_limit
+        Largest |L/L₀ − 1| of a spring; a copy beyond it has diverged. If it is given, strains up to it are
+        meant, and no `PrecisionWarning` tells of them; if not, it is `STRAIN_LIMIT`.
 
     Raises
     ------
@@ -115,7 +149,9 @@ class Simulator:
         varying: Collection[str] = (),
         ledger: bool = True,
         tolerance: tuple[float, float] | None = None,
+        strain_limit: float | None = None,
     ) -> None:
+        self._guard = Guard()
         self.scene = checks.instance("scene", scene, Scene)
         self.dynamics = checks.chosen("dynamics", dynamics, DYNAMICS)
         self._kind = DYNAMICS[dynamics]
@@ -135,6 +171,12 @@ class Simulator:
         self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
         self.dtype = _checked_dtype(dtype)
         ledger = checks.flag("ledger", ledger)
+        self.strain_limit = (
+            STRAIN_LIMIT if strain_limit is None else checks.number("strain_limit", strain_limit, low=TINY)
+        )
+        """share of its length beyond which a spring means that a copy has diverged"""
+        self._strained = self._strain_of_note(strain_limit is not None)
+        self._far = self._far_away()
         self.time = np.zeros(self.copies)
         """[s], (copies,)"""
         self._x = self._blocks(particles, 3)
@@ -159,9 +201,11 @@ class Simulator:
         self._workspace = packing.workspaces(
             scene, self.integrator, self._terms.meets, self._x.dtype, len(shares)
         )
+        self._varying = sorted(varying)
         self._actuators = self._actuated()
         self._advance = self._kernel()
         self._check_settled(scene.positions[None], scene.velocities[None], np.zeros(1, int))
+        self._check_distance(scene.positions)
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
             numbers(array)[:] = start[..., None]  # the padding of the last block, too
         self._settle(np.arange(self.copies))
@@ -233,6 +277,11 @@ class Simulator:
         return Phase(Ragged(self._x, particles), Ragged(self._v, particles), ledger)
 
     @cached_property
+    def _clock(self) -> Clock:
+        """The time as kernels take it."""
+        return Clock(self.time, self.step, self.width)
+
+    @cached_property
     def _readings(self) -> list[Reading]:
         """How each thread reads copies off."""
         return [Reading(self.readout, space, self._markers) for space in self._space]
@@ -258,11 +307,13 @@ class Simulator:
     # --- State ------------------------------------------------------------------------------------
 
     @property
+    @guarded
     def positions(self) -> np.ndarray:
         """Positions of the particles [m], (copies, N, 3), a copy."""
         return to_copies(self._x, self.copies)
 
     @property
+    @guarded
     def velocities(self) -> np.ndarray:
         """Velocities of the particles [m/s], (copies, N, 3), a copy."""
         return to_copies(self._v, self.copies)
@@ -272,6 +323,7 @@ class Simulator:
         """Copies in a block."""
         return int(numbers(self._x).shape[-1])
 
+    @guarded
     def place(self, positions: Any, velocities: Any, copies: Any = None) -> None:
         """Start some copies (all) anew, with an empty ledger, at time 0.
 
@@ -298,6 +350,7 @@ class Simulator:
         )
         self.scene.check_start(x, v, index)
         self._check_settled(x, v, index)
+        self._check_distance(x)
         set_copies(self._x, index, x)
         set_copies(self._v, index, v)
         self._settle(index)
@@ -362,6 +415,7 @@ class Simulator:
             for first, last in self._block_ranges(index):
                 self._run(0, first, last, START, settles=False, reads=False)
 
+    @guarded
     def vary(self, copies: Any, **values: Any) -> None:
         """Give some copies their own parameters.
 
@@ -410,6 +464,7 @@ class Simulator:
         packing.vary_pairs(self._terms.meets, self.scene, index, given[0])
         self._meet(index)
 
+    @guarded
     def actuate(self, **values: Any) -> None:
         """Set what the scene's actuators do until further notice.
 
@@ -449,11 +504,33 @@ class Simulator:
             else:
                 set_all(array, value)
 
-    def state(self) -> dict[str, np.ndarray]:
-        """All that changes, copied: give it to `restore`, of this simulator or one made the same way."""
-        return {name: array.copy() for name, array in self._changing()}
+    @guarded
+    def state(self) -> dict[str, Any]:
+        """All that changes, copied: give it to `restore`, of this simulator or one made the same way.
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        Beside the arrays it says what it is of, and which copies ("lost") are not finite.
+        """
+        arrays = {name: array.copy() for name, array in self._changing()}
+        return {"of": dict(self.identity), "lost": self._lost(arrays.values()), **arrays}
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """What it was made of, by name in plain data: a state is one of all simulators made so."""
+        control = self._control
+        return {
+            "copies": self.copies,
+            "dtype": self.dtype.name,
+            "dynamics": self.dynamics,
+            "integrator": self.integrator.name,
+            "step": self.step,
+            "tolerance": [control.relative, control.absolute] if isinstance(control, Control) else None,
+            "ledger": self._ledger is not None,
+            "varying": self._varying,
+            **self.scene.identity,
+        }
+
+    @guarded
+    def restore(self, state: Mapping[str, Any]) -> None:
         """Return to what `state` gave, to the bit.
 
         Raises
@@ -461,24 +538,34 @@ class Simulator:
         TypeError
             If it is no such state; nothing is changed.
         ValueError
-            If it is that of another simulator: of another number of copies, dtype or scene, with a ledger, or
-            with other parameters that vary; nothing is changed.
+            If it is that of a simulator that was made otherwise, saying what differs, or holds a number that
+            is not finite of a copy that was; nothing is changed.
         """
         own = dict(self._changing())
-        if checks.instance("state", state, Mapping).keys() != own.keys():
-            wrong = sorted(map(str, state.keys() ^ own.keys()))[0]
-            has = "holds" if wrong in state else "lacks"
+        names = {"of", "lost", *own}
+        given = checks.instance("state", state, Mapping)
+        if "of" in given:
+            check_same("the simulator that the state is of", given["of"], self.identity)
+        if given.keys() != names:
+            wrong = sorted(map(str, given.keys() ^ names))[0]
+            has = "holds" if wrong in given else "lacks"
             raise ValueError(f"the state {has} {wrong!r}; it must be that of a simulator made like this one")
-        for name, array in own.items():
+        for name, array in {"lost": np.zeros(self.copies, bool), **own}.items():
             given = checks.instance(f"state[{name!r}]", state[name], np.ndarray)
             if given.shape != array.shape or given.dtype != array.dtype:
                 raise ValueError(
                     f"state[{name!r}] is of shape {given.shape} and {given.dtype}; in this simulator, of "
                     f"{self.copies} copies, it must be {array.shape} and {array.dtype}"
                 )
-        for name, array in own.items():
-            array[:] = state[name]
+        for name in own:
+            if (wrong := self._lost([state[name]]) & ~state["lost"]).any():
+                raise ValueError(
+                    f"state[{name!r}] is not finite in copy {int(np.argmax(wrong))}; it must be numbers, but "
+                    "in copies that are lost"
+                )
+        _set(own.values(), (state[name] for name in own))
 
+    @guarded
     def take_over(self, other: Simulator) -> None:
         """Be where another simulator of the same scene is, to go on from there by steps of one's own.
 
@@ -490,17 +577,27 @@ class Simulator:
         TypeError, ValueError
             If it is not of as many copies of the same scene, of the same type; nothing is changed.
         """
-        theirs = dict(checks.instance("other", other, Simulator)._changing())
+        must = "; it must be made like this simulator but for its step"
+        made = checks.instance("other", other, Simulator).identity
+        check_same("other", made, self.identity, but=GOES_FORWARD, must=must)
+        theirs = dict(other._changing())
         own = {name: array for name, array in self._changing() if not name.startswith(OF_A_STEP)}
-        for name, array in own.items():
-            given = theirs.get(name)
-            if given is None or given.shape != array.shape or given.dtype != array.dtype:
-                raise ValueError(f"other is {other!r}; it must be made like this simulator but for its step")
-        for name, array in own.items():
-            array[:] = theirs[name]
+        _set(own.values(), (theirs[name] for name in own))
         for packed in self._packed:
             packing.renew(packed, np.arange(self.copies))
         self._meet(np.arange(self.copies))
+
+    def _lost(self, arrays: Iterable[np.ndarray]) -> np.ndarray:
+        """Which copies (copies,) have a number that is not finite in arrays like those of `_changing`."""
+        lost = np.zeros(self.copies, bool)
+        for array in arrays:
+            values = numbers(array) if array.dtype.names else array
+            with np.errstate(all="ignore"):
+                if math.isfinite(values.sum()):
+                    continue
+            rows = to_copies(array, self.copies) if array.dtype.names else array
+            lost |= ~np.isfinite(rows).reshape(self.copies, -1).all(axis=1)
+        return lost
 
     def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
         """Names and arrays of all that changes: what moves, what actuators do, and what was varied."""
@@ -512,6 +609,7 @@ class Simulator:
 
     # --- Time -------------------------------------------------------------------------------------
 
+    @guarded
     def advance(
         self,
         steps: int = 1,
@@ -521,6 +619,10 @@ class Simulator:
         then: Callable[[int, int], None] | None = None,
     ) -> None:
         """Take all copies ``steps`` steps further.
+
+        Ctrl-C ends it within about a second, and so does whatever else is raised: `time` tells how far each
+        copy got. Many steps are taken in several compiled calls. How many steps one takes depends on the
+        scene alone, so that results depend neither on the copies nor on the threads.
 
         Parameters
         ----------
@@ -532,7 +634,8 @@ class Simulator:
             Whether the copies are read off then, see `read`: all is done in one compiled call.
         then
             Called with a range of copies, the first and the one behind the last, when these are where they
-            should be: by each thread with its own share of them.
+            should be: by each thread with its own share of them. It may look at `readout`, and call no
+            method of the simulator.
 
         Raises
         ------
@@ -547,19 +650,57 @@ class Simulator:
         if check.__class__ is not bool or read.__class__ is not bool:
             check, read = checks.flag("check", check), checks.flag("read", read)
         self._share(steps, settles=True, reads=check or read, then=then)
-        time = self.time
-        time += steps * self.step
         if check:
-            strain = self.readout.rows[:, measures.STRAIN]
-            strained = ~(strain <= STRAIN_LIMIT)
-            diverged = strained | ~np.isfinite(self.readout.rows).all(axis=1)
-            if diverged.any():
-                n = int(np.argmax(diverged))
-                what = f"strain {strain[n]:g}, limit {STRAIN_LIMIT}" if strained[n] else "not finite"
-                raise SimulationDivergedError(
-                    f"copy {n} diverged before t = {self.time[n]:g} s: {what}; step {self.step:g} s, "
-                    f"stability limit {self.largest_step:g} s"
-                )
+            self._check()
+
+    def _check(self) -> None:
+        """Refuse what has diverged, and tell of what means little, as it was read off last."""
+        strain = self.readout.rows[:, measures.STRAIN]
+        strained = ~(strain <= self.strain_limit)
+        diverged = strained | ~np.isfinite(self.readout.rows).all(axis=1)
+        if diverged.any():
+            n = int(np.argmax(diverged))
+            what = "not finite"
+            if strained[n]:
+                what = f"strain {strain[n]:g}, strain_limit {self.strain_limit:g}"
+            raise SimulationDivergedError(
+                f"copy {n} diverged before t = {self.time[n]:g} s: {what}; step {self.step:g} s, "
+                f"stability limit {self.largest_step:g} s"
+            )
+        if (strain > self._strained).any():
+            n = int(np.argmax(strain > self._strained))
+            self._strained = math.inf
+            _tell(
+                f"a spring of copy {n} is stretched or squeezed by {strain[n]:.2g} of its length at "
+                f"t = {self.time[n]:g} s, and holds no shape any more; take stiffer springs, or say "
+                "strain_limit, the share up to which you mean it"
+            )
+        if self._far < math.inf:
+            self._check_distance(self.readout.positions)
+
+    def _check_distance(self, positions: np.ndarray) -> None:
+        """Tell if positions (copies, N, 3) are so far away that rounding them moves springs."""
+        far = float(np.abs(positions).max())
+        if far > self._far:
+            limit = self._far
+            rounding = float(np.spacing(self.dtype.type(far)))
+            self._far = math.inf
+            _tell(
+                f"a particle is {far:.3g} m away from the origin, where positions in {self.dtype} are "
+                f"{rounding:.2g} m apart, and springs feel that; stay within {limit:.3g} m, or use float64"
+            )
+
+    def _strain_of_note(self, meant: bool) -> float:
+        """The strain to tell of; infinite where it is meant, as in ropes."""
+        shaped = not any(placed.body.floppy for placed in self.scene.bodies)
+        return STRAINED if shaped and not meant else math.inf
+
+    def _far_away(self) -> float:
+        """How far from the origin rounding is `COARSE` [m]; of float64, as far as nobody goes."""
+        lengths = self.scene.of_bodies("lengths")
+        if self._kind.rigid or not len(lengths) or self.dtype != np.float32:
+            return math.inf
+        return COARSE * float(lengths.min()) / float(np.finfo(self.dtype).eps)
 
     def _run(self, thread: int, first: int, last: int, steps: int, settles: bool, reads: bool) -> None:
         """Take blocks ``first`` to ``last`` ``steps`` further; then read them off, if ``reads``.
@@ -576,8 +717,10 @@ class Simulator:
             self._acting,
             self._readings[thread],
             reads,
+            self._clock,
         )
 
+    @guarded
     def counts(self) -> np.ndarray:
         """Steps taken, steps rejected and Newton iterations of each copy since it was made, (copies, 3).
 
@@ -590,6 +733,7 @@ class Simulator:
             raise ValueError(f"{self.integrator.name} neither chooses its steps nor iterates: no counts")
         return to_copies(self._control.counts, self.copies)
 
+    @guarded
     def measure(self, body: int | str | None = None) -> Measures:
         """Energies, momenta, orientation and strain of all copies.
 
@@ -602,6 +746,31 @@ class Simulator:
         self.read()
         return measures.view((self.readout.rows if number is None else self.readout.bodies[:, number]).copy())
 
+    @guarded
+    def shadow_energy(self) -> np.ndarray:
+        """What the steps of velocity Verlet keep [J], (copies,): H − (h²/8) Σ m |a|².
+
+        H is the `energy` of `Measures`, a is what springs and gravity make of a particle's velocity. Springs
+        that vibrate keep this to rounding, while H swings: it is off by up to (ω h)²/4 of the energy in a
+        vibration of ω. Dampers, contact and friction take from both what is in the ledger. Amid contact H
+        holds the springs' share already.
+
+        Raises
+        ------
+        ValueError
+            If it is not known: of another method, of rigid bodies, or with forces of one's own.
+        """
+        if self._kind.rigid or self.integrator.name != "verlet":
+            what = f"{self.integrator.name} on {self.dynamics}"
+            raise ValueError(f"the shadow energy is known of verlet on springs alone; this is {what}")
+        if self._terms.own is not None:
+            raise ValueError("the shadow energy is not known where forces of one's own act")
+        self.read()
+        x, slices = self.readout.positions, self.scene.slices
+        swings = [packing.swing(packed, x[:, own]) for packed, own in zip(self._packed, slices, strict=True)]
+        return np.asarray(self.readout.rows[:, measures.ENERGY] - self.step**2 / 8 * sum(swings))
+
+    @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:
         """What happened between the bodies that collide since the copies were placed, or were forgotten.
 
@@ -621,6 +790,7 @@ class Simulator:
             packing.forget_pairs(self._terms.meets)
         return found
 
+    @guarded
     def read(self, copies: Any = None) -> None:
         """Write measures, positions and velocities of some copies (all) to their rows of `readout`.
 
@@ -652,24 +822,49 @@ class Simulator:
         blocks = self._x.shape[0]
         threads = min(self.threads, blocks)
         if threads == 1 or blocks * max(steps, 1) * self._busy < WORTH_A_THREAD:
-            self._run(0, 0, blocks, steps, settles, reads)
+            for first, last, some, ends in self._calls(0, blocks, steps):
+                self._run(0, first, last, some, settles, reads and ends)
             if then is not None:
                 then(0, self.copies)
             return
         edges = [blocks * n // threads for n in range(threads + 1)]
-        width = self.width
+        width, working = self.width, [Lock() for _ in range(threads)]
+        over: list[bool] = []
 
         def work(n: int) -> None:
-            first, last = edges[n], edges[n + 1]
-            self._run(n, first, last, steps, settles, reads)
-            if then is not None:
-                then(first * width, min(last * width, self.copies))
+            with working[n]:
+                for first, last, some, ends in self._calls(edges[n], edges[n + 1], steps):
+                    if over:
+                        return
+                    self._run(n, first, last, some, settles, reads and ends)
+                if then is not None:
+                    then(edges[n] * width, min(edges[n + 1] * width, self.copies))
 
         pool = _pool(os.getpid(), self.threads)
-        rest = [pool.submit(work, n) for n in range(1, threads)]
-        work(0)
-        for future in rest:
-            future.result()
+        try:
+            rest = [pool.submit(work, n) for n in range(1, threads)]
+            work(0)
+            for future in rest:
+                future.result()
+        except BaseException:
+            over.append(True)
+            for lock in working:
+                _await(lock)
+            raise
+
+    def _calls(self, first: int, last: int, steps: int) -> Iterator[tuple[int, int, int, bool]]:
+        """The compiled calls that take blocks ``first`` to ``last`` further: first and last block, how many
+        steps, and whether these are the last."""
+        busy = max(self._busy, 1)
+        if (last - first) * steps * busy <= AT_ONCE:
+            yield first, last, steps, True
+            return
+        most = max(AT_ONCE // busy, FEWEST)
+        for taken in range(0, steps, most):
+            some = min(most, steps - taken)
+            blocks = max(AT_ONCE // (some * busy), 1)
+            for block in range(first, last, blocks):
+                yield block, min(block + blocks, last), some, taken + some == steps
 
     def __repr__(self) -> str:
         return (
@@ -683,11 +878,13 @@ class Simulator:
             raise AttributeError(f"{name} of a simulator is what it was made with; make another")
         super().__setattr__(name, value)
 
+    @guarded
     def __getstate__(self) -> dict[str, Any]:
         left_out = (
             "_advance",
             "_actuators",
             "_phase",
+            "_clock",
             "_readings",
             "_acting",
             "_packed",
@@ -722,10 +919,25 @@ class Simulator:
         return step
 
 
+def _tell(what: str) -> None:
+    """Warn whoever called the simulator."""
+    warnings.warn(what, PrecisionWarning, stacklevel=4)
+
+
 @lru_cache(maxsize=8)
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     """Helper threads of this process; a forked child, being another process, makes its own."""
     return ThreadPoolExecutor(threads, thread_name_prefix="springgym")
+
+
+def _await(lock: Lock) -> None:
+    """Wait until a lock is free; Ctrl-C is on its way already, and another is not heard."""
+    while True:
+        try:
+            with lock:
+                return
+        except KeyboardInterrupt:
+            continue
 
 
 def _checked_names(varying: Any) -> frozenset[str]:
@@ -748,6 +960,11 @@ def _checked_dtype(dtype: Any) -> np.dtype:
             f"dtype is {checks.shown(dtype)}; it must be float64 or float32"
         )
     return given
+
+
+def _set(arrays: Iterable[np.ndarray], values: Iterable[np.ndarray]) -> None:
+    """Copy values to arrays, all or none: Python runs in between no line at which Ctrl-C is served."""
+    deque(map(np.ndarray.__setitem__, tuple(arrays), repeat(...), tuple(values)), 0)
 
 
 def _blocks_in(name: str, term: Any) -> Iterator[tuple[str, np.ndarray]]:

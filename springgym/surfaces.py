@@ -13,7 +13,7 @@ from springgym.checks import TINY, array, direction, number
 from springgym.theory.contact import damping_for_restitution
 
 REACH = 0.01
-"""Δ where none is given, as a share of `Body.size`."""
+"""Δ where none is given, as a share of `Body.swept`."""
 
 NEAREST = 1e-3
 """The least height to start at, as a share of Δ: below it the barrier's energy c/h has no sensible bound."""
@@ -89,7 +89,7 @@ class Contact:
         Rebound speed over impact speed, 0 … 1, at the ``impact_speed`` [m/s]; nearer to 1 for slower
         impacts, as of real bodies.
     strength, reach
-        c [N·m²] and Δ [m]. By default Δ is `REACH` of the body's size, and c = k Δ³/2 with the largest
+        c [N·m²] and Δ [m]. By default Δ is `REACH` of `Body.swept`, and c = k Δ³/2 with the largest
         stiffness k of its springs: the edge of the barrier is then as stiff as the body.
 
     Raises
@@ -165,7 +165,7 @@ def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
     """
     reach, strength = contact.reach, contact.strength
     if reach is None:
-        reach = REACH * body.size
+        reach = REACH * body.swept
     if strength is None:
         strength = 0.5 * float(body.stiffness.max(initial=0.0)) * reach**3
     if not (reach > 0 and strength > 0):

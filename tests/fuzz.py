@@ -33,6 +33,7 @@ from numpy.random import Generator
 
 import springgym
 from springgym.envs.randomisation import OF_SPRINGS, RANDOMIZABLE
+from springgym.registration import VARIANTS
 from springgym.scenes import load, names
 from tests.envs.cases import IDS, TWINLESS, task_type
 
@@ -47,21 +48,21 @@ QUIVER = 1e-4
 COPIES = (None, None, 1, 2, 3, 8, 9, 17, 64, 257, 1024)
 """Numbers of copies; None is a single environment, as `gymnasium.make` gives it."""
 
-VARIANTS: dict[str, tuple[dict[str, Any], ...]] = {
-    "SpringTop-v0": ({"hard": True}, {"body": {"scaled": {"0": 1.1}}}, {"body": {"height": 1.25}}),
-    "SpringGyroscope-v0": ({"hard": True}, {"body": {"ring": 7}}),
+FURTHER: dict[str, tuple[dict[str, Any], ...]] = {
+    "SpringTop-v0": ({"body": {"scaled": {"0": 1.1}}}, {"body": {"height": 1.25}}),
+    "SpringGyroscope-v0": ({"body": {"ring": 7}},),
     "SpringPendulum-v0": ({"start": "mixed"}, {"body": {"side": 0.7}}),
-    "SpringDetumble-v0": ({"start": "flat"}, {"body": {"mass": 1.0}}),
+    "SpringDetumble-v0": ({"body": {"mass": 1.0}},),
     "SpringRope-v0": ({"hard": True}, {"body": {"beads": 5}}),
-    "SpringTumble-v0": ({"hard": True}, {"friction": 0.3}),
-    "SpringFreeTop-v0": ({"hard": True}, {"surface": "bowl"}, {"friction": 0.1}),
+    "SpringTumble-v0": ({"friction": 0.3},),
+    "SpringFreeTop-v0": ({"hard": True}, {"surface": "bowl"}),
     "SpringBalance-v0": ({"hard": True}, {"restitution": 0.8}),
-    "SpringShove-v0": ({"hard": True}, {"friction": 0.3}),
+    "SpringShove-v0": ({"friction": 0.3},),
     "SpringStack-v0": ({"step": 6.25e-4},),
     "SpringJuggle-v0": ({"hard": True}, {"restitution": 0.85}),
-    "SpringDuel-v0": ({"opponent": "still"}, {"opponent": "strong"}),
+    "SpringDuel-v0": ({"opponent": "still"},),
 }
-"""Arguments beside the usual ones."""
+"""Arguments beside the usual ones and those of the registry's variants."""
 
 LENGTH = 300
 """Control periods in a round."""
@@ -100,11 +101,17 @@ def drawn(rng: Generator, only: str) -> Round:
             "action": str(rng.choice([*task.actions])),
             "dynamics": "rigid" if rng.uniform() < 0.3 and env_id not in TWINLESS else "springs",
         }
-        if rng.uniform() < 0.4:
-            arguments |= VARIANTS[env_id][rng.integers(len(VARIANTS[env_id]))]
+        if (further := varied(env_id)) and rng.uniform() < 0.4:
+            arguments |= further[rng.integers(len(further))]
         if rng.uniform() < 0.3:
             arguments["randomize"] = ranges(env_id, arguments, rng)
     return Round(env_id, arguments, copies, autoreset, int(rng.integers(1, 3)))
+
+
+def varied(env_id: str) -> list[dict[str, Any]]:
+    """Arguments that make an environment another one."""
+    registered = [dict(variant.arguments) for variant in VARIANTS if variant.of == env_id]
+    return [*registered, *FURTHER.get(env_id, ())]
 
 
 def ranges(env_id: str, arguments: dict[str, Any], rng: Generator) -> dict[str, tuple[float, float]]:

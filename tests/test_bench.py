@@ -11,13 +11,14 @@ import pytest
 
 from springgym import bench
 from springgym.bench import peers
-from springgym.bench.environments import error_per_step
+from springgym.bench.errors import step_errors
 from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
 from springgym.bench.ratios import ratios
 from springgym.bench.sections import SECTIONS
 from springgym.bench.timing import Case, Row, measured
 from springgym.bodies.distances import rms_distance
 from springgym.cli import main
+from springgym.envs.task import Task
 from springgym.simulator import PAPER_STEP, Simulator
 
 
@@ -137,10 +138,27 @@ def test_error_falls_with_the_square_of_the_step() -> None:
     assert coarse / fine == pytest.approx(4.0, rel=0.05)
 
 
+def finer(task: Task, step: float, copies: int) -> tuple[Simulator, ...]:
+    return (Simulator(task.scene, copies=copies, step=step / 16),)
+
+
 def test_error_of_a_step_where_others_act_too() -> None:
-    """Of bodies that collide, an opponent among them."""
-    _, median, worst, _ = error_per_step("SpringDuel-v0", 1, 5)
-    assert 0 < median < worst < 1e-4  # the opponent alone moves its top by 3e-4
+    """Of bodies that collide, an opponent among them; an estimate says the same."""
+    found = step_errors("SpringDuel-v0", finer, episodes=2, periods=6, every=2)
+    assert found.errors.shape == found.estimates.shape == (6,)
+    assert 0 < found.errors.min() < found.errors.max() < 1e-4  # the opponent alone moves its top by 3e-4
+    np.testing.assert_allclose(found.estimates, found.errors, rtol=0.05)
+
+
+def test_errors_are_over_starts_as_episodes_draw_them() -> None:
+    """Many: the error of a top depends on its spin. What follows the end of an episode does not count."""
+    at_first, later = (
+        step_errors("SpringTop-v0", finer, episodes=64, periods=periods, every=1) for periods in (1, 120)
+    )
+    assert len(at_first.errors) == 64
+    assert at_first.errors.max() > 3 * at_first.errors.min()
+    assert 120 * 64 - 200 < len(later.errors) < 120 * 64
+    np.testing.assert_allclose(later.estimates, later.errors, rtol=0.05)
 
 
 @pytest.mark.slow

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 from pathlib import Path
 from types import ModuleType
 
 import gymnasium as gym
-import numpy as np
 import pytest
 
 from springgym.envs.sb3 import make_sb3
@@ -25,44 +25,14 @@ def page_writer(name: str = "environments") -> ModuleType:
 
 
 def test_environments_pages_are_current() -> None:
-    """Run ``python docs/environments.py --pages`` after changing an environment's docstring."""
+    """Run ``python docs/environments.py`` after changing an environment's docstring, or numbers of it."""
     writer, page = page_writer(), (DOCS / "environments.md").read_text(encoding="utf-8")
+    assert page == writer.page(json.loads(writer.NUMBERS.read_text(encoding="utf-8")))
     for row in writer.ENVIRONMENTS:
         its = (DOCS / "environments" / f"{row.id}.md").read_text(encoding="utf-8")
         assert its == writer.describe(row)
         assert f"| `{row.id}` |" in page
-    assert "\n".join(writer.table_of_environments()) in page
-    assert "\n".join(writer.table_of_named_variants()) in page
     assert len(list((DOCS / "environments").glob("*.md"))) == len(writer.ENVIRONMENTS)
-
-
-def test_what_the_page_says_of_all_environments_is_current() -> None:
-    """Run ``python docs/environments.py``; these parts it copies."""
-    writer, page = page_writer(), (DOCS / "environments.md").read_text(encoding="utf-8")
-    for part in (writer.RANDOMISATION, writer.PROMISES, writer.OWN_SCENES):
-        assert part in page
-
-
-def test_errors_of_some_environments_can_be_measured_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The rows of these change, in both tables, and a line says so; no other line does, however often."""
-    writer, page = page_writer(), (DOCS / "environments.md").read_text(encoding="utf-8")
-    monkeypatch.setattr(writer, "error_per_step", lambda *_: (1.0, 2.0, 3.0, 4.0))
-    monkeypatch.setattr(writer, "estimates", lambda *_, **__: (np.full(9, 2.0), np.full(9, 4.0)))
-    before = [line for line in page.splitlines() if not line.startswith("Errors of ")]
-    once = writer.errors_renewed(page, ["SpringTumble-v0"])
-    assert writer.errors_renewed(once, ["SpringTumble-v0"]) == once
-    after = once.splitlines()
-    changed = [(old, new) for old, new in zip(before, after, strict=False) if old != new]
-    rows = [
-        new for old, new in changed if new.startswith("| `SpringTumble-v0` |") and old.startswith(new[:19])
-    ]
-    assert len(rows) == 3
-    assert sum("| 2.0e+00 | 3.0e+00 |" in row for row in rows) == 1
-    assert sum("| 0.500 |" in row for row in rows) == 2
-    assert [line for line in after if line.startswith("Errors of ")] == [
-        f"Errors of SpringTumble-v0 measured anew {writer.date.today()}."
-    ]
-    assert len(after) == len(before) + 1
 
 
 def test_scene_of_the_page_is_made_as_it_says() -> None:

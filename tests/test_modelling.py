@@ -1,11 +1,13 @@
 """Model only what a scene needs: errors as asked for, costs in order."""
 
+import re
+
 import numpy as np
 import pytest
 
 from springgym.cli import main
-from springgym.modelling import needed
-from springgym.scenes import load
+from springgym.modelling import _asked, needed
+from springgym.scenes import load, names
 
 
 def test_rubber_top():
@@ -55,8 +57,20 @@ def test_what_cannot_be_modelled_is_named(given, message):
         needed(**(right | given))
 
 
-def test_what_is_no_top_is_refused():
-    for name in ("steel-rope", "steel-cube"):
+@pytest.mark.parametrize("name", names())
+def test_every_scene_is_a_top_or_is_refused_for_what_it_is(name):
+    why = ""
+    try:
+        assert np.isfinite(_asked(load(name))).all()
+    except ValueError as error:
+        why = str(error)
+    assert re.search(r"^$|is no heavy top: |no steady precession|is of \d+ bodies; the model is", why)
+
+
+def test_what_is_no_top_is_refused(capsys):
+    assert main(["model", "two-tops"]) == 2
+    assert "scene 'two-tops' is of 2 bodies; the model is sought of one" in capsys.readouterr().err
+    for name in ("steel-rope", "steel-cube", "bouncing-ball"):
         with pytest.raises(ValueError, match="is no heavy top"):
             needed(load(name), 1e-3)
 

@@ -6,6 +6,7 @@
 `studies`          spin-down, rigid gap, crossover stiffness, rigid twin
 `peers`            MuJoCo and SciPy on the same scenes
 `figures`          the figures
+`code`             digests of the code that is measured
 `hard_cases`       the cases where simulators break
 =================  ====================================================================
 """
@@ -21,6 +22,7 @@ import platform
 from pathlib import Path
 from typing import Any
 
+from springgym.accuracy.code import digests
 from springgym.accuracy.problems import PROBLEMS
 from springgym.accuracy.studies import STUDIES
 from springgym.accuracy.work_precision import TOLERANCES, cheapest, measure
@@ -91,7 +93,7 @@ def _report_so_far(path: Path) -> dict[str, Any]:
 
 
 def conditions() -> dict[str, Any]:
-    """Date, processor, and versions of what was measured."""
+    """Date, processor, versions, and digests of the code of what was measured."""
     versions = {"python": platform.python_version()}
     for package in ("springgym", "numpy", "numba", "scipy", "mujoco"):
         try:
@@ -104,6 +106,7 @@ def conditions() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
         "versions": versions,
+        "code": digests(),
     }
 
 

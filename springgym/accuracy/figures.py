@@ -64,7 +64,15 @@ def draw(name: str, result: dict[str, Any], path: Path) -> None:
     figure.suptitle(f"{name}: {what}", fontsize=10, x=0.1, ha="left")
     measured = result["measured"]
     figure.text(0.99, 0.01, f"{measured['cpu']}, {measured['date']}", fontsize=6, ha="right", color=PEER)
-    figure.savefig(path, metadata={"Date": None})
+    save(figure, path)
+
+
+def save(figure: Any, path: Path) -> None:
+    """Write a figure: the same picture gives the same file."""
+    from matplotlib import rc_context
+
+    with rc_context({"svg.hashsalt": "springgym"}):
+        figure.savefig(path, metadata={"Date": None})
 
 
 def plain(figure: Any, *place: float, **options: Any) -> Any:

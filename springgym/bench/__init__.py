@@ -3,6 +3,7 @@
 ================  ====================================================================
 `sections`        what is measured: a function each, which gives rows
 `environments`    environment steps, also through Stable-Baselines3
+`errors`          the error of an environment step
 `problem`         the paper's top, and how far a program is from its exact motion
 `peers`           C++, MuJoCo, JAX and SciPy on the same top
 `timing`          cases, measured in turn
@@ -23,7 +24,7 @@ from typing import Any
 from springgym.accuracy import conditions
 from springgym.cli import whole_file
 
-NAMES = ("kernel", "environments", "features", "startup", "peers", "equal-error", "sizes")
+NAMES = ("kernel", "environments", "errors", "features", "startup", "peers", "equal-error", "sizes")
 """Of the sections; known without importing them."""
 
 
@@ -37,29 +38,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"measure only these, out of {', '.join(NAMES)}",
     )
     parser.add_argument("--rounds", type=int, default=21, help="rounds that medians are taken over (21)")
-    parser.add_argument("--quick", action="store_true", help="3 rounds: some 4 minutes in place of 7")
+    parser.add_argument("--quick", action="store_true", help="3 rounds")
     parser.add_argument("--out", type=Path, help="write the results to this JSON file, see docs/speed.md")
     parser.add_argument("--figure", type=Path, help="draw peers and sizes to this file (needs matplotlib)")
+
+
+def measure(name: str, rounds: int) -> dict[str, Any]:
+    """Measure a section, print its rows, and give them for JSON."""
+    from springgym.bench.sections import SECTIONS
+
+    what = inspect.cleandoc(SECTIONS[name].__doc__ or "")
+    print(f"\n{name}: {what}\n", flush=True)
+    started = time.perf_counter()
+    rows = SECTIONS[name](rounds)
+    print("\n".join(f"  {row}" for row in rows))
+    took = time.perf_counter() - started
+    print(f"  (took {took:.0f} s)", flush=True)
+    return {"what": what, "rounds": rounds, "took": took, "rows": [row.flat() for row in rows]}
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure, print, and write JSON."""
     from springgym.bench.ratios import ratios
-    from springgym.bench.sections import SECTIONS
 
     if args.rounds < 1:
         raise ValueError(f"--rounds {args.rounds}: it must be at least 1")
     report: dict[str, Any] = {"conditions": conditions()}
     print(json.dumps(report["conditions"]))
     for name in args.only or NAMES:
-        what = inspect.cleandoc(SECTIONS[name].__doc__ or "")
-        print(f"\n{name}: {what}\n", flush=True)
-        started = time.perf_counter()
-        rows = SECTIONS[name](3 if args.quick else args.rounds)
-        print("\n".join(f"  {row}" for row in rows))
-        took = time.perf_counter() - started
-        print(f"  (took {took:.0f} s)", flush=True)
-        report[name] = {"what": what, "took": took, "rows": [row.flat() for row in rows]}
+        report[name] = measure(name, 3 if args.quick else args.rounds)
     report["ratios"] = ratios(report)
     print("\nratios\n")
     for what, ratio in report["ratios"].items():

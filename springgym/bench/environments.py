@@ -11,14 +11,9 @@ import gymnasium as gym
 import numpy as np
 
 from springgym.bench.timing import Case, Row, measured
-from springgym.bodies.distances import largest_distance, rms_distance
-from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS
-from springgym.simulator import Simulator
 
 NATIVE = {"vectorization_mode": "vector_entry_point"}
-FINER = 64
-"""Steps of the reference in a step."""
 COLLECTED = 32
 """Steps of each copy in a rollout of PPO's."""
 
@@ -26,10 +21,9 @@ COLLECTED = 32
 def environments(rounds: int) -> list[Row]:
     """Environment steps a second by random actions, resets included.
 
-    One is ``substeps`` steps of the integrator. Error: median over 30 control periods of the largest
-    distance of a particle from where steps 64 times finer take it, over the body's size; ``worst`` is
-    the largest. "compiled alone" is the control period without the environment around it. "PPO
-    collects" is a rollout by Stable-Baselines3: policy, environments and buffer, without learning.
+    One is ``substeps`` steps of the integrator. "compiled alone" is the control period without the
+    environment around it. "PPO collects" is a rollout by Stable-Baselines3: policy, environments and buffer,
+    without learning. No error is stated here: the section `errors` has it.
     """
     with ExitStack() as stack:
         cases = [case for row in ENVIRONMENTS for case in _cases(row.id, stack)]
@@ -39,8 +33,7 @@ def environments(rounds: int) -> list[Row]:
 def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
     """What is measured of an environment; what must be closed goes on the stack."""
     episodes = gym.make(env_id).unwrapped.episodes  # type: ignore[attr-defined]
-    _, median, worst, _ = error_per_step(env_id, 3, 10)
-    facts = {"substeps": episodes.steps, "error": median, "worst": worst}
+    facts = {"substeps": episodes.steps}
 
     def case(how: str, run: Callable[[], object], units: int, **what: int) -> Case:
         return Case({"environment": env_id, "how": how} | what, run, units, facts=facts)
@@ -59,12 +52,10 @@ def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
         if top:
             yield _compiled_alone(env_id, copies, facts)
     if top:  # the most there is
-        _, median, worst, _ = error_per_step(env_id, 3, 10, dtype="float32")
-        rounded = facts | {"error": median, "worst": worst}
         for threads in (1, 2):
             run = _native(env_id, 4096, threads, dtype="float32")
             what = {"environment": env_id, "how": "native, float32", "copies": 4096, "threads": threads}
-            yield Case(what, run, 2 * 4096, facts=rounded)
+            yield Case(what, run, 2 * 4096, facts=facts)
     try:
         from springgym.envs.sb3 import make_sb3
     except ImportError:
@@ -154,80 +145,3 @@ def _collecting(envs: Any) -> Callable[[], object]:
     learner = PPO("MlpPolicy", envs, n_steps=COLLECTED, device="cpu", seed=0)
     _, callback = learner._setup_learn(total_timesteps=10**9)
     return lambda: learner.collect_rollouts(envs, callback, learner.rollout_buffer, COLLECTED)
-
-
-def finer(task: Task, step: float) -> tuple[Simulator, ...]:
-    """The scene with steps of h/`FINER`: of second order, that is `FINER`² times finer."""
-    return (Simulator(task.scene, step=step / FINER),)
-
-
-def error_per_step(
-    env_id: str,
-    episodes: int,
-    steps: int,
-    references: Callable[[Task, float], tuple[Simulator, ...]] = finer,
-    **options: Any,
-) -> tuple[float, float, float, float]:
-    """Step h [s]; median and largest error of the particles after a control period, by the body's size,
-    and how far the other references are from the first at the most.
-
-    Each control period, with a random action, is repeated by the references from the same state. Episodes
-    are left after so many steps. ``options`` are those of the environment.
-    """
-    env: Any = gym.make(env_id, **options)
-    at = env.unwrapped.episodes
-    task, step = at.task, at.simulator.step
-    sizes = task.scene.sizes
-    simulators = references(task, step)
-    rng = np.random.default_rng(0)
-    errors, apart = [], [0.0]
-    for seed in range(episodes):
-        env.reset(seed=seed)
-        for _ in range(steps):
-            start = [values[0].copy() for values in at.particles]
-            action = rng.uniform(-1, 1, env.action_space.shape)
-            driven = at.driven_by(action[None])
-            _, _, terminated, truncated, _ = env.step(action)
-            for simulator in simulators:
-                simulator.place(*start)
-                simulator.actuate(**driven)
-                simulator.advance(round(task.period / simulator.step))
-            exact, *others = (simulator.positions[0] for simulator in simulators)
-            errors.append(largest_distance(at.particles[0], exact, sizes))
-            apart += [largest_distance(other, exact, sizes) for other in others]
-            if terminated or truncated:
-                break
-    return step, float(np.median(errors)), max(errors), max(apart)
-
-
-def estimates(
-    env_id: str,
-    episodes: int,
-    steps: int,
-    references: Callable[[Task, float], tuple[Simulator, ...]] = finer,
-    **options: Any,
-) -> tuple[np.ndarray, np.ndarray]:
-    """What ``info["step_error"]`` says of control periods with random actions, and what it should.
-
-    The latter is the distance from the first of the references, as for `error_per_step`.
-    """
-    env: Any = gym.make(env_id, error=True, **options)
-    at = env.unwrapped.episodes
-    task, simulator = at.task, references(at.task, at.simulator.step)[0]
-    steps_of_reference = round(task.period / simulator.step)
-    rng = np.random.default_rng(0)
-    said, true = [], []
-    for seed in range(episodes):
-        env.reset(seed=seed)
-        for _ in range(steps):
-            simulator.place(at.simulator.positions, at.simulator.velocities)
-            action = rng.uniform(-1, 1, env.action_space.shape)
-            driven = at.driven_by(action[None])
-            *_, terminated, truncated, info = env.step(action)
-            simulator.actuate(**driven)
-            simulator.advance(steps_of_reference)
-            said.append(info["step_error"])
-            true.append(rms_distance(at.simulator.positions[0], simulator.positions[0], task.scene.sizes))
-            if terminated or truncated:
-                break
-    return np.array(said), np.array(true)

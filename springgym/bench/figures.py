@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from springgym.accuracy.figures import INK, PEER, End, name_ends, plain
+from springgym.accuracy.figures import INK, PEER, End, name_ends, plain, save
 
 OURS = "#2b5c96"
 
@@ -21,7 +21,7 @@ def draw(report: dict[str, Any], path: Path) -> None:
     _peers(plain(figure, 0.18, 0.14, 0.36, 0.76), rows)
     _sizes(plain(figure, 0.62, 0.14, 0.22, 0.76), report.get("sizes", {}).get("rows", ()))
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, metadata={"Date": None})
+    save(figure, path)
 
 
 def _peers(axes: Any, rows: list[dict[str, Any]]) -> None:

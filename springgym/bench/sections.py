@@ -15,6 +15,7 @@ import numpy as np
 
 from springgym.bench import peers
 from springgym.bench.environments import environments
+from springgym.bench.errors import errors
 from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
 from springgym.bench.timing import Case, Row, measured
 from springgym.blocks import block_array
@@ -198,8 +199,9 @@ def against_peers(rounds: int) -> list[Row]:
     for dtype in PRECISIONS:
         for copies in (1, 8, 16, 1024):
             both("rk4", dtype, copies)
-        for copies in (1, 1024):
+        for copies in (1, 16, 1024):
             both("verlet", dtype, copies)
+        for copies in (1, 1024):
             both("verlet", dtype, copies, damped, (", dampers swept", ", dampers in the force"))
     other("JAX", peers.jax_batch(plain, PAPER_STEP, 1024), 1024, note="may use all cores")
     other("SciPy RK45", peers.scipy_rk45(plain, PAPER_STEP))
@@ -267,6 +269,7 @@ def sizes(rounds: int) -> list[Row]:
 SECTIONS: dict[str, Callable[[int], list[Row]]] = {
     "kernel": kernel,
     "environments": environments,
+    "errors": errors,
     "features": features,
     "startup": startup,
     "peers": against_peers,

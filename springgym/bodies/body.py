@@ -152,7 +152,7 @@ class Body(ReadOnly):
             seen.add((min(i, j), max(i, j)))
 
     def _check_shape(self) -> None:
-        piece = pieces(len(self.positions), self.springs)
+        piece = surface.pieces(len(self.positions), self.springs)
         if piece.any():
             stray = int(np.argmax(piece))
             raise ValueError(f"body {self.name!r} is in pieces: nothing joins particle {stray} to particle 0")
@@ -171,8 +171,7 @@ class Body(ReadOnly):
         """
         held = indices("pinned", pinned, len(self.masses))
         free = np.setdiff1d(np.arange(len(self.masses)), held)
-        rigid = rigid_motions(self.positions)
-        moving = rank(rigid.reshape(-1, 6)) - rank(rigid[held].reshape(-1, 6))
+        moving = rigid_ways(self.positions) - rigid_ways(self.positions, held)
         if len(self.masses) > EXACT:
             first, second = self.springs.T
             along = (self.positions[second] - self.positions[first]) / self._distances()[:, None]
@@ -233,7 +232,13 @@ class Body(ReadOnly):
 
     @cached_property
     def size(self) -> float:
-        """Twice the distance from the centre of mass to the particle farthest from it, and its radius [m]."""
+        """The widest distance of two of its particles, from rim to rim where they have a radius [m]."""
+        farthest = max(float(np.linalg.norm(self.positions - one, axis=1).max()) for one in self.positions)
+        return farthest + 2 * self.radius
+
+    @cached_property
+    def swept(self) -> float:
+        """Diameter of the ball that it sweeps when it turns about its centre of mass [m]."""
         return 2 * float(np.linalg.norm(self.positions - self.centre, axis=1).max() + self.radius)
 
     @cached_property
@@ -308,6 +313,12 @@ def rigid_motions(positions: np.ndarray, about: Any = None) -> np.ndarray:
     return motions
 
 
+def rigid_ways(positions: np.ndarray, particles: Any = slice(None)) -> int:
+    """How many independent rigid motions of a body, of whatever size, move some of its particles."""
+    size = np.ptp(positions, axis=0).max() or 1.0
+    return rank(rigid_motions(positions / size)[particles].reshape(-1, 6))
+
+
 def assembled(blocks: np.ndarray, springs: np.ndarray, count: int) -> np.ndarray:
     """The matrix (3N, 3N) of springs whose energies are (uᵢ − uⱼ)ᵀ blockₛ (uᵢ − uⱼ)/2, blocks (S, 3, 3)."""
     first, second = springs.T
@@ -330,15 +341,3 @@ def rank(matrix: np.ndarray) -> int:
 def _span(values: np.ndarray) -> str:
     low, high = f"{values.min():g}", f"{values.max():g}"
     return low if low == high else f"{low}…{high}"
-
-
-def pieces(count: int, springs: np.ndarray) -> np.ndarray:
-    """For each particle, the first particle of the piece it belongs to."""
-    piece = np.arange(count)
-    while True:
-        lower = piece.copy()
-        for a, b in ((0, 1), (1, 0)):
-            np.minimum.at(lower, springs[:, a], piece[springs[:, b]])
-        if (lower == piece).all():
-            return piece
-        piece = lower

@@ -17,14 +17,14 @@ def largest_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarra
     return float(_shares(positions, others, sizes).max())
 
 
+def largest_distances(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """The same of each copy (n,), for positions (n, N, 3)."""
+    return np.asarray(_shares(positions, others, sizes).max(axis=-1))
+
+
 def rms_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> float:
     """Root mean square of the distances between particles."""
     return math.sqrt(np.square(_shares(positions, others, sizes)).mean())
-
-
-def rms_distances(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """The same of each copy (n,), for positions (n, N, 3)."""
-    return np.asarray(np.sqrt(np.square(_shares(positions, others, sizes)).mean(axis=-1)))
 
 
 def _shares(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:

@@ -11,7 +11,8 @@ from typing import Literal
 
 import numpy as np
 
-from springgym.bodies.body import Body, pieces, rigid_motions, rigidity_matrix
+from springgym.bodies import surface
+from springgym.bodies.body import Body, rigid_motions, rigidity_matrix
 from springgym.checks import TINY, array, chosen, instance, number, shown
 from springgym.extras import missing
 
@@ -114,8 +115,9 @@ def from_mesh(
     OSError
         If the file cannot be read.
     ValueError
-        If it is no mesh, too fine, not closed or, by volume, so far from convex that a vertex would have
-        no mass; or `Body` finds fault.
+        If it is no mesh, too fine, not closed, some triangles are the other way round than others, it is
+        several solids or, by volume, so far from convex that a vertex would have no mass; or `Body` finds
+        fault.
     """
     mass = number("mass", mass, low=TINY)
     chosen("by", by, ("volume", "area"))
@@ -161,8 +163,24 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
     if not mesh.is_watertight:
         raise ValueError(f"{path} is not a closed surface")
     vertices, triangles = scale * np.array(mesh.vertices), np.array(mesh.faces)
-    if mesh.volume < 0:
+    if len(edges := surface.same_sense(triangles)):
+        i, j = mesh.vertices[edges[0]].tolist()
+        raise ValueError(
+            f"{path} has triangles that face inwards beside others that face outwards, such as one at the "
+            f"edge from {i} to {j}; turn them over, as trimesh.repair.fix_winding does"
+        )
+    if surface.volume(vertices, triangles) < 0:
         triangles = triangles[:, ::-1]
+    if not surface.faces_out(vertices, triangles):
+        raise ValueError(
+            f"{path} encloses no solid: parts of its surface cut or cover each other, or are inside out"
+        )
+    solids = [shell for shell in surface.shells(triangles) if surface.volume(vertices, shell) > 0]
+    if len(solids) > 1:  # those inside out are cavities
+        raise ValueError(
+            f"{path} is {len(solids)} solids that share no edge; it must be one. Make a body of each, and "
+            "join them by springs, or by their union if they touch"
+        )
     return path.stem, vertices, triangles, np.array(mesh.center_mass) * scale
 
 
@@ -211,7 +229,7 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
     shared = Counter(frozenset(triangle) for triangle in triangles)
     outer = [triangle for triangle in triangles if shared[frozenset(triangle)] == 1]
     positions, springs = every[kept], np.array(list(strength), int).reshape(-1, 2)
-    if (apart := pieces(len(positions), springs)).any():
+    if (apart := surface.pieces(len(positions), springs)).any():
         stray = next(name for name, place in parts.items() if int(np.argmax(apart)) in place)
         raise ValueError(f"body {stray!r} does not touch body {names[0]!r}, nor what that touches")
     added = braces(positions, springs)

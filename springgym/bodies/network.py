@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.bodies.body import Body, rank, rigid_motions, rigidity_matrix
+from springgym.bodies.body import Body, rigid_ways, rigidity_matrix
 from springgym.checks import instance
 from springgym.theory.solid import Rule
 
@@ -239,7 +239,7 @@ def vibrations(body: Body) -> tuple[np.ndarray, np.ndarray]:
     """
     if instance("body", body, Body).floppy:
         raise ValueError(f"body {body.name!r} is floppy: it does not vibrate about its shape")
-    rigid = rank(rigid_motions(body.positions).reshape(-1, 6))
+    rigid = rigid_ways(body.positions)
     network = Network(body.positions, body.masses, body.springs)
     squares, modes, _ = _modes(network, body.stiffness, rigid)
     shapes = (modes / np.sqrt(np.repeat(body.masses, 3))[:, None]).T.reshape(-1, *body.positions.shape)

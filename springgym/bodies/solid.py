@@ -317,7 +317,7 @@ def solid_mesh(path: str | Path, material: Material | str, scale: float = 1.0, s
     OSError
         If the file cannot be read.
     ValueError
-        If it is no mesh, too fine or not closed, or its moments cannot be had.
+        If it is no mesh or one that `from_mesh` refuses, or its moments cannot be had.
     """
     made = material_of(material, softened)
     name, vertices, triangles, _ = read_mesh(path, scale)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from springgym.bodies.surface import winding
+
 SMALL = 1e-300
 """Added to what is divided by, and never large enough to change it."""
 
@@ -42,12 +44,7 @@ def point_surface(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         foot = q - _share(_dot(q, way), _dot(way, way))[..., None] * way
         square = np.minimum(square, _dot(foot, foot))
     distance = np.sqrt(square.min(axis=2))
-    # solid angles: van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125
-    p, q, r = (triangles[:, None, :, n] - points[:, :, None] for n in range(3))
-    a, b, c = (np.linalg.norm(of, axis=-1) for of in (p, q, r))
-    below = a * b * c + _dot(p, q) * c + _dot(q, r) * a + _dot(r, p) * b
-    angle = 2 * np.arctan2(_dot(p, np.cross(q, r)), below).sum(axis=2)
-    return np.where(angle > 2 * np.pi, -distance, distance)
+    return np.where(winding(points, triangles) > 0.5, -distance, distance)
 
 
 def segment_segment(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ class Pair:
         Names of the bodies, or their numbers.
     contact
         How they meet; as the scene's contact says if not given. Its Δ is by default `REACH` of the smaller
-        body's size, and c = k Δ³/2 with the softer body's largest stiffness k.
+        body's `Body.swept`, and c = k Δ³/2 with the softer body's largest stiffness k.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def _meeting(i: int, j: int, contact: Any, bodies: Sequence[Named]) -> Meeting:
         )
     reach, strength = contact.reach, contact.strength
     if reach is None:
-        reach = REACH * min(named.body.size for named in pair)
+        reach = REACH * min(named.body.swept for named in pair)
     if reach > 0:
         for named in pair:
             check_shape(named.name, named.body, reach)

@@ -57,8 +57,8 @@ def _unfit(body: Body, reach: float) -> str | None:
             return "it has neither triangles nor a radius, so that there is nothing to meet"
     elif not body.closed:
         return "its triangles do not enclose it, and an open sheet has no inside to be kept out of"
-    elif surface.volume(body.positions, body.triangles) <= 0:
-        return "its triangles enclose nothing, or their normals point inwards"
+    elif not surface.faces_out(body.positions, body.triangles):
+        return "its triangles enclose nothing, cut each other, or their normals point inwards"
     lines = surface.all_edges(given.triangles) if len(given.triangles) else given.edges
     if len(lines):
         ends = body.positions[lines]

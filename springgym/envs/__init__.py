@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
-PARALLEL = ("SpringDuel-v0",)
-"""Environments of several agents."""
+if TYPE_CHECKING:
+    from springgym.envs.players import ParallelDuel, ParallelOptions
+
+from springgym.registration import PARALLEL
 
 
-def parallel(env_id: str, **options: Any) -> Any:
+def parallel(env_id: str, **options: Unpack[ParallelOptions]) -> ParallelDuel:
     """Make an environment of several agents, a `ParallelEnv` of PettingZoo: it needs the extra ``parallel``.
 
     Parameters
     ----------
     env_id
-        One of `PARALLEL`.
+        One of `springgym.registration.PARALLEL`.
     options
         See `springgym.envs.players.ParallelDuel`.
 

@@ -9,7 +9,6 @@ environment's spaces.
 from __future__ import annotations
 
 import zipfile
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,6 +25,12 @@ Algorithm = Literal["ppo", "sac", "tqc", "crossq", "linear"]
 
 LARGEST = 1_000_000_000
 """Size of all arrays of an agent [bytes], at the most."""
+
+MOST = 1e38
+"""Largest number in the layers, whatever is observed: those of float32 end at 3.4e38."""
+
+SEEN = 1e6
+"""Largest observation that is reckoned with where the space has no bounds."""
 
 STATISTICS = ("observations.mean", "observations.variance", "observations.limits")
 """Arrays by which observations are normalised. The limits are ε, added to the variance, and the largest
@@ -101,6 +106,10 @@ def load_agent(
                 f"{path}: {name!r} is {array.dtype}{list(array.shape)}; the environment and config.yaml ask "
                 f"for finite numbers {list(shape)}"
             )
+    reach = float(np.minimum(np.abs([observation_space.low, observation_space.high]), SEEN).max())
+    if network.normalize:
+        reach = _reach_of_statistics(path, *(arrays[name] for name in STATISTICS))
+    _check_reach(path, [(arrays[weight], arrays[bias]) for weight, bias, _ in layers], network, reach)
     single = {name: arrays[name].astype(np.float32) for name in expected}
     weights = [(single[weight].T, single[bias]) for weight, bias, _ in layers]
     activation = ACTIVATIONS[network.activation]
@@ -120,6 +129,33 @@ def load_agent(
         return np.clip(actions, low, high)
 
     return act
+
+
+def _reach_of_statistics(path: Path, mean: np.ndarray, variance: np.ndarray, limits: np.ndarray) -> float:
+    """The largest number that comes out of the normalisation."""
+    epsilon, largest = limits.tolist()
+    if not (variance >= 0).all() or not epsilon > 0 or not 0 < largest < MOST:
+        raise ValueError(
+            f"{path}: variances from {variance.min():g}, with {epsilon:g} added, and a largest value of "
+            f"{largest:g} normalise nothing: the first must not be negative, the others positive"
+        )
+    return float(largest)
+
+
+def _check_reach(
+    path: Path, weights: list[tuple[np.ndarray, np.ndarray]], network: Network, reach: float
+) -> None:
+    """Refuse layers whose sums may overflow, for inputs of a size up to ``reach``."""
+    for weight, bias in weights:
+        with np.errstate(over="ignore"):
+            sums = np.abs(weight, dtype=float).sum(axis=1) * reach + np.abs(bias, dtype=float)
+        reach = float(sums.max(initial=0.0))
+        if not reach < MOST:
+            raise ValueError(
+                f"{path}: weights up to {np.abs(weight).max():g} are too large: what a layer computes may "
+                f"come to {reach:g}, and must stay below {MOST:g}"
+            )
+        reach = min(reach, 1.0) if network.activation == "tanh" else reach
 
 
 def _layers(
@@ -147,7 +183,6 @@ def _read(path: Path) -> dict[str, np.ndarray]:
         if not all(isinstance(array, np.ndarray) for array in arrays.values()):
             raise ValueError("it holds other files")
         return arrays
-    except (OSError, ValueError, EOFError, KeyError, MemoryError, RuntimeError) as error:
-        raise ValueError(f"{path}: not the arrays of an agent: {error}") from error
-    except (zipfile.BadZipFile, zlib.error, SyntaxError, NotImplementedError) as error:
-        raise ValueError(f"{path}: not the arrays of an agent: {error}") from error
+    except Exception as error:  # it may be any file, and be wrong in any way
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"{path}: not the arrays of an agent: {why}") from error

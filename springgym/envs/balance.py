@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -17,7 +17,7 @@ from springgym.checks import flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
-from springgym.envs.options import number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
@@ -132,8 +132,8 @@ class SpringBalance(Task):
 
     def __init__(
         self,
-        observation: str = "particles",
-        action: str = "torque",
+        observation: Observation = "particles",
+        action: Literal["torque"] = "torque",
         restitution: float = 0.3,
         hard: bool = False,
     ) -> None:
@@ -211,6 +211,15 @@ class SpringBalance(Task):
         )
 
 
+class BalanceOptions(EnvOptions, total=False):
+    """What `SpringBalanceEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["torque"]
+    restitution: float
+    hard: bool
+
+
 class SpringBalanceEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -280,8 +289,18 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
 
     task_type = SpringBalance
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[BalanceOptions]) -> None: ...
+
 
 class SpringBalanceVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringBalanceEnv`."""
 
     task_type = SpringBalance
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[BalanceOptions]
+        ) -> None: ...

@@ -10,21 +10,42 @@ from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 
-from springgym.checks import chosen, shown, whole
-from springgym.envs.episodes import Begun, Episodes
+from springgym.checks import chosen, flag, instance, shown, whole
+from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
+from springgym.envs.options import arguments
 from springgym.envs.task import MET, Task
+from springgym.guard import Guard, guarded
 from springgym.rendering import Renderer
 
 
-class _Common:
-    """What the single and the batch environment share."""
+class Stateful:
+    """What has a state: `get_state` takes it, and `set_state` returns to it."""
 
+    @property
+    def _unready(self) -> str:
+        """Why there is nothing to step: no episode has begun, or a call broke off; empty if there is."""
+        raise NotImplementedError
+
+    def get_state(self) -> dict[str, Any]:
+        """The true state, with clocks and random generators: give it to `set_state`."""
+        raise NotImplementedError
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state, to the bit: what follows is what followed."""
+        raise NotImplementedError
+
+
+class _Common(Stateful):
+    """What the single and the batch environment share. One thread at a time may use one, see `Guard`."""
+
+    _guard: Guard
     task_type: ClassVar[type[Task]]
     episodes: Episodes
     _spec: EnvSpec | None = None
@@ -44,6 +65,7 @@ class _Common:
         error: bool = False,
         **options: Any,
     ) -> None:
+        self._guard = Guard()
         self.episodes = Episodes(
             self.task_type(**options),
             copies,
@@ -56,9 +78,16 @@ class _Common:
             sparse=sparse,
             max_episode_steps=max_episode_steps,
             error=error,
+            arguments={
+                name: value
+                for name, value in arguments(self.task_type, options).items()
+                if name not in ("body", "scene")  # what they are made of is compared
+            },
         )
-        self._ready = False
-        """whether episodes have begun"""
+
+    @property
+    def _unready(self) -> str:
+        return self.episodes.unready
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -69,6 +98,12 @@ class _Common:
     def spec(self, spec: EnvSpec | None) -> None:
         self._spec = None if spec is None else replace(spec, kwargs=_written(spec.kwargs))
 
+    def _check_ready(self, call: str) -> None:
+        if self.episodes.unready:
+            raise gym.error.ResetNeeded(
+                f"Cannot call env.{call}() before calling env.reset(): {self.episodes.unready}"
+            )
+
     def _checked(self, action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
         """The action as numbers.
 
@@ -77,10 +112,9 @@ class _Common:
         ValueError
             If it has another shape, or holds what is not a number.
         gymnasium.error.ResetNeeded
-            If no episode has begun.
+            If no episode has begun, or the last call broke off.
         """
-        if not self._ready:
-            raise gym.error.ResetNeeded("Cannot call env.step() before calling env.reset()")
+        self._check_ready("step")
         try:
             given = np.asarray(action)
         except ValueError:
@@ -115,8 +149,6 @@ class _Common:
         return always
 
     def _picture(self, renderer: Renderer, copy: int) -> np.ndarray | None:
-        if not self._ready:
-            raise gym.error.ResetNeeded("Cannot call env.render() before calling env.reset()")
         episodes = self.episodes
         positions, _ = episodes.particles
         if not episodes.diverged[copy]:
@@ -136,7 +168,7 @@ class _Common:
         return Renderer(task.look(), task.camera(), task.scenery(), mode=mode, fps=frame_rate(task))
 
 
-class SpringEnv(_Common, gym.Env):
+class SpringEnv(_Common, gym.Env[np.ndarray, np.ndarray]):
     """One environment.
 
     A concrete one names `gymnasium.Env` among its own bases: some libraries look there to tell what it is.
@@ -163,6 +195,8 @@ class SpringEnv(_Common, gym.Env):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"]}  # noqa: RUF012
+    observation_space: spaces.Box
+    action_space: spaces.Box
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -180,6 +214,7 @@ class SpringEnv(_Common, gym.Env):
         self.action_space = task.action_space
         self._canvas: Renderer | None = None
 
+    @guarded
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
@@ -199,32 +234,31 @@ class SpringEnv(_Common, gym.Env):
         except BaseException:
             self._np_random, self._np_random_seed = before
             raise
-        self._ready = True
         if self._canvas:
             self._restart(self._canvas, 0)
         if self.render_mode == "human":
-            self.render()
-        return self.episodes.observe()[0], self._info()
+            self._draw()
+        begun = self.episodes.observe()[0], self._info()
+        self.episodes.unready = ""
+        return begun
 
+    @guarded
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
         result, seen = self.episodes.step(checked[None])
         if self._canvas:
             self._canvas.follow(self.episodes.particles[0][0])
         if self.render_mode == "human":
-            self.render()
-        return (
-            self.episodes.observe(seen)[0],
-            result.reward.item(),
-            result.terminated.item(),
-            result.truncated.item(),
-            self._info(),
-        )
+            self._draw()
+        seen, info = self.episodes.observe(seen), self._info()
+        self.episodes.unready = ""
+        return seen[0], result.reward.item(), result.terminated.item(), result.truncated.item(), info
 
     def _info(self) -> dict[str, Any]:
         stepped = zip(self.episodes.task.reported, self.episodes.out[0, :MET].tolist(), strict=True)
         return _plain(self._always(0)) | dict(stepped)
 
+    @guarded
     def render(self) -> np.ndarray | None:
         if self.render_mode is None:
             gym.logger.warn(
@@ -233,6 +267,10 @@ class SpringEnv(_Common, gym.Env):
                 'render_mode="rgb_array")'
             )
             return None
+        self._check_ready("render")
+        return self._draw()
+
+    def _draw(self) -> np.ndarray | None:
         if self._canvas is None:
             self._canvas = self._renderer(self.render_mode)
         return self._picture(self._canvas, 0)
@@ -242,15 +280,17 @@ class SpringEnv(_Common, gym.Env):
             self._canvas.close()
             self._canvas = None
 
+    @guarded
     def get_state(self) -> dict[str, Any]:
         """The true state, with clock and random generator: give it to `set_state`."""
         return {
             "episodes": self.episodes.state(),
             "rng": self.np_random.bit_generator.state,
             "seed": self.np_random_seed,
-            "ready": self._ready,
+            "ready": not self.episodes.unready,
         }
 
+    @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state, to the bit: what follows is what followed.
 
@@ -260,22 +300,25 @@ class SpringEnv(_Common, gym.Env):
         Raises
         ------
         ValueError
-            If the state is not one of this environment, made with as many copies of the same body, of the
-            same type. Nothing is changed then.
+            If the state is not one of an environment made like this one, but for its time limit, or is
+            mangled; it says what differs. Nothing is changed then.
         """
         _check_keys(state, ("episodes", "rng", "seed", "ready"))
-        generator = _generator(state["rng"])
+        generator = _generator("state['rng']", state["rng"])
+        seed = _seed_of("state['seed']", state["seed"])
+        ready = flag("state['ready']", state["ready"])
         self.episodes.restore(state["episodes"])
-        self._np_random, self._np_random_seed = generator, state["seed"]
-        self._ready = bool(state["ready"])
+        self._np_random, self._np_random_seed = generator, seed
+        self.episodes.unready = "" if ready else NOT_BEGUN
         if self._canvas:
             self._restart(self._canvas, 0)
 
+    @guarded
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_canvas": None}  # pictures do not travel
 
 
-class SpringVectorEnv(_Common, gym.vector.VectorEnv):
+class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """Many copies stepped by one call, equal to the bit to as many single environments.
 
     A concrete one names `gymnasium.vector.VectorEnv` among its own bases, see `SpringEnv`.
@@ -293,6 +336,11 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
     options
         As for the single environment.
     """
+
+    single_observation_space: spaces.Box
+    single_action_space: spaces.Box
+    observation_space: spaces.Box
+    action_space: spaces.Box
 
     def __init__(
         self,
@@ -320,13 +368,14 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         }
         self.single_observation_space = task.observation_space
         self.single_action_space = task.action_space
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(task.observation_space, num_envs)  # type: ignore[assignment]
+        self.action_space = batch_space(task.action_space, num_envs)  # type: ignore[assignment]
         self._generators: list[np.random.Generator] = []
         self._seeds: list[int] = []
         self._ended = np.zeros(num_envs, bool)
         self._canvases: list[Renderer] = []
 
+    @guarded
     def reset(
         self,
         *,
@@ -353,13 +402,15 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         started = np.flatnonzero(mask)
         self.episodes.begin(started, [generators[n] for n in started], given)
         self._generators, self._seeds = generators, known
-        self._ready = True
         self._ended[mask] = False
         self._show_new(started)
         infos: dict[str, Any] = {}
         _add(infos, self._info(), mask)
-        return self.episodes.observe(), infos
+        seen = self.episodes.observe()
+        self.episodes.unready = ""
+        return seen, infos
 
+    @guarded
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         checked = self._checked(actions, self.action_space.shape)
         mode, episodes = self.autoreset_mode, self.episodes
@@ -392,7 +443,9 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             begun = self._begin(fresh)
             self._ended = np.zeros(self.num_envs, bool)
         _add(infos, self._info(), np.ones(self.num_envs, bool))
-        return episodes.observe(seen, begun), reward, terminated, truncated, infos
+        seen = episodes.observe(seen, begun)
+        episodes.unready = ""
+        return seen, reward, terminated, truncated, infos
 
     def _info(self) -> dict[str, Any]:
         return self._always(slice(None)) | dict(
@@ -429,14 +482,16 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
             raise ValueError(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
         if not mask.any():
             raise ValueError("reset_mask resets no copy")
-        if not self._ready and not mask.all():
-            raise ValueError("reset_mask leaves out copies that have not begun: the first reset takes all")
+        if self.episodes.unready and not mask.all():
+            raise ValueError(f"reset_mask leaves out copies, and {self.episodes.unready}: reset all copies")
         return mask.copy(), {name: value for name, value in options.items() if name != "reset_mask"}
 
+    @guarded
     def render(self) -> tuple[Any, ...]:
         """A picture of every copy."""
         if self.render_mode is None:
             raise ValueError('make the batch with render_mode="rgb_array" to draw it')
+        self._check_ready("render")
         if not self._canvases:
             self._canvases = [self._renderer(self.render_mode) for _ in range(self.num_envs)]
         return tuple(self._picture(canvas, n) for n, canvas in enumerate(self._canvases))
@@ -469,35 +524,42 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
         """The seeds of `np_random`, −1 where the generator was set and not seeded."""
         return tuple(self._seeds) if self.np_random else ()
 
+    @guarded
     def get_state(self) -> dict[str, Any]:
         """The true state of all copies, with clocks and random generators: give it to `set_state`."""
         return {
             "episodes": self.episodes.state(),
             "rng": [generator.bit_generator.state for generator in self.np_random],
             "seed": list(self.np_random_seed),
-            "ready": self._ready,
+            "ready": not self.episodes.unready,
             "ended": self._ended.copy(),
         }
 
+    @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state, to the bit: what follows is what followed.
 
         Raises
         ------
         ValueError
-            If the state is not one of this environment, made with as many copies of the same body, of the
-            same type. Nothing is changed then.
+            If the state is not one of an environment made like this one, but for its time limit, or is
+            mangled; it says what differs. Nothing is changed then.
         """
         _check_keys(state, ("episodes", "rng", "seed", "ready", "ended"))
-        generators = [_generator(its) for its in state["rng"]]
-        ended = np.array(state["ended"], bool)
-        if not len(generators) == len(state["seed"]) == len(ended) == self.num_envs:
-            raise ValueError(f"the state is one of {len(generators)} copies; there are {self.num_envs}")
+        for name, kind in (("rng", list), ("seed", list), ("ended", np.ndarray)):
+            if len(instance(f"state[{name!r}]", state[name], kind)) != self.num_envs:
+                raise ValueError(f"state[{name!r}] is of {len(state[name])} copies, here are {self.num_envs}")
+        generators = [_generator(f"state['rng'][{n}]", its) for n, its in enumerate(state["rng"])]
+        seeds = [_seed_of(f"state['seed'][{n}]", seed) for n, seed in enumerate(state["seed"])]
+        ready, ended = flag("state['ready']", state["ready"]), state["ended"].copy()
+        if ended.dtype != bool or ended.ndim != 1:
+            raise ValueError(f"state['ended'] is {ended.dtype} of shape {ended.shape}; it must be a mask")
         self.episodes.restore(state["episodes"])
-        self._generators, self._seeds, self._ended = generators, list(state["seed"]), ended
-        self._ready = bool(state["ready"])
+        self._generators, self._seeds, self._ended = generators, seeds, ended
+        self.episodes.unready = "" if ready else NOT_BEGUN
         self._show_new(np.arange(self.num_envs))
 
+    @guarded
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_canvases": []}  # pictures do not travel
 
@@ -506,15 +568,17 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv):
 
 
 def get_state(env: Any) -> dict[str, Any]:
-    """The true state of an environment, or of a native batch, as it came from Gymnasium.
+    """The true state of an environment, or of a native batch, as it was made.
 
-    It holds positions and velocities, clocks, goals, factors, time limits and random generators. Wrappers of
-    yours that remember something are not in it; `copy.deepcopy` takes an environment with all of them.
+    It holds positions and velocities, clocks, goals, factors, time limits and random generators, and what the
+    monitor of `springgym.envs.sb3.make_sb3` counts. Wrappers of yours that remember something are not in it;
+    `copy.deepcopy` takes an environment with all of them.
 
     Parameters
     ----------
     env
-        From `gymnasium.make`, `gymnasium.make_vec` or `springgym.make_scene_env`.
+        From `gymnasium.make`, `gymnasium.make_vec`, `springgym.make_scene_env`, `springgym.envs.parallel` or
+        `springgym.envs.sb3.make_sb3`.
 
     Raises
     ------
@@ -537,9 +601,9 @@ def set_state(env: Any, state: Mapping[str, Any]) -> None:
         If the state is not one of this environment, see `SpringEnv.set_state`. Nothing is changed then.
     """
     own = _own(env)
-    begun = own._ready
+    unready = own._unready
     own.set_state(state)
-    if env is not own and not begun:  # wrappers, too, want a first reset
+    if env is not own and unready:  # wrappers, too, want a first reset
         env.reset()
         own.set_state(state)
     while isinstance(env, gym.Wrapper):
@@ -549,9 +613,13 @@ def set_state(env: Any, state: Mapping[str, Any]) -> None:
 
 
 def _own(env: Any) -> Any:
-    """The environment of springgym in all of its wrappers."""
+    """What has the state, in all of its wrappers."""
     own = getattr(env, "unwrapped", env)
-    if not isinstance(own, (SpringEnv, SpringVectorEnv)):
+    if not isinstance(own, _Common):  # Stable-Baselines3's have a monitor around them, which counts
+        own = env
+        while not isinstance(own, Stateful) and hasattr(own, "venv"):
+            own = own.venv
+    if not isinstance(own, Stateful):
         raise TypeError(f"env is {env!r}; it must be an environment, or a native batch, of springgym")
     return own
 
@@ -562,17 +630,41 @@ def _check_keys(state: Any, keys: Sequence[str]) -> None:
         raise ValueError(f"state is not one of this environment: it holds {given}, not {', '.join(keys)}")
 
 
-def _generator(state: Any) -> np.random.Generator:
-    """A generator in the state that one had."""
+LAST = {"MT19937": ("pos", 624), "Philox": ("buffer_pos", 4)}
+"""Of generators that hand numbers out of a buffer: what counts them, and how many it holds."""
+
+
+def _generator(name: str, state: Any) -> np.random.Generator:
+    """A generator in the state that one had; ``name`` is what errors call it."""
     try:
         kind = getattr(np.random, state["bit_generator"])
         if not issubclass(kind, np.random.BitGenerator):
             raise TypeError
         bits = kind(0)
         bits.state = state
-    except (TypeError, KeyError, AttributeError, ValueError):
-        raise ValueError(f"state['rng'] is not one of a random generator: {state!r}") from None
+        right = _same(bits.state, state) and state.get("has_uint32", 0) in (0, 1)
+        if kind.__name__ in LAST:
+            count, last = LAST[kind.__name__]
+            right &= 0 <= (state["state"] | state)[count] <= last
+    except Exception:  # of many kinds, as there are many ways to mangle one
+        right = False
+    if not right:
+        raise ValueError(f"{name} is {shown(state)}; it must be the state of a random generator of NumPy")
     return np.random.Generator(bits)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether states of random generators are the same."""
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
+    return bool(np.array_equal(one, other))
+
+
+def _seed_of(name: str, seed: Any) -> int:
+    """The seed that a generator says it began with: −1 if it was not seeded."""
+    if type(seed) is not int or seed < -1:
+        raise ValueError(f"{name} is {shown(seed)}; it must be a whole number, at least −1")
+    return seed
 
 
 # --- Of info, and of the spec -------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +16,7 @@ from springgym.checks import chosen, flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
-from springgym.envs.options import made, number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
 from springgym.envs.task import Start, Task
@@ -100,9 +100,9 @@ class SpringDetumble(Task):
 
     def __init__(
         self,
-        observation: str = "particles",
-        action: str = "torque",
-        start: str = "tumbling",
+        observation: Observation = "particles",
+        action: Literal["torque", "thrusters"] = "torque",
+        start: Literal["tumbling", "flat"] = "tumbling",
         momentum: bool = True,
         body: Mapping[str, Any] | None = None,
     ) -> None:
@@ -187,6 +187,16 @@ class SpringDetumble(Task):
         )
 
 
+class DetumbleOptions(EnvOptions, total=False):
+    """What `SpringDetumbleEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["torque", "thrusters"]
+    start: Literal["tumbling", "flat"]
+    momentum: bool
+    body: Mapping[str, Any] | None
+
+
 class SpringDetumbleEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -247,8 +257,18 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
 
     task_type = SpringDetumble
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[DetumbleOptions]) -> None: ...
+
 
 class SpringDetumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringDetumbleEnv`."""
 
     task_type = SpringDetumble
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[DetumbleOptions]
+        ) -> None: ...

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -18,7 +18,7 @@ from springgym.compiling import compiled, kernel
 from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, values
-from springgym.envs.options import number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, thrift
 from springgym.envs.starts import above_bowl, standing, uniform
 from springgym.envs.task import Start, Task
@@ -198,11 +198,15 @@ class SpringDuel(Task):
     entries = ENTRIES
     finest = 1e-3
     hold = 1
+    wins = True
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
 
     def __init__(
-        self, observation: str = "particles", action: str = "push", opponent: str | Opponent = "script"
+        self,
+        observation: Observation = "particles",
+        action: Literal["push"] = "push",
+        opponent: Literal["still", "guard", "script", "strong"] | Opponent = "script",
     ) -> None:
         super().__init__(observation, action)
         if not callable(opponent) or isinstance(opponent, type):
@@ -347,6 +351,14 @@ class SpringDuel(Task):
         )
 
 
+class DuelOptions(EnvOptions, total=False):
+    """What `SpringDuelEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["push"]
+    opponent: Literal["still", "guard", "script", "strong"] | Opponent
+
+
 class SpringDuelEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -411,14 +423,16 @@ class SpringDuelEnv(SpringEnv, gym.Env):
       other one with 20 N and back to the middle with 20 N a metre.
     - `opponent="guard"`: a top that goes back to the middle, and rights itself.
     - `opponent="strong"`: one that goes for the other with all it has, on the side on which it rolls off it,
-      and rights itself and keeps to the middle. It wins 87 % of duels with the usual one.
+      and rights itself and keeps to the middle, as classical control does.
     - `opponent` may be any function of what it observes, too: as `"frame"` (n, 22), in axes that are turned
       by half a turn, so that both players see the same duel; it returns actions (n, 2). Agents that are
       trained here with `observation="frame"` are such functions, see `springgym.envs.agent`.
     - `integrator` ("verlet"), `step` (1e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
       `springgym.envs.base.SpringEnv`.
 
-    `springgym.envs.parallel("SpringDuel-v0")` is the same duel for two agents, as PettingZoo's `ParallelEnv`.
+    `springgym.envs.parallel("SpringDuel-v0")` is the same duel for two agents, as PettingZoo's `ParallelEnv`;
+    `pettingzoo.make("parallel", "SpringDuel-v0")` makes it, too, where `pettingzoo` has a registry and was
+    imported before `springgym`, or else `springgym.register()` was called since.
 
     ## Version History
     - v0: first.
@@ -426,8 +440,18 @@ class SpringDuelEnv(SpringEnv, gym.Env):
 
     task_type = SpringDuel
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[DuelOptions]) -> None: ...
+
 
 class SpringDuelVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringDuelEnv`."""
 
     task_type = SpringDuel
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[DuelOptions]
+        ) -> None: ...

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -22,6 +21,7 @@ from springgym.envs.error import StepError
 from springgym.envs.options import mapping
 from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.envs.task import FAILED, MET, Task
+from springgym.identity import check_same
 from springgym.measures import Measures
 from springgym.scene import Scene
 from springgym.simulator import STRAIN_LIMIT, Simulator
@@ -29,6 +29,9 @@ from springgym.stability import steps_in
 
 SPARSE = -1
 """In place of the number of a reward's terms: it is 1 where the aim is met."""
+
+NOT_BEGUN, BROKEN_OFF = "no episode has begun", "the last step or reset broke off in the middle"
+"""Why copies must be reset before they are stepped."""
 
 MOST_STEPS = 100_000
 """Steps in a control period at the most: as many take a control period up to about 0.1 s."""
@@ -70,8 +73,8 @@ class Part(NamedTuple):
     diverged: np.ndarray
 
 
-STATE = ("goal", "strength", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
-"""Arrays of `Episodes` that change."""
+STATE = ("goal", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
+"""Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
 
 
 class Episodes:
@@ -91,10 +94,13 @@ class Episodes:
         sparse: bool = False,
         max_episode_steps: int | None,
         error: bool = False,
+        arguments: Mapping[str, Any] | None = None,
     ) -> None:
         self.task = task
         self.copies = copies
         self.parameters = task.parameters
+        self.unready = NOT_BEGUN
+        """why the copies must be reset before they are stepped; empty if they need not"""
         self.max_episode_steps = _checked_limit(max_episode_steps)
         self.rewarded = SPARSE if checks.flag("sparse", sparse) else len(task.terms)
         kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
@@ -127,7 +133,13 @@ class Episodes:
         self._names = np.dtype([(name, self.out.dtype) for name in task.outcome])
         self._ends, self._lengths = scene.springs.T, scene.of_bodies("lengths")
         self._columns = observation.columns(task.particles)
-        self._of = self._identity()
+        self._of = {
+            "task": type(task).__name__,
+            **(arguments or {}),
+            "sparse": bool(sparse),
+            "randomize": {name: list(reach) for name, reach in self.ranges.items()},
+        }
+        """what a state belongs to, beside what the simulator was made of"""
         self._use_kernels()
         if task.observation == "own":
             self.simulator.read()
@@ -157,6 +169,8 @@ class Episodes:
             bodies = (replace(placed, body=fastest(placed.body)) for placed in scene.bodies)
             scene = scene.with_(bodies=tuple(bodies))
         method = kind.integrator(kind.default(scene) if integrator is None else integrator)
+        if reason := kind.refusal(method, scene, randomisation.varying(self.ranges, scene)):
+            raise ValueError(reason)
         ranges = f" with randomize={self.ranges}" if self.ranges else ""
         if step is not None:
             step = checks.number("step", step, TINY)
@@ -191,7 +205,8 @@ class Episodes:
     ) -> Begun:
         """Start new episodes in some copies (k,), each drawing from its own generator.
 
-        What is refused changes nothing, the generators included.
+        What is refused changes nothing, the generators included. What has begun leaves the copies `unready`:
+        the environment sets that back when all that belongs to its step or reset is done.
 
         Raises
         ------
@@ -217,11 +232,13 @@ class Episodes:
             raise ValueError(f"{type(self.task).__name__} has no reset option {next(iter(own))!r}")
         self._check_strain(positions, drawn)
         before = [self._drawn(copy) for copy in copies] if self.ranges else []
-        self._vary(copies, drawn)
+        was, self.unready = self.unready, BROKEN_OFF
         try:
+            self._vary(copies, drawn)
             self.simulator.place(positions, velocities, copies)
-        except BaseException:
+        except (TypeError, ValueError):  # it is refused
             self._vary(copies, before)
+            self.unready = was
             raise
         self.goal[copies] = goals
         self.elapsed[copies] = 0
@@ -261,17 +278,18 @@ class Episodes:
     def step(self, action: np.ndarray) -> tuple[Step, np.ndarray | None]:
         """One control period of all copies, and what they observe then, for `observe`.
 
-        ``action`` (n, A) is clipped to [−1, 1].
+        ``action`` (n, A) is clipped to [−1, 1]. The copies are left `unready`, as by `begin`.
 
         Raises
         ------
         ValueError
-            If it holds a value that is not finite.
+            If it holds a value that is not finite; nothing is changed.
         """
         simulator, copies = self.simulator, self.copies
         self._given[:] = action
         if not self._take(self._given, self.strength, self.action, self._driven):
             raise ValueError(f"action holds a value that is not finite: {action}")
+        self.unready = BROKEN_OFF
         simulator.actuate(**self.driven_by(self._driven))
         if self.error is not None:
             self.error.finer.take_over(simulator)
@@ -291,8 +309,15 @@ class Episodes:
         return result, seen
 
     def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
-        """What the actuators do in the next control period, by actions (n, A) in [−1, 1] and by others'."""
-        return self.task.actuate(actions) | self.task.respond(*self._whole[:3], self.goal)
+        """What the actuators do in the next control period, by actions (n, A) in [−1, 1] and by others'.
+
+        The actions are scaled by `strength` already, the others' here: their actuators are as weak.
+        """
+        others = {
+            name: values * self.strength.reshape(-1, *(1,) * (values.ndim - 1))
+            for name, values in self.task.respond(*self._whole[:3], self.goal).items()
+        }
+        return self.task.actuate(actions) | others
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
         """Outcome, end and observation of the copies from ``first`` to the one before ``last``."""
@@ -304,8 +329,8 @@ class Episodes:
             own, result = self._part(share), Step(*(values[share] for values in result))
             seen = None if seen is None else seen[share]
         self._evaluate(*own[:5], self.parameters, own.outcome)
-        terms, limit = self.rewarded, self.max_episode_steps
-        self._finish(own.rows, own.out, terms, own.held, own.elapsed, limit, own.diverged, result)
+        terms, wins, limit = self.rewarded, self.task.wins, self.max_episode_steps
+        self._finish(own.rows, own.out, terms, wins, own.held, own.elapsed, limit, own.diverged, result)
         if seen is not None:
             self._look(own, seen)
 
@@ -382,36 +407,23 @@ class Episodes:
         """Give some copies (k,) their factors."""
         if not (self.ranges and len(copies)):
             return
-        scene = self.simulator.scene
-        each = [randomisation.parameters(scene, self.ranges, factors) for factors in drawn]
-        values = {name: np.stack([own[name] for own in each]) for name in each[0]}
-        if values:
+        if values := self._parameters(drawn):
             self.simulator.vary(copies, **values)
             if self.error is not None:
                 self.error.finer.vary(copies, **values)
+        self._note(copies, drawn)
+
+    def _parameters(self, drawn: Sequence[Mapping[str, float]]) -> dict[str, np.ndarray]:
+        """What simulators are given for the factors of k copies."""
+        each = [randomisation.parameters(self.simulator.scene, self.ranges, factors) for factors in drawn]
+        return {name: np.stack([own[name] for own in each]) for name in each[0]}
+
+    def _note(self, copies: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
+        """Keep the factors of some copies (k,)."""
         self.factors[copies] = [[factors[name] for name in self.ranges] for factors in drawn]
         self.strength[copies] = [[factors["actuator"]] for factors in drawn]
 
     # --- State ------------------------------------------------------------------------------------
-
-    def _identity(self) -> dict[str, Any]:
-        """What a state belongs to."""
-        simulator = self.simulator
-        digest = hashlib.sha256()
-        for placed in simulator.scene.bodies:
-            body = placed.body
-            digest.update(repr(placed.pinned).encode())
-            for values in (body.masses, body.springs, body.lengths, body.stiffness, body.damping):
-                digest.update(values.tobytes())
-        return {
-            "task": type(self.task).__name__,
-            "action": self.task.action,
-            "copies": self.copies,
-            "dynamics": simulator.dynamics,
-            "dtype": simulator.dtype.name,
-            "randomized": list(self.ranges),
-            "body": digest.hexdigest()[:16],
-        }
 
     def state(self) -> dict[str, Any]:
         """All that changes, copied, and what it belongs to."""
@@ -419,34 +431,56 @@ class Episodes:
         return {"of": dict(self._of), **arrays, "simulator": self.simulator.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Return to what `state` gave, to the bit.
+        """Return to what `state` gave, to the bit. The copies are left `unready`, as by `begin`.
 
         Raises
         ------
-        ValueError
+        TypeError, ValueError
             If it belongs to something else, or is mangled. Nothing is changed then.
         """
         if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
             raise ValueError("state is not one of an environment of springgym")
-        of = mapping("state['of']", state["of"])
-        for name, own in self._of.items():
-            if of.get(name) != own:
-                raise ValueError(
-                    f"state is one of another environment: its {name} is {of.get(name)!r}, here it is {own!r}"
-                )
-        for name in STATE:
-            given, own = np.asarray(state[name]), getattr(self, name)
-            if given.shape != own.shape or given.dtype != own.dtype:
-                raise ValueError(
-                    f"state[{name!r}] is {given.dtype} of shape {given.shape}; it must be {own.dtype} of "
-                    f"shape {own.shape}"
-                )
-        self.simulator.restore(state["simulator"])
-        for name in STATE:
-            getattr(self, name)[:] = state[name]
-        self._vary(np.arange(self.copies), [self._drawn(copy) for copy in range(self.copies)])
-        self.simulator.restore(state["simulator"])  # what varies starts anew, without its memory of contact
+        check_same("the environment that the state is of", state["of"], self._of)
+        given = {name: self._checked(name, state[name]) for name in STATE}
+        was, self.unready = self.unready, BROKEN_OFF
+        try:
+            self.simulator.restore(state["simulator"])
+        except (TypeError, ValueError):  # it is refused
+            self.unready = was
+            raise
+        for name, values in given.items():
+            getattr(self, name)[:] = values
+        copies, drawn = np.arange(self.copies), [self._drawn(copy) for copy in range(self.copies)]
+        self._note(copies, drawn)
+        if self.error is not None and (parameters := self._parameters(drawn)):
+            self.error.finer.vary(copies, **parameters)
         self.simulator.read()
+
+    def _checked(self, name: str, given: Any) -> np.ndarray:
+        """An array of a state that may be set."""
+        what, own = f"state[{name!r}]", getattr(self, name)
+        values = np.asarray(given)
+        if values.shape != own.shape or values.dtype != own.dtype:
+            raise ValueError(
+                f"{what} is {values.dtype} of shape {values.shape}; it must be {own.dtype} of "
+                f"shape {own.shape}"
+            )
+        if name in ("elapsed", "held"):
+            checks.whole_array(what, values, own.shape)
+        elif name == "action":
+            checks.array(what, values, own.shape, low=-1.0, high=1.0)
+        elif name in ("goal", "balance", "factors"):
+            checks.array(what, values, own.shape)
+        if name == "goal" and (pointed := self._columns.pointed) >= 0:  # it is a particle
+            last = len(self.simulator.scene.masses) - 1
+            particles = checks.array(f"{what}[:, {pointed}]", values[:, pointed], (None,), low=0, high=last)
+            if (wrong := particles % 1 != 0).any():
+                raise ValueError(f"{what}[:, {pointed}] is {particles[wrong][0]}; it must be a particle")
+        if name == "factors":
+            for column, (factor, (low, high)) in zip(values.T, self.ranges.items(), strict=True):
+                begun = column[column != 1]  # it is 1 before the first episode
+                checks.array(f"{what} of {factor!r}", begun, (None,), low=low, high=high)
+        return values
 
     def _named(self, out: np.ndarray) -> np.ndarray:
         """View of outcomes (n, columns) as records (n,) with the names of `Task.outcome`."""
@@ -550,6 +584,7 @@ def finish(
     rows: np.ndarray,
     out: np.ndarray,
     terms: Any,
+    wins: Any,
     held: np.ndarray,
     elapsed: np.ndarray,
     limit: Any,
@@ -558,7 +593,8 @@ def finish(
 ) -> None:
     """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0.
 
-    The terms of the reward are the first ``terms`` columns; if `SPARSE`, it is whether the aim is met.
+    The terms of the reward are the first ``terms`` columns; if `SPARSE`, it is whether the aim is met. Who
+    fails has not met it, unless the episode ``wins`` by its end.
     """
     met, failed = out.shape[1] + MET, out.shape[1] + FAILED
     for c in range(out.shape[0]):
@@ -569,6 +605,8 @@ def finish(
         if diverged[c]:
             out[c, :] = 0.0
             out[c, failed] = 1.0
+        if out[c, failed] > 0 and not wins:
+            out[c, met] = 0.0
         result.reward[c] = 0.0
         for n in range(terms):
             result.reward[c] += out[c, n]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from springgym.bodies.distances import rms_distances
+from springgym.bodies.distances import largest_distances
 from springgym.simulator import Simulator
 
 FINER = 2
@@ -44,11 +44,11 @@ class StepError:
         self.finer = Simulator(simulator.scene, step=simulator.step / FINER, **made)
         self._share = 1 / (1 - FINER**-method.order)
         self.last = np.zeros(simulator.copies)
-        """root mean square distance of the particles after the last period, as a share of the body's size"""
+        """largest distance of a particle after the last period, as a share of its body's size"""
 
     def estimate(self, simulator: Simulator, steps: int) -> None:
         """Find the error of the ``steps`` that the simulator took since the finer one took over from it."""
         self.finer.advance(FINER * steps, check=False, read=True)
         own, finer = simulator.readout.positions, self.finer.readout.positions
-        apart = rms_distances(own, finer, simulator.scene.sizes)
+        apart = largest_distances(own, finer, simulator.scene.sizes)
         self.last[:] = self._share * apart

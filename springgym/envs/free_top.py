@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +16,7 @@ from springgym.checks import chosen, flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
-from springgym.envs.options import made, number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import above_bowl, standing, uniform
 from springgym.envs.task import Start, Task
@@ -107,9 +107,9 @@ class SpringFreeTop(Task):
 
     def __init__(
         self,
-        observation: str = "particles",
-        action: str = "push",
-        surface: str = "floor",
+        observation: Observation = "particles",
+        action: Literal["push"] = "push",
+        surface: Literal["floor", "bowl"] = "floor",
         friction: float = 0.02,
         hard: bool = False,
         body: Mapping[str, Any] | None = None,
@@ -224,6 +224,17 @@ class SpringFreeTop(Task):
         )
 
 
+class FreeTopOptions(EnvOptions, total=False):
+    """What `SpringFreeTopEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["push"]
+    surface: Literal["floor", "bowl"]
+    friction: float
+    hard: bool
+    body: Mapping[str, Any] | None
+
+
 class SpringFreeTopEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -291,8 +302,18 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
 
     task_type = SpringFreeTop
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[FreeTopOptions]) -> None: ...
+
 
 class SpringFreeTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringFreeTopEnv`."""
 
     task_type = SpringFreeTop
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[FreeTopOptions]
+        ) -> None: ...

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -17,7 +17,7 @@ from springgym.checks import flag
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
-from springgym.envs.options import made, number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import angle_between, angle_of, long_tail, spinning, thrift
 from springgym.envs.starts import direction, tilted, uniform
 from springgym.envs.task import Start, Task
@@ -99,8 +99,8 @@ class SpringGyroscope(Task):
 
     def __init__(
         self,
-        observation: str = "particles",
-        action: str = "torque",
+        observation: Observation = "particles",
+        action: Literal["torque", "impulse"] = "torque",
         hard: bool = False,
         body: Mapping[str, Any] | None = None,
     ) -> None:
@@ -181,6 +181,15 @@ class SpringGyroscope(Task):
         )
 
 
+class GyroscopeOptions(EnvOptions, total=False):
+    """What `SpringGyroscopeEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["torque", "impulse"]
+    hard: bool
+    body: Mapping[str, Any] | None
+
+
 class SpringGyroscopeEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -240,8 +249,18 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
 
     task_type = SpringGyroscope
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[GyroscopeOptions]) -> None: ...
+
 
 class SpringGyroscopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringGyroscopeEnv`."""
 
     task_type = SpringGyroscope
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[GyroscopeOptions]
+        ) -> None: ...

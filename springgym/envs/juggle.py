@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -17,7 +17,7 @@ from springgym.checks import flag, whole
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
-from springgym.envs.options import number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
@@ -161,8 +161,8 @@ class SpringJuggle(Task):
 
     def __init__(
         self,
-        observation: str = "particles",
-        action: str = "wrench",
+        observation: Observation = "particles",
+        action: Literal["wrench"] = "wrench",
         restitution: float = 0.95,
         balls: int = 1,
         hard: bool = False,
@@ -247,6 +247,16 @@ class SpringJuggle(Task):
         )
 
 
+class JuggleOptions(EnvOptions, total=False):
+    """What `SpringJuggleEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["wrench"]
+    restitution: float
+    balls: int
+    hard: bool
+
+
 class SpringJuggleEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -325,8 +335,18 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
 
     task_type = SpringJuggle
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[JuggleOptions]) -> None: ...
+
 
 class SpringJuggleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringJuggleEnv`."""
 
     task_type = SpringJuggle
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[JuggleOptions]
+        ) -> None: ...

@@ -1,13 +1,46 @@
-"""What users give to environments by name: checked, and told by name if it is wrong."""
+"""What users give to environments by name: declared for type checkers, checked, and told if it is wrong."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
+from typing import Any, Literal, TypedDict
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import DTypeLike
 
 from springgym import checks
 from springgym.bodies import Body
+
+Observation = Literal["particles", "frame"]
+Autoreset = AutoresetMode | Literal["NextStep", "SameStep", "Disabled"]
+
+
+class SimulationOptions(TypedDict, total=False):
+    """What every environment takes, see `springgym.envs.base.SpringEnv`."""
+
+    integrator: str | None
+    step: float | None
+    dynamics: Literal["springs", "rigid"]
+    dtype: DTypeLike
+    threads: int
+    randomize: Mapping[str, Sequence[float]] | None
+    error: bool
+
+
+class RewardedOptions(SimulationOptions, total=False):
+    """What every environment of one agent takes, too."""
+
+    render_mode: Literal["human", "rgb_array"] | None
+    sparse: bool
+
+
+class EnvOptions(RewardedOptions, total=False):
+    """The same and a time limit."""
+
+    max_episode_steps: int | None
 
 
 def mapping(name: str, value: Any) -> Mapping[str, Any]:
@@ -22,6 +55,27 @@ def number(options: dict[str, Any], name: str, otherwise: float, low: float, hig
     if name not in options:
         return otherwise
     return checks.number(f"reset option {name!r}", options.pop(name), low, high)
+
+
+def arguments(maker: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """All arguments that a call has by name, defaults included, in plain data; of a function, its name."""
+    bound = inspect.signature(maker).bind(**given)
+    bound.apply_defaults()
+    return {name: _plain(value) for name, value in bound.arguments.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    if isinstance(value, PathLike):
+        return str(value)
+    return getattr(value, "__qualname__", type(value).__qualname__)
 
 
 def made(maker: Callable[..., Body], body: Mapping[str, Any] | None, **usual: Any) -> Body:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +16,7 @@ from springgym.checks import chosen
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
-from springgym.envs.options import made, number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
@@ -89,9 +89,9 @@ class SpringPendulum(Task):
 
     def __init__(
         self,
-        observation: str = "particles",
-        action: str = "torque",
-        start: str = "hanging",
+        observation: Observation = "particles",
+        action: Literal["torque", "impulse"] = "torque",
+        start: Literal["hanging", "mixed"] = "hanging",
         body: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(observation, action)
@@ -166,6 +166,15 @@ class SpringPendulum(Task):
         )
 
 
+class PendulumOptions(EnvOptions, total=False):
+    """What `SpringPendulumEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["torque", "impulse"]
+    start: Literal["hanging", "mixed"]
+    body: Mapping[str, Any] | None
+
+
 class SpringPendulumEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -225,8 +234,18 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
 
     task_type = SpringPendulum
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[PendulumOptions]) -> None: ...
+
 
 class SpringPendulumVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringPendulumEnv`."""
 
     task_type = SpringPendulum
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[PendulumOptions]
+        ) -> None: ...

@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import seeding
 
-from springgym.checks import chosen, whole
-from springgym.envs.base import SpringEnv, _Common, _plain, _seed, frame_rate
+from springgym.checks import chosen, flag, instance, shown, whole
+from springgym.envs.base import (
+    SpringEnv,
+    _check_keys,
+    _Common,
+    _generator,
+    _plain,
+    _seed,
+    _seed_of,
+    frame_rate,
+)
 from springgym.envs.duel import FIRST, SECOND, SpringDuel
+from springgym.envs.episodes import NOT_BEGUN
+from springgym.envs.options import Observation, SimulationOptions, mapping
 from springgym.envs.task import MET
 from springgym.extras import missing
+from springgym.guard import guarded
 from springgym.measures import Measures
+from springgym.registration import register
 from springgym.rendering import Renderer
 
 try:
@@ -22,9 +36,25 @@ try:
 except ImportError as error:
     raise ImportError(missing("springgym.envs.parallel", "PettingZoo", "parallel")) from error
 
+register()  # with PettingZoo, which is there by now
+
 AGENTS = ("first", "second")
 OPTIONS = ("tilt", "spin", "other_tilt", "other_spin", "randomize")
 """Reset options of the duel."""
+
+
+class PlayerOptions(SimulationOptions, total=False):
+    """What `ParallelDuel` takes beside its own arguments."""
+
+    observation: Observation
+    action: Literal["push"]
+
+
+class ParallelOptions(PlayerOptions, total=False):
+    """All that it takes."""
+
+    render_mode: Literal["human", "rgb_array"] | None
+    max_episode_steps: int
 
 
 class ParallelDuel(_Common, ParallelEnv):
@@ -52,7 +82,11 @@ class ParallelDuel(_Common, ParallelEnv):
     }
 
     def __init__(
-        self, *, render_mode: str | None = None, max_episode_steps: int = 500, **options: Any
+        self,
+        *,
+        render_mode: Literal["human", "rgb_array"] | None = None,
+        max_episode_steps: int = 500,
+        **options: Unpack[PlayerOptions],
     ) -> None:
         for name in ("opponent", "sparse"):
             if name in options:
@@ -69,6 +103,8 @@ class ParallelDuel(_Common, ParallelEnv):
         self.action_spaces = dict.fromkeys(AGENTS, task.action_space)
         self._answered = np.zeros((1, *task.action_space.shape))
         self._np_random: np.random.Generator | None = None
+        self._np_random_seed: int | None = None
+        self.state_space = task.observation_space
         self._canvas: Renderer | None = None
 
     @property
@@ -87,38 +123,45 @@ class ParallelDuel(_Common, ParallelEnv):
         """What the second agent does, as `SpringDuel` asks its opponent."""
         return self._answered
 
+    @guarded
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
         """Start a new episode; options that the duel does not have are left out, as PettingZoo wants it."""
         given = _seed("seed", seed)
-        options = {name: value for name, value in (options or {}).items() if name in OPTIONS}
-        generator = self._np_random
-        if generator is None or given is not None:
-            generator, _ = seeding.np_random(given)
+        options = {} if options is None else dict(mapping("options", options))
+        options = {name: value for name, value in options.items() if name in OPTIONS}
+        generator, known = self.np_random, self._np_random_seed
+        if given is not None:
+            generator, known = seeding.np_random(given)
         self.episodes.begin(np.array([0]), [generator], options)
-        self._np_random = generator
-        self._ready = True
+        self._np_random, self._np_random_seed = generator, known
         self.agents = list(AGENTS)
         if self._canvas:
             self._restart(self._canvas, 0)
         if self.render_mode == "human":
-            self.render()
-        return self._seen(), self._infos(self._outcomes())
+            self._draw()
+        begun = self._seen(), self._infos(self._outcomes())
+        self.episodes.unready = ""
+        return begun
 
+    @guarded
     def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], ...]:
         """Both act for a control period.
 
         Raises
         ------
+        TypeError
+            If ``actions`` is no mapping.
         ValueError
             If an agent that is in the duel has no action, or one of another shape.
         gymnasium.error.ResetNeeded
             If no episode has begun.
         """
         if not self.agents:
-            self._checked(np.zeros(self.task.action_space.shape), self.task.action_space.shape)
+            self._check_ready("step")
             return {}, {}, {}, {}, {}
+        mapping("actions", actions)
         if missing := [name for name in self.agents if name not in actions]:
             raise ValueError(f"actions has none for {missing[0]!r}")
         first, second = (self._checked(actions[name], self.task.action_space.shape) for name in AGENTS)
@@ -134,11 +177,75 @@ class ParallelDuel(_Common, ParallelEnv):
         if self._canvas:
             self._canvas.follow(self.episodes.particles[0][0])
         if self.render_mode == "human":
-            self.render()
+            self._draw()
         seen, infos = self._seen(), self._infos(out)
         if ended or cut:
             self.agents = []
+        self.episodes.unready = ""
         return seen, rewards, terminations, truncations, infos
+
+    def state(self) -> np.ndarray:
+        """What is to be known of both tops together: what the first agent sees.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            If no episode has begun.
+        """
+        self._check_ready("state")
+        return self.episodes.observe()[0]
+
+    @property
+    def np_random(self) -> np.random.Generator:
+        """The random generator; seeded at random before the first reset."""
+        if self._np_random is None:
+            self._np_random, self._np_random_seed = seeding.np_random(None)
+        return self._np_random
+
+    @np_random.setter
+    def np_random(self, generator: np.random.Generator) -> None:
+        self._np_random = instance("np_random", generator, np.random.Generator)
+        self._np_random_seed = -1
+
+    @property
+    def np_random_seed(self) -> int | None:
+        """The seed of `np_random`, −1 where the generator was set and not seeded."""
+        return self._np_random_seed if self.np_random else None
+
+    @guarded
+    def get_state(self) -> dict[str, Any]:
+        return {
+            "episodes": self.episodes.state(),
+            "rng": self.np_random.bit_generator.state,
+            "seed": self.np_random_seed,
+            "ready": not self.episodes.unready,
+            "agents": list(self.agents),
+        }
+
+    @guarded
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state, to the bit: what follows is what followed.
+
+        Raises
+        ------
+        ValueError
+            If the state is not one of this environment. Nothing is changed then.
+        """
+        _check_keys(state, ("episodes", "rng", "seed", "ready", "agents"))
+        if state["agents"] not in ([], list(AGENTS)):
+            raise ValueError(f"state['agents'] is {shown(state['agents'])}; it must be {list(AGENTS)} or []")
+        generator = _generator("state['rng']", state["rng"])
+        seed = _seed_of("state['seed']", state["seed"])
+        ready = flag("state['ready']", state["ready"])
+        self.episodes.restore(state["episodes"])
+        self._np_random, self._np_random_seed = generator, seed
+        self.episodes.unready, self.agents = "" if ready else NOT_BEGUN, list(state["agents"])
+        if self._canvas:
+            self._restart(self._canvas, 0)
+
+    @guarded
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_canvas": None}  # pictures do not travel
 
     def _seen(self) -> dict[str, np.ndarray]:
         m, (x, v) = self._measures(), self.episodes.particles
@@ -176,10 +283,15 @@ class ParallelDuel(_Common, ParallelEnv):
             for n, name in enumerate(AGENTS)
         }
 
+    @guarded
     def render(self) -> np.ndarray | None:
         if self.render_mode is None:
             gym.logger.warn("render() draws nothing without a render mode")
             return None
+        self._check_ready("render")
+        return self._draw()
+
+    def _draw(self) -> np.ndarray | None:
         if self._canvas is None:
             self._canvas = self._renderer(self.render_mode)
         return self._picture(self._canvas, 0)
@@ -188,3 +300,10 @@ class ParallelDuel(_Common, ParallelEnv):
         if self._canvas is not None:
             self._canvas.close()
             self._canvas = None
+
+
+def registered(*, max_cycles: int | None = None, **options: Any) -> ParallelDuel:
+    """A `ParallelDuel` as `pettingzoo.make` asks for it: it calls the time limit ``max_cycles``."""
+    if max_cycles is not None:
+        options["max_episode_steps"] = max_cycles
+    return ParallelDuel(**options)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -17,7 +17,7 @@ from springgym.checks import flag, shown
 from springgym.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
-from springgym.envs.options import made, number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import tilted, uniform
 from springgym.envs.task import Start, Task
@@ -92,8 +92,8 @@ class SpringRope(Task):
 
     def __init__(
         self,
-        observation: str = "particles",
-        action: str = "trolley",
+        observation: Observation = "particles",
+        action: Literal["trolley"] = "trolley",
         hard: bool = False,
         body: Mapping[str, Any] | None = None,
         material: str | None = None,
@@ -183,6 +183,17 @@ class SpringRope(Task):
         )
 
 
+class RopeOptions(EnvOptions, total=False):
+    """What `SpringRopeEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["trolley"]
+    hard: bool
+    body: Mapping[str, Any] | None
+    material: str | None
+    diameter: float | None
+
+
 class SpringRopeEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -239,8 +250,18 @@ class SpringRopeEnv(SpringEnv, gym.Env):
 
     task_type = SpringRope
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[RopeOptions]) -> None: ...
+
 
 class SpringRopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringRopeEnv`."""
 
     task_type = SpringRope
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[RopeOptions]
+        ) -> None: ...

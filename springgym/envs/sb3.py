@@ -6,10 +6,10 @@ batch to the native vector environment, so Python works only for the copies whos
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from importlib import import_module
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
@@ -28,12 +28,13 @@ try:
 except ImportError as error:
     raise ImportError(missing("springgym.envs.sb3", "Stable-Baselines3", "agents")) from error
 
-from springgym.envs.base import SpringVectorEnv
+from springgym.envs.base import SpringVectorEnv, Stateful, _check_keys, _own, get_state, set_state
+from springgym.envs.starts import spawned
 
-__all__ = ["SB3VecEnv", "StaggeredMonitor", "make_sb3"]
+__all__ = ["Monitor", "SB3VecEnv", "StaggeredMonitor", "make_sb3"]
 
 
-class SB3VecEnv(VecEnv):
+class SB3VecEnv(Stateful, VecEnv):
     """A Gymnasium vector environment of ``n`` copies, seen as a Stable-Baselines3 ``VecEnv``.
 
     ``step`` returns observations ``(n, ...)``, rewards ``(n,)`` float32, dones ``(n,)`` bool and a
@@ -78,6 +79,30 @@ class SB3VecEnv(VecEnv):
             vector_env.single_action_space,
         )
 
+    def seed(self, seed: int | Sequence[int] | None = None) -> Sequence[int | None]:
+        """Seed the copies for the next reset.
+
+        Parameters
+        ----------
+        seed
+            Of one number every copy gets a seed of its own, which no copy gets of another number:
+            `springgym.envs.starts.spawned`. (Stable-Baselines3's own environments count on from the number:
+            copies of neighbouring ones begin alike.) A sequence has the seed of each copy. None draws the
+            number.
+
+        Raises
+        ------
+        ValueError
+            If a sequence has not one for each copy.
+        """
+        if isinstance(seed, Sequence):
+            if len(seed) != self.num_envs:
+                raise ValueError(f"{len(seed)} seeds were given for {self.num_envs} copies")
+            self._seeds = list(seed)
+        else:
+            self._seeds = [*spawned(super().seed(seed)[0], self.num_envs)]  # type: ignore[arg-type]
+        return self._seeds
+
     def reset(self) -> VecEnvObs:
         """Start a new episode in every copy, with the seeds and options set since the last one."""
         seeds = None if all(seed is None for seed in self._seeds) else list(self._seeds)
@@ -108,6 +133,18 @@ class SB3VecEnv(VecEnv):
             sb3_infos[i] = info
             self.reset_infos[i] = _info_of(new_episode, i)
         return deepcopy(observations), np.array(rewards, dtype=np.float32), dones, sb3_infos
+
+    @property
+    def _unready(self) -> str:
+        return _own(self.vector_env)._unready
+
+    def get_state(self) -> dict[str, Any]:
+        """The state of the vector environment, see `springgym.get_state`."""
+        return get_state(self.vector_env)
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state, see `springgym.set_state`."""
+        set_state(self.vector_env, state)
 
     def close(self) -> None:
         """Close the vector environment."""
@@ -154,7 +191,42 @@ class SB3VecEnv(VecEnv):
         return [None] * self.num_envs if frames is None else list(frames)
 
 
-class StaggeredMonitor(VecMonitor):
+class Monitor(Stateful, VecMonitor):
+    """A `VecMonitor` that returns to a state with what it monitors: episodes are reported as they went on."""
+
+    counted: ClassVar[tuple[str, ...]] = ("episode_returns", "episode_lengths")
+    """arrays (n,) of what it remembers of the copies"""
+
+    @property
+    def _unready(self) -> str:
+        return _own(self.venv)._unready
+
+    def get_state(self) -> dict[str, Any]:
+        """The state of the vector environment, and what is counted of it."""
+        return {"env": get_state(self.venv)} | {name: getattr(self, name).copy() for name in self.counted}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state, to the bit: what follows is what followed.
+
+        Raises
+        ------
+        ValueError
+            If the state is not one of this environment. Nothing is changed then.
+        """
+        _check_keys(state, ("env", *self.counted))
+        for name in self.counted:
+            given, own = np.asarray(state[name]), getattr(self, name)
+            if given.shape != own.shape or given.dtype != own.dtype:
+                raise ValueError(
+                    f"state[{name!r}] is {given.dtype} of shape {given.shape}; it must be {own.dtype} of "
+                    f"shape {own.shape}"
+                )
+        set_state(self.venv, state["env"])
+        for name in self.counted:
+            getattr(self, name)[:] = state[name]
+
+
+class StaggeredMonitor(Monitor):
     """A monitor whose copies do not all come to their time limit in the same step.
 
     Copies that start together and run for as long as their time limit end together, again and again: each
@@ -165,6 +237,8 @@ class StaggeredMonitor(VecMonitor):
 
     Copies of an environment that is not a native batch of springgym, or has no time limit, start together.
     """
+
+    counted = (*Monitor.counted, "shortened")
 
     def __init__(self, venv: SB3VecEnv) -> None:
         super().__init__(venv)
@@ -196,8 +270,9 @@ def make_sb3(
     seed: int | None = None,
     *,
     stagger: bool = False,
+    env_kwargs: Mapping[str, Any] | None = None,
     **kwargs: Any,
-) -> VecMonitor:
+) -> Monitor:
     """Make ``num_envs`` copies of an environment for Stable-Baselines3: native ones if it has them.
 
     Parameters
@@ -208,15 +283,17 @@ def make_sb3(
     num_envs
         Number of copies.
     seed
-        Copy ``i`` starts its first episode from ``seed + i``; None draws the seeds.
+        Of the first episodes, see `SB3VecEnv.seed`: runs of different seeds share no start. None draws them.
     stagger
         Spread the ends of the episodes over time, see `StaggeredMonitor`: for training, not for evaluation.
+    env_kwargs
+        Arguments of the environment, whatever their names.
     **kwargs
-        Passed to the environment.
+        More of them.
 
     Returns
     -------
-    VecMonitor
+    Monitor
         The adapted environment; finished episodes carry ``info["episode"]``.
 
     Examples
@@ -229,8 +306,8 @@ def make_sb3(
         mode |= {"vectorization_mode": "vector_entry_point"}
     else:
         mode = {"vectorization_mode": "sync", "vector_kwargs": mode}
-    vector_env = gym.make_vec(env_id, num_envs=num_envs, **mode, **kwargs)
-    env = (StaggeredMonitor if stagger else VecMonitor)(SB3VecEnv(vector_env))
+    vector_env = gym.make_vec(env_id, num_envs=num_envs, **mode, **(env_kwargs or {}), **kwargs)
+    env = (StaggeredMonitor if stagger else Monitor)(SB3VecEnv(vector_env))
     if seed is not None:
         env.seed(seed)
     return env

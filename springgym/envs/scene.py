@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Unpack, overload
 
 import gymnasium as gym
 import numpy as np
@@ -20,7 +20,7 @@ from springgym import checks
 from springgym.checks import TINY, chosen, instance
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles
-from springgym.envs.options import mapping
+from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
@@ -35,6 +35,44 @@ Seeing = Callable[[Measures, np.ndarray, np.ndarray], np.ndarray]
 Starting = Callable[[Generator], tuple[np.ndarray, np.ndarray]]
 
 
+class SceneOptions(RewardedOptions, total=False):
+    """What `make_scene_env` takes beside its own arguments."""
+
+    failed: Seeing | None
+    succeeded: Seeing | None
+    hold: int
+    observe: Seeing | None
+    start: Starting | None
+    period: float
+    position_scale: float | None
+    velocity_scale: float | None
+
+
+@overload
+def make_scene_env(
+    scene: Scene | str | Path,
+    reward: Reward,
+    *,
+    actuators: Mapping[str, float],
+    num_envs: None = None,
+    max_episode_steps: int | None = 500,
+    **options: Unpack[SceneOptions],
+) -> gym.Env[np.ndarray, np.ndarray]: ...
+
+
+@overload
+def make_scene_env(
+    scene: Scene | str | Path,
+    reward: Reward,
+    *,
+    actuators: Mapping[str, float],
+    num_envs: int,
+    max_episode_steps: int | None = 500,
+    autoreset_mode: Autoreset = ...,
+    **options: Unpack[SceneOptions],
+) -> SceneVectorEnv: ...
+
+
 def make_scene_env(
     scene: Scene | str | Path,
     reward: Reward,
@@ -43,7 +81,7 @@ def make_scene_env(
     num_envs: int | None = None,
     max_episode_steps: int | None = 500,
     **options: Any,
-) -> gym.Env | gym.vector.VectorEnv:
+) -> gym.Env[np.ndarray, np.ndarray] | SceneVectorEnv:
     """Make a Gymnasium environment over a scene, or a native batch of it.
 
     Its ``spec`` makes it again, with `gymnasium.make` or `gymnasium.make_vec`. It pickles if the functions
@@ -109,6 +147,9 @@ class SceneTask(Task):
         and whether the aim is met now.
     hold
         Steps in a row that the aim must be met for ``info["is_success"]``.
+    wins
+        Whether an episode may end by success: where ``failed`` and ``succeeded`` are both true, it is won.
+        Else it is lost there, however long the aim was met before.
     observe
         Takes the same; returns what is observed (n, D), scaled to order one: it is clipped to ±10. Positions
         and velocities of all particles that can move, if not given.
@@ -136,6 +177,7 @@ class SceneTask(Task):
         failed: Seeing | None = None,
         succeeded: Seeing | None = None,
         hold: int = 1,
+        wins: bool = False,
         observe: Seeing | None = None,
         start: Starting | None = None,
         period: float = 0.02,
@@ -152,6 +194,7 @@ class SceneTask(Task):
         self._observe, self._start = observe, start
         self._judges = (("met", "succeeded", succeeded), ("failed", "failed", failed))
         self.hold = checks.whole("hold", hold, 1)  # type: ignore[misc]
+        self.wins = checks.flag("wins", wins)  # type: ignore[misc]
         self.period = checks.number("period", period, TINY)  # type: ignore[misc]
         self._actuators = {
             name: checks.number(f"actuators[{name!r}]", most, TINY)

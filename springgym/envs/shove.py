@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -17,7 +17,7 @@ from springgym.checks import flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
-from springgym.envs.options import number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
@@ -141,7 +141,11 @@ class SpringShove(Task):
     compact = staticmethod(compact)
 
     def __init__(
-        self, observation: str = "particles", action: str = "push", friction: float = 0.4, hard: bool = False
+        self,
+        observation: Observation = "particles",
+        action: Literal["push"] = "push",
+        friction: float = 0.4,
+        hard: bool = False,
     ) -> None:
         super().__init__(observation, action)
         self.contact = Contact(friction=friction, restitution=0.3, strength=STRENGTH, reach=REACH)
@@ -223,6 +227,15 @@ class SpringShove(Task):
         )
 
 
+class ShoveOptions(EnvOptions, total=False):
+    """What `SpringShoveEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["push"]
+    friction: float
+    hard: bool
+
+
 class SpringShoveEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -292,8 +305,18 @@ class SpringShoveEnv(SpringEnv, gym.Env):
 
     task_type = SpringShove
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[ShoveOptions]) -> None: ...
+
 
 class SpringShoveVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringShoveEnv`."""
 
     task_type = SpringShove
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[ShoveOptions]
+        ) -> None: ...

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +16,7 @@ from springgym.bodies import Body, ball, box, rotation
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
-from springgym.envs.options import number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.shove import (
     BOX,
     FORCE,
@@ -128,7 +128,7 @@ class SpringStack(Task):
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
 
-    def __init__(self, observation: str = "particles", action: str = "push") -> None:
+    def __init__(self, observation: Observation = "particles", action: Literal["push"] = "push") -> None:
         super().__init__(observation, action)
         self.box: Body = box(SIDES, MASS, stiffness=1.8e4, damping=5.0)
         self.shelf: Body = box(SHELF_SIDES, 8.0, stiffness=1.8e4, damping=5.0)
@@ -223,6 +223,13 @@ class SpringStack(Task):
         )
 
 
+class StackOptions(EnvOptions, total=False):
+    """What `SpringStackEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["push"]
+
+
 class SpringStackEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -297,8 +304,18 @@ class SpringStackEnv(SpringEnv, gym.Env):
 
     task_type = SpringStack
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[StackOptions]) -> None: ...
+
 
 class SpringStackVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringStackEnv`."""
 
     task_type = SpringStack
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[StackOptions]
+        ) -> None: ...

@@ -1,4 +1,4 @@
-"""Directions and orientations to start from, in closed form.
+"""Seeds, directions and orientations to start from; the latter in closed form.
 
 A decomposition from LAPACK would do, too, but leaves open which signs and, among equal moments, which axes it
 returns: another version may choose others, and every seed start otherwise.
@@ -21,8 +21,16 @@ EQUAL = 1e-9
 """Moments that differ by a smaller share are equal: their axes are any in the plane, or in space."""
 
 
+def spawned(seed: int, copies: int) -> list[int]:
+    """A seed for each copy that learns, of 64 bits: no copy of another run has it.
+
+    Were copy i to begin from ``seed + i``, runs of neighbouring seeds would share their starts.
+    """
+    return [int(own.generate_state(1, np.uint64)[0]) for own in np.random.SeedSequence(seed).spawn(copies)]
+
+
 def uniform(rng: Generator, low: Sequence[float], high: Sequence[float]) -> list[float]:
-    """A number between each two, to the bit as by `Generator.uniform`, which takes five times as long."""
+    """A number between each two, to the bit as NumPy draws it, which takes five times as long."""
     shares = rng.random(len(low)).tolist()
     return [start + (end - start) * share for start, end, share in zip(low, high, shares, strict=True)]
 

@@ -70,6 +70,8 @@ class Task:
     """automatic steps are no longer than this [s]: impacts may need shorter ones than stability does"""
     hold: ClassVar[int] = 50
     """steps in a row that the aim must be met to count as success"""
+    wins: ClassVar[bool] = False
+    """whether the aim can be met by what ends the episode, as a duel is won; else who fails has not met it"""
     evaluate: ClassVar[Callable[..., None]]
     compact: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +16,7 @@ from springgym.checks import flag
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
-from springgym.envs.options import made, number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import angle_of, long_tail, spinning, thrift
 from springgym.envs.starts import standing, uniform
 from springgym.envs.task import Start, Task
@@ -97,8 +97,8 @@ class SpringTop(Task):
 
     def __init__(
         self,
-        observation: str = "particles",
-        action: str = "torque",
+        observation: Observation = "particles",
+        action: Literal["torque", "impulse"] = "torque",
         hard: bool = False,
         body: Mapping[str, Any] | None = None,
     ) -> None:
@@ -190,6 +190,15 @@ class SpringTop(Task):
         )
 
 
+class TopOptions(EnvOptions, total=False):
+    """What `SpringTopEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["torque", "impulse"]
+    hard: bool
+    body: Mapping[str, Any] | None
+
+
 class SpringTopEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -260,8 +269,18 @@ class SpringTopEnv(SpringEnv, gym.Env):
 
     task_type = SpringTop
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[TopOptions]) -> None: ...
+
 
 class SpringTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringTopEnv`."""
 
     task_type = SpringTop
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[TopOptions]
+        ) -> None: ...

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -17,7 +17,7 @@ from springgym.checks import flag, whole
 from springgym.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
-from springgym.envs.options import number
+from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
 from springgym.envs.starts import any_rotation, uniform
 from springgym.envs.task import Start, Task
@@ -127,8 +127,8 @@ class SpringTumble(Task):
 
     def __init__(
         self,
-        observation: str = "particles",
-        action: str = "wrench",
+        observation: Observation = "particles",
+        action: Literal["wrench", "impulses"] = "wrench",
         friction: float = 0.6,
         hard: bool = False,
     ) -> None:
@@ -214,6 +214,15 @@ class SpringTumble(Task):
         )
 
 
+class TumbleOptions(EnvOptions, total=False):
+    """What `SpringTumbleEnv` takes, see there."""
+
+    observation: Observation
+    action: Literal["wrench", "impulses"]
+    friction: float
+    hard: bool
+
+
 class SpringTumbleEnv(SpringEnv, gym.Env):
     """
     ## Description
@@ -285,8 +294,18 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
 
     task_type = SpringTumble
 
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[TumbleOptions]) -> None: ...
+
 
 class SpringTumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
     """A native batch of `SpringTumbleEnv`."""
 
     task_type = SpringTumble
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[TumbleOptions]
+        ) -> None: ...

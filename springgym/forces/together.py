@@ -26,6 +26,7 @@ from springgym.forces.node import (
     Given,
     Space,
     act_and_damp,
+    begun_in_touch,
     bow,
     foreseen,
     impulses,
@@ -36,6 +37,7 @@ from springgym.forces.node import (
     record_stray,
     record_swing,
     span_of,
+    swing_of,
 )
 from springgym.forces.pairs import terms as told
 from springgym.forces.pairs.friction import SWEEPS, TURNS, rub
@@ -360,7 +362,7 @@ def leave(
     fresh = span.lead <= 0.0
     lossy = select(fresh, 1.0, coefficient(terms.impact_damping, none)) > 0.0
     stray, lost, rubbed, bowed, held = none, none, none, none, none
-    swung, thrown = none, none
+    swung, thrown, touched, swing = none, none, none, none
     bent, raised = False, False
     for i in range(v.shape[0]):
         if not own.busy[i]:
@@ -379,9 +381,11 @@ def leave(
                 mean = plus_scaled(mean, 0.5, others + total)
                 way = plus_scaled(span.lead * start, span.out, after) + bend
                 gone = mass * (dot(force, way) / span.whole - dot(change, mean))
+                late = times(0.5 * (span.out - span.lead), acceleration)
+                gone = gone + mass * begun_in_touch(plus(by_bodies, change), late)
                 lost = lost + select(lossy, gone, 0.0)
                 lost = lost - select(fresh, mass * dot(by_bodies, mean), 0.0)
-                rubbed = rubbed - mass * dot(slowed, mean)
+                rubbed = rubbed - mass * dot(slowed, plus(mean, late))
                 bowed = bowed + 0.5 * mass * dot(acceleration, bend)
                 if any_lane(dot(bend, bend) > 0.0):
                     bent = True
@@ -391,6 +395,8 @@ def leave(
                 thrown = thrown + mass * dot(given, given)
                 swung = swung + mass * dot(others, others)
                 held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
+                touched = touched + dot(total, total)
+                swing = swing + mass * swing_of(acceleration, terms.gravity)
                 more, lift = held_at(row(x, i), start, after, bend, span, terms, terms.planes, terms.bowl)
                 held = held + more
                 if any_lane(dot(lift, lift) > 0.0):
@@ -417,6 +423,7 @@ def leave(
             held = held + (weight + elastic)
             weight, elastic, _ = stored_energy(x, terms)
             held = held - (weight + elastic)
+        held = held - select(touched > 0.0, 0.125 * span.whole * span.whole * swing, 0.0)
         store(memory.marks, HELD, held)
     return bent
 

@@ -6,6 +6,7 @@ A method of one's own needs no edit here: `register` it.
 from __future__ import annotations
 
 import importlib
+import inspect
 from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ import numpy as np
 from springgym.blocks import at
 from springgym.checks import instance, shown
 from springgym.compiling import Inner, compiled, kernel
+from springgym.integrators.clock import Clock, tick
 from springgym.integrators.record import Integrator, Phase
 from springgym.kinds import Ledger
 from springgym.lanes import bodies_of, of_body
@@ -35,6 +37,10 @@ METHODS = (
     "tr_bdf2",
     "rodas3",
 )
+
+
+TAKEN = ("x", "v", "ledger", "workspace", "h", "steps", "terms")
+"""What the function of a method takes."""
 
 
 def integrator(name: str) -> Integrator:
@@ -63,7 +69,7 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
     Raises
     ------
     TypeError
-        If one is of the wrong kind.
+        If one is of the wrong kind, or the function takes something else.
     ValueError
         If a method of springgym has the name.
     """
@@ -72,6 +78,11 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
         raise TypeError(
             f"integrate is {shown(integrate)}; it must be decorated with springgym.compiling.compiled"
         )
+    try:
+        inspect.signature(integrate.py_func).bind(*TAKEN)
+    except TypeError:
+        found = ", ".join(inspect.signature(integrate.py_func).parameters)
+        raise TypeError(f"integrate takes ({found}); it must take ({', '.join(TAKEN)})") from None
     if record.name in METHODS:
         raise ValueError(
             f"record.name is {record.name!r}, which is a method of springgym; choose another name"
@@ -103,7 +114,7 @@ def advance_kernel(
 
     If the kernel is called with ``reads``, it then reads them off by ``read``, a compiled function like
     `springgym.measures.read`, which takes ``reading``, a `springgym.measures.Reading`. Only kernels of rigid
-    bodies make use of ``settles``: springs need not be put into shape.
+    bodies make use of ``settles``: springs need not be put into shape. ``clock`` counts the steps.
     """
     if together:
         return _kernel(_method(name, "integrate_together")[1], at_once, read)
@@ -150,11 +161,14 @@ def _kernel(
         terms: Terms,
         reading: Any,
         reads: bool,
+        clock: Clock,
     ) -> None:
         for block in range(blocks[0], blocks[1]):
             here, own = at(phase, block), at(terms, block)
             if steps != 0:
                 take(integrate, here.x, here.v, here.ledger, workspace, at(h, block), steps, own)
+            if steps > 0:
+                tick(clock, block, steps)
             if reads:
                 read(block, here, reading, own)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from springgym import checks
 from springgym.blocks import aligned_zeros
 from springgym.integrators.envelope import envelope
 from springgym.ragged import stacked
@@ -27,7 +28,8 @@ class Integrator:
     imaginary_limit: float
     """largest stable ω h of an undamped oscillator"""
     real_limit: float
-    """largest stable decay rate × h; infinite where dampers are split off exactly or solved implicitly"""
+    """largest stable decay rate × h; infinite where dampers are split off exactly or solved implicitly, 0 if
+    the method takes none"""
     symplectic: bool
     negative_substeps: bool
     """steps back in time within a step: unusable with dissipation"""
@@ -41,9 +43,23 @@ class Integrator:
     iterative: bool = False
     """solves by Newton's method"""
     meets_bodies: bool = False
-    """has the node that `springgym.forces.pairs.collide` acts at"""
+    """passes the nodes of `springgym.forces.together` where bodies may meet"""
     meets_surfaces: bool = False
     """passes nodes, see `springgym.forces.node`, where there are surfaces"""
+
+    def __post_init__(self) -> None:
+        for own in fields(self):
+            name, value = own.name, getattr(self, own.name)
+            if own.type == "str":
+                checks.instance(name, value, str)
+            elif own.type == "bool":
+                checks.flag(name, value)
+            elif own.type == "float":  # a stability limit
+                checks.number(name, value, 0.0, math.inf)
+            else:
+                checks.whole(name, value, 0 if name == "workspace" else 1)
+        if self.name.split() != [self.name]:
+            raise ValueError(f"name is {checks.shown(self.name)}; it must be one word")
 
     @property
     def splits_dampers(self) -> bool:
@@ -106,13 +122,17 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
 
     ``varying`` names parameters that differ from copy to copy; damping may be one of them.
     """
-    if method.negative_substeps and (
-        "damping" in varying or any(placed.body.damping.any() for placed in scene.bodies)
-    ):
-        return (
-            f"{method.name} takes substeps back in time, in which dampers would add energy; "
-            "use a body with damping 0, or verlet"
-        )
+    if "damping" in varying or any(placed.body.damping.any() for placed in scene.bodies):
+        if method.negative_substeps:
+            return (
+                f"{method.name} takes substeps back in time, in which dampers would add energy; "
+                "use a body with damping 0, or verlet"
+            )
+        if method.real_limit == 0:
+            return (
+                f"{method.name} takes no dampers, as the real_limit of 0 in its record says; use a body with "
+                "damping 0, or verlet"
+            )
     if method.implicit and any(placed.forces for placed in scene.bodies):
         return (
             f"{method.name} solves with the stiffness of springs, and does not know that of forces of one's "

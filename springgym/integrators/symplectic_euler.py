@@ -32,13 +32,18 @@ RECORD = Integrator(
 def integrate(
     x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
 ) -> None:
-    """Damp h/2, actuate h, damp h/2, kick h, all with the forces at x_n, then drift h."""
+    """Kick h/2, damp h/2, actuate h, damp h/2, kick h/2, all with the forces at x_n, then drift h.
+
+    The velocity is that of half a step before x_n: only half a kick later is it of the same time. Before
+    that, spinning alone looks like squeezing, and dampers would lose what the springs' kicks give.
+    """
     a, b, direction = workspace[0], workspace[1], workspace[2]
     for _ in range(steps):
         accelerate(x, a, direction, terms)
         actuate(x, b, terms)
+        kick(v, a, 0.5 * h)
         relax(v, direction, False, False, ledger, terms)
         act(v, b, h, ledger, terms)
         relax(v, direction, True, False, ledger, terms)
-        kick(v, a, h)
+        kick(v, a, 0.5 * h)
         drift(x, v, h)

@@ -376,7 +376,8 @@ def record_losses(
     """Enter what contact and friction took; ``middle`` is the mean motion at the node."""
     span, none = node.span, 0.0 * node.before[0][0]
     after = sum_of(node.soon, 1.0, given)
-    lost, rubbed = none, none
+    lost, rubbed, fallen, met = none, none, none, none
+    late = 0.5 * (span.out - span.lead)
     # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
     lossy = select(span.lead > 0.0, coefficient(solid.terms.impact_damping, none), 1.0) > 0.0
     for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
@@ -388,7 +389,15 @@ def record_losses(
                 way = straight(n, arm, node, after, bends, solid)
                 mean = velocity_of(arm, middle, solid)
                 lost = lost + select(lossy, force * way / span.whole - impulse * dot(n, mean), 0.0)
-                rubbed = rubbed - dot(row(workspace[ARRAYS * k + RUB], i), mean)
+                falling = velocity_of(arm, node.rate, solid)
+                fallen = fallen + impulse * dot(n, falling)
+                met = met + impulse * dot(n, velocity_of(arm, given, solid))
+                rub = row(workspace[ARRAYS * k + RUB], i)
+                rubbed = rubbed - dot(rub, plus_scaled(mean, late, falling))
+    # `springgym.forces.node.begun_in_touch`
+    whole = product_of(node.rate, node.rate, solid)
+    rests = select(met > 0.0, minimum(fallen * fallen / (maximum(met, 0.0) + TINY), whole), 0.0)
+    lost = lost + 2.0 * late * late * rests
     record(ledger, CONTACT, lost)
     record(ledger, FRICTION, rubbed)
 

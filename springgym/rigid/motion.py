@@ -23,6 +23,7 @@ from springgym.blocks import at
 from springgym.compiling import compiled, kernel
 from springgym.forces.memory import PHASE, remember, resume, share_actions
 from springgym.forces.node import span_of
+from springgym.integrators.clock import Clock, tick
 from springgym.integrators.record import Phase
 from springgym.kinds import Ledger, Number, Numbers, Rows
 from springgym.lanes import bodies_of, load, of_body
@@ -216,6 +217,7 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
         terms: Terms,
         reading: Any,
         reads: bool,
+        clock: Clock,
     ) -> None:
         for block in range(blocks[0], blocks[1]):
             here, all_terms = at(phase, block), at(terms, block)
@@ -224,6 +226,7 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
                     x, v, ledger = of_body(here, body)
                     rigid, asymmetry, own = of_body(all_terms, body)
                     move(x, v, ledger, workspace, h, steps, rigid, asymmetry, own)
+                tick(clock, block, steps)
             if reads:
                 read(block, here, reading, all_terms[2])
 

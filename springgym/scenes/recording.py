@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from math import ceil
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,8 @@ class Recording:
     """of bodies that collide, since the start, (T, pairs) in the order of `Scene.meetings`"""
     complete: bool
     """whether it was not interrupted"""
+    shadow: tuple[float, float]
+    """`Simulator.shadow_energy` at the start and at the end [J], not a number where it is not known"""
 
     @property
     def parts(self) -> tuple[Recording, ...]:
@@ -63,6 +65,7 @@ class Recording:
                 measures=m,
                 bodies=(m,),
                 pairs=PairReadings(*(of[:, :0] for of in self.pairs)),
+                shadow=(math.nan, math.nan),
             )
             for part, scene, own, m in each
         )
@@ -106,7 +109,7 @@ def record(
     each = np.zeros((count, len(plan.scene.bodies), SIZE)) if several else rows[:, None]
     told: list[PairReadings] = []
     floppy = any(placed.body.floppy for placed in plan.scene.bodies)
-    done = 0
+    done, shadow = 0, [math.nan, math.nan]
     try:
         for n in progress(range(count)):
             if n > 0:
@@ -118,6 +121,8 @@ def record(
             told.append(simulator.pairs())
             if not np.isfinite(velocities[n]).all():
                 raise SimulationDivergedError(f"{plan.name} diverged before t = {simulator.time[0]:g} s")
+            if n in (0, count - 1):
+                shadow[n > 0] = _shadow(simulator)
             done = n + 1
     except KeyboardInterrupt:
         if done < 2:
@@ -134,7 +139,15 @@ def record(
         bodies=tuple(view(each[:done, n]) for n in range(each.shape[1])),
         pairs=PairReadings(*(np.concatenate(of) for of in zip(*told[:done], strict=True))),
         complete=done == count,
+        shadow=(shadow[0], shadow[1]),
     )
+
+
+def _shadow(simulator: Simulator) -> float:
+    try:
+        return float(simulator.shadow_energy()[0])
+    except ValueError:
+        return math.nan
 
 
 def _check_size(plan: Plan, step: float, steps: int, count: int) -> None:
@@ -171,7 +184,7 @@ def _simulator(plan: Plan, dynamics: str) -> Simulator:
     simulator = Simulator(plan.scene, **options)
     if options.get("step") is not None:
         return simulator
-    options["step"] = plan.interval / ceil(plan.interval / simulator.step - 1e-9)
+    options["step"] = plan.interval / math.ceil(plan.interval / simulator.step - 1e-9)
     return Simulator(plan.scene, **options)
 
 

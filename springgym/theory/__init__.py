@@ -10,6 +10,7 @@ NumPy alone; functions that need SciPy say so and import it when called.
 `pendulum`     physical pendulum at any amplitude; the cube hung from a vertex
 `rope`         hanging chain of beads and springs: statics, swing, bounce, catenary
 `contact`      inverse-square floor, restitution, Coulomb friction
+`impact`       a body of springs that hits a floor
 `dominoes`     the wave in a row of falling dominoes
 `oscillation`  damped oscillator, spin-stretched pair, spin-down of implicit Euler
 `solid`        elastic solids: inertia, free vibration, growth under spin (Rayleigh-Ritz)
@@ -17,6 +18,28 @@ NumPy alone; functions that need SciPy say so and import it when called.
 =============  ==================================================================================
 """
 
-from springgym.theory import contact, dominoes, frames, free_body, oscillation, pendulum, rope, solid, top
+from springgym.theory import (
+    contact,
+    dominoes,
+    frames,
+    free_body,
+    impact,
+    oscillation,
+    pendulum,
+    rope,
+    solid,
+    top,
+)
 
-__all__ = ["contact", "dominoes", "frames", "free_body", "oscillation", "pendulum", "rope", "solid", "top"]
+__all__ = [
+    "contact",
+    "dominoes",
+    "frames",
+    "free_body",
+    "impact",
+    "oscillation",
+    "pendulum",
+    "rope",
+    "solid",
+    "top",
+]

@@ -81,6 +81,24 @@ def spun_pair_length(mass: float, stiffness: float, rest_length: float, omega: f
     return rest_length / (1 - share)
 
 
+def spun_pair(mass: float, stiffness: float, rest_length: float, momentum: float) -> tuple[float, float]:
+    """Length, m, and spin, rad/s, at which two equal masses on a spring settle by their angular momentum.
+
+    m Omega L^2 / 2 is the momentum; L and Omega from `spun_pair_length` by bisection, since the momentum
+    grows with the spin.
+
+    Parameters
+    ----------
+    mass, stiffness, rest_length, momentum : float
+        Each mass, kg; N/m; m; kg m^2/s.
+    """
+    low, high = 0.0, math.sqrt(2 * stiffness / mass)
+    while low < (spin := (low + high) / 2) < high:
+        length = spun_pair_length(mass, stiffness, rest_length, spin)
+        low, high = (spin, high) if mass * spin * length**2 / 2 < momentum else (low, spin)
+    return spun_pair_length(mass, stiffness, rest_length, low), low
+
+
 def implicit_euler_spin(omega: float, step: float, t: ArrayLike) -> Floats:
     """Spin that implicit Euler leaves of a body, Omega0 / sqrt(1 + 2 h Omega0^2 t), rad/s.
 

@@ -3,6 +3,7 @@
 `motion`    what is shown: positions over time, and how they are drawn
 `stage`     draws it with viser
 `page`      clock, sliders, graph
+`door`      who may speak to it, and what it takes from them
 `knobs`     the numbers of a scene file that sliders change
 `episodes`  episodes of environments as motions
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import re
 import webbrowser
 from contextlib import redirect_stdout
 from dataclasses import replace
@@ -49,7 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="write a page of its own (.html), or what a saved viewer plays (.viser), and open nothing",
     )
-    parser.add_argument("--port", type=int, default=PORT, help="the first that is free from this one on")
+    parser.add_argument(
+        "--port", type=int, default=PORT, help="the first that is free from this one on; of 0, any"
+    )
     parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
 
 
@@ -83,11 +87,16 @@ def show(subject: Subject, port: int = PORT, browser: bool = True) -> None:
 
 def _subject(args: argparse.Namespace) -> Subject:
     """What the arguments name."""
-    if args.agent is None and "-v" not in args.what:
+    if args.agent is None and not _is_environment(args.what):
         return scenes(args.what)
     from springgym.view.episodes import episodes, find_agent
 
     return episodes(find_agent(args.agent, args.what), args.seed)
+
+
+def _is_environment(what: str) -> bool:
+    """Whether a name ends as the id of an environment does, and is not that of a file."""
+    return re.search(r"-v[0-9]+$", what) is not None and not Path(what).is_file()
 
 
 def scenes(first: str) -> Subject:
@@ -172,13 +181,17 @@ def _check_saved(path: Path) -> None:
 
 
 def _server(port: int) -> Any:
-    """A server that this machine alone reaches."""
+    """A server that pages of this machine alone reach, see `springgym.view.door`."""
     try:
         import viser
     except ImportError as error:
         raise ImportError(missing("viewing", "viser", "view")) from error
-    with redirect_stdout(io.StringIO()):  # it prints its address in a frame; ours is a line
-        return viser.ViserServer(host="127.0.0.1", port=port, label="springgym", verbose=False)
+    from springgym.view.door import HOST, Door
+
+    door = Door(port)
+    with door.hung(), redirect_stdout(io.StringIO()):  # it prints its address in a frame; ours is a line
+        server = viser.ViserServer(host=HOST, port=door.port, label="springgym", verbose=False)
+    return door.guard(server)
 
 
 def _end(server: Any) -> None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from fractions import Fraction
+from functools import partial
 from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from springgym.checks import chosen
 from springgym.rendering.look import GREEN, ORANGE, SLATE, TEAL, Color
 from springgym.rendering.solids import COLD, HOT, NEUTRAL
 from springgym.scenes.plan import SPEEDS
@@ -69,6 +72,7 @@ class Page:
         self._lock = threading.RLock()
         self._wanted: tuple[str, Changes] | None = None
         self._asked = threading.Event()
+        self._due: dict[str, Callable[[], None]] = {}
         self._stopped = threading.Event()
         self._sliders: dict[Knob, Any] = {}
         self._folders: list[Any] = []
@@ -90,16 +94,33 @@ class Page:
         last = clock.perf_counter()
         while not self._stopped.wait(max(0.0, last + 1 / FPS - clock.perf_counter())):
             now = clock.perf_counter()
-            with self._lock:
-                if self.playing:
-                    self.time += (now - last) * SPEEDS[self._speed_index()]
-                    if self.time > self.motion.times[-1]:
-                        self.time = 0.0
-                    self._draw(read=self._frame % READ_EVERY == 0)
-                    self._frame += 1
+            for name in list(self._due):
+                self._told(self._due.pop(name))
+            if self.playing and not self._told(partial(self._advance, now - last)):
+                self.play(False)
             last = now
         self._asked.set()
         worker.join()
+
+    def _advance(self, elapsed: float) -> None:
+        """Play on by a time of the clock on the wall [s]."""
+        with self._lock:
+            self.time += elapsed * SPEEDS[self._speed_index()]
+            if self.time > self.motion.times[-1]:
+                self.time = 0.0
+            self._draw(read=self._frame % READ_EVERY == 0)
+            self._frame += 1
+
+    def _told(self, action: Callable[[], None]) -> bool:
+        """Do something; whatever it raises, the page shows, and goes on. Whether it raised nothing."""
+        try:
+            action()
+        except Exception as error:
+            if not isinstance(error, (ValueError, ArithmeticError)):
+                logging.getLogger("springgym").exception("the page could not do that")
+            self._summary.content = f"⚠ {str(error) or type(error).__name__}"
+            return False
+        return True
 
     def stop(self) -> None:
         """End `run`."""
@@ -122,13 +143,13 @@ class Page:
             chooser = gui.add_dropdown(
                 self._subject.kind, tuple(self._subject.names), initial_value=self.name
             )
-            chooser.on_update(lambda event: self._ask(chooser.value, {}))
+            self._heed(chooser, "choice", lambda name: self._ask(name, {}))
         self._title = gui.add_markdown("")
         self._button = gui.add_button("pause", hint="the space bar does the same")
         self._button.on_click(lambda event: self.play(not self.playing))
         gui.add_command("play or pause", hotkey="space").on_trigger(lambda event: self.play(not self.playing))
         self._moment = gui.add_slider("time [s]", 0.0, 1.0, 0.001, 0.0)
-        self._moment.on_update(self._sought)
+        self._heed(self._moment, "time", self._sought)
         self._speed = gui.add_dropdown("speed", tuple(map(fraction, SPEEDS)), initial_value="1")
         self._readings = gui.add_markdown("")
         tabs = gui.add_tab_group()
@@ -136,20 +157,20 @@ class Page:
         with self._tab:
             self._nothing = gui.add_markdown("*Nothing to change here: choose another above.*")
             self._reset = gui.add_button("as it was", order=1e6)
-            self._reset.on_click(lambda event: self._restore())
+            self._reset.on_click(lambda event: self._due.update(sliders=self._restore))
         with tabs.add_tab("show"):
             self._ticks = {
                 name: gui.add_checkbox(name, name == "trace", hint=hint) for name, hint in TICKS.items()
             }
             self._legend = gui.add_html("")
         for tick in self._ticks.values():
-            tick.on_update(lambda event: self._ticked())
+            self._heed(tick, "ticks", lambda _: self._ticked())
         graph = gui.add_panel()
         self._graph_tab = graph.add_tab("graph")
         with self._graph_tab:
             graphs = tuple(self.motion.graphs)
             self._graphed = gui.add_dropdown("of", graphs, initial_value=graphs[0])
-            self._graphed.on_update(lambda event: self._replot())
+            self._heed(self._graphed, "graph", lambda _: self._replot())
         graph.float(x=12, y=-12, width=370, height=290)
         self._plot: Any = None
         self._summary = gui.add_markdown("")
@@ -170,7 +191,7 @@ class Page:
                             knob.label, knob.low, knob.high, knob.step, knob.start
                         )
         for slider in self._sliders.values():
-            slider.on_update(self._slid)
+            self._heed(slider, "sliders", lambda _: self._slid())
         self._reset.visible, self._nothing.visible = bool(self._sliders), not self._sliders
         travels = float(np.linalg.norm(np.ptp(motion.centre, axis=0))) > 6 * motion.extent
         self._ticks["follow"].value = travels
@@ -228,12 +249,22 @@ class Page:
 
     # --- What the user does -------------------------------------------------------------------------
 
-    def _sought(self, event: Any) -> None:
-        if event.client is None:
-            return  # the clock moved it
+    def _heed(self, part: Any, name: str, action: Callable[[Any], None]) -> None:
+        """Do something with a part's value, at the next frame, when a user changes it.
+
+        Of all that is done under one name, only the last of a frame: nothing piles up.
+        """
+
+        def changed(event: Any) -> None:
+            if event.client is not None:  # otherwise the page itself changed it
+                self._due[name] = partial(action, part.value)
+
+        part.on_update(changed)
+
+    def _sought(self, time: float) -> None:
         with self._lock:
             self.play(False)
-            self.time = float(self._moment.value)
+            self.time = float(time)
             self._draw(read=True)
 
     def _ticked(self) -> None:
@@ -242,9 +273,7 @@ class Page:
             self._tell_legend()
             self._draw(read=False)
 
-    def _slid(self, event: Any) -> None:
-        if event.client is None:
-            return
+    def _slid(self) -> None:
         numbers = {knob: knob.number(float(slider.value)) for knob, slider in self._sliders.items()}
         self._ask(self.name, {knob.path: n for knob, n in numbers.items() if n != knob.value})
 
@@ -255,7 +284,7 @@ class Page:
 
     def _ask(self, name: str, changes: Changes) -> None:
         """Have the worker make a motion; what was asked for before, and not begun, is forgotten."""
-        self._wanted = (name, changes)
+        self._wanted = (chosen(self._subject.kind, name, self._subject.names), changes)
         self._asked.set()
 
     def _work(self) -> None:
@@ -263,19 +292,17 @@ class Page:
         while self._asked.wait() and not self._stopped.is_set():
             self._asked.clear()
             wanted, self._wanted = self._wanted, None
-            if wanted is None:
-                continue
-            name, changes = wanted
-            try:
-                motion = self._subject.make(name, changes)
-            except (ValueError, ArithmeticError) as error:
-                self._summary.content = f"⚠ {error}"
-                continue
-            with self._lock:
-                if name == self.name:
-                    self._show(motion)
-                else:
-                    self._turn_to(name, motion)
+            if wanted is not None:
+                self._told(partial(self._make, *wanted))
+
+    def _make(self, name: str, changes: Changes) -> None:
+        """Make a motion and show it."""
+        motion = self._subject.make(name, changes)
+        with self._lock:
+            if name == self.name:
+                self._show(motion)
+            else:
+                self._turn_to(name, motion)
 
     # --- Drawing ------------------------------------------------------------------------------------
 

@@ -113,6 +113,13 @@ def flipped(saved):
 
 BIAS = "action_net.bias"
 
+
+def grown(saved, size):
+    """The weights that act last, each of such a size."""
+    with np.load(saved.agent) as good:
+        return {"action_net.weight": np.full_like(good["action_net.weight"], size)}
+
+
 WRONG = {
     "empty": lambda saved: b"",
     "cut short": lambda saved: saved.agent.read_bytes()[:1000],
@@ -127,6 +134,11 @@ WRONG = {
     "not finite": lambda saved: changed(saved, **{BIAS: np.full(1, np.nan, np.float32)}),
     "not numbers": lambda saved: changed(saved, **{BIAS: np.array(["a"])}),
     "endless": lambda saved: zipped(**{BIAS + ".npy": header((10**15,))}),
+    "beyond all integers": lambda saved: zipped(**{BIAS + ".npy": header((2**70,))}),
+    "of less than nothing": lambda saved: zipped(**{BIAS + ".npy": header((-1,))}),
+    "no array": lambda saved: zipped(**{BIAS + ".npy": np.lib.format.magic(1, 0)}),
+    "too large for float32": lambda saved: changed(saved, **{BIAS: np.full(1, 1e300)}),
+    "too large to be summed": lambda saved: changed(saved, **grown(saved, 3e38)),
 }
 """What may stand in an agent's file."""
 
@@ -138,6 +150,36 @@ def test_a_wrong_file_is_told_in_a_line(what, saved, capsys):
     error = capsys.readouterr().err
     assert error.startswith(f"evaluate.py: error: {saved.agent}: ")
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("algo", "size", "refused"),
+    [("ppo", 1e30, False), ("ppo", 3e38, True), ("sac", 1e5, False), ("sac", 1e20, True)],
+)
+def test_whoever_acts_gives_numbers(algo, size, refused, tmp_path):
+    """Whatever is seen. What comes out of a layer of SAC, of ReLU, enters the next as it is."""
+    run, model = untrained(algo, tmp_path)
+    for name, weights in model.policy.state_dict().items():
+        if "weight" in name:
+            weights[:] = size * weights.sign()
+    agent.save_agent(run.agent, model)
+    observations, actions = spaces()
+    if refused:
+        with pytest.raises(config.ConfigError, match="too large"):
+            runs.load_policy(run, observations, actions)
+        return
+    act = runs.load_policy(run, observations, actions)
+    assert np.isfinite(act(np.array([observations.low, observations.high, 0 * observations.high]))).all()
+
+
+@pytest.mark.parametrize("wrong", [{"variance": -1.0}, {"limits": [0.0, 10.0]}, {"limits": [1e-8, 1e300]}])
+def test_statistics_that_normalise_nothing_are_refused(wrong, tmp_path):
+    run, _ = untrained("ppo", tmp_path, normalize=True)
+    runs.load_policy(run, *spaces())
+    given = {f"observations.{name}": np.broadcast_to(value, (2,)) for name, value in wrong.items()}
+    run.agent.write_bytes(changed(run, **given))
+    with pytest.raises(config.ConfigError, match="normalise nothing"):
+        runs.load_policy(run, *spaces())
 
 
 def test_a_file_that_unpacks_to_too_much_is_not_unpacked(saved, monkeypatch):

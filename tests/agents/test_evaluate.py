@@ -80,6 +80,10 @@ def test_command_line(classical, tmp_path, capsys):
         (["clasical", "--env", "Toy-v0"], "unknown controller 'clasical': use zero, random or"),
         (["classical", "--env", "Toy-v0"], "no classical controller for Toy-v0 with action=None"),
         (["zero", "--env", "Toy-v0", "--set", "push"], "--set push: write it as key=value"),
+        *(
+            (["zero", "--env", "SpringTop-v0", "--set", f"{name}={value}"], name)
+            for name, value in (("stagger", "true"), ("seed", 5), ("num_envs", 3), ("env_id", "A-v0"))
+        ),
     ],
 )
 def test_errors(arguments, says, capsys):

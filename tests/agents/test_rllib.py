@@ -1,6 +1,7 @@
 """The script for RLlib, which has an environment of its own: what it refuses, and, there, that it learns."""
 
 import importlib.util
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -21,6 +22,17 @@ def test_errors(arguments, says, tmp_path, capsys):
     pytest.importorskip("ray")
     assert rllib_ppo.main([*arguments, "--run", str(tmp_path)]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_no_runner_shares_a_start_with_another():
+    bases = []
+    for seed in (0, 1):
+        for worker in range(8):
+            asked = SimpleNamespace(seed=seed)
+            runner = SimpleNamespace(_seed=seed + worker, worker_index=worker, config=asked)
+            rllib_ppo.seed_apart(env_runner=runner, env=None)
+            bases.append(runner._seed)
+    assert np.diff(sorted(bases)).min() > 1e6  # copies count on from there
 
 
 class Still:

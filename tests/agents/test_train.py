@@ -63,6 +63,18 @@ def assert_same_run(folder, reference):
         np.testing.assert_array_equal(ours[key], theirs[key], err_msg=key)
 
 
+def test_runs_of_neighbouring_seeds_share_no_start(tmp_path):
+    starts = []
+    for seed in (0, 1):
+        config = train.load_config("ppo", "toy_env:Toy-v0", [], HERE / "toy_ppo.yaml")
+        run = runs.Run(tmp_path, "ppo", "toy_env:Toy-v0", seed, config)
+        env = train.make_training_env(run)
+        starts.append(train.new_model(run, env).get_env().reset())
+        starts.append(env.reset())  # the episodes after
+    starts = np.concatenate(starts)
+    assert len(np.unique(starts, axis=0)) == len(starts) > 20
+
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """A whole run, from the command line to the video."""

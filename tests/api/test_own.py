@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
+from dataclasses import replace
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from springgym import Placed, Scene, Simulator
+from springgym.blocks import block_array
 from springgym.bodies import Body, cube, rope, top
-from springgym.compiling import compiled
+from springgym.compiling import compiled, kernel
 from springgym.forces import accelerate, drift, kick
 from springgym.integrators import METHODS, integrator, register
 from springgym.integrators.record import Integrator
+from springgym.own_forces import OfBody, add_own_forces, own_energy
 from springgym.scene import DriveActuator
 from springgym.vectors import add_row, dot, row, vector
 
@@ -105,6 +110,65 @@ def test_a_batch_a_body_in_company_and_a_pickle_are_the_same() -> None:
     assert np.abs(company.positions[:, 8:] - company.positions[:, :8]).max() > 1e-4
 
 
+class Everything(NamedTuple):
+    """Takes arrays of each kind, and does nothing with them."""
+
+    particles: Any
+    values: Any
+
+    @staticmethod
+    @compiled
+    def add(x: Any, force: Any, own: Any) -> None:
+        pass
+
+    @staticmethod
+    @compiled
+    def energy(x: Any, own: Any) -> Any:
+        return 0.0
+
+
+def test_a_scene_keeps_numbers_of_its_own() -> None:
+    """Neither the arrays that a force was made of, nor those that a scene shows, move what is simulated."""
+    particles, anchor = np.array([0, 3]), np.asfortranarray([[0.0, 1.0], [2.0, 3.0]])
+    scene = Scene(CUBE, forces=(Everything(particles, anchor),))
+    simulator = Simulator(scene)
+    before = pickle.dumps(scene.forces)
+    particles[:], anchor[:] = 7, np.inf
+    assert pickle.dumps(scene.forces) == before
+    for kept in (scene, replace(scene), pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene)):
+        for field in kept.forces[0]:
+            with pytest.raises(ValueError, match="read-only"):
+                field[0] = 1
+    (own,) = simulator._terms.own
+    for given, taken in zip(scene.forces[0], own.force, strict=True):
+        assert not np.shares_memory(given, taken)
+        np.testing.assert_array_equal(given, taken)
+        assert taken.flags.c_contiguous
+
+
+@pytest.mark.parametrize("kind", ["u1", "i2", ">i4", "i8", "u8", "f2", "f4", ">f8", "f8", "O"])
+def test_numbers_of_any_type_are_the_same_numbers(kind: str) -> None:
+    given = np.array([3, 2]).astype(kind)
+    (kept,) = Scene(CUBE, forces=(Everything((), given),)).forces
+    np.testing.assert_array_equal(kept.values, [3, 2])
+    assert kept.values.dtype == (np.int64 if given.dtype.kind in "iu" else np.float64)
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        (np.array([1, 2**63], np.uint64), r"values\[1\] is 9223372036854775808"),
+        (np.array([2**63 + 2**40], np.uint64), r"values\[0\] is"),
+        (np.array([-(2**63)]), r"values\[0\] is -9223372036854775808"),
+        (np.array([[0.0, np.nan]]), r"values\[0, 1\] is nan"),
+        (2**63, "values is 9223372036854775808"),
+    ],
+)
+def test_numbers_that_would_become_others_are_refused(value: Any, says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        Scene(CUBE, forces=(Everything((), value),))
+
+
 class Bare(NamedTuple):
     particle: int
 
@@ -119,6 +183,18 @@ class Uncompiled(NamedTuple):
     def energy(x: Any, own: Any) -> Any: ...
 
 
+class Short(NamedTuple):
+    """A force with a function that takes too little."""
+
+    particle: int
+
+    @staticmethod
+    @compiled
+    def add(x: Any, force: Any) -> None: ...
+
+    energy = Everything.energy
+
+
 @pytest.mark.parametrize(
     ("make", "error", "says"),
     [
@@ -127,6 +203,11 @@ class Uncompiled(NamedTuple):
         (lambda: Scene(CUBE, forces=(3,)), TypeError, r"forces\[0\] is 3; it must be a named tuple"),
         (lambda: Scene(CUBE, forces=(Bare(1),)), TypeError, r"no function add\(x, force, own\)"),
         (lambda: Scene(CUBE, forces=(Uncompiled(1),)), TypeError, "springgym.compiling.compiled"),
+        (
+            lambda: Scene(CUBE, forces=(Short(1),)),
+            TypeError,
+            r"add\(x, force\); it must be add\(x, f",
+        ),
         (lambda: Scene(CUBE, forces=(Tether(0, ANCHOR, "k"),)), TypeError, r"forces\[0\].stiffness is 'k'"),
         (lambda: Scene(CUBE, forces=(Tether(0, ANCHOR, np.nan),)), ValueError, "stiffness"),
         (lambda: Scene(CUBE, forces=(Tether(0, np.full(3, np.inf), 1.0),)), ValueError, "anchor"),
@@ -147,6 +228,51 @@ class Uncompiled(NamedTuple):
 def test_what_is_no_force_is_refused(make: Any, error: type[Exception], says: str) -> None:
     with pytest.raises(error, match=says):
         make()
+
+
+@kernel
+def ask(x: Any, force: Any, own: Any) -> None:
+    add_own_forces(x, force, own, 0)
+    own_energy(x, own, 0)
+
+
+def returns(x: Any, force: Any, own: Any) -> Any:
+    return row(x, own.particle)
+
+
+def adds_a_number(x: Any, force: Any, own: Any) -> None:
+    add_row(force, own.particle, 3.0)
+
+
+def returns_nothing(x: Any, own: Any) -> None:
+    pass
+
+
+def returns_a_vector(x: Any, own: Any) -> Any:
+    return row(x, own.particle)
+
+
+def asks_for_what_is_not(x: Any, own: Any) -> Any:
+    return own.partikel
+
+
+@pytest.mark.parametrize(
+    ("function", "wrong", "says"),
+    [
+        ("add", returns, r"returns 3 values; it must return nothing: it adds to force$"),
+        ("add", adds_a_number, r"does not compile: .*getitem\(float64, .*test_own\.py, line \d+\)$"),
+        ("energy", returns_nothing, r"returns nothing; it must return a number, the energy \[J\]$"),
+        ("energy", returns_a_vector, r"returns 3 values; it must return a number, the energy \[J\]$"),
+        ("energy", asks_for_what_is_not, r"does not compile: .*partikel.*test_own\.py, line \d+\)$"),
+    ],
+)
+def test_a_wrong_function_is_named(function: str, wrong: Any, says: str) -> None:
+    """In a line, and not in all that Numba tried."""
+    functions = {"add": Everything.add, "energy": Everything.energy} | {function: compiled(wrong)}
+    kind: Any = type("Pushed", (NamedTuple("Pushed", [("particle", int)]),), functions)
+    x = block_array(1, (8, 3), float)[0]
+    with pytest.raises(TypeError, match=rf"^{function} of the force Pushed {says}"):
+        ask(x, x, (OfBody(0, kind(3)),))
 
 
 # --- A method -------------------------------------------------------------------------------------------
@@ -192,11 +318,57 @@ def test_a_method_of_one_s_own_is_of_the_order_it_says() -> None:
         Simulator(scene, integrator="leapfrog", step=1e-2)
 
 
+def test_a_method_without_dampers_says_so() -> None:
+    """And not that it wants steps of no length; asked of the scene that would be simulated."""
+    register(LEAPFROG, drift_kick_drift)
+    for make in (
+        lambda: Simulator(Scene(cube()), integrator="leapfrog"),
+        lambda: Simulator(Scene(CUBE), integrator="leapfrog", varying=("damping",)),
+        lambda: gym.make("SpringTop-v0", integrator="leapfrog"),
+    ):
+        with pytest.raises(ValueError, match="leapfrog takes no dampers"):
+            make()
+    with pytest.raises(ValueError, match="pefrl takes substeps back in time"):
+        gym.make("SpringTop-v0", integrator="pefrl")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error", "says"),
+    [
+        ({"name": ""}, ValueError, "name is ''; it must be one word"),
+        ({"name": "leap frog"}, ValueError, "name is 'leap frog'; it must be one word"),
+        ({"name": None}, TypeError, "name is None; it must be str"),
+        ({"order": 0}, ValueError, "order is 0; it must be a whole number, at least 1"),
+        ({"order": 2.0}, TypeError, "order is 2.0; it must be a whole number"),
+        ({"evaluations": -1}, ValueError, "evaluations is -1; it must be a whole number, at least 1"),
+        (
+            {"imaginary_limit": np.nan},
+            ValueError,
+            "imaginary_limit is nan; it must be a number from 0 to inf",
+        ),
+        ({"real_limit": np.nan}, ValueError, "real_limit is nan; it must be a number from 0 to inf"),
+        ({"real_limit": -1.0}, ValueError, "real_limit is -1.0; it must be a number from 0 to inf"),
+        ({"imaginary_limit": "2"}, TypeError, "imaginary_limit is '2'; it must be a number"),
+        ({"workspace": -1}, ValueError, "workspace is -1; it must be a whole number, at least 0"),
+        ({"symplectic": 1}, TypeError, "symplectic is 1; it must be True or False"),
+        ({"meets_surfaces": "no"}, TypeError, "meets_surfaces is 'no'; it must be True or False"),
+        ({"citation": 3}, TypeError, "citation is 3; it must be str"),
+    ],
+)
+def test_facts_that_cannot_be_are_refused(wrong: Any, error: type[Exception], says: str) -> None:
+    with pytest.raises(error, match=says):
+        replace(LEAPFROG, **wrong)
+
+
 def test_what_is_no_method_is_refused() -> None:
     with pytest.raises(TypeError, match="record is 'verlet'"):
         register("verlet", drift_kick_drift)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="decorated with"):
         register(LEAPFROG, lambda *arguments: None)
+    with pytest.raises(
+        TypeError, match=r"integrate takes \(x, force, tether\); it must take \(x, v, ledger, "
+    ):
+        register(LEAPFROG, Tether.add)
     with pytest.raises(ValueError, match="a method of springgym"):
         register(integrator(METHODS[0]), drift_kick_drift)
     with pytest.raises(ValueError, match=r"unknown integrator 'hop'; there are verlet, "):

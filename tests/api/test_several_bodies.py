@@ -204,9 +204,15 @@ def test_one_body_is_the_short_form() -> None:
     assert long.with_(pinned=()).bodies[0].pinned == ()
     assert replace(long, pinned=()).bodies[0].pinned == ()
     assert replace(long, gravity=None).pinned == (TIP,)
+    moved = replace(long, positions=TOP.positions + 1.0)
+    np.testing.assert_array_equal(moved.positions, TOP.positions + 1.0)
+    assert moved.pinned == (TIP,)
     simulator = Simulator(long)
     simulator.advance(3, read=True)
     assert np.shares_memory(simulator.readout.rows, simulator.readout.bodies)
+
+
+MOVED = Placed(TOP, TOP.positions + 5.0, pinned=(TIP,))
 
 
 @pytest.mark.parametrize(
@@ -215,6 +221,10 @@ def test_one_body_is_the_short_form() -> None:
         (lambda: Scene(bodies=(Placed(TOP), Placed(TOP))), ValueError, r"both called 'top'"),
         (lambda: Scene(bodies=(Placed(TOP), Placed(cube(), name="a.b"))), ValueError, "without a dot"),
         (lambda: Scene(cube(), bodies=(Placed(TOP),)), ValueError, "body is given beside bodies"),
+        (lambda: Scene(TOP, bodies=(MOVED,)), ValueError, "body is given beside bodies; .* with_"),
+        (lambda: Scene(TOP, TOP.positions, bodies=(MOVED,)), ValueError, "body is given beside bodies"),
+        (lambda: Scene(TOP, MOVED.positions, bodies=(MOVED,)), ValueError, "body is given beside bodies"),
+        (lambda: Scene(TOP, pinned=(1,), bodies=(MOVED,)), ValueError, "body is given beside bodies"),
         (lambda: Scene(bodies=(Placed(TOP),), pinned=(1,)), ValueError, "pinned is given beside bodies"),
         (lambda: Scene(), TypeError, "body is None"),
         (lambda: Scene(bodies=5), TypeError, "bodies is 5"),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import _thread
 import copy
 import math
 import pickle
+import signal
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -14,13 +17,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from springgym import compiling
+from springgym import simulator as module
 from springgym.blocks import to_copies
-from springgym.bodies import cube, top
+from springgym.bodies import cube, rope, top
 from springgym.compiling import SameTypes, kernel
-from springgym.measures import Measures
+from springgym.measures import OFFSETS, Measures
 from springgym.packing import PARAMETERS as VARYING
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
-from springgym.simulator import SimulationDivergedError, Simulator
+from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
 from springgym.surfaces import Contact, floor, impact_damping
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
 
@@ -185,6 +189,110 @@ def test_steps_are_what_the_clock_counts() -> None:
         assert simulator.measure().kinetic.all()
 
 
+# --- Interrupted calls -------------------------------------------------------------------------------
+
+MANY = 40
+"""Copies, of several blocks."""
+
+
+def interrupted(simulator: Simulator, steps: int, calls: int) -> None:
+    """Take steps, Ctrl-C being served when so many compiled calls of this thread have returned."""
+    kernel, left = simulator._advance, iter(range(calls))
+
+    def interrupting(*arguments: Any) -> None:
+        kernel(*arguments)
+        if threading.current_thread() is threading.main_thread() and next(left, None) is None:
+            raise KeyboardInterrupt
+
+    simulator._advance = interrupting  # type: ignore[assignment]
+    with pytest.raises(KeyboardInterrupt):
+        simulator.advance(steps)
+    simulator._advance = kernel
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize(("at_once", "calls"), [(module.AT_ONCE, 0), (100 * 28, 4), (250 * 28, 1)])
+def test_the_clock_says_how_far_an_interrupted_call_got(
+    monkeypatch: pytest.MonkeyPatch, threads: int, at_once: int, calls: int
+) -> None:
+    """Copy by copy, and all that the copies hold is as if they had been asked for that many steps."""
+    monkeypatch.setattr(module, "AT_ONCE", at_once)
+    many = {"copies": MANY, "varying": VARYING}
+    simulator = Simulator(SCENE, threads=threads, **many)  # type: ignore[arg-type]
+    interrupted(simulator, 1000, calls)
+    taken = np.rint(simulator.time / simulator.step).astype(int)
+    assert 0 < taken.max() <= 1000
+    assert (taken.min() < 1000) == (calls > 0)
+    for steps in np.unique(taken).tolist():
+        fresh = Simulator(SCENE, **many)  # type: ignore[arg-type]
+        fresh.advance(steps)
+        of = taken == steps
+        assert np.array_equal(simulator.positions[of], fresh.positions[of])
+        assert np.array_equal(simulator.velocities[of], fresh.velocities[of])
+        assert simulator.time[of] == pytest.approx(fresh.time[of], rel=1e-13)
+
+
+def test_many_compiled_calls_are_one_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = Simulator(SCENE, copies=MANY, varying=VARYING)
+    whole.advance(1000, read=True)
+    monkeypatch.setattr(module, "AT_ONCE", 100 * 28)
+    for threads in (1, 2):
+        parts = Simulator(SCENE, copies=MANY, varying=VARYING, threads=threads)
+        parts.advance(1000, read=True)
+        assert parts.time == pytest.approx(whole.time, rel=1e-13)
+        assert same(parts.state() | {"time": np.zeros(1)}, whole.state() | {"time": np.zeros(1)})
+        assert np.array_equal(parts.readout.rows, whole.readout.rows)
+
+
+def test_steps_that_would_never_end_are_interrupted() -> None:
+    simulator = everything()
+    simulator.advance(1)
+    began = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        threading.Timer(0.2, _thread.interrupt_main).start()
+        with pytest.raises(KeyboardInterrupt):
+            simulator.advance(10**12, check=False)
+    finally:
+        signal.signal(signal.SIGINT, began)
+    assert simulator.step < simulator.time[0] < 1e9 * simulator.step
+
+
+# --- Threads -----------------------------------------------------------------------------------------
+
+
+def test_another_thread_is_told_and_does_not_wait() -> None:
+    """By every method, while one thread is in one; then all is as if it had not asked."""
+    simulator, alone = everything(), everything()
+    for own in (simulator, alone):
+        own.advance(2)
+    kernel, inside, go_on = simulator._advance, threading.Event(), threading.Event()
+
+    def waiting(*arguments: Any) -> None:
+        inside.set()
+        assert go_on.wait(60)
+        kernel(*arguments)
+
+    simulator._advance = waiting  # type: ignore[assignment]
+    thread = threading.Thread(target=simulator.advance, args=(10,))
+    thread.start()
+    try:
+        assert inside.wait(60)
+        public = [name for name in vars(Simulator) if not name.startswith("_")]
+        for name in public:
+            if name not in ("paper", "width", "identity"):  # which read nothing that changes
+                with pytest.raises(RuntimeError, match=f"two threads use one Simulator at once: {name} was"):
+                    getattr(simulator, name)()
+        with pytest.raises(RuntimeError, match="two threads"):
+            copy.deepcopy(simulator)
+    finally:
+        go_on.set()
+        thread.join()
+    simulator._advance = kernel
+    alone.advance(10)
+    assert same(simulator.state(), alone.state())
+    assert same(copy.deepcopy(simulator).state(), alone.state())
+
+
 @pytest.fixture(scope="module")
 def simulator() -> Simulator:
     return everything()
@@ -287,23 +395,98 @@ def test_state_holds_all_that_changes() -> None:
     assert not same(first.state(), state)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [{"copies": 3}, {"copies": 16}, {"dtype": np.float32}, {"ledger": False}, {"varying": ("masses",)}],
-    ids=str,
+HEAVIER = CUBE.with_(masses=0.2)
+
+OTHERS: list[tuple[dict[str, Any], str]] = [
+    ({"copies": 3}, "copies is 3, here it is 10"),
+    ({"copies": 16}, "copies is 16"),
+    ({"dtype": np.float32}, "dtype is 'float32', here it is 'float64'"),
+    ({"ledger": False}, "ledger is False, here it is True"),
+    ({"varying": ("masses",)}, r"varying is \['masses'\]"),
+    ({"step": 1e-4}, "step is 0.0001"),
+    ({"scene": SCENE.with_(gravity=(0, 0, -1.62))}, r"gravity is \[0.0, 0.0, -1.62\], here .*-9.81"),
+    ({"scene": SCENE.with_(contact=Contact(0.4, 0.5))}, "friction of the contact is 0.4, here it is 0.5"),
+    ({"scene": SCENE.with_(surfaces=(floor(-1.0),))}, r"surface 0 is 'Plane\(point=\(0.0, 0.0, -1.0\)"),
+    ({"scene": SCENE.with_(surfaces=(floor(), floor(-1.0)))}, "number of surfaces is 2, here it is 1"),
+    ({"scene": SCENE.with_(body=HEAVIER)}, "masses is '#"),
+    ({"scene": SCENE.with_(body=CUBE.with_(stiffness=CUBE.stiffness * 0.9))}, "stiffness is '#"),
+    ({"scene": SCENE.with_(thrust=ThrustActuator((1, 4)))}, "thrust is "),
+]
+
+
+each_other = pytest.mark.parametrize(
+    ("options", "differs"), OTHERS, ids=[differs.split(" is")[0] for _, differs in OTHERS]
 )
-def test_a_state_of_another_simulator_is_refused_and_changes_nothing(options: dict[str, Any]) -> None:
+
+
+def other(options: dict[str, Any]) -> Simulator:
+    made = {"scene": SCENE, "copies": COPIES, "varying": tuple(VARYING), "step": everything().step}
+    return Simulator(**(made | options))
+
+
+@each_other
+def test_only_one_of_the_same_scene_is_taken_over(options: dict[str, Any], differs: str) -> None:
+    """By steps of one's own; else it is said what differs, and nothing is changed."""
+    own, its = everything(), other(options)
+    before = own.state()
+    if "step" in options:
+        own.take_over(its)
+        return
+    with pytest.raises(
+        ValueError, match=f"other is another one: its {differs}.*made like this simulator but"
+    ):
+        own.take_over(its)
+    assert same(own.state(), before)
+
+
+def test_a_state_that_is_not_finite_is_refused_but_of_copies_that_were_lost() -> None:
+    simulator = everything()
+    simulator.advance(2, check=False)
+    good = simulator.state()
+    assert not good["lost"].any()
+    for name, array in good.items():
+        if name not in ("of", "lost"):
+            for value in (np.nan, np.inf):
+                wrong = array.copy()
+                (wrong if name == "time" else wrong["lanes"])[..., 4] = value
+                with pytest.raises(
+                    ValueError, match=rf"state\['{name}'\] is not finite in copy 4; it must be"
+                ):
+                    simulator.restore(good | {name: wrong})
+                assert same(simulator.state(), good)
+    x = good["x"].copy()
+    x["lanes"][..., 4] = np.nan
+    simulator.restore(good | {"x": x, "lost": np.arange(COPIES) == 4})
+    lost = simulator.state()
+    assert lost["lost"].tolist() == (np.arange(COPIES) == 4).tolist()
+    simulator.restore(lost)
+    assert np.array_equal(simulator.state()["x"]["lanes"], lost["x"]["lanes"], equal_nan=True)
+
+
+@each_other
+def test_a_state_of_another_simulator_is_refused_and_changes_nothing(
+    options: dict[str, Any], differs: str
+) -> None:
     own = everything()
     own.advance(2, check=False)
-    other = Simulator(SCENE, **{"copies": COPIES, "varying": tuple(VARYING)} | options)
     before = own.state()
-    with pytest.raises(ValueError, match=r"the state lacks|the state holds|is of shape"):
-        own.restore(other.state())
+    with pytest.raises(ValueError, match=f"the simulator that the state is of is another one: its {differs}"):
+        own.restore(other(options).state())
     assert same(own.state(), before)
+
+
+def test_a_mangled_state_is_refused_and_changes_nothing() -> None:
+    own = everything()
+    own.advance(2, check=False)
+    before = own.state()
     for name, array in before.items():
-        for wrong in (array[:0], array[None], None, array.tolist()):
-            with pytest.raises((TypeError, ValueError), match=rf"state\['{name}'\] is"):
-                own.restore(before | {name: wrong})
+        if name != "of":
+            for wrong in (array[:0], array[None], None, array.tolist()):
+                with pytest.raises((TypeError, ValueError), match=rf"state\['{name}'\] is"):
+                    own.restore(before | {name: wrong})
+    for wrong in (None, {}, before["of"] | {"step": np.zeros(3)}, before["of"] | {"more": 1}):
+        with pytest.raises(ValueError, match="the simulator that the state is of"):
+            own.restore(before | {"of": wrong})
     with pytest.raises(ValueError, match="the state lacks 'time'"):
         own.restore({name: array for name, array in before.items() if name != "time"})
     assert same(own.state(), before)
@@ -358,3 +541,53 @@ def test_compiled_code_is_not_given_other_types(monkeypatch: pytest.MonkeyPatch)
     assert same_types(3) == same_types(4) - 2
     with pytest.raises(TypeError, match=r"twice was compiled for .*int64.* and is called with .*float64"):
         same_types(3.0)
+
+
+# --- What is told -------------------------------------------------------------------------------------
+
+
+def test_float32_far_from_the_origin_is_told_of_once() -> None:
+    """A cube of 1 m, 1 km away: springs of 1 m feel steps of 6e-5 m. Nothing is compiled for this."""
+    near, far = CUBE.positions + 50.0, CUBE.positions + 1000.0
+    scene = Scene(CUBE, near)
+    Simulator(scene.with_(positions=far))
+    made = Simulator(scene, dtype=np.float32)
+    apart = r"1e\+03 m away .* in float32 are 6\.1e-05 m apart, .* within 83\.9 m, or use float64"
+    with pytest.warns(PrecisionWarning, match=apart):
+        Simulator(scene.with_(positions=far), dtype=np.float32)
+    with pytest.warns(PrecisionWarning, match="use float64"):
+        made.place(far, 0 * far)
+    made.place(far, 0 * far)  # not twice
+    flown = Simulator(scene, dtype=np.float32)
+    flown.readout.positions[:] = far
+    with pytest.warns(PrecisionWarning, match="away from the origin"):
+        flown._check()
+
+
+def test_strain_that_holds_no_shape_is_told_of_once_unless_it_is_meant() -> None:
+    scene = Scene(CUBE)
+
+    def read(strain: float, **options: Any) -> Simulator:
+        simulator = Simulator(scene, **options)
+        simulator.readout.rows[:, OFFSETS["strain"]] = strain
+        return simulator
+
+    read(0.29)._check()
+    strained = read(0.46)
+    with pytest.warns(PrecisionWarning, match=r"copy 0 .* by 0\.46 of its length .*say strain_limit"):
+        strained._check()
+    strained._check()
+    read(0.46, strain_limit=0.5)._check()
+    read(1.5, strain_limit=2.0)._check()
+    for limit, strain in ((None, 0.51), (0.3, 0.31)):
+        with pytest.raises(SimulationDivergedError, match=f"strain {strain}, strain_limit {limit or 0.5}"):
+            read(strain, strain_limit=limit)._check()
+    cord = Simulator(Scene(rope(), gravity=None))
+    cord.readout.rows[:, OFFSETS["strain"]] = 0.46  # a rope has no shape to lose
+    cord._check()
+
+
+def test_shadow_energy_is_refused_where_it_is_not_known() -> None:
+    for options in ({"integrator": "rk4"}, {"dynamics": "rigid"}):
+        with pytest.raises(ValueError, match=r"known of verlet on springs alone; this is (rk4|suzuki) on"):
+            Simulator(PLAIN, **options).shadow_energy()

@@ -4,7 +4,7 @@ import re
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, box, cube, gyroscope, rope, top
+from springgym.bodies import Body, box, cube, gyroscope, rope, top, vibrations
 from springgym.bodies.body import EXACT, MOST_PARTICLES, inertia, rigid_motions, rigidity_matrix
 
 TRIANGLE = {
@@ -160,6 +160,16 @@ def test_floppy_modes_are_counted():
     assert far.floppy_modes() == 0
 
 
+@pytest.mark.parametrize("size", [1e-20, 1e-9, 1e9, 1e20])
+def test_whether_a_body_can_change_shape_does_not_depend_on_its_size(size):
+    body = cube(size)
+    assert body.floppy_modes() == body.floppy_modes((0,)) == body.floppy_modes((0, 1)) == 0
+    with pytest.raises(ValueError, match="can change shape in 5 ways"):
+        body.with_(springs=body.springs[:13], stiffness=1e5, damping=0.0, lengths=None)
+    rates, _ = vibrations(body)
+    assert rates == pytest.approx(vibrations(cube())[0], rel=1e-9)
+
+
 def test_weakening_a_top_is_noticed():
     whole = top(ring=6)
     kept = [s for s in range(len(whole.springs)) if 0 not in whole.springs[s] or s == 0]
@@ -219,7 +229,9 @@ def test_a_single_particle_is_a_body():
 def test_size_and_inertia_by_hand() -> None:
     """Masses of 1 and 3 kg, 4 m apart: the centre is 3 m from the first, which is the farthest."""
     body = Body("dumbbell", np.array([[0.0, 0, 0], [4.0, 0, 0]]), [1.0, 3.0], [(0, 1)], 1e3, 0.0)
-    assert body.size == pytest.approx(6.0)
+    assert (body.size, body.swept) == (pytest.approx(4.0), pytest.approx(6.0))
+    assert body.with_(radius=0.5).size == pytest.approx(5.0)
+    assert (top().size, top().swept) == (pytest.approx(math.sqrt(1.25)), pytest.approx(1.5))
     across = 1 * 3.0**2 + 3 * 1.0**2
     np.testing.assert_allclose(body.inertia(), np.diag([0.0, across, across]), atol=1e-14)
     np.testing.assert_allclose(inertia(body.positions, body.masses), np.diag([0.0, 48.0, 48.0]), atol=1e-14)

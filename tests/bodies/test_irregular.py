@@ -1,4 +1,5 @@
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -6,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from springgym.bodies import box, from_mesh, from_points, union
+from springgym.bodies import box, from_mesh, from_points, solid_mesh, union
 from springgym.bodies.irregular import braces, convex_hull
 
 trimesh = pytest.importorskip("trimesh")
@@ -147,6 +148,61 @@ def test_mesh_errors_name_the_file(tmp_path, mesh, monkeypatch):
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(ImportError, match=r"needs trimesh: pip install .*mesh"):
         from_mesh(tmp_path / "nothing.stl")
+
+
+def shifted(shape, *shift):
+    shape = shape.copy()
+    shape.apply_translation(shift)
+    return shape
+
+
+def inside_out(shape):
+    shape = shape.copy()
+    shape.invert()
+    return shape
+
+
+def one_flipped(shape):
+    shape = shape.copy()
+    shape.faces[3] = shape.faces[3][::-1]
+    return shape
+
+
+BOX = trimesh.creation.box()
+SMALL = trimesh.creation.box(extents=(0.5, 0.5, 0.5))
+SHEET = trimesh.Trimesh(
+    [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)],
+    [(0, 1, 3), (0, 3, 2), (0, 2, 1), (1, 2, 3)],
+    process=False,
+)
+NO_SOLIDS = {
+    "one triangle flipped": (one_flipped(BOX), r"at the edge from \[.*fix_winding"),
+    "apart": (BOX + shifted(BOX, 3, 0, 0), "is 2 solids"),
+    "one of three inside out": (BOX + shifted(inside_out(BOX), 3, 0, 0) + shifted(BOX, 6, 0, 0), "no solid"),
+    "at a corner": (BOX + shifted(BOX, 1, 1, 1), "is 2 solids"),
+    "overlapping": (BOX + shifted(BOX, 0.5, 0.3, 0.2), "cut or cover"),
+    "twice": (BOX + SMALL, "cut or cover"),
+    "nothing": (SHEET, "no solid"),
+}
+
+
+@pytest.mark.parametrize("what", NO_SOLIDS)
+@pytest.mark.parametrize(
+    "make", [from_mesh, partial(from_mesh, by="area"), partial(solid_mesh, material="steel")]
+)
+def test_a_closed_mesh_that_is_no_solid_is_refused(mesh, what, make):
+    """Each edge is in two triangles, and yet no volume, mass or centre follows from them."""
+    shape, message = NO_SOLIDS[what]
+    assert shape.is_watertight
+    with pytest.raises(ValueError, match=message):
+        make(mesh(shape))
+
+
+def test_a_mesh_inside_out_is_turned_and_may_have_a_cavity(mesh):
+    assert from_mesh(mesh(inside_out(BOX))).closed
+    body = solid_mesh(mesh(BOX + inside_out(SMALL)), "steel")
+    assert body.mass == pytest.approx(7800 * (1 - 0.5**3))
+    assert body.closed
 
 
 # --- Unions -----------------------------------------------------------------------------------------

@@ -3,8 +3,10 @@
 import copy
 import math
 import pickle
+import re
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -251,6 +253,23 @@ def test_hull_with_too_few_corners_gets_middles_of_edges():
     assert len(body.masses) > 13
     assert reached(body)[0] == pytest.approx(1, abs=1e-4)
     assert from_points(points).mass == 1 + 1 / 12  # which asks for no moments
+
+
+def test_only_the_lowest_frequency_is_right():
+    """Of a steel bar, the table of the page: bending, torsion and stretching, by their places in order."""
+    body = solid_box((0.02, 0.02, 0.2), "steel")
+    steel, rule = MATERIALS["steel"], theory.box_rule((0.02, 0.02, 0.2))
+    solid = theory.elastic_solid(rule, steel.density, steel.elasticity()).frequencies / (2 * math.pi)
+    springs = vibrations(body)[0] / (2 * math.pi)
+    page = (Path(__file__).parents[2] / "docs" / "materials.md").read_text(encoding="utf-8")
+    rows = re.findall(
+        r"^\| (?:first|second|third) \w+ \| (\d+) \| (\d+) \| [+−]?([\d.]+)", page, re.MULTILINE
+    )
+    assert len(rows) == 5
+    for (of_solid, of_springs, off), n, m in zip(rows, (0, 2, 4, 5, 7), (0, 2, 4, 6, 5), strict=True):
+        assert float(of_solid) == pytest.approx(solid[n], rel=3e-3)
+        assert float(of_springs) == pytest.approx(springs[m], abs=1)
+        assert 100 * abs(float(of_springs) / float(of_solid) - 1) == pytest.approx(float(off), abs=0.5)
 
 
 def test_random_hulls():

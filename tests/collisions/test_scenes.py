@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, box, cube, gyroscope, rope, top
+from springgym.bodies import Body, box, cube, gyroscope, rope, top, union
 from springgym.collisions import Pair, distance
 from springgym.scene import Placed, Scene
 from springgym.scenes import load
@@ -38,7 +38,7 @@ def test_defaults() -> None:
     (met,) = beside(small, contact=Contact(friction=0.3)).meetings
     assert (met.first, met.second) == (0, 1)
     assert met.contact.friction == 0.3
-    assert met.reach == 0.01 * small.size
+    assert met.reach == 0.01 * small.swept
     assert met.strength == 0.5 * 3e4 * met.reach**3
     assert beside(small, collisions=None).meetings == ()
     (met,) = beside(small, collisions=Contact(friction=0.7, reach=2e-3)).meetings
@@ -78,6 +78,10 @@ def test_which_pairs() -> None:
 
 SHEET = Body("sheet", np.eye(3), 1.0, [(0, 1), (1, 2), (2, 0)], 1e4, 0.0, triangles=[(0, 1, 2)])
 INSIDE_OUT = CUBE.with_(triangles=CUBE.triangles[:, ::-1])
+SMALL = cube(side=0.5)
+HALF_INSIDE_OUT = union(
+    [CUBE, SMALL.with_(name="small", positions=SMALL.positions + 0.75, triangles=SMALL.triangles[:, ::-1])]
+)
 
 
 @pytest.mark.parametrize(
@@ -86,6 +90,7 @@ INSIDE_OUT = CUBE.with_(triangles=CUBE.triangles[:, ::-1])
         (lambda: beside(SHEET), ValueError, "body 'b' cannot collide: its triangles do not enclose"),
         (lambda: beside(gyroscope()), ValueError, "body 'b' cannot collide: its triangles do not"),
         (lambda: beside(INSIDE_OUT), ValueError, "body 'b' cannot collide: .* normals point inwards"),
+        (lambda: beside(HALF_INSIDE_OUT), ValueError, "body 'b' cannot collide: .* normals point inwards"),
         (
             lambda: beside(rope()),
             ValueError,

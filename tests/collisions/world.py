@@ -25,9 +25,9 @@ from springgym.scene import Scene
 from springgym.stability import automatic_step
 from springgym.vectors import TINY, dot, minus, plus_scaled, row, row_each, set_row, set_row_each, times
 
-BLIND, UNTAPERED, SINGLE, PLAIN = range(1, 5)
-"""What is left out on purpose: the history of signs, the force of the share's gradient, the second sweep, the
-turn of friction."""
+NOTHING, BLIND, UNTAPERED, SINGLE, PLAIN = range(5)
+"""What is left out on purpose: nothing, the history of signs, the force of the share's gradient, the second
+sweep, the turn of friction."""
 
 
 @compiled
@@ -60,6 +60,7 @@ def one_step(
     terms: Any,
     pairs: Any,
     room: Any,
+    met: Any,
     tally: Any,
     lacks: Any,
 ) -> None:
@@ -73,7 +74,7 @@ def one_step(
     relax(v, direction, True, False, None, terms)
     span = Span(0.5 * h, 0.5 * h, h)
     count = find(x, w, Span(0.0, 0.5 * h, h) if lacks == BLIND else span, pairs, room)
-    prepare(x, w, span, count, particles, pairs, room, tally)
+    prepare(x, w, span, count, particles, pairs, room, tally, met)
     for turn in range(1 if lacks == SINGLE else 2):
         sweep(v, span, count, turn == 1, pairs, room)
     if lacks != UNTAPERED:
@@ -99,14 +100,14 @@ def advance(
     terms: Any,
     pairs: Any,
     room: Any,
+    met: Any,
     tally: Any,
     lacks: Any,
 ) -> None:
     for block in range(x.shape[0]):
         for _ in range(steps):
-            one_step(
-                at(x, block), at(v, block), w, a, direction, h, terms, pairs, room, at(tally, block), lacks
-            )
+            own = at(tally, block)
+            one_step(at(x, block), at(v, block), w, a, direction, h, terms, pairs, room, met, own, lacks)
 
 
 class World:
@@ -129,6 +130,7 @@ class World:
         count = len(scene.positions)
         self._x, self._v = (block_array(copies, (count, 3), dtype) for _ in range(2))
         self._w, self._a = (block_array(copies, (count, 3), dtype)[0] for _ in range(2))
+        self._met = block_array(copies, (count,), dtype)[0]
         self.place(scene.positions, scene.velocities)
         first, second = scene.springs.T.astype(np.uint32)
         self._direction = block_array(copies, (len(first), 3), dtype)[0]
@@ -161,7 +163,7 @@ class World:
             for n in range(lanes.shape[0] * lanes.shape[-1]):  # the padding is of the last copy
                 lanes[n // lanes.shape[-1], ..., n % lanes.shape[-1]] = rows[min(n, self.copies - 1)]
 
-    def run(self, steps: int, lacks: int = 0) -> None:
+    def run(self, steps: int, lacks: int) -> None:
         advance(
             self._x,
             self._v,
@@ -173,6 +175,7 @@ class World:
             self.terms,
             self.pairs,
             self._room,
+            self._met,
             self._tally,
             lacks,
         )

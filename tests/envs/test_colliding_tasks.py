@@ -2,22 +2,44 @@
 
 from __future__ import annotations
 
+import pickle
 import warnings
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
+import springgym
 from springgym.envs import duel, juggle, parallel, shove, stack
 from tests.envs.cases import make, make_vec, task_type
 from tests.envs.playing import play
 from tests.envs.test_cheats import classical
+from tests.envs.test_contract import same
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # of what PettingZoo's tests import themselves
     from pettingzoo.test import parallel_api_test, parallel_seed_test
+    from pettingzoo.utils.wrappers import BaseParallelWrapper
 
 COPIES = 8
+
+
+@pytest.mark.parametrize(("env_id", "honest"), [("Balance", 300), ("Shove", 200), ("Juggle", 300)])
+def test_who_fails_after_success_has_none(env_id: str, honest: int) -> None:
+    """Paddle, plate or pusher runs away, while ball or box is still where it should be."""
+    env_id = f"Spring{env_id}-v0"
+    control, steps, worst = classical(env_id), 0, np.ones(task_type(env_id)().action_space.shape)
+
+    def turns(seen: np.ndarray) -> np.ndarray:
+        nonlocal steps
+        steps += 1
+        return control(seen) if steps <= honest else np.tile(worst, (len(seen), 1))
+
+    played = play(env_id, turns, COPIES, observation="frame")
+    failed = (played.lengths > honest) & (played.lengths < gym.spec(env_id).max_episode_steps)
+    assert failed.sum() > COPIES / 2
+    assert not played.successes[failed].any()
 
 
 # --- SpringBalance --------------------------------------------------------------------------------------
@@ -336,6 +358,72 @@ def test_the_second_agent_sees_its_particles_first() -> None:
     np.testing.assert_allclose(seen["second"].reshape(2, 2, -1, 3), turned, atol=1e-6)
 
 
+def test_weak_actuators_are_those_of_both() -> None:
+    """A quarter of the strength is a quarter of the push, of either agent, and of an opponent."""
+
+    def pushes(env: Any) -> list[np.ndarray]:
+        env.reset(seed=0)
+        whole = env.unwrapped.episodes
+        driven = whole.driven_by(whole.strength * [[1.0, 0.5]])
+        return [driven[f"{name}.thrust"] for name in ("first", "second")]
+
+    def half(seen: np.ndarray) -> np.ndarray:
+        return np.full((len(seen), 2), -0.5)
+
+    for make_it, options in ((parallel, {}), (make, {"opponent": half})):
+        weak, strong = (
+            make_it("SpringDuel-v0", randomize={"actuator": (factor, factor)}, **options)
+            for factor in (0.25, 1.0)
+        )
+        for env in (weak, strong) if make_it is parallel else ():
+            env._answered[:] = -0.5
+        for less, more in zip(pushes(weak), pushes(strong), strict=True):
+            assert np.abs(more).max() >= 20.0
+            np.testing.assert_array_equal(less, 0.25 * more)
+
+
+def test_states_of_two_agents_return() -> None:
+    """Through PettingZoo's wrappers, to an environment that has never begun, with the generator."""
+    env, other = (BaseParallelWrapper(parallel("SpringDuel-v0")) for _ in range(2))
+    with pytest.raises(gym.error.ResetNeeded, match=r"env\.state\(\)"):
+        env.state()
+    seen, _ = env.reset(seed=2)
+    np.testing.assert_array_equal(env.state(), seen["first"])
+    assert env.state_space.contains(env.state())
+    rng = np.random.default_rng(0)
+    actions = [dict(zip(("first", "second"), rng.uniform(-1, 1, (2, 2)), strict=True)) for _ in range(20)]
+
+    def lives(env: Any) -> Any:
+        steps = [env.step(action) for action in actions]
+        return [steps, env.unwrapped.np_random.integers(2, 5), env.reset(), env.agents]
+
+    env.step(actions[0])
+    state = pickle.loads(pickle.dumps(springgym.get_state(env)))
+    follows = lives(env)
+    for one in (env, other):
+        springgym.set_state(one, state)
+        assert one.unwrapped.np_random_seed == 2
+        same(lives(one), follows)
+    ended = state | {"agents": []}
+    springgym.set_state(env, ended)
+    assert env.step(actions[0]) == ({}, {}, {}, {}, {})
+    for wrong in (state | {"agents": ["third"]}, state | {"episodes": {}}, {}):
+        with pytest.raises(ValueError, match="state"):
+            springgym.set_state(env, wrong)
+    assert env.agents == []
+
+
+def test_pettingzoo_s_registry_makes_it() -> None:
+    """Whichever was imported first, after `register`."""
+    pettingzoo = pytest.importorskip("pettingzoo", "1.27")
+    springgym.register()
+    env = pettingzoo.make("parallel", "SpringDuel-v0", max_cycles=7, observation="frame")
+    assert type(env) is type(parallel("SpringDuel-v0"))
+    assert env.episodes.max_episode_steps == 7
+    assert env.observation_space("first").shape == (22,)
+    assert pettingzoo.make("parallel", "SpringDuel").episodes.max_episode_steps == 500
+
+
 def test_refusals_of_two_agents() -> None:
     with pytest.raises(ValueError, match="env_id is 'SpringTop-v0'; of several agents there is Spring"):
         parallel("SpringTop-v0")
@@ -345,3 +433,12 @@ def test_refusals_of_two_agents() -> None:
     both.reset(seed=0)
     with pytest.raises(ValueError, match="actions has none for 'second'"):
         both.step({"first": np.zeros(2)})
+    with pytest.raises(TypeError, match=r"actions is \[.*; it must be a mapping"):
+        both.step([np.zeros(2), np.zeros(2)])
+    before = both.np_random.bit_generator.state
+    for options in ([], ["spin"], 3):
+        with pytest.raises(TypeError, match=r"options is .*; it must be a mapping"):
+            both.reset(seed=1, options=options)
+    with pytest.raises(TypeError, match="np_random is 3"):
+        both.np_random = 3
+    assert both.np_random.bit_generator.state == before

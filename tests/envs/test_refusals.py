@@ -170,7 +170,7 @@ def test_every_action(env_id: str, copies: int | None) -> None:
 
 def test_first_reset_takes_all_copies() -> None:
     envs = make_vec(IDS[0], 3, "native", "Disabled")
-    with pytest.raises(ValueError, match="reset_mask leaves out copies that have not begun"):
+    with pytest.raises(ValueError, match="reset_mask leaves out copies, and no episode has begun"):
         envs.reset(seed=0, options={"reset_mask": np.array([True, False, True])})
     with pytest.raises(gym.error.ResetNeeded):
         envs.step(envs.action_space.sample())

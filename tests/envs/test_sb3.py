@@ -1,6 +1,7 @@
 """The Stable-Baselines3 adapter against SB3's own ``DummyVecEnv``, and its contract."""
 
 import importlib.util
+import pickle
 import sys
 
 import gymnasium as gym
@@ -9,8 +10,9 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import EvalCallback
-from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor
 
+import springgym
 from springgym.envs import sb3
 from springgym.envs.sb3 import SB3VecEnv, make_sb3
 
@@ -45,7 +47,7 @@ def test_same_as_dummy_vec_env():
     ours, theirs = SB3VecEnv(cartpoles()), DummyVecEnv([cartpole] * N)
     assert ours.observation_space == theirs.observation_space
     assert ours.action_space == theirs.action_space
-    assert ours.seed(5) == theirs.seed(5) == [5, 6, 7]
+    assert ours.seed([5, 6, 7]) == theirs.seed(5)
     np.testing.assert_array_equal(ours.reset(), theirs.reset())
     rng = np.random.default_rng(0)
     ends = []
@@ -75,6 +77,30 @@ def test_next_reset_draws_new_episodes():
     assert not np.array_equal(env.reset(), first)
     env.seed(1)
     np.testing.assert_array_equal(env.reset(), first)
+
+
+def test_no_seed_shares_a_start_with_another():
+    """Neighbouring ones neither: not as they are made, nor when an algorithm seeds them anew."""
+    seeds = np.array([SB3VecEnv(cartpoles()).seed(seed) for seed in range(20)])
+    assert len(np.unique(seeds)) == seeds.size
+    starts = []
+    for seed in (0, 1):
+        env = make_sb3("ScoredCartPole-v0", 8, seed=seed)
+        starts.append(env.reset())
+        model = PPO("MlpPolicy", env, n_steps=8, batch_size=64, seed=seed, device="cpu")
+        np.testing.assert_array_equal(model.get_env().reset(), starts[-1])
+    assert len(np.unique(np.concatenate(starts), axis=0)) == 16
+
+
+def test_drawn_seeds_follow_numpys_generator():
+    env = SB3VecEnv(cartpoles())
+    drawn = []
+    for state in (4, 4, 5):
+        np.random.seed(state)  # noqa: NPY002
+        drawn.append(env.seed())
+    assert drawn[0] == drawn[1] != drawn[2]
+    with pytest.raises(ValueError, match="2 seeds were given for 3 copies"):
+        env.seed([1, 2])
 
 
 def test_nothing_returned_is_shared():
@@ -159,7 +185,7 @@ def test_render_tiles_the_copies_and_close_closes():
 def test_make_sb3():
     env = make_sb3("ScoredCartPole-v0", num_envs=2, seed=3)
     assert isinstance(env, VecMonitor)
-    reference = DummyVecEnv([cartpole] * 2)
+    reference = SB3VecEnv(cartpoles(2))
     reference.seed(3)
     np.testing.assert_array_equal(env.reset(), reference.reset())
 
@@ -169,7 +195,8 @@ gym.register("LonelyCartPole-v0", entry_point=cartpole)
 
 def test_make_sb3_without_native_copies():
     """An environment that a user registered with no vector entry point is stepped in a loop."""
-    env = make_sb3("LonelyCartPole-v0", num_envs=2, seed=3)
+    env = make_sb3("LonelyCartPole-v0", num_envs=2)
+    env.seed([3, 4])
     reference = DummyVecEnv([cartpole] * 2)
     reference.seed(3)
     np.testing.assert_array_equal(env.reset(), reference.reset())
@@ -231,6 +258,38 @@ def test_copies_that_cannot_be_staggered_start_together():
     env = make_sb3("ScoredCartPole-v0", num_envs=2, seed=3, stagger=True)
     np.testing.assert_array_equal(env.reset(), make_sb3("ScoredCartPole-v0", num_envs=2, seed=3).reset())
     assert not env.shortened.any()
+
+
+def followed(env, steps):
+    """What steps give, without the time that episodes took."""
+    found = []
+    for _ in range(steps):
+        observations, rewards, dones, infos = env.step(np.zeros((env.num_envs, *env.action_space.shape)))
+        for info in infos:
+            info.get("episode", {}).pop("t", None)
+        found.append((observations.tolist(), rewards.tolist(), dones.tolist(), repr(infos)))
+    return found
+
+
+@pytest.mark.parametrize("stagger", [False, True])
+def test_a_state_returns_with_what_the_monitor_counts(stagger):
+    """To what has gone on, and to what has never begun, in a wrapper: episodes are reported as they were."""
+    made = [make_sb3("SpringTop-v0", 4, seed=0, stagger=stagger, max_episode_steps=LIMIT) for _ in range(2)]
+    made[0].reset()
+    followed(made[0], 7)
+    state = pickle.loads(pickle.dumps(springgym.get_state(made[0])))
+    follows = followed(made[0], 2 * LIMIT)
+    assert sum("'episode'" in infos for *_, infos in follows) > 1
+    for env in (made[0], VecFrameStack(made[1], 1)):
+        springgym.set_state(env, state)
+        assert followed(env, 2 * LIMIT) == follows
+    bare = SB3VecEnv(made[0].venv.vector_env)
+    springgym.set_state(bare, springgym.get_state(bare))
+    for wrong in ({}, state["env"], state | {"episode_lengths": np.zeros(3, np.int32)}, state | {"env": {}}):
+        with pytest.raises(ValueError, match="state"):
+            springgym.set_state(made[0], wrong)
+    with pytest.raises(TypeError, match="it must be an environment, or a native batch, of springgym"):
+        springgym.get_state(make_sb3("ScoredCartPole-v0", 2))
 
 
 def test_sb3_trains_and_evaluates_on_it(tmp_path):

@@ -135,6 +135,33 @@ def test_success_of_ones_own() -> None:
     assert reported == [n >= first + 2 for n in range(30)]
 
 
+@pytest.mark.parametrize("wins", [False, True])
+@pytest.mark.parametrize("copies", [None, 2])
+def test_an_end_is_lost_unless_it_is_said_to_win(copies: int | None, wins: bool) -> None:
+    def above(m: Measures, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return m.centre[:, 2] > 0.2
+
+    def anywhere(m: Measures, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.ones(len(x), bool)
+
+    env = make(failed=above, succeeded=anywhere, hold=3, wins=wins, num_envs=copies, sparse=True)
+    env.reset(seed=0 if copies is None else [0] * copies)
+    up = np.array([0, 0, 0, 0, 0, 1, 0, 0, 1], np.float32)
+    action = up if copies is None else np.tile(up, (copies, 1))
+    for n in range(30):
+        _, reward, ended, _, info = env.step(action)
+        if np.all(ended):
+            break
+        assert np.all(reward == 1.0)
+        assert np.all(info["is_success"] == (n >= 2))
+    assert np.all(ended)
+    assert n > 3
+    assert np.all(info["is_success"] == wins)
+    assert np.all(reward == wins)
+    with pytest.raises(TypeError, match="wins is 1; it must be True or False"):
+        make(wins=1)
+
+
 def pinned_height(m: Measures, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
     return x[:, 1, 2].copy()
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
+import threading
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -12,7 +15,10 @@ import pytest
 
 import springgym
 from springgym.bodies import cube
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.players import ParallelDuel
 from springgym.scene import Scene
+from springgym.simulator import Simulator
 from tests.envs.cases import IDS, each_id, make, make_vec
 from tests.envs.test_contract import answered, same
 
@@ -106,6 +112,9 @@ def variants() -> dict[str, Any]:
         "other dynamics": make(IDS[0], dynamics="rigid"),
         "another body": make(IDS[0], body={"mass": 11.0}),
         "randomised": make(IDS[0], randomize={"actuator": (0.5, 1.0)}),
+        "a harder variant": make(IDS[0], hard=True),
+        "another reward": make(IDS[0], sparse=True),
+        "other steps": make(IDS[0], step=2.5e-4),
         "copies": make_vec(IDS[0], 2, "native", "SameStep"),
         "one copy of a batch": make_vec(IDS[0], 1, "native", "SameStep"),
     }
@@ -123,9 +132,32 @@ def mangled(state: dict[str, Any]) -> dict[str, Any]:
             "episodes": {k: v for k, v in state["episodes"].items() if k != key}
         }
         spoilt[f"odd {key}"] = state | {"episodes": state["episodes"] | {key: np.zeros((2, 2), np.float32)}}
-    spoilt["rng of another kind"] = state | {"rng": {"bit_generator": "system"}}
-    spoilt["mangled rng"] = state | {"rng": state["rng"] | {"state": 1}}
+    for key, values in state["episodes"]["simulator"].items():
+        if key == "x":
+            lost = values.copy()
+            lost["lanes"][:] = np.nan
+            inner = state["episodes"]["simulator"] | {key: lost}
+            spoilt["nowhere"] = state | {"episodes": state["episodes"] | {"simulator": inner}}
+    rngs: list[Any] = [None, 3, [], {}, {"bit_generator": "system"}, state["rng"] | {"state": 1}]
+    rngs += [state["rng"] | {"has_uint32": value} for value in (-1, 2**40, "no", 0.5)]
+    inside = state["rng"]["state"]
+    rngs += [state["rng"] | {"state": inside | {"state": value}} for value in (2**200, -1, 1.5, "1", None)]
+    for kind, count in (("MT19937", "pos"), ("Philox", "buffer_pos")):
+        its = getattr(np.random, kind)(0).state
+        for place in (-1, 10**6):
+            within = its["state"] | {count: place} if count in its["state"] else its["state"]
+            rngs.append(its | {"state": within} | ({} if count in its["state"] else {count: place}))
+    spoilt |= {f"rng {n}": state | {"rng": rng} for n, rng in enumerate(rngs)}
+    spoilt |= {f"seed {seed}": state | {"seed": seed} for seed in (None, "1", -2, 1.5, True)}
+    spoilt |= {f"ready {ready}": state | {"ready": ready} for ready in (None, "no", 1, np.zeros(3))}
     return spoilt
+
+
+def with_value(state: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
+    """A state of which an array of the episodes ends with another value."""
+    array = state["episodes"][name].copy()
+    array[..., -1] = value
+    return state | {"episodes": state["episodes"] | {name: array}}
 
 
 def check_refused(env: Any, states: dict[str, Any]) -> None:
@@ -165,8 +197,153 @@ def test_mangled_states_are_refused_and_change_nothing() -> None:
             "two rngs": state | {"rng": state["rng"][:2]},
             "two ends": state | {"ended": state["ended"][:2]},
             "two seeds": state | {"seed": state["seed"][:2]},
+            "no list": state | {"rng": 3},
+            "one rng mangled": state | {"rng": [*state["rng"][:2], {}]},
+            "ends of another kind": state | {"ended": np.zeros(3)},
+            "ends of another shape": state | {"ended": np.zeros((3, 1), bool)},
         },
     )
+
+
+@pytest.mark.parametrize(
+    ("env_id", "name", "values"),
+    [
+        ("SpringTumble-v0", "goal", (math.nan, math.inf, -1.0, 1.5, 1e9)),  # a particle, that is looked up
+        ("SpringGyroscope-v0", "goal", (math.nan, -math.inf)),
+        (IDS[0], "factors", (math.nan, 0.0, -1.0, 0.79, 1.3)),
+        (IDS[0], "action", (math.nan, 1.1)),
+        (IDS[0], "elapsed", (-1,)),
+        (IDS[0], "held", (-1,)),
+        (IDS[0], "balance", (math.nan,)),
+    ],
+)
+def test_values_that_no_state_has_are_refused(env_id: str, name: str, values: tuple[float, ...]) -> None:
+    """Before anything is changed, be it the particles, which are looked at last."""
+    env = make(env_id, **({"randomize": {"actuator": (0.8, 1.2)}} if name == "factors" else {})).unwrapped
+    state = copy.deepcopy(env.get_state())
+    elsewhere = state["episodes"]["simulator"] | {"time": np.ones(1)}
+    state["episodes"] |= {"simulator": elsewhere}
+    wrong = {str(value): with_value(state, name, value) for value in values}
+    check_refused(env, wrong)
+    env.set_state(state)
+    assert env.episodes.simulator.time[0] == 1
+
+
+# --- Calls that break off -----------------------------------------------------------------------------
+
+STEPS = ["driven_by", "actuate", "advance", "_advance", "_evaluate", "_finish", "observe", "_info", "_always"]
+RESETS = ["place", "read", "_evaluate", "observe", "_info"]
+
+
+def broken_off(patch: pytest.MonkeyPatch, env: Any, where: str, call: Callable[[], Any]) -> None:
+    """Ctrl-C in a call, served when something in it has returned."""
+    own = env.unwrapped
+    owners: list[Any] = [own, own.episodes, Simulator, own.episodes.simulator]
+    owner = next(owner for owner in owners if hasattr(owner, where))
+    function = getattr(owner, where)
+
+    def interrupting(*arguments: Any, **options: Any) -> None:
+        function(*arguments, **options)
+        raise KeyboardInterrupt
+
+    with patch.context() as during:
+        during.setattr(owner, where, interrupting)
+        with pytest.raises(KeyboardInterrupt):
+            call()
+
+
+@pytest.mark.parametrize("copies", [None, 3])
+@pytest.mark.parametrize(
+    ("step", "where"), [(True, where) for where in STEPS] + [(False, where) for where in RESETS]
+)
+def test_after_a_call_that_broke_off_a_reset_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch, copies: int | None, step: bool, where: str
+) -> None:
+    """Wherever it did. Then all is as in an environment in which nothing of the kind has happened."""
+    made = make if copies is None else lambda name, **how: make_vec(name, copies, "native", "SameStep", **how)
+    env, fresh = (made(IDS[0], render_mode="rgb_array") for _ in range(2))
+    steps = actions(env, 4)
+    env.reset(seed=3)
+    lives(env, steps[:2])
+    broken_off(monkeypatch, env, where, lambda: env.step(steps[2]) if step else env.reset())
+    assert not springgym.get_state(env)["ready"]
+    before = frozen(env)
+    for call in (lambda: env.step(steps[3]), env.render):
+        with pytest.raises(gym.error.ResetNeeded, match="the last step or reset broke off"):
+            call()
+    if copies:
+        with pytest.raises(ValueError, match="reset_mask leaves out copies, and the last step"):
+            env.reset(options={"reset_mask": np.array([True, False, True])})
+    same(frozen(env), before)
+    same([env.reset(seed=5), *lives(env, steps)], [fresh.reset(seed=5), *lives(fresh, steps)])
+
+
+def test_a_reward_that_raises_leaves_no_step_half_counted() -> None:
+    wrong: list[str] = []
+
+    def reward(m: Any, x: Any, v: Any, action: Any) -> Any:
+        if wrong:
+            raise RuntimeError(wrong.pop())
+        return m.centre[:, 2]
+
+    def make_own() -> Any:
+        scene = Scene(cube(), gravity=None)
+        return springgym.make_scene_env(scene, reward, actuators={"torque": 1.0}, max_episode_steps=LIMIT)
+
+    env, fresh = make_own(), make_own()
+    steps = actions(env, LIMIT)
+    for own in (env, fresh):
+        own.reset(seed=0)
+    good = springgym.get_state(env)
+    wrong.append("no reward today")
+    with pytest.raises(RuntimeError, match="no reward today"):
+        env.step(steps[0])
+    with pytest.raises(gym.error.ResetNeeded, match="the last step or reset broke off in the middle"):
+        env.step(steps[0])
+    springgym.set_state(env, good)  # what goes back to before the step takes it anew
+    follows = lives(env, steps)
+    same(follows, lives(fresh, steps))
+    assert follows[-1][3]
+
+
+# --- Threads ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("copies", [None, 3])
+def test_another_thread_is_told_and_does_not_wait(copies: int | None) -> None:
+    made = make if copies is None else lambda name: make_vec(name, copies, "native", "SameStep")
+    env, alone = made(IDS[0]).unwrapped, made(IDS[0]).unwrapped
+    steps = actions(env, 3)
+    for own in (env, alone):
+        own.reset(seed=0)
+    function, inside, go_on = env.episodes._judge, threading.Event(), threading.Event()
+
+    def waiting(*arguments: Any) -> None:
+        inside.set()
+        assert go_on.wait(60)
+        function(*arguments)
+
+    env.episodes._judge = waiting
+    thread = threading.Thread(target=env.step, args=(steps[0],))
+    thread.start()
+    try:
+        assert inside.wait(60)
+        for name in ("reset", "step", "render", "get_state", "set_state"):
+            told = f"two threads use one {type(env).__name__} at once: {name} was called"
+            with pytest.raises(RuntimeError, match=told):
+                getattr(env, name)()
+    finally:
+        go_on.set()
+        thread.join()
+    del env.episodes._judge
+    alone.step(steps[0])
+    same(lives(env, steps[1:]), lives(alone, steps[1:]))
+
+
+def test_every_environment_is_guarded() -> None:
+    for kind in (SpringEnv, SpringVectorEnv, ParallelDuel):
+        for name in {"reset", "step", "render", "get_state", "set_state"} & vars(kind).keys():
+            assert hasattr(getattr(kind, name), "__wrapped__"), (kind, name)
 
 
 def test_other_environments_have_no_such_state() -> None:

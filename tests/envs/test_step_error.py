@@ -11,7 +11,7 @@ import pytest
 
 import springgym
 from springgym.bodies import cube
-from springgym.bodies.distances import rms_distance, rms_distances
+from springgym.bodies.distances import largest_distance, largest_distances
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from tests.envs.test_contract import answered
@@ -76,7 +76,7 @@ def test_it_is_the_distance_from_finer_steps(randomize: dict[str, Any] | None) -
         exact.actuate(**task.actuate(np.clip(action.astype(float), -1, 1)))
         exact.advance(16 * episodes.steps)
         for n in range(3):
-            true = rms_distance(simulator.positions[n], exact.positions[n], body.size)
+            true = largest_distance(simulator.positions[n], exact.positions[n], body.size)
             assert info["step_error"][n] == pytest.approx(true, rel=0.02)
             assert 1e-7 < true < 1e-3
 
@@ -142,12 +142,12 @@ def test_of_a_scene_of_ones_own() -> None:
 
 
 def test_distances_of_copies() -> None:
-    """Those of `rms_distance`, copy by copy; infinite of a copy that is nowhere."""
+    """Those of `largest_distance`, copy by copy; infinite of a copy that is nowhere."""
     body = cube()
     x = body.positions + np.random.default_rng(0).normal(size=(3, len(body.masses), 3))
     x[2, 0, 0] = np.nan
-    found = rms_distances(x, body.positions[None], np.full(len(body.masses), body.size))
-    assert found[:2] == pytest.approx([rms_distance(own, body.positions, body.size) for own in x[:2]])
+    found = largest_distances(x, body.positions[None], np.full(len(body.masses), body.size))
+    assert found[:2] == pytest.approx([largest_distance(own, body.positions, body.size) for own in x[:2]])
     assert found[2] == np.inf
 
 

@@ -230,6 +230,31 @@ def test_nothing_adds_energy_or_gets_through(
         before = found.energy[0]
 
 
+def test_placing_in_touch_enters_no_negative_loss() -> None:
+    """At rest in the barrier, squeezed, sliding, held on a slope: no negative loss, and what rests has none.
+
+    What is read of energy at a node with contact is m g² h²/8 more than at rest, which is no loss.
+    """
+    step, steep = 1e-3, 0.3
+    weight = np.array([9.81 * np.sin(steep), 0.0, -9.81 * np.cos(steep)])
+    rest = REACH / math.sqrt(1 - weight[2] * REACH**2 / C)
+    heights = np.array([rest, rest, 0.3 * rest, 0.9999 * REACH])
+    speeds = np.array([0.0, 0.3, 0.0, -0.3])
+    simulator = beads(
+        np.outer(heights, [0.0, 0, 1]), np.outer(speeds, [0.0, 1, 0]), contact(friction=0.5), gravity=weight
+    )
+    start, before = simulator.measure(), np.zeros(4)
+    unit = 9.81**2 * step**2 / 8
+    for _ in range(50):
+        simulator.advance(1)
+        found = simulator.measure()
+        assert found.contact_loss == pytest.approx(0.0, abs=1e-9 * unit)
+        assert (found.friction_loss >= before - 1e-9 * unit).all()
+        assert found.friction_loss[0] == pytest.approx(0.0, abs=1e-9 * unit)
+        assert found.balance == pytest.approx(start.balance, abs=1.01 * unit)
+        before = found.friction_loss
+
+
 def test_no_tunnelling_at_20_m_s() -> None:
     """Hard case 11: in a step a particle falls 1.3 to 13 Δ; it turns, and none ends higher than it began."""
     for reach in (0.003, 0.03):

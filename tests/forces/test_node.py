@@ -155,6 +155,8 @@ def test_cube_loses_no_energy_that_is_not_in_the_books(restitution: float) -> No
         force[:, second[n]] -= pull[:, n]
     found = simulator.measure()
     kept = found.balance - simulator.step**2 / 8 * np.sum(force**2 / body.masses[:, None], axis=(1, 2))
+    told = simulator.shadow_energy() + found.contact_loss + found.friction_loss
+    assert told == pytest.approx(kept, rel=1e-12)
     error = np.abs(kept / start - 1)
     assert (found.centre_velocity[:, 2] > 0).all()
     assert np.median(error) < 2e-4

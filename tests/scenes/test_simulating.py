@@ -50,6 +50,7 @@ def test_summary(capsys):
         "verlet, step",
         "largest strain",
         "unaccounted",
+        "J, of the shadow energy ",
     ):
         assert word in out
 
@@ -85,6 +86,24 @@ def test_check_that_fails_is_told_by_the_status(capsys, monkeypatch):
     assert unseen.endswith("FAILED")
     assert told == "2 of 2 checks failed"
     assert hint.startswith("1 of them: nothing to measure in 0.1 s; a longer run may show it")
+
+
+def test_check_that_is_not_covered_is_no_pass(capsys, monkeypatch):
+    """A status of its own, unless another check fails; and the row says by how much theory may be off."""
+    doubtful = Check("a length", 1.0, 1.0, 0.1, "m", 0.25)
+    fine = doubtful._replace(doubt=0.0)
+    monkeypatch.setattr(simulating, "load", lambda name: replace(load(name), duration=0.1))
+    for checks, status in (
+        ([fine], 0),
+        ([fine, doubtful], 3),
+        ([fine, doubtful, fine._replace(measured=2.0)], 1),
+        ([fine, doubtful._replace(measured=math.nan)], 1),
+    ):
+        monkeypatch.setattr(simulating, "check", lambda recording, checks=checks: checks)
+        assert main(["simulate", "cube-pendulum", "--check"]) == status
+        out = capsys.readouterr().out
+        assert ("1 of 2 checks not covered" in out) == (status == 3)
+        assert ("not covered, theory leaves out 2.5e-01" in out) == (doubtful in checks)
 
 
 @pytest.mark.parametrize("name", marked(["cube-pendulum", "top", "steady-top", "cube-drop", "rope-hanging"]))

@@ -90,3 +90,10 @@ def test_implicit_euler_loses_spin_as_stated():
     before, after = np.array(spins[4:-1]), np.array(spins[5:])
     assert before == pytest.approx(after * (1 + (step * after) ** 2), rel=1e-6)
     assert before != pytest.approx(after, rel=1e-5)
+
+
+def test_spun_pair_has_its_angular_momentum():
+    for momentum in (0.0, 1e-3, 7.5, 40.0):
+        length, spin = oscillation.spun_pair(1.0, 1000.0, 1.0, momentum)
+        assert spin * length**2 / 2 == pytest.approx(momentum, rel=1e-12)
+        assert length == oscillation.spun_pair_length(1.0, 1000.0, 1.0, spin)

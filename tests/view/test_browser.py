@@ -205,6 +205,46 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     assert not complaints(browser)
 
 
+EVIL = """
+<script>
+let told = [];
+const ask = (name, start) => new Promise((done) => start(done)).then((was) => told.push(name + ": " + was));
+Promise.all([
+  ask("connection", (done) => {
+    const socket = new WebSocket("ws://127.0.0.1:PORT/", ["viser-vVERSION"]);
+    socket.onopen = () => done("open");
+    socket.onclose = () => done("refused");
+  }),
+  ask("file", (done) => fetch("http://127.0.0.1:PORT/").then((r) => done("read"), () => done("refused"))),
+]).then(() => { document.title = told.sort().join(", "); });
+</script>
+"""
+
+
+def test_a_page_of_another_origin_is_refused(browser, page, tmp_path):
+    """Of another port, and under a name of its own that leads here; the page's own is let in."""
+    import viser
+
+    port = str(page._server.get_port())
+    (tmp_path / "evil.html").write_text(EVIL.replace("PORT", port).replace("VERSION", viser.__version__))
+    serve = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            for host in ("127.0.0.1", "evil.localhost"):
+                browser.get(f"http://{host}:{server.server_port}/evil.html")
+                until(lambda: browser.title)
+                assert browser.title == "connection: refused, file: refused"
+        finally:
+            server.shutdown()
+            thread.join()
+    assert not page._server.get_clients()
+    browser.get(f"http://evil.localhost:{port}/")
+    assert "it must be this machine" in text(browser)
+    opened(browser, page)
+
+
 def test_saved_page_plays_by_itself(browser, tmp_path):
     path = tmp_path / "top.html"
     view.save_page(view.simulated("top", {("start", "spin"): 30.0}), path)

@@ -43,6 +43,21 @@ def test_what_cannot_be_shown_is_told(arguments, message, capsys, tmp_path, monk
     assert message in capsys.readouterr().err
 
 
+def test_a_path_is_told_from_an_environment(tmp_path, monkeypatch, capsys):
+    """Only what ends as the id of an environment does is one, if it is no file."""
+    monkeypatch.chdir(tmp_path)
+    for path in ("my-v2.yaml", "tops-v0/a.yaml", "a-verse.yml", "top-v1.0", "top-v", "two-tops"):
+        assert not view._is_environment(path)
+    (tmp_path / "tops-v0").mkdir()
+    for path in ("my-v2.yaml", "tops-v0/scene-v1"):  # files
+        (tmp_path / path).write_text("title: a top\nbody: {kind: top}\npinned: [tip]\nduration: 0.1\n")
+        assert not view._is_environment(path)
+    for env_id in ("SpringTop-v0", "tops-v0", "module:Name-v12", "space/Name-v3"):
+        assert view._is_environment(env_id)
+    assert main(["view", "my-v2.yaml", "--port", "-1"]) == 2
+    assert "port is -1" in capsys.readouterr().err  # so far it comes
+
+
 def test_steps_of_a_file_give_way_to_stiffer_bodies():
     """The bungee's file has a step that springs ten times as stiff would not bear."""
     soft = view.simulated("bungee", {("body", "end_mass"): 60.0})

@@ -1,10 +1,15 @@
 """The page without a browser: what its panel holds."""
 
+import threading
+from contextlib import contextmanager
+
 import pytest
 
 from springgym import view
 
 pytest.importorskip("viser")
+
+from tests.view.test_door import CAMERA, connected, send, until, value
 
 SCENE = """
 title: two tops
@@ -55,3 +60,81 @@ def test_each_of_several_bodies_has_sliders_that_move_it_alone(page):
     page._turn_to("top", before)
     assert page._folders == []
     assert {knob.body for knob in page._sliders} == {""}
+
+
+@contextmanager
+def run(page):
+    thread = threading.Thread(target=page.run)
+    thread.start()
+    try:
+        yield thread
+    finally:
+        page.stop()
+        thread.join()
+
+
+def test_whatever_making_raises_the_page_lives_on(page, caplog):
+    make, motion = page._subject.make, page.motion
+
+    def raising(name, changes):
+        raise changes["error"]
+
+    with run(page) as playing:
+        page._subject = page._subject._replace(make=raising)
+        for kind in (ValueError, KeyError, RuntimeError, MemoryError, AttributeError, RecursionError):
+            page._ask(page.name, {"error": kind("it went wrong")})
+            until(lambda: "it went wrong" in page._summary.content)
+            page._summary.content = ""
+        page._ask(page.name, {"error": RuntimeError()})
+        until(lambda: page._summary.content == "⚠ RuntimeError")
+        assert page.motion is motion
+        page._subject = page._subject._replace(make=make)
+        page._ask(page.name, {("gravity",): 5.0})
+        until(lambda: page.motion is not motion)
+        assert playing.is_alive()
+    # faults of the program have a traceback; what a user can mend has none
+    assert len(caplog.records) == 6
+    assert all(record.exc_info for record in caplog.records)
+
+
+def test_whatever_drawing_raises_the_page_lives_on(page, monkeypatch):
+    with run(page) as playing:
+        with monkeypatch.context() as patched:
+            patched.setattr(page._stage, "draw", lambda time: 1 / 0)
+            until(lambda: not page.playing)
+            assert page._summary.content == "⚠ division by zero"
+        page.play(True)
+        was = page.time
+        until(lambda: page.time != was)
+        assert playing.is_alive()
+
+
+def test_only_what_is_offered_is_made(page):
+    for name in ("/etc/passwd", "", None):
+        with pytest.raises((ValueError, TypeError), match=r"scene is .*; it must be one of"):
+            page._ask(name, {})
+    assert page._wanted is None
+
+
+def test_what_a_client_sends_is_done_once_a_frame(page):
+    """However much it sends; and what it may not send changes nothing, and ends nothing."""
+    made = []
+    make = page._subject.make
+    page._subject = page._subject._replace(
+        make=lambda name, changes: made.append((name, dict(changes))) or make(name, changes)
+    )
+    page.play(False)
+    knob, slider = next(iter(page._sliders.items()))
+    with connected(page._server) as client, run(page) as playing:
+        send(client, CAMERA)
+        until(page._server.get_clients)
+        for wrong in (float("nan"), "9", -1e30, None):
+            send(client, value(page._moment, wrong), value(page._speed, wrong))
+        until(lambda: not page._due and page.time == 0.0)
+        for n in range(2000):
+            send(client, value(slider, knob.low + (knob.high - knob.low) * n / 1999))
+        until(lambda: made and made[-1][1].get(knob.path) == pytest.approx(knob.number(knob.high)))
+        until(lambda: not page._due and page._server._thread_executor._work_queue.empty())
+        assert len(made) < 500
+        assert playing.is_alive()
+        assert page._speed.value in page._speed.options

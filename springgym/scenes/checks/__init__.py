@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from springgym.scene import Scene
-from springgym.scenes.checks.basis import Check
+from springgym.scenes.checks.basis import NOT_COVERED, Check
 from springgym.scenes.checks.contact import (
+    axial_spin,
     bounces,
     bowl_period,
+    impact,
     rest_height,
+    resting_tip,
     restitution,
+    rubbing,
     slope,
     stopping,
     straight_fall,
@@ -45,22 +49,26 @@ TOGETHER = (bowl_turning, counted, cradle, draped, exchange, slab, stacked, wave
 CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
     function.__name__: function
     for function in (
+        axial_spin,
         bounces,
         bungee,
         cable,
         bowl_period,
         energy,
         flips,
+        impact,
         momentum,
         nutation,
         pendulum,
         rest_height,
+        resting_tip,
         restitution,
         ring_down,
         ring_frequency,
         rope_modes,
         rope_stretch,
         rope_swing,
+        rubbing,
         sleep,
         slope,
         small_swings,
@@ -110,4 +118,4 @@ def check(recording: Recording) -> list[Check]:
     return found
 
 
-__all__ = ["CHECKS", "Check", "check", "fitting", "of_all"]
+__all__ = ["CHECKS", "NOT_COVERED", "Check", "check", "fitting", "of_all"]

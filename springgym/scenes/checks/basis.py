@@ -1,4 +1,4 @@
-"""What all checks share: their result, tolerances that are derived, and reading events off samples."""
+"""What all checks share: their result, what theory leaves out, and reading events off samples."""
 
 from __future__ import annotations
 
@@ -10,26 +10,56 @@ import numpy as np
 
 from springgym.scenes.recording import Recording
 
+NOT_COVERED = "not covered"
+"""The verdict where theory leaves out more than the tolerance."""
+
 
 class Check(NamedTuple):
-    """A quantity by theory and as measured."""
+    """A quantity by theory and as measured.
+
+    The tolerance follows from the scene as its file says it, and from nothing that was measured: a run that
+    goes worse is not given more. What theory leaves out is estimated from the run, as its ``doubt``; a
+    doubt larger than the tolerance means that theory does not cover such a run.
+    """
 
     quantity: str
     theory: float
     measured: float
     """NaN if the run does not show it"""
     tolerance: float
-    """largest difference that the model and the step explain, in the same unit"""
+    """largest difference that passes, in the same unit"""
     unit: str
+    doubt: float = 0.0
+    """difference that what theory leaves out may make: stretch, step, damping; in the same unit"""
+
+    @property
+    def covered(self) -> bool:
+        """Whether theory says the quantity to within the tolerance; a doubt that is NaN is none."""
+        return bool(self.doubt <= self.tolerance)
+
+    @property
+    def verdict(self) -> str:
+        """In a word or two. What was not seen is not outside of theory."""
+        if self.passed:
+            return "ok"
+        return NOT_COVERED if not self.covered and self.measured == self.measured else "FAILED"
 
     @property
     def passed(self) -> bool:
-        """Whether the difference lies within the tolerance; NaN does not."""
-        return bool(abs(self.measured - self.theory) <= self.tolerance)
+        """Whether theory covers the run and the difference lies within the tolerance; NaN does not."""
+        return self.covered and bool(abs(self.measured - self.theory) <= self.tolerance)
+
+
+def within(
+    share: float, quantity: str, theory: float, measured: float, unit: str, doubt: float = 0.0
+) -> Check:
+    """A check whose tolerance is a share of what theory says, and whose doubt is told as a share, too."""
+    scale = abs(theory)
+    return Check(quantity, theory, measured, share * scale, unit, doubt * scale)
 
 
 def slack(recording: Recording, rate: float) -> float:
-    """Share by which a body's moments are off those of a rigid one: 2 ε + (rate h)^order.
+    """Share by which a body's moments may be off those of a rigid one: 2 ε + (rate h)^order.
 
     ε is the largest strain of any spring in the run, which falls as 1/k; moments of inertia go with the
     square of lengths. ``rate`` [rad/s] is the quickest turning there is: what vibrates faster does so about

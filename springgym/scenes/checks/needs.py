@@ -11,6 +11,7 @@ from springgym import rigid
 from springgym.bodies.elastic import Cable, Elastic
 from springgym.bodies.network import vibrations
 from springgym.bodies.precession import axial_moments, heavy_top
+from springgym.bodies.rotations import axes
 from springgym.rigid.shape import check_rigid
 from springgym.scenes.plan import Plan
 from springgym.surfaces import Bowl, Contact, Plane, scales
@@ -89,6 +90,31 @@ def _friction(plan: Plan) -> None:
 def _ice(plan: Plan) -> None:
     if plan.scene.contact.friction > 0:
         raise ValueError("there is friction")
+
+
+def _smooth(plan: Plan) -> None:
+    _ice(plan)
+    if not isinstance(plan.scene.contact, Contact) or plan.scene.contact.restitution < 1:
+        raise ValueError("its contact loses energy, which theory leaves out")
+
+
+def _falls(plan: Plan) -> None:
+    if not len(plan.scene.body.springs):
+        raise ValueError("it is of a body with springs")
+    _, reach = scales(plan.scene.contact, plan.scene.body)
+    if plan.scene.velocities.any() or float(plan.scene.positions[:, 2].min()) <= reach:
+        raise ValueError("it is not dropped from rest above the floor's reach")
+
+
+def _on_tip(plan: Plan) -> None:
+    _symmetric(plan)
+    body = plan.scene.body
+    if "tip" not in body.parts:
+        raise ValueError(f"body {body.name!r} has no tip")
+    own = axes(body.positions, body.markers)
+    arm = own.T @ (body.positions[body.particle("tip")] - body.centre)
+    if np.abs(arm[:2]).max() > 1e-9 * abs(arm[2]):
+        raise ValueError(f"the tip of body {body.name!r} is not on its axis")
 
 
 def _moves(plan: Plan) -> None:
@@ -264,6 +290,7 @@ def _smooth_bowl(plan: Plan) -> None:
 
 
 NEEDS: dict[str, tuple[Need, ...]] = {
+    "axial_spin": (_surface, _on_tip, _moves),
     "bounces": (_particle, _ground, _dropped, _gravity),
     "bungee": (_rope, _gravity),
     "bowl_turning": (_smooth_bowl,),
@@ -274,15 +301,18 @@ NEEDS: dict[str, tuple[Need, ...]] = {
     "draped": (_draped,),
     "exchange": (_two,),
     "flips": (_free, _flips),
+    "impact": (_ground, _smooth, _falls, _gravity),
     "nutation": (_top,),
     "pendulum": (_pinned, _gravity),
     "rest_height": (_level, _gravity),
+    "resting_tip": (_surface, _on_tip, _friction, _moves, _gravity),
     "restitution": (_particle, _ground, _dropped, _restitution, _gravity),
     "ring_down": (_solid, _free, _struck),
     "ring_frequency": (_solid, _free, _struck),
     "rope_modes": (_rope, _gravity),
     "rope_stretch": (_rope, _gravity),
     "rope_swing": (_rope, _gravity),
+    "rubbing": (_level, _on_tip, _friction, _moves, _gravity),
     "slab": (_slab,),
     "sleep": (_top,),
     "slope": (_slope, _gravity),

@@ -1,0 +1,137 @@
+"""The error of an environment step: one definition, which is that of ``info["step_error"]``, for every table.
+
+After a control period with a random action, how far the particle that is farthest from where exact steps
+take it is from there, over the size of its body. Episodes begin and go on as they do for everybody:
+`EPISODES` copies, from the seeds 0, 1, …, go through `PERIODS` control periods, of which one in `EVERY`
+counts; an episode that ends is followed by another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+from springgym.bench.timing import Row
+from springgym.bodies.distances import largest_distances
+from springgym.envs.task import Task
+from springgym.registration import ENVIRONMENTS
+from springgym.simulator import Simulator
+
+EPISODES, PERIODS, EVERY = 64, 250, 10
+
+References = Callable[[Task, float, int], tuple[Simulator, ...]]
+"""From a task, the step of its environment and how many copies: what takes exact steps, the best first."""
+
+
+class StepErrors(NamedTuple):
+    """Of control periods, in any order."""
+
+    step: float
+    """h [s]"""
+    errors: np.ndarray
+    estimates: np.ndarray
+    """what ``info["step_error"]`` said of them"""
+    apart: float
+    """how far the other references are from the first at the most"""
+
+
+def references(task: Task, step: float, copies: int) -> tuple[Simulator, ...]:
+    """The reference, and another one to see what it is worth.
+
+    Contact is met by Verlet's method alone, and converges to first order; all else by Dormand and Prince's
+    with a tolerance of 1e-13.
+    """
+    scene = task.scene
+    if scene.meetings or scene.surfaces:
+        fine, coarse = (64, 16) if scene.meetings else (1024, 256)
+        return tuple(Simulator(scene, copies=copies, step=step / finer) for finer in (fine, coarse))
+    exact = Simulator(scene, copies=copies, integrator="dopri5", step=step / 4, tolerance=(1e-13, 1e-16))
+    return exact, Simulator(scene, copies=copies, integrator="rk4", step=step / 128)
+
+
+def rigid_references(task: Task, step: float, copies: int) -> tuple[Simulator, ...]:
+    """The same rigid method with finer steps."""
+    finer = 1024 if task.scene.surfaces else 16
+    return (Simulator(task.scene, copies=copies, dynamics="rigid", step=step / finer),)
+
+
+def step_errors(
+    env_id: str,
+    references: References,
+    episodes: int = EPISODES,
+    periods: int = PERIODS,
+    every: int = EVERY,
+    **options: Any,
+) -> StepErrors:
+    """The errors of an environment's control periods; ``options`` are those of the environment.
+
+    Each that counts is repeated by the references from the same state, with the same action.
+    """
+    envs: Any = gym.make_vec(
+        env_id, num_envs=episodes, vectorization_mode="vector_entry_point", error=True, **options
+    )
+    at = envs.unwrapped.episodes
+    task, simulator, sizes = at.task, at.simulator, at.task.scene.sizes
+    exact, *others = references(task, simulator.step, episodes)
+    rng = np.random.default_rng(0)
+    errors, estimates, apart = [], [], [0.0]
+    envs.reset(seed=0)
+    goes_on = np.ones(episodes, bool)
+    for n in range(periods):
+        actions = rng.uniform(-1, 1, envs.action_space.shape).astype(np.float32)
+        driven = at.driven_by(actions.astype(float))
+        counts = goes_on & (n % every == 0)
+        for other in (exact, *others) if counts.any() else ():
+            other.place(simulator.positions, simulator.velocities)
+            other.actuate(**driven)
+            other.advance(round(task.period / other.step), check=False)
+        _, _, terminated, truncated, infos = envs.step(actions)
+        errors.append(largest_distances(simulator.positions, exact.positions, sizes)[counts])
+        estimates.append(infos["step_error"][counts])
+        apart += [
+            largest_distances(other.positions, exact.positions, sizes)[counts].max(initial=0.0)
+            for other in others
+        ]
+        goes_on = ~(terminated | truncated)  # the others begin anew in the next step
+    return StepErrors(simulator.step, np.concatenate(errors), np.concatenate(estimates), max(apart))
+
+
+def measured_so() -> Iterator[tuple[str, dict[str, str]]]:
+    """Each environment as it is, the first also in other ways, and rigid bodies on a floor."""
+    for row in ENVIRONMENTS:
+        yield row.id, {}
+        if row is ENVIRONMENTS[0]:
+            yield row.id, {"dtype": "float32"}
+            yield row.id, {"integrator": "rk4"}
+        if row is ENVIRONMENTS[0] or row.id == "SpringTumble-v0":
+            yield row.id, {"dynamics": "rigid"}
+
+
+def errors(rounds: int) -> list[Row]:
+    """Error of a control period: the largest distance of a particle from where exact steps take it, over
+    the size of its body.
+
+    Median, least and largest over 64 copies, of which 25 control periods with random actions count, out of
+    250. ``apart``: how far a second reference is from the first. ``estimate``: the median of what
+    `info["step_error"]` says over the true error, with the middle 90 %. It is the same however often it is
+    measured: rounds are ignored.
+    """
+    return [row_of(env_id, **options) for env_id, options in measured_so()]
+
+
+def row_of(env_id: str, **options: Any) -> Row:
+    """What a table of errors says of an environment."""
+    found = step_errors(env_id, rigid_references if "dynamics" in options else references, **options)
+    low, middle, high = np.quantile(found.estimates / found.errors, (0.05, 0.5, 0.95)).tolist()
+    facts = {
+        "step_ms": 1e3 * found.step,
+        "apart": found.apart,
+        "estimate": middle,
+        "estimate_low": low,
+        "estimate_high": high,
+    }
+    median, least, largest = (float(f(found.errors)) for f in (np.median, np.min, np.max))
+    return Row({"environment": env_id} | options, median, least, largest, "of the size", facts)

@@ -1,0 +1,47 @@
+"""A guard of what one thread at a time may use: it tells another thread, and does not wait."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from threading import RLock
+from typing import Any, TypeVar, cast
+
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+class Guard:
+    """Held by the thread that is in a `guarded` method of an object. A copy of the object has a free one."""
+
+    def __init__(self) -> None:
+        lock = RLock()
+        self.taken: Callable[..., bool] = lock.acquire
+        self.given_back: Callable[[], None] = lock.release
+
+    def __reduce__(self) -> Any:
+        return Guard, ()
+
+
+def guarded(method: Method) -> Method:
+    """A method of an object with a `Guard`, ``_guard``: refused while another thread is in one of them.
+
+    Raises
+    ------
+    RuntimeError
+        If another thread is in a guarded method of the same object; nothing is changed.
+    """
+
+    @wraps(method)
+    def alone(self: Any, /, *arguments: Any, **options: Any) -> Any:
+        guard = self._guard
+        if not guard.taken(blocking=False):
+            raise RuntimeError(
+                f"two threads use one {type(self).__name__} at once: {method.__name__} was called while "
+                "another thread is in a call; give each thread its own, or let them take turns by a lock"
+            )
+        try:
+            return method(self, *arguments, **options)
+        finally:
+            guard.given_back()
+
+    return cast(Method, alone)
