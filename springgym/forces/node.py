@@ -474,9 +474,9 @@ def pass_node(
         mean = plus_scaled(kicked, 0.5, others + total)
         way = plus_scaled(span.lead * start, span.out, after) + bend
         gone = mass * (inverse * dot(force, way) - dot(change, mean))
-        late = times(0.5 * (span.out - span.lead), acceleration)
+        late = 0.5 * (span.out - span.lead) * acceleration
         record(ledger, CONTACT, select(lossy, gone + mass * begun_in_touch(change, late), 0.0))
-        record(ledger, FRICTION, -1.0 * mass * dot(rub, plus(mean, late)))
+        record(ledger, FRICTION, -1.0 * mass * dot(rub, mean + late))
         set_row(v, i, after)
         set_row(space.bends, i, bend)
         if not last:

@@ -381,11 +381,11 @@ def leave(
                 mean = plus_scaled(mean, 0.5, others + total)
                 way = plus_scaled(span.lead * start, span.out, after) + bend
                 gone = mass * (dot(force, way) / span.whole - dot(change, mean))
-                late = times(0.5 * (span.out - span.lead), acceleration)
-                gone = gone + mass * begun_in_touch(plus(by_bodies, change), late)
+                late = 0.5 * (span.out - span.lead) * acceleration
+                gone = gone + mass * begun_in_touch(by_bodies + change, late)
                 lost = lost + select(lossy, gone, 0.0)
                 lost = lost - select(fresh, mass * dot(by_bodies, mean), 0.0)
-                rubbed = rubbed - mass * dot(slowed, plus(mean, late))
+                rubbed = rubbed - mass * dot(slowed, mean + late)
                 bowed = bowed + 0.5 * mass * dot(acceleration, bend)
                 if any_lane(dot(bend, bend) > 0.0):
                     bent = True

@@ -23,7 +23,7 @@ from springgym.lanes import load, minimum, sqrt
 from springgym.packing import Options, pack_pairs, pack_room
 from springgym.scene import Scene
 from springgym.stability import automatic_step
-from springgym.vectors import TINY, dot, minus, plus_scaled, row, row_each, set_row, set_row_each, times
+from springgym.vectors import TINY, dot, plus_scaled, row, row_each, set_row, set_row_each
 
 NOTHING, BLIND, UNTAPERED, SINGLE, PLAIN = range(5)
 """What is left out on purpose: nothing, the history of signs, the force of the share's gradient, the second
@@ -36,11 +36,11 @@ def rub_plainly(v: Any, count: Any, friction: Any, room: Any) -> None:
     if friction is not None:
         for k in range(count):
             n = row(room.toward, k)
-            slip = times(0.0, n)
+            slip = 0.0 * n
             for j in range(room.members[k]):
                 own = row_each(v, load(room.particle, 4 * k + j))
                 slip = plus_scaled(slip, load(room.weight, 4 * k + j), own)
-            slip = minus(slip, times(dot(slip, n), n))
+            slip = slip - dot(slip, n) * n
             limit = load(friction, room.pair[k]) * load(room.push, k)
             share = minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0 / (load(room.inverse, k) + TINY))
             for j in range(room.members[k]):
