@@ -27,14 +27,14 @@ import inspect
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.core.errors import NumbaError
+from numba import NumbaError, types
 from numba.extending import overload
 
 from springgym.checks import MANY, array, number, shown, whole, whole_array
 from springgym.compiling import OPTIONS, Inner
 from springgym.lanes import Lanes, load
 from springgym.records import read_only
+from springgym.vec import Vec
 
 MOST_FORCES = 20
 """A body has no more: each is compiled into the kernel."""
@@ -141,8 +141,8 @@ def _typed(force: Any, function: str, *arguments: Any) -> Any:
     found = given.overloads[tuple(taken)].signature.return_type
     wanted = types.NoneType if function == "add" else (Lanes, types.Float, types.Integer)
     if not isinstance(found, wanted):
-        said = f"{len(found)} values" if isinstance(found, types.BaseTuple) else found
-        said = "nothing" if found == types.none else said
+        said: Any = f"{len(found)} values" if isinstance(found, types.BaseTuple) else found
+        said = "a vector" if isinstance(found, Vec) else "nothing" if found == types.none else said
         raise TypeError(f"{of} returns {said}; it must return {RETURNED[function]}")
     return given
 

@@ -680,7 +680,7 @@ class Simulator:
 
     def _check_distance(self, positions: np.ndarray) -> None:
         """Tell if positions (copies, N, 3) are so far away that rounding them moves springs."""
-        far = float(np.abs(positions).max())
+        far = float(np.abs(positions).max(initial=0.0))
         if far > self._far:
             limit = self._far
             rounding = float(np.spacing(self.dtype.type(far)))

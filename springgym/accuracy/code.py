@@ -14,8 +14,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1]
 
 CORE = (
-    *("blocks", "compiling", "dynamics", "kinds", "lanes", "materials", "measures", "own_forces", "packing"),
-    *("ragged", "scene", "simulator", "stability", "surfaces", "vectors"),
+    *("blocks", "compiling", "dynamics", "guard", "kinds", "lanes", "materials", "measures", "own_forces"),
+    *("packing", "ragged", "scene", "simulator", "stability", "surfaces", "vec", "vectors"),
 )
 
 PARTS: Mapping[str, tuple[str, ...]] = {

@@ -41,6 +41,7 @@ class SceneOptions(RewardedOptions, total=False):
     failed: Seeing | None
     succeeded: Seeing | None
     hold: int
+    wins: bool
     observe: Seeing | None
     start: Starting | None
     period: float

@@ -259,10 +259,10 @@ def asks_for_what_is_not(x: Any, own: Any) -> Any:
 @pytest.mark.parametrize(
     ("function", "wrong", "says"),
     [
-        ("add", returns, r"returns 3 values; it must return nothing: it adds to force$"),
+        ("add", returns, r"returns a vector; it must return nothing: it adds to force$"),
         ("add", adds_a_number, r"does not compile: .*getitem\(float64, .*test_own\.py, line \d+\)$"),
         ("energy", returns_nothing, r"returns nothing; it must return a number, the energy \[J\]$"),
-        ("energy", returns_a_vector, r"returns 3 values; it must return a number, the energy \[J\]$"),
+        ("energy", returns_a_vector, r"returns a vector; it must return a number, the energy \[J\]$"),
         ("energy", asks_for_what_is_not, r"does not compile: .*partikel.*test_own\.py, line \d+\)$"),
     ],
 )
