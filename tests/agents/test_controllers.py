@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from springgym.envs.top import SpringTop
-from tests.envs.cases import IDS, task_type
+from tests.envs.cases import COLLIDING, IDS, task_type
 
 TOP = SpringTop(observation="frame")
 
@@ -73,7 +73,10 @@ HARD = [
 ]
 
 
-@pytest.mark.parametrize(("env_id", "action"), HARD)
+@pytest.mark.parametrize(
+    ("env_id", "action"),
+    [pytest.param(*pair, marks=pytest.mark.slow if pair[0] in COLLIDING else ()) for pair in HARD],
+)
 def test_weaker_actuators_are_asked_for_the_same(env_id, action):
     """Where nothing saturates, what the actuators do is the same with ``hard=True``."""
     tasks, controller = [], []

@@ -152,6 +152,7 @@ def convex(rng: np.random.Generator) -> Body:
             return body
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "most"), [(1.0, 2e-4), (5.0, 2e-3)])
 def test_every_way_to_meet(speed: float, most: float) -> None:
     """Faces, edges and corners part again, with momenta to round-off; energy is of order 2."""

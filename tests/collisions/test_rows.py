@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from springgym.blocks import at, block_array, numbers, set_all
 from springgym.bodies import ball, top
@@ -41,6 +42,7 @@ def contacts(places: np.ndarray) -> tuple[int, Any]:
     return found(x, v, meets.pairs, room), room
 
 
+@pytest.mark.slow
 def test_a_row_for_all_who_touch_elsewhere() -> None:
     """Balls on different triangles of a plate share a row; each copy's is that of its own triangle."""
     angles = 2 * np.pi * np.arange(COPIES) / COPIES + 0.1

@@ -47,6 +47,7 @@ def same(one: Simulator, n: int, other: Simulator, k: int) -> bool:
     )
 
 
+@pytest.mark.slow
 def test_apart_nothing_changes() -> None:
     """Bodies that could meet, but do not, go as those that cannot: to the bit, and with the same ledger.
 
@@ -166,6 +167,7 @@ def test_start_amid_contact() -> None:
     assert parted.balance[0] == pytest.approx(held.balance[0], abs=0.02 * held.contact[0])
 
 
+@pytest.mark.slow
 def test_what_touches_is_told_at_the_start() -> None:
     """Of two balls that press each other, the energy of the barrier; other copies tell what they told."""
     contact = Contact(strength=0.02, reach=0.01)
@@ -234,6 +236,7 @@ def test_copies_do_not_know_of_each_other() -> None:
         assert same(one, 0, many, n), n
 
 
+@pytest.mark.slow
 def test_how_bodies_meet_varies_copy_by_copy() -> None:
     """Friction and restitution of the scene's contact; a contact of their own stays."""
     scene, x, v = impacts_on_floor(3)

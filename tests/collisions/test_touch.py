@@ -104,6 +104,7 @@ def on_slab(ratio: float, world: Stepped) -> np.ndarray:
     return np.asarray(x @ turned((1, np.degrees(tilt))).T)
 
 
+@pytest.mark.slow
 def test_block_on_a_tilted_slab() -> None:
     """Below the limit it holds without creep; above it slides with g (sin φ − μ cos φ)."""
     ratios = np.array([0.9, 0.97, 1.03, 1.2])
@@ -185,6 +186,7 @@ def test_friction_as_of_points_turns_bodies() -> None:
     assert changed[1][:, 3:].max() > 1e-5
 
 
+@pytest.mark.slow
 def test_ball_and_rods() -> None:
     """A rope of rods that falls over a box, beside a ball on it: both stay, and nothing is inside."""
     cord = rope(9, 1.6, 0.05, 0.05, 1e4, 5.0).with_(radius=0.02)
