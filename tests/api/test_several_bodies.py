@@ -127,7 +127,7 @@ def test_five_kinds_of_bodies_on_a_floor_are_five_scenes_of_one() -> None:
 @pytest.mark.slow
 def test_bodies_in_a_bowl_and_of_the_paper_s_contact_are_scenes_of_one() -> None:
     balls = tuple(
-        Placed(Body(f"ball {n}", [[0.3 * n, 0, 0.2]], 0.1 + n, [], 1e5, 0.0), name=f"{n}") for n in range(3)
+        Placed(Body(f"ball {n}", [[0.25 * n, 0, 0.2]], 0.1 + n, [], 1e5, 0.0), name=f"{n}") for n in range(3)
     )
     contact = Contact(strength=0.05, reach=0.02, friction=0.1)
     assert_each_as_alone(Scene(bodies=balls, surfaces=(Bowl((0, 0, 1), 1.0),), contact=contact), (2000,))
