@@ -287,6 +287,8 @@ class Player:
             total = sum(
                 np.where(ended, np.atleast_1d(last[term]), np.atleast_1d(info[term])) for term in terms
             )
+            if self.what.arguments.get("sparse"):  # the aim is met, or it is not
+                total = np.rint(reward)
             check(np.allclose(total, reward, rtol=0, atol=1e-12), "terms do not sum to the reward")
         self.bound_drift(done | fresh | lost)
         self.see_misses()
