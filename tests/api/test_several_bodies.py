@@ -130,8 +130,10 @@ def test_bodies_in_a_bowl_and_of_the_paper_s_contact_are_scenes_of_one() -> None
         Placed(Body(f"ball {n}", [[0.25 * n, 0, 0.2]], 0.1 + n, [], 1e5, 0.0), name=f"{n}") for n in range(3)
     )
     contact = Contact(strength=0.05, reach=0.02, friction=0.1)
-    assert_each_as_alone(Scene(bodies=balls, surfaces=(Bowl((0, 0, 1), 1.0),), contact=contact), (2000,))
-    cubes = Scene(bodies=zoo().bodies[1:3], surfaces=(floor(),), contact=PaperContact(0.3, 1.0))
+    bowl = (Bowl((0, 0, 1), 1.0),)
+    assert_each_as_alone(Scene(bodies=balls, surfaces=bowl, contact=contact, collisions=None), (2000,))
+    paper = PaperContact(0.3, 1.0)
+    cubes = Scene(bodies=zoo().bodies[1:3], surfaces=(floor(),), contact=paper, collisions=None)
     assert_each_as_alone(cubes, (3000,), integrator="rk4")
 
 
