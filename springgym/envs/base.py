@@ -26,7 +26,7 @@ from springgym.rendering import Renderer
 
 
 class Stateful:
-    """What has a state: `get_state` takes it, and `set_state` returns to it."""
+    """An object with a state that `get_state` returns and `set_state` restores."""
 
     @property
     def _unready(self) -> str:
@@ -168,7 +168,28 @@ class _Common(Stateful):
         return Renderer(task.look(), task.camera(), task.scenery(), mode=mode, fps=frame_rate(task))
 
 
-class SpringEnv(_Common, gym.Env[np.ndarray, np.ndarray]):
+class _OneCopy(_Common):
+    """Environments of one copy share how they draw it."""
+
+    render_mode: str | None
+    _canvas: Renderer | None
+
+    def _draw(self) -> np.ndarray | None:
+        if self._canvas is None:
+            self._canvas = self._renderer(self.render_mode)
+        return self._picture(self._canvas, 0)
+
+    def close(self) -> None:
+        if self._canvas is not None:
+            self._canvas.close()
+            self._canvas = None
+
+    @guarded
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_canvas": None}  # pictures do not travel
+
+
+class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
     """One environment.
 
     A concrete one names `gymnasium.Env` among its own bases: some libraries look there to tell what it is.
@@ -270,16 +291,6 @@ class SpringEnv(_Common, gym.Env[np.ndarray, np.ndarray]):
         self._check_ready("render")
         return self._draw()
 
-    def _draw(self) -> np.ndarray | None:
-        if self._canvas is None:
-            self._canvas = self._renderer(self.render_mode)
-        return self._picture(self._canvas, 0)
-
-    def close(self) -> None:
-        if self._canvas is not None:
-            self._canvas.close()
-            self._canvas = None
-
     @guarded
     def get_state(self) -> dict[str, Any]:
         """The true state, with clock and random generator: give it to `set_state`."""
@@ -312,10 +323,6 @@ class SpringEnv(_Common, gym.Env[np.ndarray, np.ndarray]):
         self.episodes.unready = "" if ready else NOT_BEGUN
         if self._canvas:
             self._restart(self._canvas, 0)
-
-    @guarded
-    def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_canvas": None}  # pictures do not travel
 
 
 class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -613,7 +620,7 @@ def set_state(env: Any, state: Mapping[str, Any]) -> None:
 
 
 def _own(env: Any) -> Any:
-    """What has the state, in all of its wrappers."""
+    """Return the object with the state from inside of its wrappers."""
     own = getattr(env, "unwrapped", env)
     if not isinstance(own, _Common):  # Stable-Baselines3's have a monitor around them, which counts
         own = env
@@ -654,14 +661,14 @@ def _generator(name: str, state: Any) -> np.random.Generator:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Whether states of random generators are the same."""
+    """Tell whether two states of random generators are the same."""
     if isinstance(one, Mapping):
         return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
     return bool(np.array_equal(one, other))
 
 
 def _seed_of(name: str, seed: Any) -> int:
-    """The seed that a generator says it began with: −1 if it was not seeded."""
+    """Check the seed that a generator began with, −1 if it was not seeded, and return it."""
     if type(seed) is not int or seed < -1:
         raise ValueError(f"{name} is {shown(seed)}; it must be a whole number, at least −1")
     return seed

@@ -14,8 +14,8 @@ from springgym.checks import chosen, flag, instance, shown, whole
 from springgym.envs.base import (
     SpringEnv,
     _check_keys,
-    _Common,
     _generator,
+    _OneCopy,
     _plain,
     _seed,
     _seed_of,
@@ -44,20 +44,20 @@ OPTIONS = ("tilt", "spin", "other_tilt", "other_spin", "randomize")
 
 
 class PlayerOptions(SimulationOptions, total=False):
-    """What `ParallelDuel` takes beside its own arguments."""
+    """`ParallelDuel` takes these options beside its own arguments."""
 
     observation: Observation
     action: Literal["push"]
 
 
 class ParallelOptions(PlayerOptions, total=False):
-    """All that it takes."""
+    """`ParallelDuel` takes these options, and no others."""
 
     render_mode: Literal["human", "rgb_array"] | None
     max_episode_steps: int
 
 
-class ParallelDuel(_Common, ParallelEnv):
+class ParallelDuel(_OneCopy, ParallelEnv):
     """SpringDuel for two agents, who act at the same time and end together.
 
     Each sees the duel as the agent of `springgym.envs.duel.SpringDuelEnv` does: the own top first, in axes
@@ -185,7 +185,7 @@ class ParallelDuel(_Common, ParallelEnv):
         return seen, rewards, terminations, truncations, infos
 
     def state(self) -> np.ndarray:
-        """What is to be known of both tops together: what the first agent sees.
+        """Return the state of both tops, which is the observation of the first agent.
 
         Raises
         ------
@@ -243,10 +243,6 @@ class ParallelDuel(_Common, ParallelEnv):
         if self._canvas:
             self._restart(self._canvas, 0)
 
-    @guarded
-    def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_canvas": None}  # pictures do not travel
-
     def _seen(self) -> dict[str, np.ndarray]:
         m, (x, v) = self._measures(), self.episodes.particles
         second = self.task.seen_by_second(m, x, v, self.episodes.goal)
@@ -290,16 +286,6 @@ class ParallelDuel(_Common, ParallelEnv):
             return None
         self._check_ready("render")
         return self._draw()
-
-    def _draw(self) -> np.ndarray | None:
-        if self._canvas is None:
-            self._canvas = self._renderer(self.render_mode)
-        return self._picture(self._canvas, 0)
-
-    def close(self) -> None:
-        if self._canvas is not None:
-            self._canvas.close()
-            self._canvas = None
 
 
 def registered(*, max_cycles: int | None = None, **options: Any) -> ParallelDuel:
