@@ -372,7 +372,7 @@ def page(report: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Write the pages."""
+    """Write the pages on environments, or check that they are up to date."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

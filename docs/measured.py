@@ -118,7 +118,7 @@ def _parts(section: str) -> tuple[str, ...]:
 
 
 def measure(name: str) -> dict[str, Any]:
-    """A section anew."""
+    """Measure a section again."""
     if name in bench.NAMES:
         return bench.measure(name, ROUNDS)
     return MEASURES[name]()
@@ -191,22 +191,22 @@ def page_writer(name: str) -> ModuleType:
 
 
 def grouped(number: float) -> str:
-    """642,000 or 26,000: two figures, three from 100,000 on."""
+    """Write a number in two figures, or in three from 100,000 on, such as 26,000 or 642,000."""
     return f"{_rounded(number, 3 if number >= 1e5 else 2):,.0f}"
 
 
 def millions(number: float, unit: str = " M") -> str:
-    """39 M, 5.4 M, 1.27 M."""
+    """Write a number in millions, such as 39 M, 5.4 M or 1.27 M."""
     return f"{_rounded(number / 1e6, 3 if 1e6 <= number < 2e6 else 2):g}{unit}"
 
 
 def power(number: float, digits: int = 2) -> str:
-    """3.3e-5"""
+    """Write a number as a power of ten, such as 3.3e-5."""
     return re.sub(r"e([-+])0", r"e\1", f"{number:.{digits - 1}e}").replace("e+", "e")
 
 
 def times(number: float) -> str:
-    """190, 27 or 0.91"""
+    """Write a ratio in two figures, such as 190, 27 or 0.91."""
     return f"{_rounded(number, 2):g}" if number >= 1 else f"{number:.2f}"
 
 
@@ -219,7 +219,7 @@ def _rounded(number: float, figures: int) -> float:
 
 
 def conditions_of(section: Report) -> str:
-    """2026-11-22 on 2 cores of an AMD EPYC (Zen 5), Python 3.11.7, NumPy 2.4.6, Numba 0.68.1"""
+    """Write the date, processor and versions with which a section was measured."""
     measured = section["measured"]
     versions = measured["versions"]
     named = (("python", "Python"), ("numpy", "NumPy"), ("numba", "Numba"))
@@ -234,7 +234,7 @@ Number = Callable[[Report], str]
 
 
 def _of(section: str, told: Callable[[float], str], field: str = "median", **which: Any) -> Number:
-    """A field of a row."""
+    """Make a function that writes one field of one row of a report."""
     return lambda report: told(row(report, section, **which)[field])
 
 

@@ -32,7 +32,7 @@ IMPORTED = time.time_ns()
 """When this module was [ns]: before all others that hold compiled functions."""
 
 KNOWN = frozenset({"numpy", "numba", "llvmlite", "builtins", *sys.stdlib_module_names} - {"__main__"})
-"""Packages of which a name tells all, given the versions."""
+"""Packages whose contents follow from a name and their versions."""
 
 TEACHERS = [
     value
@@ -64,11 +64,11 @@ OF_EVERY_CLASS = frozenset(
 
 
 class NotHashable(TypeError):
-    """Something that a function is compiled from, and of which no digest can be made."""
+    """Raised where a function is compiled from something that has no digest."""
 
 
 def digest(function: Callable[..., Any], arguments: Any = (), by_source: Iterable[str] = ()) -> bytes:
-    """A digest of all that a function is compiled from, the same in every process.
+    """Compute a digest of all that a function is compiled from, the same in every process.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def digest(function: Callable[..., Any], arguments: Any = (), by_source: Iterabl
 
 
 class _Walk:
-    """Feeds values to a hash, each object once: what was met before is told by its number."""
+    """Feeds values to a hash; an object that it meets again is fed as the number of its first visit."""
 
     def __init__(self, by_source: frozenset[str]) -> None:
         self.sum = hashlib.sha256()
@@ -200,7 +200,6 @@ class _Walk:
         self.code(function.__code__)
         self.value((function.__defaults__, tuple(sorted((function.__kwdefaults__ or {}).items()))))
         named = dict(_bound(function))
-        self.unchanged(function, named)
         names = _names(function.__code__)
         scope = function.__globals__
         named.update((name, scope[name]) for name in sorted(names) if name in scope and name not in named)
@@ -276,7 +275,7 @@ def _known(module: str) -> bool:
 
 
 def _plain(value: Any) -> tuple[Any, ...] | None:
-    """What tells all of a value that leads to no others; None if it does."""
+    """Return the whole content of a value that refers to no other values; None if it refers to some."""
     if isinstance(value, enum.Enum):
         return type(value).__qualname__, value.name, repr(value.value)
     if value is None or value is ... or type(value) in (bool, int, float, complex, str, bytes):
@@ -304,7 +303,7 @@ def _plain(value: Any) -> tuple[Any, ...] | None:
 
 
 def _bound(function: types.FunctionType) -> Iterable[tuple[str, Any]]:
-    """What a closure binds; what it does not yet is left out."""
+    """Yield the names and values that a closure binds; cells that are still empty are left out."""
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
         try:
             yield name, cell.cell_contents
@@ -313,7 +312,7 @@ def _bound(function: types.FunctionType) -> Iterable[tuple[str, Any]]:
 
 
 def _names(code: types.CodeType) -> set[str]:
-    """All names in code, of what is outside of it and of attributes."""
+    """Return all names in code: those of globals and of attributes."""
     names = set(code.co_names)
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
@@ -322,7 +321,7 @@ def _names(code: types.CodeType) -> set[str]:
 
 
 def _teaches(module: types.ModuleType) -> bool:
-    """Whether a module names one of `TEACHERS`, or may by way of Numba's own name."""
+    """Tell whether a module uses one of `TEACHERS`, by its name or by way of Numba's."""
     values = list(vars(module).values())
     if any(value is one for value in values for one in (*TEACHERS, extending)):
         return True
@@ -331,7 +330,7 @@ def _teaches(module: types.ModuleType) -> bool:
 
 @cache
 def _source(name: str) -> types.CodeType:
-    """The code of a module, without docstrings.
+    """Compile the source of a module without docstrings, and return the code.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A guard of what one thread at a time may use: it tells another thread, and does not wait."""
+"""A lock for objects that one thread at a time may use: a second thread gets an error and does not wait."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 class Guard:
-    """Held by the thread that is in a `guarded` method of an object. A copy of the object has a free one."""
+    """A lock that a thread holds while it is in a `guarded` method; a copy of the object gets a free one."""
 
     def __init__(self) -> None:
         lock = RLock()
@@ -23,7 +23,7 @@ class Guard:
 
 
 def guarded(method: Method) -> Method:
-    """A method of an object with a `Guard`, ``_guard``: refused while another thread is in one of them.
+    """Decorate a method of an object with a `Guard`, so that one thread at a time may call it.
 
     Raises
     ------

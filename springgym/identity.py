@@ -1,4 +1,4 @@
-"""What a thing was made of, in plain data by name: whether a state is one of it, and what differs if not."""
+"""Identities: what an object was made of, as plain data by name, so that a foreign state can be refused."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from springgym.checks import shown
 
 
 def digest(value: Any) -> str:
-    """Arrays, numbers and texts, however nested in tuples, as a short text: others have another."""
+    """Return a short digest of arrays, numbers and texts, however nested in tuples."""
     found = hashlib.sha256()
 
     def add(value: Any) -> None:
@@ -32,7 +32,7 @@ def digest(value: Any) -> str:
 def check_same(
     what: str, theirs: Any, own: Mapping[str, Any], but: Collection[str] = (), must: str = ""
 ) -> None:
-    """Refuse what something else is made of, naming the first thing that differs.
+    """Compare two identities, and raise an error that names the first difference.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def check_same(
 
 
 def _equal(one: Any, other: Any) -> bool:
-    """Whether plain data are the same; what is none is not."""
+    """Tell whether two values are equal; values that cannot be compared are not."""
     try:
         return bool(one == other)
     except Exception:  # whatever a foreign class raises

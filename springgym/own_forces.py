@@ -120,12 +120,14 @@ def _value(name: str, value: Any) -> Any:
 
 
 def to_compiled(force: Any) -> Any:
-    """A checked force as compiled functions take it: with C-contiguous arrays that only they have."""
+    """Copy a checked force for compiled functions, which then own its C-contiguous arrays."""
     return force._make(value.copy() if isinstance(value, np.ndarray) else value for value in force)
 
 
 def _typed(force: Any, function: str, *arguments: Any) -> Any:
-    """A function of a force, compiled for arguments of some types, of which the last is that of the force.
+    """Compile a function of a force for arguments of the given types, and return it.
+
+    ``force`` is the type of the force, which is the last argument.
 
     Raises
     ------
@@ -148,7 +150,7 @@ def _typed(force: Any, function: str, *arguments: Any) -> Any:
 
 
 def _reason(error: NumbaError) -> str:
-    """Why a function does not compile, in a line: Numba tells all that it tried, too."""
+    """Return one line of Numba's error that says why a function does not compile."""
     lines = [line.strip() for line in str(error).splitlines()]
     told = [line for line in lines if line and not line.startswith("Failed in nopython mode")]
     reason = told[0] if told else type(error).__name__

@@ -199,7 +199,7 @@ OWN = ("body", "positions", "velocities", "pinned", "wrench", "thrust", "drive",
 
 
 OF_A_BODY = ("positions", "masses", "springs", "stiffness", "damping", "lengths", "markers", "triangles")
-"""Arrays of a body that decide how it moves, and how it is measured."""
+"""These arrays of a body decide how it moves and how it is measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +268,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """All but the start that decides how it moves, by name in plain data, see `springgym.identity`."""
+        """Plain data by name that decide how the scene moves, all but its start: see `springgym.identity`."""
         made: dict[str, Any] = {
             "gravity": None if self.gravity is None else list(self.gravity),
             "number of bodies": len(self.bodies),

@@ -67,7 +67,7 @@ OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.memory")
 """Arrays of `Simulator._changing` that hold what happens in a step, or happened in the last."""
 
 GOES_FORWARD = ("integrator", "step", "tolerance")
-"""What a simulator may have of its own that takes over from another."""
+"""Names in which a simulator may differ from the one that it takes over from."""
 
 PAPER_STEP = 5e-4
 """h of the paper [s]."""
@@ -278,7 +278,7 @@ class Simulator:
 
     @cached_property
     def _clock(self) -> Clock:
-        """The time as kernels take it."""
+        """The clock of the copies as kernels take it."""
         return Clock(self.time, self.step, self.width)
 
     @cached_property
@@ -515,7 +515,7 @@ class Simulator:
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """What it was made of, by name in plain data: a state is one of all simulators made so."""
+        """Plain data by name that tell what the simulator was made of; equal ones share their states."""
         control = self._control
         return {
             "copies": self.copies,
@@ -588,7 +588,7 @@ class Simulator:
         self._meet(np.arange(self.copies))
 
     def _lost(self, arrays: Iterable[np.ndarray]) -> np.ndarray:
-        """Which copies (copies,) have a number that is not finite in arrays like those of `_changing`."""
+        """Tell which copies (copies,) have a number that is not finite, in arrays as of `_changing`."""
         lost = np.zeros(self.copies, bool)
         for array in arrays:
             values = numbers(array) if array.dtype.names else array
@@ -654,7 +654,7 @@ class Simulator:
             self._check()
 
     def _check(self) -> None:
-        """Refuse what has diverged, and tell of what means little, as it was read off last."""
+        """Raise an error if a copy has diverged, and warn of strain and rounding, by what was read last."""
         strain = self.readout.rows[:, measures.STRAIN]
         strained = ~(strain <= self.strain_limit)
         diverged = strained | ~np.isfinite(self.readout.rows).all(axis=1)
@@ -679,7 +679,7 @@ class Simulator:
             self._check_distance(self.readout.positions)
 
     def _check_distance(self, positions: np.ndarray) -> None:
-        """Tell if positions (copies, N, 3) are so far away that rounding them moves springs."""
+        """Warn if positions (copies, N, 3) are so far away that their rounding stretches springs."""
         far = float(np.abs(positions).max(initial=0.0))
         if far > self._far:
             limit = self._far
@@ -691,12 +691,12 @@ class Simulator:
             )
 
     def _strain_of_note(self, meant: bool) -> float:
-        """The strain to tell of; infinite where it is meant, as in ropes."""
+        """Return the strain from which to warn; infinite where strain is meant, as in ropes."""
         shaped = not any(placed.body.floppy for placed in self.scene.bodies)
         return STRAINED if shaped and not meant else math.inf
 
     def _far_away(self) -> float:
-        """How far from the origin rounding is `COARSE` [m]; of float64, as far as nobody goes."""
+        """Return the distance from the origin [m] where rounding is `COARSE`; infinite for float64."""
         lengths = self.scene.of_bodies("lengths")
         if self._kind.rigid or not len(lengths) or self.dtype != np.float32:
             return math.inf
@@ -748,7 +748,7 @@ class Simulator:
 
     @guarded
     def shadow_energy(self) -> np.ndarray:
-        """What the steps of velocity Verlet keep [J], (copies,): H − (h²/8) Σ m |a|².
+        """Compute the energy (copies,) [J] that steps of velocity Verlet conserve: H − (h²/8) Σ m |a|².
 
         H is the `energy` of `Measures`, a is what springs and gravity make of a particle's velocity. Springs
         that vibrate keep this to rounding, while H swings: it is off by up to (ω h)²/4 of the energy in a

@@ -13,7 +13,7 @@ from springgym.checks import TINY, array, direction, number
 from springgym.theory.contact import damping_for_restitution
 
 REACH = 0.01
-"""Δ where none is given, as a share of `Body.swept`."""
+"""The default reach Δ of contact, as a share of `Body.swept`."""
 
 NEAREST = 1e-3
 """The least height to start at, as a share of Δ: below it the barrier's energy c/h has no sensible bound."""

@@ -39,7 +39,7 @@ def _component(kind: types.Type) -> types.Type:
 
 
 def _common(kinds: tuple[types.Type, ...]) -> types.Type | None:
-    """The type of components of what is made of vectors and numbers; None if they do not fit."""
+    """Return the type of the components of a result of these operands; None if they do not fit."""
     components = [_component(kind) for kind in kinds]
     if not all(isinstance(one, (Lanes, types.Number)) for one in components):
         return None
@@ -50,14 +50,14 @@ def _common(kinds: tuple[types.Type, ...]) -> types.Type | None:
 
 
 def _cast(context: Any, builder: Any, value: Any, given: types.Type, of: types.Type) -> Any:
-    """A number as a component."""
+    """Cast a number to the type of a component."""
     if isinstance(of, Lanes):
         return as_lanes(context, builder, value, given, of)
     return context.cast(builder, value, given, of)
 
 
 def _components(context: Any, builder: Any, value: Any, given: types.Type, of: types.Type) -> list[Any]:
-    """Three components of a vector, or three times a number."""
+    """Return the three components of a vector, or a number three times."""
     if isinstance(given, Vec):
         parts = [builder.extract_value(value, axis) for axis in range(3)]
         return [_cast(context, builder, part, given.of, of) for part in parts]
@@ -65,7 +65,7 @@ def _components(context: Any, builder: Any, value: Any, given: types.Type, of: t
 
 
 def _made(context: Any, builder: Any, kind: Vec, parts: list[Any]) -> Any:
-    """The vector of three components."""
+    """Build the vector of three components."""
     value = ir.Constant(context.get_value_type(kind), ir.Undefined)
     for axis, part in enumerate(parts):
         value = builder.insert_value(value, part, axis)
@@ -74,7 +74,7 @@ def _made(context: Any, builder: Any, kind: Vec, parts: list[Any]) -> Any:
 
 @intrinsic
 def vec(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
-    """The vector (x, y, z)."""
+    """Build the vector (x, y, z)."""
     of = _common((x, y, z))
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -88,7 +88,7 @@ def vec(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
 
 
 def _define(function: Callable[..., Any], emit: str, *takes: tuple[type, ...]) -> None:
-    """Let an operator act on vectors by an instruction of LLVM's for each component."""
+    """Define an operator on vectors by one LLVM instruction for each component."""
 
     @infer_global(function)
     class _Template(AbstractTemplate):

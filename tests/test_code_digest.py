@@ -203,7 +203,7 @@ def test_forces_among_the_arguments_bring_their_functions() -> None:
 
 
 def pulling(k: float) -> Any:
-    """A force of one's own whose function calls another, which binds ``k``."""
+    """Make a force whose function calls another function that binds ``k`` in its closure."""
 
     @compiled
     def pull() -> float:

@@ -77,7 +77,7 @@ def unfit(nodes: list[ast.AST]) -> Iterator[str]:
 
 
 def test_functions_are_called_with_what_they_take() -> None:
-    """Slow tests, too, and what only they compile: a signature that changes breaks them unseen."""
+    """Every call in the tests and scripts fits the signature of what it calls, in slow tests, too."""
     scripts = [p for p in SOURCES if p.relative_to(ROOT).parts[0] in ("tests", "docs")]
     assert [f"{p}, {of}" for p in scripts for of in unfit(nodes_of(p))] == []
     missing = "from springgym.forces.pairs.search import find\nfind(1, 2, 3, pairs=4)\nfind(*range(4), 5)\n"
@@ -90,14 +90,14 @@ def test_functions_are_called_with_what_they_take() -> None:
 
 
 class Known(NamedTuple):
-    """What there is in the project, as far as its text tells."""
+    """Names that the source files of the project define or use."""
 
     members: dict[str, set[str]]
     """of each module, by its dotted name, and of each class, by its own: what it defines"""
     bases: dict[str, set[str]]
     """of each class"""
     words: set[str]
-    """all identifiers, and texts that are used like these"""
+    """all identifiers that the project uses, and all strings that look like one"""
 
 
 @cache

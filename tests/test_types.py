@@ -1,4 +1,4 @@
-"""What a type checker knows of the package is what the package takes."""
+"""Type checkers know the public names and arguments that the package accepts, and no others."""
 
 import inspect
 import os

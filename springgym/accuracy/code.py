@@ -48,7 +48,7 @@ SIMULATION = ("core", "forces", "integrators", "rigid", "collisions", "bodies")
 
 @cache
 def digests() -> dict[str, str]:
-    """The digest of each of `PARTS`."""
+    """Return the digest of each of `PARTS`."""
     return {name: digest(_files(patterns)) for name, patterns in PARTS.items()}
 
 
@@ -57,7 +57,7 @@ def _files(patterns: Iterable[str]) -> list[Path]:
 
 
 def digest(paths: Iterable[Path]) -> str:
-    """Eight digits for what these files do."""
+    """Return eight hexadecimal digits of a hash of what these files do."""
     found = hashlib.sha256()
     for path in paths:
         text = path.read_text(encoding="utf-8")
@@ -66,7 +66,7 @@ def digest(paths: Iterable[Path]) -> str:
 
 
 def meaning(source: str) -> str:
-    """A module's code without what changes nothing: comments, layout, docstrings, types, words of errors."""
+    """Return code as text, without comments, layout, docstrings, types and words of errors."""
     return "".join(_told(ast.parse(source)))
 
 
@@ -94,7 +94,7 @@ def _told(node: object) -> Iterator[str]:
 
 
 def _is_text(node: object) -> bool:
-    """Whether it is a docstring, of whatever it stands below."""
+    """Tell whether a statement is a docstring, of a module, class, function or field."""
     return (
         isinstance(node, ast.Expr)
         and isinstance(node.value, ast.Constant)

@@ -27,7 +27,7 @@ References = Callable[[Task, float, int], tuple[Simulator, ...]]
 
 
 class StepErrors(NamedTuple):
-    """Of control periods, in any order."""
+    """Errors of control periods, in any order."""
 
     step: float
     """h [s]"""
@@ -39,7 +39,7 @@ class StepErrors(NamedTuple):
 
 
 def references(task: Task, step: float, copies: int) -> tuple[Simulator, ...]:
-    """The reference, and another one to see what it is worth.
+    """Return the reference simulator, and a second one whose distance from it bounds its error.
 
     Contact is met by Verlet's method alone, and converges to first order; all else by Dormand and Prince's
     with a tolerance of 1e-13.
@@ -53,7 +53,7 @@ def references(task: Task, step: float, copies: int) -> tuple[Simulator, ...]:
 
 
 def rigid_references(task: Task, step: float, copies: int) -> tuple[Simulator, ...]:
-    """The same rigid method with finer steps."""
+    """Return the rigid reference: the same method with finer steps."""
     finer = 1024 if task.scene.surfaces else 16
     return (Simulator(task.scene, copies=copies, dynamics="rigid", step=step / finer),)
 

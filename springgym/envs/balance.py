@@ -212,7 +212,7 @@ class SpringBalance(Task):
 
 
 class BalanceOptions(EnvOptions, total=False):
-    """What `SpringBalanceEnv` takes, see there."""
+    """`SpringBalanceEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["torque"]

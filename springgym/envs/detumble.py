@@ -188,7 +188,7 @@ class SpringDetumble(Task):
 
 
 class DetumbleOptions(EnvOptions, total=False):
-    """What `SpringDetumbleEnv` takes, see there."""
+    """`SpringDetumbleEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["torque", "thrusters"]

@@ -352,7 +352,7 @@ class SpringDuel(Task):
 
 
 class DuelOptions(EnvOptions, total=False):
-    """What `SpringDuelEnv` takes, see there."""
+    """`SpringDuelEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["push"]

@@ -414,7 +414,7 @@ class Episodes:
         self._note(copies, drawn)
 
     def _parameters(self, drawn: Sequence[Mapping[str, float]]) -> dict[str, np.ndarray]:
-        """What simulators are given for the factors of k copies."""
+        """Return the parameters of the simulators for the factors of k copies."""
         each = [randomisation.parameters(self.simulator.scene, self.ranges, factors) for factors in drawn]
         return {name: np.stack([own[name] for own in each]) for name in each[0]}
 
@@ -457,7 +457,7 @@ class Episodes:
         self.simulator.read()
 
     def _checked(self, name: str, given: Any) -> np.ndarray:
-        """An array of a state that may be set."""
+        """Check one array of a state and return it."""
         what, own = f"state[{name!r}]", getattr(self, name)
         values = np.asarray(given)
         if values.shape != own.shape or values.dtype != own.dtype:

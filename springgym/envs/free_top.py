@@ -225,7 +225,7 @@ class SpringFreeTop(Task):
 
 
 class FreeTopOptions(EnvOptions, total=False):
-    """What `SpringFreeTopEnv` takes, see there."""
+    """`SpringFreeTopEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["push"]

@@ -182,7 +182,7 @@ class SpringGyroscope(Task):
 
 
 class GyroscopeOptions(EnvOptions, total=False):
-    """What `SpringGyroscopeEnv` takes, see there."""
+    """`SpringGyroscopeEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["torque", "impulse"]

@@ -248,7 +248,7 @@ class SpringJuggle(Task):
 
 
 class JuggleOptions(EnvOptions, total=False):
-    """What `SpringJuggleEnv` takes, see there."""
+    """`SpringJuggleEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["wrench"]

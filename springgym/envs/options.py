@@ -19,7 +19,7 @@ Autoreset = AutoresetMode | Literal["NextStep", "SameStep", "Disabled"]
 
 
 class SimulationOptions(TypedDict, total=False):
-    """What every environment takes, see `springgym.envs.base.SpringEnv`."""
+    """Every environment takes these options, see `springgym.envs.base.SpringEnv`."""
 
     integrator: str | None
     step: float | None
@@ -31,14 +31,14 @@ class SimulationOptions(TypedDict, total=False):
 
 
 class RewardedOptions(SimulationOptions, total=False):
-    """What every environment of one agent takes, too."""
+    """Every environment of one agent takes these options, too."""
 
     render_mode: Literal["human", "rgb_array"] | None
     sparse: bool
 
 
 class EnvOptions(RewardedOptions, total=False):
-    """The same and a time limit."""
+    """Registered environments of one agent take these options and a time limit."""
 
     max_episode_steps: int | None
 
@@ -58,7 +58,7 @@ def number(options: dict[str, Any], name: str, otherwise: float, low: float, hig
 
 
 def arguments(maker: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """All arguments that a call has by name, defaults included, in plain data; of a function, its name."""
+    """Return all arguments of a call by name, defaults included, as plain data; functions become names."""
     bound = inspect.signature(maker).bind(**given)
     bound.apply_defaults()
     return {name: _plain(value) for name, value in bound.arguments.items()}

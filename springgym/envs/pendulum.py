@@ -167,7 +167,7 @@ class SpringPendulum(Task):
 
 
 class PendulumOptions(EnvOptions, total=False):
-    """What `SpringPendulumEnv` takes, see there."""
+    """`SpringPendulumEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["torque", "impulse"]

@@ -184,7 +184,7 @@ class SpringRope(Task):
 
 
 class RopeOptions(EnvOptions, total=False):
-    """What `SpringRopeEnv` takes, see there."""
+    """`SpringRopeEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["trolley"]

@@ -228,7 +228,7 @@ class SpringShove(Task):
 
 
 class ShoveOptions(EnvOptions, total=False):
-    """What `SpringShoveEnv` takes, see there."""
+    """`SpringShoveEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["push"]

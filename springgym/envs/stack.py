@@ -224,7 +224,7 @@ class SpringStack(Task):
 
 
 class StackOptions(EnvOptions, total=False):
-    """What `SpringStackEnv` takes, see there."""
+    """`SpringStackEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["push"]

@@ -22,7 +22,7 @@ EQUAL = 1e-9
 
 
 def spawned(seed: int, copies: int) -> list[int]:
-    """A seed for each copy that learns, of 64 bits: no copy of another run has it.
+    """Return one seed of 64 bits for each copy that learns; runs of other seeds get other ones.
 
     Were copy i to begin from ``seed + i``, runs of neighbouring seeds would share their starts.
     """
@@ -30,7 +30,7 @@ def spawned(seed: int, copies: int) -> list[int]:
 
 
 def uniform(rng: Generator, low: Sequence[float], high: Sequence[float]) -> list[float]:
-    """A number between each two, to the bit as NumPy draws it, which takes five times as long."""
+    """Draw one number between each two bounds, bit by bit as NumPy does in five times the time."""
     shares = rng.random(len(low)).tolist()
     return [start + (end - start) * share for start, end, share in zip(low, high, shares, strict=True)]
 

@@ -191,7 +191,7 @@ class SpringTop(Task):
 
 
 class TopOptions(EnvOptions, total=False):
-    """What `SpringTopEnv` takes, see there."""
+    """`SpringTopEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["torque", "impulse"]

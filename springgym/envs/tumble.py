@@ -215,7 +215,7 @@ class SpringTumble(Task):
 
 
 class TumbleOptions(EnvOptions, total=False):
-    """What `SpringTumbleEnv` takes, see there."""
+    """`SpringTumbleEnv` takes these options, see there."""
 
     observation: Observation
     action: Literal["wrench", "impulses"]

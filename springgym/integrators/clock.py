@@ -14,7 +14,7 @@ from springgym.compiling import compiled
 
 
 class Clock(NamedTuple):
-    """Where copies are in time."""
+    """The times of all copies, and the step by which they advance."""
 
     time: np.ndarray
     """(copies,) [s]"""

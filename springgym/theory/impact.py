@@ -1,4 +1,4 @@
-"""A body of springs that hits a floor, while it hardly changes shape: how long it touches, and how it leaves.
+"""Linear theory of a stiff body of springs that hits a floor: contact time and rebound speed.
 
 With displacements u of its particles from where they are when the lowest one meets the barrier,
 
@@ -42,7 +42,7 @@ def impact(
     reach: float,
     gravity: float = 9.81,
 ) -> Impact:
-    """How a body that falls without turning leaves a level floor without friction or loss.
+    """Compute contact time and rebound of a body that falls without turning on a smooth, lossless floor.
 
     It is followed until its lowest particle is as far above the reach as its vibrations may move it, 10 v/ω
     of the slowest, or the reach if that is less.

@@ -184,7 +184,7 @@ class Uncompiled(NamedTuple):
 
 
 class Short(NamedTuple):
-    """A force with a function that takes too little."""
+    """This force has a function with too few parameters."""
 
     particle: int
 

@@ -547,7 +547,7 @@ def test_compiled_code_is_not_given_other_types(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_float32_far_from_the_origin_is_told_of_once() -> None:
-    """A cube of 1 m, 1 km away: springs of 1 m feel steps of 6e-5 m. Nothing is compiled for this."""
+    """At 1 km float32 rounds positions to 6e-5 m: the simulator warns once. The test compiles nothing."""
     near, far = CUBE.positions + 50.0, CUBE.positions + 1000.0
     scene = Scene(CUBE, near)
     Simulator(scene.with_(positions=far))

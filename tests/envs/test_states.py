@@ -154,7 +154,7 @@ def mangled(state: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_value(state: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
-    """A state of which an array of the episodes ends with another value."""
+    """Return a state in which the last entry of one array of the episodes is another value."""
     array = state["episodes"][name].copy()
     array[..., -1] = value
     return state | {"episodes": state["episodes"] | {name: array}}

@@ -59,7 +59,7 @@ def test_ledger_closes(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name in METHODS if not integrator(name).negative_substeps])
 def test_spinning_alone_loses_nothing(name: str) -> None:
-    """A pair that turns at the length at which its spring holds it: its strong damper has nothing to do."""
+    """A pair turns at constant length, so that its strong damper does no work."""
     stiffness, turning, step = 1e4, 4.0, 2e-3
     length = 1 / (1 - turning**2 / (2 * stiffness))
     pair = oscillator(name, stiffness, 100.0, stretch=length - 1)

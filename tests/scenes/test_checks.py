@@ -138,7 +138,7 @@ def test_every_sabotage_is_noticed(tmp_path, scene, name, change):
 
 
 def test_what_theory_leaves_out_is_no_pass():
-    """A doubt that is larger than the tolerance, or unknown, is not covered, however near the numbers are."""
+    """A check is not covered if its doubt is unknown or exceeds its tolerance, even if the numbers agree."""
     fine = Check("a length", 1.0, 1.0, 0.1, "m", 0.1)
     assert fine.passed
     for doubt in (0.11, np.inf, np.nan):

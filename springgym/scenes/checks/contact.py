@@ -192,7 +192,7 @@ def bowl_period(recording: Recording) -> list[Check]:
 
 
 def impact(recording: Recording) -> list[Check]:
-    """How long a body dropped on a floor touches it, and with how much of its speed it leaves.
+    """Compare contact time and rebound speed of a body that is dropped on a floor with theory.
 
     By `springgym.theory.impact`, of the body's own springs: not those of the solid it may stand for, whose
     waves they do not hold. Seen in every step, from the last recorded state before.
@@ -237,14 +237,14 @@ def _touch(recording: Recording, reach: float, expected: impacts.Impact) -> tupl
 
 
 def _alone(recording: Recording) -> bool:
-    """Whether nothing but the tip of a top came near to the surface."""
+    """Tell whether only the tip of a top came near to the surface."""
     scene, (_, _, reach, _) = recording.plan.scene, _met(recording)
     x = np.delete(recording.positions, scene.body.particle("tip"), axis=1)
     return bool((scene.surfaces[0].height(x.reshape(-1, 3)) > reach).all())
 
 
 def axial_spin(recording: Recording) -> list[Check]:
-    """Spin of a symmetric top about its axis: its tip lies on it, so that no force there changes it."""
+    """Compare the spin of a symmetric top about its axis with its start: contact at the tip keeps it."""
     m = recording.measures
     spin = np.einsum("ti,ti->t", m.angular_velocity, m.axis)
     doubt = slack(recording, float(spin[0])) if _alone(recording) else math.inf

@@ -65,7 +65,7 @@ def _compared(
     by: float,
     unit: str,
 ) -> Check:
-    """A check whose doubt is what the top's constants, each off by a share ``by``, do to the theory."""
+    """Make a check whose doubt is the change of theory when each constant of the top is off by ``by``."""
 
     def value(i1: float, i3: float, mgl: float) -> float:
         return of(HeavyTop(i1, i3, mgl))
