@@ -7,14 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from springgym.compiling import compiled
-from springgym.forces import potential_energy
-from springgym.forces.ledger import ENTRIES, WORK
-from springgym.forces.memory import held
-from springgym.integrators.record import Phase
-from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
-from springgym.lanes import bodies_of, load, maximum, of_body, sqrt, store
-from springgym.vectors import (
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
+from springgym.core.lanes import bodies_of, load, maximum, of_body, sqrt, store
+from springgym.core.vectors import (
     ROUND_OFF,
     angular_momentum,
     choose,
@@ -27,6 +23,10 @@ from springgym.vectors import (
     solve_symmetric,
     triad,
 )
+from springgym.forces import potential_energy
+from springgym.forces.ledger import ENTRIES, WORK
+from springgym.forces.memory import held
+from springgym.integrators.record import Phase
 
 if TYPE_CHECKING:
     from springgym.forces import Terms

@@ -31,10 +31,10 @@ from numba import NumbaError, types
 from numba.extending import overload
 
 from springgym.checks import MANY, array, number, shown, whole, whole_array
-from springgym.compiling import OPTIONS, Inner
-from springgym.lanes import Lanes, load
+from springgym.core.compiling import OPTIONS, Inner
+from springgym.core.lanes import Lanes, load
+from springgym.core.vec import Vec
 from springgym.records import read_only
-from springgym.vec import Vec
 
 MOST_FORCES = 20
 """A body has no more: each is compiled into the kernel."""
@@ -82,7 +82,7 @@ def _checked(name: str, force: Any, count: int) -> Any:
         if not isinstance(given, Inner):
             raise TypeError(
                 f"{name} is a {kind.__name__}, which has no function {form}; it must be a staticmethod, "
-                "decorated with springgym.compiling.compiled"
+                "decorated with springgym.core.compiling.compiled"
             )
         signature = inspect.signature(given.py_func)
         try:

@@ -8,10 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym import rigid
-from springgym.blocks import aligned_zeros, get_copies, numbers, set_copies, to_copies
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
 from springgym.collisions import shape as shape_of
+from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies, to_copies
+from springgym.core.lanes import Ragged
+from springgym.core.ragged import share, stacked
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.barrier import HollowSphere, Planes
@@ -36,9 +38,7 @@ from springgym.forces.paper_contact import PaperLaw
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.forces.together import Bodies
 from springgym.integrators.record import Integrator, workspace
-from springgym.lanes import Ragged
 from springgym.own_forces import OfBody, to_compiled
-from springgym.ragged import share, stacked
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Bowl, Contact, PaperContact, Plane, impact_damping, oblique, scales
 

@@ -16,7 +16,8 @@ from typing import Any, Self
 import numpy as np
 
 from springgym import checks, measures, packing, stability
-from springgym.blocks import (
+from springgym.checks import FLOAT, HUGE, MANY, TINY, sum_of_squares
+from springgym.core.blocks import (
     WIDTH,
     aligned_zeros,
     block_array,
@@ -25,8 +26,9 @@ from springgym.blocks import (
     set_copies,
     to_copies,
 )
-from springgym.checks import FLOAT, HUGE, MANY, TINY, sum_of_squares
-from springgym.compiling import SameTypes
+from springgym.core.compiling import SameTypes
+from springgym.core.lanes import Ragged
+from springgym.core.ragged import share, stacked
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.pairs import PairReadings
@@ -35,10 +37,8 @@ from springgym.guard import Guard, guarded
 from springgym.identity import check_same
 from springgym.integrators.clock import Clock
 from springgym.integrators.record import COUNTS, Control, Phase
-from springgym.lanes import Ragged
 from springgym.measures import Markers, Measures, Reading, Readout
 from springgym.packing import PARAMETERS, Options, Packed, pack
-from springgym.ragged import share, stacked
 from springgym.scene import Scene
 from springgym.surfaces import Contact, PaperContact
 

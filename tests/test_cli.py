@@ -11,7 +11,7 @@ import pytest
 
 from springgym import extras
 from springgym.cli import guarded, main, whole_file
-from springgym.compiling import kernel
+from springgym.core.compiling import kernel
 from springgym.extras import install
 
 

@@ -19,19 +19,19 @@ import pytest
 from numba import typeof
 from numba.extending import intrinsic
 
-from springgym import code_digest
-from springgym.code_digest import NotHashable, digest
-from springgym.compiling import compiled, kernel
+from springgym.core import code_digest
+from springgym.core.code_digest import NotHashable, digest
+from springgym.core.compiling import compiled, kernel
 
 BASE = {
     "constants": "K = 1.0\n",
     "deep": (
-        "from springgym.compiling import compiled\nDEEP = 1\n@compiled\ndef deep(a):\n    return a * DEEP\n"
+        "from springgym.core.compiling import compiled\nDEEP = 1\n@compiled\ndef deep(a):\n    return a * DEEP\n"
     ),
     "main": (
         "import numpy as np\n"
         "import constants\n"
-        "from springgym.compiling import compiled\n"
+        "from springgym.core.compiling import compiled\n"
         "from deep import deep\n"
         "from typing import NamedTuple\n"
         "class Pair(NamedTuple):\n"
@@ -89,7 +89,7 @@ def load(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., types.Module
         ("main", "+ 0.5", "+ 0.25"),
         ("main", "+ 0.5", "- 0.5"),
         ("main", "k * a\n", "k * a + 0 * k\n"),
-        ("main", "    @compiled", "    from springgym.compiling import kernel\n    @kernel"),
+        ("main", "    @compiled", "    from springgym.core.compiling import kernel\n    @kernel"),
     ],
 )
 def test_what_is_compiled_changes_the_digest(load: Any, module: str, old: str, new: str) -> None:
@@ -313,7 +313,7 @@ def test_a_module_that_teaches_numba_counts_as_a_whole(
 
 
 PULLS = """
-from springgym.compiling import compiled, kernel
+from springgym.core.compiling import compiled, kernel
 PULL = 10.0
 def make(k):
     @compiled

@@ -19,17 +19,18 @@ import pytest
 from numba import typeof
 from numba.core.compiler_lock import global_compiler_lock
 
-from springgym import compiling, integrators
-from springgym.blocks import at, block_array
+from springgym import integrators
 from springgym.bodies import cube
-from springgym.compiling import SameTypes, _checksum, cache_directory, compiled, kernel
+from springgym.core import compiling
+from springgym.core.blocks import at, block_array
+from springgym.core.compiling import SameTypes, _checksum, cache_directory, compiled, kernel
+from springgym.core.lanes import any_lane, load, store
+from springgym.core.vectors import dot
 from springgym.integrators import verlet
 from springgym.integrators.record import Phase
-from springgym.lanes import any_lane, load, store
 from springgym.measures import read
 from springgym.scene import Scene, WrenchActuator
 from springgym.simulator import Simulator
-from springgym.vectors import dot
 
 RUN = """
 import sys
@@ -43,14 +44,14 @@ FILES = {
     "__init__.py": "",
     "constants.py": "OFFSET = 1.0\n",
     "inner.py": (
-        "from springgym.compiling import compiled\n"
+        "from springgym.core.compiling import compiled\n"
         "from user.constants import OFFSET\n"
         "@compiled\n"
         "def shifted(a):\n"
         "    return a + OFFSET\n"
     ),
     "outer.py": (
-        "from springgym.compiling import kernel\n"
+        "from springgym.core.compiling import kernel\n"
         "from user.inner import shifted\n"
         "@kernel\n"
         "def double_sum(a):\n"
@@ -241,8 +242,8 @@ kept = {path}
 del {path}
 with warnings.catch_warnings(record=True) as given:
     warnings.simplefilter("always")
-    import springgym.compiling
-    if {path!r} in springgym.compiling.LACKING:
+    import springgym.core.compiling
+    if {path!r} in springgym.core.compiling.LACKING:
         {path} = kept  # Numba itself needs it
     from user.outer import double_sum, triple_sum
     value = double_sum(3.0) + triple_sum(3.0)
@@ -266,7 +267,7 @@ def test_a_numba_that_lacks_something_costs_compilations(lacks: str, package: Pa
     assert not (tmp_path / "cache").exists()
 
 
-ALLOWED = ("springgym/compiling.py", "springgym/lanes.py", "springgym/vec.py")
+ALLOWED = ("springgym/core/compiling.py", "springgym/core/lanes.py", "springgym/core/vec.py")
 """Files that may reach into Numba."""
 
 

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from springgym.blocks import aligned_zeros, block_array, numbers, set_all, set_copies, to_copies
 from springgym.bodies import start, top
-from springgym.compiling import kernel
-from springgym.lanes import (
+from springgym.core.blocks import aligned_zeros, block_array, numbers, set_all, set_copies, to_copies
+from springgym.core.compiling import kernel
+from springgym.core.lanes import (
     any_lane,
     block_dtype,
     inverse_sqrt,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numba.core.errors import NumbaError
 
-from springgym.blocks import aligned_zeros, numbers
-from springgym.compiling import kernel
-from springgym.lanes import block_dtype, load
-from springgym.vectors import choose, cross, dot, plus_scaled, row, set_row, vec, vector
+from springgym.core.blocks import aligned_zeros, numbers
+from springgym.core.compiling import kernel
+from springgym.core.lanes import block_dtype, load
+from springgym.core.vectors import choose, cross, dot, plus_scaled, row, set_row, vec, vector
 
 WIDTHS = (1, 16)
 

@@ -14,12 +14,22 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1]
 
 CORE = (
-    *("blocks", "compiling", "dynamics", "guard", "kinds", "lanes", "materials", "measures", "own_forces"),
-    *("packing", "ragged", "scene", "simulator", "stability", "surfaces", "vec", "vectors"),
+    *(
+        "dynamics",
+        "guard",
+        "materials",
+        "measures",
+        "own_forces",
+        "packing",
+        "scene",
+        "simulator",
+        "stability",
+    ),
+    "surfaces",
 )
 
 PARTS: Mapping[str, tuple[str, ...]] = {
-    "core": tuple(f"{name}.py" for name in CORE),
+    "core": ("core/*.py", *(f"{name}.py" for name in CORE)),
     **{
         name: (f"{name}/**/*.py",)
         for name in ("forces", "integrators", "rigid", "collisions", "bodies", "envs")

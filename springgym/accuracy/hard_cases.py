@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym import theory
-from springgym.blocks import numbers
 from springgym.bodies import Body, ball, box, cube, rope, rotation, start, top
 from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.collisions import distance
+from springgym.core.blocks import numbers
 from springgym.forces.springs import Decay, decay
 from springgym.scene import GRAVITY, Placed, Scene
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator

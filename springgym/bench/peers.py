@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym.accuracy.peers import derivative, mujoco_model
-from springgym.blocks import aligned_zeros
 from springgym.bodies.body import inertia
+from springgym.core.blocks import aligned_zeros
 from springgym.forces.springs import interleaved
 from springgym.scene import Scene
 from springgym.simulator import Simulator

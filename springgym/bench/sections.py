@@ -18,9 +18,9 @@ from springgym.bench.environments import environments
 from springgym.bench.errors import errors
 from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
 from springgym.bench.timing import Case, Row, measured
-from springgym.blocks import block_array
 from springgym.bodies import Body, cube, start
 from springgym.bodies.distances import rms_distance
+from springgym.core.blocks import block_array
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PAPER_STEP
 from springgym.surfaces import Bowl, Contact, floor

@@ -13,14 +13,14 @@ from numpy.random import Generator
 from springgym.bodies import Body, box, rigid_velocities
 from springgym.bodies.rotations import axes, cross
 from springgym.checks import chosen, flag
-from springgym.compiling import compiled, kernel
+from springgym.core.compiling import compiled, kernel
+from springgym.core.kinds import Vector
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
 from springgym.envs.task import Start, Task
-from springgym.kinds import Vector
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, two_tone
 from springgym.rendering.look import RED

@@ -14,7 +14,7 @@ from numpy.random import Generator
 
 from springgym.bodies import Body, stretched_shapes, top
 from springgym.checks import chosen, shown
-from springgym.compiling import compiled, kernel
+from springgym.core.compiling import compiled, kernel
 from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, values

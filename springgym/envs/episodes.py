@@ -14,7 +14,7 @@ from numpy.random import Generator
 from springgym import checks, measures
 from springgym.bodies import Body
 from springgym.checks import TINY, chosen, instance
-from springgym.compiling import SameTypes, kernel
+from springgym.core.compiling import SameTypes, kernel
 from springgym.dynamics import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
 from springgym.envs.error import StepError

@@ -13,7 +13,7 @@ from numpy.random import Generator
 
 from springgym.bodies import Body, rigid_velocities, stretched_shapes, top
 from springgym.checks import chosen, flag
-from springgym.compiling import kernel
+from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number

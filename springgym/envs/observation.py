@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym import measures
-from springgym.compiling import compiled, kernel
-from springgym.kinds import Number
+from springgym.core.compiling import compiled, kernel
+from springgym.core.kinds import Number
 
 BOUND = 10.0
 """Observations are scaled to order one and clipped here, so that their space is finite."""

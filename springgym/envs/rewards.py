@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from springgym.compiling import compiled
-from springgym.kinds import Number, Vector
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Number, Vector
 
 if TYPE_CHECKING:
     from springgym.measures import Measures

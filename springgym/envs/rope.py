@@ -14,7 +14,7 @@ from numpy.random import Generator
 from springgym.bodies import rope, solid_rope
 from springgym.bodies.rotations import cross
 from springgym.checks import flag, shown
-from springgym.compiling import kernel
+from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, ball, box, rotation
-from springgym.compiling import compiled, kernel
+from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number

@@ -14,7 +14,7 @@ from numpy.random import Generator
 from springgym.bodies import Body, from_points
 from springgym.bodies.rotations import cross
 from springgym.checks import flag, whole
-from springgym.compiling import compiled, kernel
+from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number

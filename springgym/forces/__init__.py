@@ -12,7 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Numbers, Rows
+from springgym.core.lanes import load
+from springgym.core.vectors import add_row, add_scaled, dot, plus_scaled, row, set_row, vec, vector
 from springgym.forces.actuators import (
     Drive,
     Thrust,
@@ -29,10 +32,7 @@ from springgym.forces.memory import Memory
 from springgym.forces.pairs.terms import Meets
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
 from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
-from springgym.kinds import Ledger, Number, Numbers, Rows
-from springgym.lanes import load
 from springgym.own_forces import OfBody, add_own_forces, own_energy
-from springgym.vectors import add_row, add_scaled, dot, plus_scaled, row, set_row, vec, vector
 
 
 class Particles(NamedTuple):

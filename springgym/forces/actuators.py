@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from springgym.compiling import compiled
-from springgym.forces.ledger import WORK, record
-from springgym.forces.springs import pull_on
-from springgym.kinds import Ledger, Number, Numbers, Rows
-from springgym.lanes import load, maximum, minimum, select, store
-from springgym.vectors import (
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Numbers, Rows
+from springgym.core.lanes import load, maximum, minimum, select, store
+from springgym.core.vectors import (
     add_row,
     cross,
     dot,
@@ -29,6 +27,8 @@ from springgym.vectors import (
     vec,
     vector,
 )
+from springgym.forces.ledger import WORK, record
+from springgym.forces.springs import pull_on
 
 if TYPE_CHECKING:
     from springgym.forces import Particles

@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from springgym.compiling import compiled
-from springgym.kinds import Mask, Number, Numbers, Vector
-from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
-from springgym.vectors import TINY, dot, row, vector
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Mask, Number, Numbers, Vector
+from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
+from springgym.core.vectors import TINY, dot, row, vector
 
 if TYPE_CHECKING:
     from springgym.forces import Particles

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from springgym.compiling import compiled
-from springgym.kinds import Ledger, Number
-from springgym.lanes import load, store
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number
+from springgym.core.lanes import load, store
 
 WORK, DAMPING, CONTACT, FRICTION = range(4)
 ENTRIES = 4

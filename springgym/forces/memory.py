@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Numbers, Rows
+from springgym.core.lanes import load, select, store
+from springgym.core.vectors import choose, row, set_row, vec, vector
 from springgym.forces.actuators import drive_by
 from springgym.forces.ledger import ENTRIES
-from springgym.kinds import Ledger, Number, Numbers, Rows
-from springgym.lanes import load, select, store
-from springgym.vectors import choose, row, set_row, vec, vector
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Drive

@@ -16,7 +16,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
+from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt, store
+from springgym.core.vectors import TINY, choose, dot, plus_scaled, row, set_row, unit, vec, vector
 from springgym.forces import stored_energy
 from springgym.forces.actuators import push
 from springgym.forces.barrier import (
@@ -34,9 +37,6 @@ from springgym.forces.barrier import (
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
 from springgym.forces.memory import HELD, halve, turn_drive
 from springgym.forces.springs import damp
-from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
-from springgym.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt, store
-from springgym.vectors import TINY, choose, dot, plus_scaled, row, set_row, unit, vec, vector
 
 if TYPE_CHECKING:
     from springgym.forces import Terms

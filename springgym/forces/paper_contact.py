@@ -12,12 +12,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
+from springgym.core.lanes import load, maximum, minimum, select, sqrt
+from springgym.core.vectors import TINY, add_row, dot, row, set_row, unit, vector
 from springgym.forces.barrier import height
 from springgym.forces.ledger import CONTACT, FRICTION, record
-from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
-from springgym.lanes import load, maximum, minimum, select, sqrt
-from springgym.vectors import TINY, add_row, dot, row, set_row, unit, vector
 
 if TYPE_CHECKING:
     from springgym.forces import Particles

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Mask, Number, Numbers, Rows
+from springgym.core.lanes import inverse_sqrt, load, maximum, select, sqrt
+from springgym.core.vectors import TINY, add_scaled, dot, row, set_row, vec
 from springgym.forces.ledger import DAMPING, WORK, record
-from springgym.kinds import Ledger, Mask, Number, Numbers, Rows
-from springgym.lanes import inverse_sqrt, load, maximum, select, sqrt
-from springgym.vectors import TINY, add_scaled, dot, row, set_row, vec
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Drive

@@ -17,7 +17,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
+from springgym.core.lanes import Ragged, any_lane, bodies_of, load, of_body, select, store
+from springgym.core.vectors import choose, dot, plus_scaled, row, set_row, vec
 from springgym.forces import Particles, stored_energy
 from springgym.forces.barrier import FORESEEN, FOUND, coefficient, energy_at
 from springgym.forces.ledger import CONTACT, FRICTION, record
@@ -44,9 +47,6 @@ from springgym.forces.pairs.friction import SWEEPS, TURNS, rub
 from springgym.forces.pairs.impulses import account, account_start, prepare, sweep, taper
 from springgym.forces.pairs.search import find
 from springgym.forces.pairs.terms import ENERGY, ENTRIES, IMPULSE, Room
-from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
-from springgym.lanes import Ragged, any_lane, bodies_of, load, of_body, select, store
-from springgym.vectors import choose, dot, plus_scaled, row, set_row, vec
 
 if TYPE_CHECKING:
     from springgym.forces import Terms

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from springgym.blocks import at
 from springgym.checks import instance, shown
-from springgym.compiling import Inner, compiled, kernel
+from springgym.core.blocks import at
+from springgym.core.compiling import Inner, compiled, kernel
+from springgym.core.kinds import Ledger
+from springgym.core.lanes import bodies_of, of_body
 from springgym.integrators.clock import Clock, tick
 from springgym.integrators.record import Integrator, Phase
-from springgym.kinds import Ledger
-from springgym.lanes import bodies_of, of_body
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -62,7 +62,7 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
     record
         The facts about it, which checks and steps rely on.
     integrate
-        Compiled (`springgym.compiling.compiled`), as those of `springgym.integrators`:
+        Compiled (`springgym.core.compiling.compiled`), as those of `springgym.integrators`:
         ``integrate(x, v, ledger, workspace, h, steps, terms)`` takes one block of copies ``steps`` steps
         further. ``h`` is a `springgym.integrators.record.Control` if the record says it controls its error.
 
@@ -76,7 +76,7 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
     instance("record", record, Integrator)
     if not isinstance(integrate, Inner):
         raise TypeError(
-            f"integrate is {shown(integrate)}; it must be decorated with springgym.compiling.compiled"
+            f"integrate is {shown(integrate)}; it must be decorated with springgym.core.compiling.compiled"
         )
     try:
         inspect.signature(integrate.py_func).bind(*TAKEN)

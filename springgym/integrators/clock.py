@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
 
 
 class Clock(NamedTuple):

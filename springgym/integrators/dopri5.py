@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Mask, Number, Numbers, Rows
+from springgym.core.lanes import any_lane, load, select, sqrt, store
+from springgym.core.vectors import choose, dot, row, set_row
 from springgym.forces import derivative
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.springs import longest_spring
 from springgym.integrators.record import REJECTIONS, STEPS, Integrator
-from springgym.kinds import Ledger, Mask, Number, Numbers, Rows
-from springgym.lanes import any_lane, load, select, sqrt, store
-from springgym.vectors import choose, dot, row, set_row
 
 if TYPE_CHECKING:
     from springgym.forces import Terms

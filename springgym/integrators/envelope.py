@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.blocks import aligned_zeros
-from springgym.compiling import compiled
-from springgym.kinds import Number, Rows, Vector
-from springgym.vectors import cross, dot, row, set_row, vec
+from springgym.core.blocks import aligned_zeros
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Number, Rows, Vector
+from springgym.core.vectors import cross, dot, row, set_row, vec
 
 
 class Envelope(NamedTuple):

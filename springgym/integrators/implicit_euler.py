@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Rows
 from springgym.forces import act, actuate
 from springgym.integrators.newton import copy_rows, record_losses, solve_stage
 from springgym.integrators.record import Integrator
-from springgym.kinds import Ledger, Rows
 
 if TYPE_CHECKING:
     from springgym.forces import Terms

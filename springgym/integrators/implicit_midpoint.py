@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Rows
+from springgym.core.vectors import row, set_row
 from springgym.forces import act, actuate
 from springgym.integrators.newton import copy_rows, record_losses, solve_stage
 from springgym.integrators.record import Integrator
-from springgym.kinds import Ledger, Rows
-from springgym.vectors import row, set_row
 
 if TYPE_CHECKING:
     from springgym.forces import Terms

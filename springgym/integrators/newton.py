@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Rows
+from springgym.core.lanes import any_lane, load, select, store
+from springgym.core.vectors import choose, dot, row, set_row, vec
 from springgym.forces import accelerate_and_damp
 from springgym.forces.springs import longest_spring, pull_jacobian
 from springgym.integrators.envelope import add, block, factorise, set_block, solve, subtract
 from springgym.integrators.record import ITERATIONS
-from springgym.kinds import Ledger, Number, Rows
-from springgym.lanes import any_lane, load, select, store
-from springgym.vectors import choose, dot, row, set_row, vec
 
 if TYPE_CHECKING:
     from springgym.forces import Particles, Terms

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Rows
 from springgym.forces import accelerate, actuate, drift
 from springgym.integrators.record import Integrator
 from springgym.integrators.splitting import kick_and_act
-from springgym.kinds import Ledger, Number, Rows
 
 if TYPE_CHECKING:
     from springgym.forces import Terms

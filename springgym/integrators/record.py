@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym import checks
-from springgym.blocks import aligned_zeros
+from springgym.core.blocks import aligned_zeros
+from springgym.core.ragged import stacked
 from springgym.integrators.envelope import envelope
-from springgym.ragged import stacked
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Rows
+from springgym.core.vectors import add_scaled, plus_scaled, row, set_row
 from springgym.forces import derivative, settle
 from springgym.integrators.record import Integrator
-from springgym.kinds import Ledger, Number, Rows
-from springgym.vectors import add_scaled, plus_scaled, row, set_row
 
 if TYPE_CHECKING:
     from springgym.forces import Terms

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Rows
+from springgym.core.lanes import load
+from springgym.core.vectors import add_row, row, set_row
 from springgym.forces import accelerate_and_damp, act, actuate
 from springgym.forces.springs import pull_jacobian
 from springgym.integrators.envelope import apply, solve
 from springgym.integrators.newton import assemble, record_losses
 from springgym.integrators.record import Integrator
-from springgym.kinds import Ledger, Number, Rows
-from springgym.lanes import load
-from springgym.vectors import add_row, row, set_row
 
 if TYPE_CHECKING:
     from springgym.forces import Particles, Terms

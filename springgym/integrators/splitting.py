@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Rows
 from springgym.forces import act, kick
-from springgym.kinds import Ledger, Number, Rows
 
 if TYPE_CHECKING:
     from springgym.forces import Terms

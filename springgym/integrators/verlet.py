@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Rows
+from springgym.core.lanes import bodies_of, load, of_body
 from springgym.forces import (
     act,
     actuate,
@@ -37,8 +39,6 @@ from springgym.forces.together import (
     resume_tally,
 )
 from springgym.integrators.record import Integrator
-from springgym.kinds import Ledger, Number, Rows
-from springgym.lanes import bodies_of, load, of_body
 
 if TYPE_CHECKING:
     from springgym.forces import Terms

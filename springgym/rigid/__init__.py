@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from springgym.blocks import set_copies
+from springgym.core.blocks import set_copies
 from springgym.integrators.record import Integrator
 from springgym.rigid.contact import LOADS
 from springgym.rigid.motion import Rigid, kernel_reading

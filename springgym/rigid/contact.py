@@ -18,7 +18,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Mask, Number, Rows, Vector
+from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, store
+from springgym.core.vectors import TINY, choose, cross, dot, plus_scaled, row, set_row, vec
 from springgym.forces.barrier import (
     FOUND,
     coefficient,
@@ -32,12 +35,9 @@ from springgym.forces.barrier import (
 from springgym.forces.ledger import CONTACT, FRICTION, WORK, record
 from springgym.forces.memory import HELD, halve
 from springgym.forces.node import lifted
-from springgym.kinds import Ledger, Mask, Number, Rows, Vector
-from springgym.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, store
 from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
 from springgym.rigid.rotation import product, rotation_vector
-from springgym.vectors import TINY, choose, cross, dot, plus_scaled, row, set_row, vec
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Thrust, Wrench

@@ -16,11 +16,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from springgym.compiling import compiled
-from springgym.kinds import Number, Numbers, Vector
-from springgym.lanes import load
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Number, Numbers, Vector
+from springgym.core.lanes import load
+from springgym.core.vectors import dot, vec, vector
 from springgym.rigid.rotation import normalised, product, rotation_vector, sine_cosine, turn
-from springgym.vectors import dot, vec, vector
 
 if TYPE_CHECKING:
     from springgym.rigid.motion import Rigid

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
+from springgym.core.vectors import cross, dot, row, vector
 from springgym.forces.ledger import WORK, record
-from springgym.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.rigid.flight import State, angular_velocity, combine, components
 from springgym.rigid.rotation import turn, turn_back
-from springgym.vectors import cross, dot, row, vector
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Thrust, Wrench

@@ -19,18 +19,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from springgym.blocks import at
-from springgym.compiling import compiled, kernel
+from springgym.core.blocks import at
+from springgym.core.compiling import compiled, kernel
+from springgym.core.kinds import Ledger, Number, Numbers, Rows
+from springgym.core.lanes import bodies_of, load, of_body
+from springgym.core.vectors import angular_momentum, cross, mass_centre, row, set_row, triad, vec
 from springgym.forces.memory import PHASE, remember, resume, share_actions
 from springgym.forces.node import span_of
 from springgym.integrators.clock import Clock, tick
 from springgym.integrators.record import Phase
-from springgym.kinds import Ledger, Number, Numbers, Rows
-from springgym.lanes import bodies_of, load, of_body
 from springgym.rigid.contact import LOADS, clearance, pass_node, reach_node, read_node, set_loads
 from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import kick, rows
-from springgym.vectors import angular_momentum, cross, mass_centre, row, set_row, triad, vec
 
 if TYPE_CHECKING:
     from springgym.forces import Terms

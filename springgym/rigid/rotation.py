@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from springgym.compiling import compiled
-from springgym.kinds import Number, Vector
-from springgym.lanes import nearest, sqrt
-from springgym.vectors import TINY, cross, dot, vec
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Number, Vector
+from springgym.core.lanes import nearest, sqrt
+from springgym.core.vectors import TINY, cross, dot, vec
 
 PI_HIGH = 3.1415925025939941  # 22 bits: a few times it is exact
 PI_LOW = 1.5099579909783765e-07

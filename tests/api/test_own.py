@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from springgym import Placed, Scene, Simulator
-from springgym.blocks import block_array
 from springgym.bodies import Body, cube, rope, top
-from springgym.compiling import compiled, kernel
+from springgym.core.blocks import block_array
+from springgym.core.compiling import compiled, kernel
+from springgym.core.vectors import add_row, dot, row, vector
 from springgym.forces import accelerate, drift, kick
 from springgym.integrators import METHODS, integrator, register
 from springgym.integrators.record import Integrator
 from springgym.own_forces import OfBody, add_own_forces, own_energy
 from springgym.scene import DriveActuator
-from springgym.vectors import add_row, dot, row, vector
 
 
 class Tether(NamedTuple):
@@ -202,7 +202,7 @@ class Short(NamedTuple):
         (lambda: Scene(CUBE, forces=PULLED[0]), TypeError, "it must be a tuple of forces"),
         (lambda: Scene(CUBE, forces=(3,)), TypeError, r"forces\[0\] is 3; it must be a named tuple"),
         (lambda: Scene(CUBE, forces=(Bare(1),)), TypeError, r"no function add\(x, force, own\)"),
-        (lambda: Scene(CUBE, forces=(Uncompiled(1),)), TypeError, "springgym.compiling.compiled"),
+        (lambda: Scene(CUBE, forces=(Uncompiled(1),)), TypeError, "springgym.core.compiling.compiled"),
         (
             lambda: Scene(CUBE, forces=(Short(1),)),
             TypeError,

@@ -16,11 +16,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from springgym import compiling
 from springgym import simulator as module
-from springgym.blocks import to_copies
 from springgym.bodies import cube, rope, top
-from springgym.compiling import SameTypes, kernel
+from springgym.core import compiling
+from springgym.core.blocks import to_copies
+from springgym.core.compiling import SameTypes, kernel
 from springgym.measures import OFFSETS, Measures
 from springgym.packing import PARAMETERS as VARYING
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator

@@ -8,7 +8,7 @@ from unittest import mock
 import numpy as np
 
 from springgym import packing
-from springgym.blocks import to_copies
+from springgym.core.blocks import to_copies
 from springgym.forces.pairs.terms import ENTRIES, Pairs
 from springgym.packing import pack_pairs
 from springgym.scene import Scene

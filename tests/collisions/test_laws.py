@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.blocks import aligned_zeros, block_dtype
-from springgym.compiling import kernel
+from springgym.core.blocks import aligned_zeros, block_dtype
+from springgym.core.compiling import kernel
+from springgym.core.lanes import load, store
 from springgym.forces.node import Span
 from springgym.forces.pairs.law import meet
-from springgym.lanes import load, store
 
 COUNT, REACH, STEP = 4096, 0.0173, 5.5e-4
 MIDST, START = Span(STEP / 2, STEP / 2, STEP), Span(0.0, STEP / 2, STEP / 2)

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.blocks import at, block_array, numbers, set_all
 from springgym.bodies import ball, top
-from springgym.compiling import kernel
+from springgym.core.blocks import at, block_array, numbers, set_all
+from springgym.core.compiling import kernel
 from springgym.forces.node import Span
 from springgym.forces.pairs.search import SPARE, find
 from springgym.packing import pack_room

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from springgym.blocks import at, block_array, numbers
-from springgym.compiling import compiled, kernel
+from springgym.core.blocks import at, block_array, numbers
+from springgym.core.compiling import compiled, kernel
+from springgym.core.lanes import load, minimum, sqrt
+from springgym.core.vectors import TINY, dot, plus_scaled, row, row_each, set_row, set_row_each
 from springgym.forces import Particles, Terms, accelerate, drift, kick, relax
 from springgym.forces.node import Span
 from springgym.forces.pairs.friction import TURNS, rub
@@ -19,11 +21,9 @@ from springgym.forces.pairs.impulses import account, prepare, sweep, taper
 from springgym.forces.pairs.search import find
 from springgym.forces.pairs.terms import ENTRIES, GAP, Pairs
 from springgym.forces.springs import Dampers, Decay, Springs, decay
-from springgym.lanes import load, minimum, sqrt
 from springgym.packing import Options, pack_pairs, pack_room
 from springgym.scene import Scene
 from springgym.stability import automatic_step
-from springgym.vectors import TINY, dot, plus_scaled, row, row_each, set_row, set_row_each
 
 NOTHING, BLIND, UNTAPERED, SINGLE, PLAIN = range(5)
 """What is left out on purpose: nothing, the history of signs, the force of the share's gradient, the second

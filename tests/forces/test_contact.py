@@ -11,9 +11,9 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from springgym.bodies import Body, cube, rigid_velocities, rotation
-from springgym.compiling import kernel
+from springgym.core.compiling import kernel
+from springgym.core.lanes import block_dtype, load, store
 from springgym.forces.barrier import decay_means
-from springgym.lanes import block_dtype, load, store
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, Plane, floor, incline, scales

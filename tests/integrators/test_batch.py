@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.blocks import set_all
+from springgym.core.blocks import set_all
 from springgym.integrators import METHODS, integrator
 from springgym.simulator import SimulationDivergedError
 from tests.integrators.problems import simulator, tetrahedron

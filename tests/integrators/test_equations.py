@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import pytest
 
-from springgym.blocks import block_array, numbers
+from springgym.core.blocks import block_array, numbers
 from springgym.integrators.envelope import envelope, solve
 from springgym.integrators.newton import assemble
 from springgym.simulator import Simulator

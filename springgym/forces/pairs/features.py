@@ -20,10 +20,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from springgym.compiling import compiled
-from springgym.forces.pairs.terms import FAR, NONE, Near, Search, Touch
-from springgym.kinds import Mask, Number, Numbers
-from springgym.lanes import (
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Mask, Number, Numbers
+from springgym.core.lanes import (
     any_lane,
     epsilon,
     load,
@@ -35,7 +34,7 @@ from springgym.lanes import (
     store,
     store_each,
 )
-from springgym.vectors import (
+from springgym.core.vectors import (
     TINY,
     choose,
     cross,
@@ -47,6 +46,7 @@ from springgym.vectors import (
     unit,
     vec,
 )
+from springgym.forces.pairs.terms import FAR, NONE, Near, Search, Touch
 
 TIE, ROUGH = 1e-6, 8192.0
 """Share of h² in the key of a triangle, and what each `epsilon` adds: 1e-3 in single precision."""

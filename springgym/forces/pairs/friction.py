@@ -15,11 +15,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from springgym.compiling import compiled
-from springgym.forces.pairs.terms import FRICTION, spend, tell
-from springgym.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
-from springgym.vectors import (
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
+from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
+from springgym.core.vectors import (
     TINY,
     choose,
     cross,
@@ -33,6 +32,7 @@ from springgym.vectors import (
     set_row_each,
     vec,
 )
+from springgym.forces.pairs.terms import FRICTION, spend, tell
 
 if TYPE_CHECKING:
     from springgym.forces import Particles

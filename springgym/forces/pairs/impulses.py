@@ -19,7 +19,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
+from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store, store_each
+from springgym.core.vectors import (
+    TINY,
+    choose,
+    cross,
+    dot,
+    plus_scaled,
+    row,
+    row_each,
+    set_row,
+    set_row_each,
+    vec,
+)
 from springgym.forces.pairs.features import TAPER, smooth
 from springgym.forces.pairs.friction import lay_out
 from springgym.forces.pairs.law import energy, meet
@@ -36,20 +50,6 @@ from springgym.forces.pairs.terms import (
     TOUCHING,
     spend,
     tell,
-)
-from springgym.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store, store_each
-from springgym.vectors import (
-    TINY,
-    choose,
-    cross,
-    dot,
-    plus_scaled,
-    row,
-    row_each,
-    set_row,
-    set_row_each,
-    vec,
 )
 
 if TYPE_CHECKING:

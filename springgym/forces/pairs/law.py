@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from springgym.compiling import compiled
-from springgym.kinds import Mask, Number
-from springgym.lanes import any_lane, maximum, minimum, select, sqrt
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Mask, Number
+from springgym.core.lanes import any_lane, maximum, minimum, select, sqrt
 
 ROUNDS = 30
 """Most rounds of Newton's method for a height; it squares the error each time."""

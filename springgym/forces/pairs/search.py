@@ -11,7 +11,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from springgym.compiling import compiled
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Number, Rows, Vector
+from springgym.core.lanes import any_lane, load, maximum, minimum, select, sqrt, store
+from springgym.core.vectors import (
+    TINY,
+    choose,
+    cross,
+    dot,
+    row,
+    row_each,
+    set_row,
+    unit,
+    vec,
+)
 from springgym.forces.pairs.features import (
     ball_ball,
     begin,
@@ -25,19 +38,6 @@ from springgym.forces.pairs.features import (
     vertex_rods,
 )
 from springgym.forces.pairs.terms import FAR, NONE, Near, Search
-from springgym.kinds import Number, Rows, Vector
-from springgym.lanes import any_lane, load, maximum, minimum, select, sqrt, store
-from springgym.vectors import (
-    TINY,
-    choose,
-    cross,
-    dot,
-    row,
-    row_each,
-    set_row,
-    unit,
-    vec,
-)
 
 SPARE = 1.05
 """Contacts are looked for up to this many Δ, and farther by the way of half a step."""

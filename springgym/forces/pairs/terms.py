@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.blocks import aligned_zeros
 from springgym.collisions import Meeting, Shape
-from springgym.compiling import compiled
-from springgym.kinds import Number, Numbers
-from springgym.lanes import load, store
+from springgym.core.blocks import aligned_zeros
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Number, Numbers
+from springgym.core.lanes import load, store
 
 FAR = 1e9
 """Distance [m] of what is no contact, in a lane where another copy has one."""

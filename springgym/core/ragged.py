@@ -1,7 +1,7 @@
 """Values of several bodies in one array: how they are put together, and each body's view of them.
 
 What bodies have is stored one body after another: `Ragged` arrays of rows, `Each` numbers. Compiled code
-sees one body's share of nested tuples of them, as if there were no other, see `springgym.lanes.of_body`. In a
+sees one body's share of nested tuples of them, as if there were no other, see `springgym.core.lanes.of_body`. In a
 scene of one body nothing is `Ragged` or `Each`.
 """
 
@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from springgym.blocks import aligned_zeros
-from springgym.lanes import Each, Ragged
+from springgym.core.blocks import aligned_zeros
+from springgym.core.lanes import Each, Ragged
 
 
 def stacked(terms: Sequence[Any], blocks: bool = True) -> Any:

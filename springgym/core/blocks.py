@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from springgym.lanes import at as at
-from springgym.lanes import block_dtype
+from springgym.core.lanes import at as at
+from springgym.core.lanes import block_dtype
 
 WIDTH = {np.dtype(np.float64): 16, np.dtype(np.float32): 32}
 """Copies in a block of a batch: two AVX-512 registers, four of AVX2. While one of a pair waits for the result

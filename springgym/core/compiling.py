@@ -6,7 +6,7 @@ only kernels call; it is stored inside the kernels that use it.
 Numba's own cache looks at the file of the cached function alone, so an edit in a file it *calls* would
 silently run the old physics, and its index can be torn by two processes that compile at once. Here a
 cache entry is one file, named by a hash over everything it depends on: the code of all functions the kernel
-is compiled from with the constants that they name (`springgym.code_digest`), the argument types, the CPU,
+is compiled from with the constants that they name (`springgym.core.code_digest`), the argument types, the CPU,
 the versions of Python, NumPy and Numba, and those of Numba's settings that change the code. Nothing is ever
 invalidated or locked; other code, another name. What has no digest is compiled anew by each process. Numba's
 settings are not touched. An entry is code of this machine: its folder must be one's own.
@@ -40,7 +40,7 @@ import numpy as np
 from numba.core import sigutils
 from numba.extending import is_jitted, models, register_model
 
-from springgym.code_digest import NotHashable, digest
+from springgym.core.code_digest import NotHashable, digest
 
 if numba.config.DISABLE_JIT:
     raise ImportError("springgym computes on LLVM values, for which it is compiled: unset NUMBA_DISABLE_JIT")

@@ -1,7 +1,7 @@
 """`Vec`: three numbers of every copy as one value, with ``+``, ``-`` and ``*`` as on paper.
 
 In compiled functions ``u + w``, ``u - w``, ``s * u`` and ``-u`` act component by component, and each
-operation is rounded, as in the same formula on numbers; `springgym.vectors.plus_scaled` rounds a product and
+operation is rounded, as in the same formula on numbers; `springgym.core.vectors.plus_scaled` rounds a product and
 a sum once. ``u[0]`` is a component. All copies share a vector of plain numbers; mixing it with `Lanes`
 broadcasts.
 """
@@ -17,7 +17,7 @@ from numba import types
 from numba.core.typing.templates import AbstractTemplate, infer, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from springgym.lanes import Lanes, as_lanes
+from springgym.core.lanes import Lanes, as_lanes
 
 
 class Vec(types.Type):

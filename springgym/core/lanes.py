@@ -11,7 +11,7 @@ small batches are as fast as large ones, and since the operations are IEEE and e
 every width gives the same bits. `multiply_add` is IEEE's fused operation: processors since 2013 have it.
 
 What springgym tells Numba's compiler of values is here: its types, its intrinsics, the address of a block;
-how functions are compiled is in `springgym.compiling`. It needs more of Numba than its public interface, and
+how functions are compiled is in `springgym.core.compiling`. It needs more of Numba than its public interface, and
 nothing could stand in for it: hence the upper bound on Numba in ``pyproject.toml``.
 """
 
@@ -28,8 +28,8 @@ from numba.core import cgutils, config
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from springgym.compiling import compiled
-from springgym.kinds import Number
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Number
 
 
 def block_dtype(dtype: Any, width: int) -> np.dtype[Any]:

@@ -1,6 +1,6 @@
 """What compiled functions take, in names for the reader: Numba finds the types itself, call by call.
 
-One source serves one copy and a block of them (`springgym.lanes`): a number is a float, or one of each copy.
+One source serves one copy and a block of them (`springgym.core.lanes`): a number is a float, or one of each copy.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ Mask: TypeAlias = Any
 """True or false, or one of it for each copy of a block."""
 
 Vector: TypeAlias = Any
-"""A `springgym.vec.Vec` of three numbers; or a tuple of w, x, y, z, a quaternion."""
+"""A `springgym.core.vec.Vec` of three numbers; or a tuple of w, x, y, z, a quaternion."""
 
 Numbers: TypeAlias = Any
 """An array of numbers: `load` and `store` take one."""

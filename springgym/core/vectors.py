@@ -1,4 +1,4 @@
-"""Linear algebra on vectors in compiled code (`springgym.vec.Vec`), and rows of arrays as vectors."""
+"""Linear algebra on vectors in compiled code (`springgym.core.vec.Vec`), and rows of arrays as vectors."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from springgym.compiling import compiled
-from springgym.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.lanes import epsilon as epsilon
-from springgym.lanes import load, load_each, multiply_add, select, sqrt, store, store_each
-from springgym.vec import vec as vec
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
+from springgym.core.lanes import epsilon as epsilon
+from springgym.core.lanes import load, load_each, multiply_add, select, sqrt, store, store_each
+from springgym.core.vec import vec as vec
 
 TINY = 1e-30  # added to a squared length: keeps 1/length finite at zero, and changes no other length
 

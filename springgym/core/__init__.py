@@ -1,0 +1,30 @@
+"""Compiled code: values of many copies at once, vectors of them, and how functions are compiled and kept.
+
+Only this package knows the inside of Numba. A force, a surface or a method of one's own takes its words from
+here: `compiled` makes a function part of the step, `row`, `vector` and `vec` give vectors, on which `+`, `-`, `*`
+and `dot` act as on paper, and `select` decides copy by copy.
+"""
+
+from springgym.core.compiling import compiled
+from springgym.core.lanes import any_lane, load, maximum, minimum, select, sqrt, store
+from springgym.core.vectors import add_row, cross, dot, plus_scaled, row, set_row, unit, vec, vector
+
+__all__ = [
+    "add_row",
+    "any_lane",
+    "compiled",
+    "cross",
+    "dot",
+    "load",
+    "maximum",
+    "minimum",
+    "plus_scaled",
+    "row",
+    "select",
+    "set_row",
+    "sqrt",
+    "store",
+    "unit",
+    "vec",
+    "vector",
+]
