@@ -25,9 +25,7 @@ from springgym.core.compiling import compiled, kernel
 
 BASE = {
     "constants": "K = 1.0\n",
-    "deep": (
-        "from springgym.core.compiling import compiled\nDEEP = 1\n@compiled\ndef deep(a):\n    return a * DEEP\n"
-    ),
+    "deep": ("from springgym.core import compiled\nDEEP = 1\n@compiled\ndef deep(a):\n    return a * DEEP\n"),
     "main": (
         "import numpy as np\n"
         "import constants\n"

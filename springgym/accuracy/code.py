@@ -14,18 +14,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1]
 
 CORE = (
-    *(
-        "dynamics",
-        "guard",
-        "materials",
-        "measures",
-        "own_forces",
-        "packing",
-        "scene",
-        "simulator",
-        "stability",
-    ),
-    "surfaces",
+    *("dynamics", "guard", "materials", "measures", "own_forces", "packing"),
+    *("scene", "simulator", "stability", "surfaces"),
 )
 
 PARTS: Mapping[str, tuple[str, ...]] = {

@@ -1,6 +1,7 @@
 """What compiled functions take, in names for the reader: Numba finds the types itself, call by call.
 
-One source serves one copy and a block of them (`springgym.core.lanes`): a number is a float, or one of each copy.
+One source serves one copy and a block of them (`springgym.core.lanes`): a number is a float, or one of each
+copy.
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ small batches are as fast as large ones, and since the operations are IEEE and e
 every width gives the same bits. `multiply_add` is IEEE's fused operation: processors since 2013 have it.
 
 What springgym tells Numba's compiler of values is here: its types, its intrinsics, the address of a block;
-how functions are compiled is in `springgym.core.compiling`. It needs more of Numba than its public interface, and
-nothing could stand in for it: hence the upper bound on Numba in ``pyproject.toml``.
+how functions are compiled is in `springgym.core.compiling`. It needs more of Numba than its public interface,
+and nothing could stand in for it: hence the upper bound on Numba in ``pyproject.toml``.
 """
 
 from __future__ import annotations

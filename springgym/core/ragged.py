@@ -1,8 +1,8 @@
 """Values of several bodies in one array: how they are put together, and each body's view of them.
 
 What bodies have is stored one body after another: `Ragged` arrays of rows, `Each` numbers. Compiled code
-sees one body's share of nested tuples of them, as if there were no other, see `springgym.core.lanes.of_body`. In a
-scene of one body nothing is `Ragged` or `Each`.
+sees one body's share of nested tuples of them, as if there were no other, see `springgym.core.lanes.of_body`.
+In a scene of one body nothing is `Ragged` or `Each`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """`Vec`: three numbers of every copy as one value, with ``+``, ``-`` and ``*`` as on paper.
 
 In compiled functions ``u + w``, ``u - w``, ``s * u`` and ``-u`` act component by component, and each
-operation is rounded, as in the same formula on numbers; `springgym.core.vectors.plus_scaled` rounds a product and
-a sum once. ``u[0]`` is a component. All copies share a vector of plain numbers; mixing it with `Lanes`
+operation is rounded, as in the same formula on numbers; `springgym.core.vectors.plus_scaled` rounds a product
+and a sum once. ``u[0]`` is a component. All copies share a vector of plain numbers; mixing it with `Lanes`
 broadcasts.
 """
 
