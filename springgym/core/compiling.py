@@ -8,8 +8,8 @@ silently run the old physics, and its index can be torn by two processes that co
 cache entry is one file, named by a hash over everything it depends on: the code of all functions the kernel
 is compiled from with the constants that they name (`springgym.core.code_digest`), the argument types, the
 CPU, the versions of Python, NumPy and Numba, and those of Numba's settings that change the code. Nothing is
-ever invalidated or locked; other code, another name. What has no digest is compiled anew by each process. Numba's
-settings are not touched. An entry is code of this machine: its folder must be one's own.
+ever invalidated or locked; other code, another name. What has no digest is compiled anew by each process.
+Numba's settings are not touched. An entry is code of this machine: its folder must be one's own.
 
 The cache needs a few things of Numba that are not of its public interface: `INSIDE` names them. Where a
 version of Numba lacks one, a warning says so, every process compiles anew, and results are the same.
