@@ -40,7 +40,7 @@ from springgym.forces.together import Bodies
 from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
 from springgym.scene import DriveActuator, Scene
-from springgym.surfaces import Bowl, Contact, PaperContact, Plane, impact_damping, oblique, scales
+from springgym.surfaces import Bowl, Contact, PaperContact, Plane, loss_of, oblique, scales
 
 
 class Parameter(NamedTuple):
@@ -66,7 +66,7 @@ PARAMETERS = {
     "lengths": Parameter(TINY, HUGE, "springs", lambda terms: _of(terms.springs, "length")),
     "gravity": Parameter(-HUGE, HUGE, "axes", lambda terms: terms.gravity),
     "friction": Parameter(0.0, HUGE, "scene", lambda terms: terms.friction),
-    "restitution": Parameter(0.0, 1.0, "scene", lambda terms: terms.impact_damping),
+    "restitution": Parameter(0.0, 1.0, "scene", lambda terms: terms.loss),
     "strength": Parameter(TINY, HUGE, "bodies", lambda terms: _of(terms.planes or terms.bowl, "strength")),
 }
 """Parameters by name. Where each is stored is said here alone; what follows from some is set by `vary`."""
@@ -141,10 +141,10 @@ def _shared(scene: Scene, options: Options) -> Terms:
             None,  # type: ignore[arg-type]
             gravity=gravity,
             friction=kept.get("friction"),
-            impact_damping=kept.get("restitution"),
+            loss=kept.get("restitution"),
             own=tuple(own) or None,
         )
-    planes = bowl = friction = damping = law = None
+    planes = bowl = friction = loss = law = None
     nothing = np.zeros(1)
     if isinstance(surfaces[0], Bowl):
         bowl = HollowSphere(np.array(surfaces[0].centre), surfaces[0].radius, nothing, 0.0)
@@ -160,16 +160,14 @@ def _shared(scene: Scene, options: Options) -> Terms:
             raise ValueError("'restitution' cannot vary: the paper's contact has none")
         law = PaperLaw(contact.damping, options.step)
     elif contact.restitution < 1 or "restitution" in varying:
-        damping = options.parameter(
-            {"restitution"}, impact_damping([contact.restitution], contact.impact_speed)
-        )
+        loss = options.parameter({"restitution"}, loss_of([contact.restitution]))
     return Terms(
         None,  # type: ignore[arg-type]
         gravity=gravity,
         planes=planes,
         bowl=bowl,
         friction=friction,
-        impact_damping=damping,
+        loss=loss,
         paper_law=law,
         own=tuple(own) or None,
     )
@@ -252,9 +250,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
     shapes = [shape_of(body) for body in bodies]
     places = [body.positions for body in bodies]
     frictions = np.array([of.contact.friction for of in met])
-    damping = np.concatenate(
-        [impact_damping([of.contact.restitution], of.contact.impact_speed) for of in met]
-    )
+    loss = loss_of([of.contact.restitution for of in met])
     varying = options.varying if any(_as_the_scene_says(scene)) else frozenset()
     rubs = frictions.any() or "friction" in varying
     loses = any(of.contact.restitution < 1 for of in met) or "restitution" in varying
@@ -265,7 +261,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         parallel=np.array([parallel(of, shapes, places) for of in met]),
         strength=np.array([of.strength for of in met]),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
-        damping=options.parameter({"restitution"} & varying, damping) if loses else None,
+        loss=options.parameter({"restitution"} & varying, loss) if loses else None,
         shapes=packed_shapes(shapes, [own.start for own in scene.slices]),
         most=most_contacts(met, shapes)[0],
     )
@@ -296,7 +292,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
     return Bodies(
         a=rows(),
         b=rows(),
-        space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype), rows()),
+        space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype)),
         w=rows(),
         met=Ragged(aligned_zeros((count,), dtype), particles),
         touched=Ragged(np.zeros(count, bool), particles),
@@ -309,7 +305,6 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
         rub=rows(),
         force=rows(),
         stirred=np.zeros(len(scene.bodies), bool),
-        bowed=aligned_zeros((len(scene.bodies),), dtype),
         room=pack_room(scene, pairs, dtype),
     )
 
@@ -460,12 +455,9 @@ def vary_pairs(meets: Meets | None, scene: Scene, index: np.ndarray, given: Mapp
     if meets is None or not isinstance(contact, Contact) or not any(_as_the_scene_says(scene)):
         return
     of = np.array(_as_the_scene_says(scene))
-    for name, array in (("friction", meets.pairs.friction), ("restitution", meets.pairs.damping)):
+    for name, array in (("friction", meets.pairs.friction), ("restitution", meets.pairs.loss)):
         if name in given and array is not None:
-            value = given[name]
-            if name == "restitution":
-                each, copy = np.unique(value, return_inverse=True)
-                value = impact_damping(each, contact.impact_speed)[copy]
+            value = loss_of(given[name]) if name == "restitution" else given[name]
             rows = get_copies(array, index)
             rows[:, of] = value[:, None]
             set_copies(array, index, rows)
@@ -483,12 +475,11 @@ def vary(
     shapes
         `rigid.shape_values` of each copy in rigid dynamics, if masses are given.
     """
-    terms, contact = packed.terms, packed.scene.contact
+    terms = packed.terms
     renew(packed, index)
     for name, value in given.items():
-        if name == "restitution" and isinstance(contact, Contact):
-            each, copy = np.unique(value, return_inverse=True)
-            value = impact_damping(each, contact.impact_speed)[copy]
+        if name == "restitution":
+            value = loss_of(value)
         if PARAMETERS[name].extent in ("scene", "bodies"):
             value = value[:, None]
         elif PARAMETERS[name].extent == "springs":

@@ -10,7 +10,6 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.checks import TINY, array, direction, number
-from springgym.theory.contact import damping_for_restitution
 
 REACH = 0.01
 """The default reach Δ of contact, as a share of `Body.swept`."""
@@ -18,8 +17,13 @@ REACH = 0.01
 NEAREST = 1e-3
 """The least height to start at, as a share of Δ: below it the barrier's energy c/h has no sensible bound."""
 
-LEAST_RESTITUTION = 1e-4
-"""A lower restitution is taken as this one: no finite loss stops a particle dead."""
+SOFTEST, STIFFEST = 0.005, 0.05
+"""The least and the largest strength c of contact that is derived, as shares of k Δ³. At the edge of the
+barrier contact is 2 c/Δ³ stiff: a hundredth or a tenth of a spring, lest impacts ring the springs."""
+
+IMPACT = 10.0
+"""Between these, the derived c is the least at which a corner of a block that strikes at this speed [m/s]
+stays a tenth of Δ away."""
 
 
 @dataclass(frozen=True)
@@ -86,11 +90,10 @@ class Contact:
     friction
         μ, static and kinetic; 0 for ice.
     restitution
-        Rebound speed over impact speed, 0 … 1, at the ``impact_speed`` [m/s]; nearer to 1 for slower
-        impacts, as of real bodies.
+        Rebound speed over impact speed, 0 … 1, at every speed above `springgym.contact.law.SLOW`; what is
+        slower comes to rest.
     strength, reach
-        c [N·m²] and Δ [m]. By default Δ is `REACH` of `Body.swept`, and c = k Δ³/2 with the largest
-        stiffness k of its springs: the edge of the barrier is then as stiff as the body.
+        c [N·m²] and Δ [m]. By default Δ is `REACH` of `Body.swept`, and c is `derived_strength`.
 
     Raises
     ------
@@ -100,12 +103,11 @@ class Contact:
 
     friction: float = 0.0
     restitution: float = 1.0
-    impact_speed: float = 1.0
     strength: float | None = None
     reach: float | None = None
 
     def __post_init__(self) -> None:
-        _check(self, ("friction",), ("strength", "reach", "impact_speed"))
+        _check(self, ("friction",), ("strength", "reach"))
         object.__setattr__(self, "restitution", number("restitution", self.restitution, 0.0, 1.0))
 
 
@@ -140,19 +142,35 @@ def _check(contact: Any, not_negative: tuple[str, ...], positive: tuple[str, ...
             object.__setattr__(contact, name, number(f"{name} of the contact", value, low))
 
 
-def impact_damping(restitution: Any, speed: float) -> np.ndarray:
-    """d [s/m] of the barrier's loss that gives restitutions (…) at an impact speed [m/s].
+def loss_of(restitution: Any) -> np.ndarray:
+    """Return β of the law of contact that gives restitutions (…), see `springgym.contact.law`.
 
     Raises
     ------
     TypeError, ValueError
         If a restitution is not a number in [0, 1].
     """
-    values = array("restitution", restitution, (), (None,), high=1.0, low=0.0)
-    found = [
-        damping_for_restitution(e, speed) for e in np.maximum(values, LEAST_RESTITUTION).ravel().tolist()
-    ]
-    return np.reshape(found, values.shape)
+    square = array("restitution", restitution, (), (None,), high=1.0, low=0.0) ** 2
+    return np.asarray((1.0 - square) / (1.0 + square))
+
+
+def derived_strength(stiffness: float, mass: float, reach: float) -> float:
+    """Return c [N·m²] where none is given.
+
+    A corner of a block counts as a quarter of its mass, or less; of ½ (m/4) v² = c (Δ − h)²/(h Δ²) and
+    h = Δ/10 follows c = m v² Δ/64.8. It is kept between `SOFTEST` and `STIFFEST` of k Δ³.
+
+    Parameters
+    ----------
+    stiffness
+        k [N/m]: of the stiffest spring, of the softer body.
+    mass
+        m [kg]: of the body, or the reduced mass of two.
+    reach
+        Δ [m]
+    """
+    edge = stiffness * reach**3
+    return min(max(mass * IMPACT**2 * reach / 64.8, SOFTEST * edge), STIFFEST * edge)
 
 
 def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
@@ -167,7 +185,7 @@ def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
     if reach is None:
         reach = REACH * body.swept
     if strength is None:
-        strength = 0.5 * float(body.stiffness.max(initial=0.0)) * reach**3
+        strength = derived_strength(float(body.stiffness.max(initial=0.0)), body.mass, reach)
     if not (reach > 0 and strength > 0):
         raise ValueError(
             f"body {body.name!r} has no size or no springs to derive the contact from; "

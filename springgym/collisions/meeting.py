@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from springgym.bodies import Body
 from springgym.checks import instance, shown, whole
 from springgym.collisions.shape import check_shape
-from springgym.surfaces import REACH, Contact, PaperContact
+from springgym.surfaces import REACH, Contact, PaperContact, derived_strength
 
 ALL = "all"
 
@@ -24,7 +24,8 @@ class Pair:
         Names of the bodies, or their numbers.
     contact
         How they meet; as the scene's contact says if not given. Its Δ is by default `REACH` of the smaller
-        body's `Body.swept`, and c = k Δ³/2 with the softer body's largest stiffness k.
+        body's `Body.swept`, and c the `derived_strength` of the softer body's largest stiffness and the
+        reduced mass.
 
     Raises
     ------
@@ -137,7 +138,8 @@ def _meeting(i: int, j: int, contact: Any, bodies: Sequence[Named]) -> Meeting:
             check_shape(named.name, named.body, reach)
     if strength is None:
         stiff = [float(of.body.stiffness.max()) for of in pair if len(of.body.springs)]
-        strength = 0.5 * min(stiff, default=0.0) * reach**3
+        inverse = sum(1 / of.body.mass for of in pair if of.moves)
+        strength = derived_strength(min(stiff, default=0.0), 1 / inverse if inverse else 0.0, reach)
     if not (reach > 0 and strength > 0):
         raise ValueError(
             f"{called} have no size or no springs to derive their contact from; give the contact of the pair "

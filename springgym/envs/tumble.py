@@ -133,7 +133,7 @@ class SpringTumble(Task):
         hard: bool = False,
     ) -> None:
         super().__init__(observation, action)
-        self.contact = Contact(friction=friction, restitution=0.3, impact_speed=3.0)
+        self.contact = Contact(friction=friction, restitution=0.3)
         self.force, self.torque = (WEAK_FORCE, WEAK_TORQUE) if flag("hard", hard) else (FORCE, TORQUE)
         self.farthest = 2.0 if hard else 1.2
         self.body: Body = from_points(CORNERS, MASSES, CENTRE_MASS, stiffness=1e5, damping=30.0)

@@ -61,8 +61,8 @@ class Terms(NamedTuple):
     bowl: HollowSphere | None = None
     friction: np.ndarray | None = None
     """μ of the surfaces [1], (1,)"""
-    impact_damping: np.ndarray | None = None
-    """d of the surfaces [s/m], (1,)"""
+    loss: np.ndarray | None = None
+    """β of the surfaces [1], (1,)"""
     paper_law: PaperLaw | None = None
     """contact as the paper has it"""
     memory: Memory | None = None

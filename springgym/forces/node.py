@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from springgym.contact.law import EXACT, meet
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt, store
@@ -23,12 +24,10 @@ from springgym.core.vectors import TINY, choose, dot, plus_scaled, row, set_row,
 from springgym.forces import stored_energy
 from springgym.forces.actuators import push
 from springgym.forces.barrier import (
-    FOUND,
     coefficient,
     energy_at,
     facing,
     height,
-    meet,
     slowed,
     standing,
     strength_and_reach,
@@ -76,9 +75,7 @@ class Space(NamedTuple):
     given: Any
     """(N, 3) half of what surfaces are going to give, as far as is known before dampers act [m/s]"""
     pushes: Any
-    """(surfaces, 3) change of speed [m/s] and bend [m] by each surface that touches a particle"""
-    bends: Any
-    """(N, 3) by how much the ways were bent at the last node [m]"""
+    """(surfaces, 3) change of speed [m/s] by each surface that touches a particle, in the first column"""
 
 
 class Given(NamedTuple):
@@ -88,8 +85,6 @@ class Given(NamedTuple):
     """of velocity, by their pushes [m/s]"""
     rub: Any
     """of velocity, by friction [m/s]"""
-    bend: Any
-    """of the way [m]"""
     force: Any
     """Σ J n [m/s]: the work of the barriers is its product with the way, over the time"""
 
@@ -107,12 +102,12 @@ def strangers(planes: Planes | None) -> bool:
 
 @compiled
 def in_last_turn(turn: Any, k: int, none: Any, pushes: Numbers, bowl: HollowSphere | None) -> Any:
-    """Change of speed and bend by surface ``k`` in the last turn, of which `kept` begins."""
+    """Change of speed by surface ``k`` in the last turn, of which `kept` begins."""
     if bowl is not None:
-        return none, none
+        return none
     if turn == 0:
-        return none, none
-    return load(pushes, (k, 0)), load(pushes, (k, 1))
+        return none
+    return load(pushes, (k, 0))
 
 
 @compiled
@@ -178,30 +173,29 @@ def impulses(
     that touch leave free, so that it moves nothing towards one, and stops what it can stop.
     """
     nothing = 0.0 * speed
-    given, rub, bend, force = nothing, nothing, nothing, nothing
+    given, rub, force = nothing, nothing, nothing
     strength, reach = strength_and_reach(terms.planes, terms.bowl)
     c = strength * load(terms.particles.inverse_mass, i)
-    mu, d = coefficient(terms.friction, nothing[0]), coefficient(terms.impact_damping, nothing[0])
+    mu, beta = coefficient(terms.friction, nothing[0]), coefficient(terms.loss, nothing[0])
     enough = (AGREED + 64 * epsilon(speed[0])) * reach
     active = select(near(begin, free, terms.planes, terms.bowl), 1.0 + nothing[0], 0.0)
     for turn in range(TURNS):
-        now, curved, pressing = kept(given, terms.bowl), kept(bend, terms.bowl), nothing
+        now, pressing = kept(given, terms.bowl), nothing
         left, first = speed + smooth, nothing
         pressed, touched = nothing[0], nothing[0]
-        end = plus_scaled(free, span.out, given + rub) + bend
+        end = plus_scaled(free, span.out, given + rub)
         for k in range(surfaces(terms.planes, terms.bowl)):
             n, start = facing(k, begin, end, terms.planes, terms.bowl)
             square, inverse_square = squared(n, 1.0 + nothing[0], terms.bowl)
-            own, curve = in_last_turn(turn, k, nothing[0], pushes, terms.bowl)
+            own = in_last_turn(turn, k, nothing[0], pushes, terms.bowl)
             others = smooth + (plus_scaled(now, -1.0 * own, n) + rub)
             u, s = dot(n, speed), dot(n, others)
-            touching = minimum(start, start + (span.whole * u + span.out * s)) < reach
-            gain, bent, impulse = nothing[0], nothing[0], nothing[0]
+            ahead = start + (span.whole * u + span.out * s)
+            touching = minimum(start, ahead) < reach
+            gain, impulse = nothing[0], nothing[0]
             if any_lane(touching):
-                gain, bent, impulse = meet(start, u, s, span, c * square, reach, d, touching, found)
-                bent = bent - (dot(n, curved) - curve)  # by the others
-                gain, bent = select(touching, gain, 0.0), select(touching, bent, 0.0)
-                impulse = select(touching, impulse, 0.0)
+                gain, impulse, _ = meet(start, ahead, span, c * square, reach, beta, touching, found)
+                gain, impulse = select(touching, gain, 0.0), select(touching, impulse, 0.0)
                 if terms.friction is not None:
                     one = select(touching, 1.0 + nothing[0], 0.0)
                     across = nothing + upright(n, inverse_square, terms.bowl)
@@ -212,27 +206,25 @@ def impulses(
                     touched = touched + one
                     pressed = pressed + maximum(gain, 0.0)
             now = plus_scaled(now, (gain - own) * inverse_square, n)
-            curved = plus_scaled(curved, (bent - curve) * inverse_square, n)
             pressing = plus_scaled(pressing, impulse * inverse_square, n)
             if not strangers(terms.planes):
                 going = active > 0.5
                 store(pushes, (k, 0), select(going, gain, own))
-                store(pushes, (k, 1), select(going, bent, curve))
         rubbing = nothing
         if terms.friction is not None:
             left = choose(touched > 2.0, nothing, left)
             rubbing = -1.0 * slowed(left, mu * pressed)
         if strangers(terms.planes):
-            return Given(now, rubbing, curved, pressing)
+            return Given(now, rubbing, pressing)
         going = active > 0.5
         more = now - given
         far = span.whole * span.whole * dot(more, more) > enough * enough
         given, rub = choose(going, now, given), choose(going, rubbing, rub)
-        bend, force = choose(going, curved, bend), choose(going, pressing, force)
+        force = choose(going, pressing, force)
         active = select(far, active, 0.0)
         if not any_lane(active > 0.5):
             break
-    return Given(given, rub, bend, force)
+    return Given(given, rub, force)
 
 
 @compiled
@@ -324,7 +316,7 @@ def foreseen(dampers: Dampers | None) -> bool:
 def nothing_given(like: Vector) -> Any:
     """As `Given`, where no surface is near."""
     nothing = 0.0 * like
-    return Given(nothing, nothing, nothing, nothing)
+    return Given(nothing, nothing, nothing)
 
 
 @compiled
@@ -344,17 +336,6 @@ def record_swing(ledger: Ledger, swung: Number, thrown: Number, dampers: Dampers
     else:
         record(ledger, WORK, -1.0 * thrown)
         record(ledger, DAMPING, swung - thrown)
-
-
-@compiled
-def bow(a: Rows, among: tuple[int, int], space: Any, ledger: Ledger, terms: Terms) -> None:
-    """Enter the springs' work on the bends of the last node by the force at this end of the way: half of
-    it."""
-    bowed = 0.0 * load(a, (0, 0))
-    for i in range(among[0], among[1]):
-        mass = load(terms.particles.mass, i)
-        bowed = bowed + 0.5 * mass * dot(row(a, i), row(space.bends, i))
-    record(ledger, CONTACT, bowed)
 
 
 @compiled
@@ -428,12 +409,12 @@ def pass_node(
     ``among`` says near which particles surfaces were before: the first of them, and the one behind the last.
     The way of the others begins where that of the last node ended, out of reach.
 
-    Returns among which particles surfaces are near now, and whether a way was bent.
+    Returns among which particles surfaces are near now.
     """
     particles, memory = terms.particles, terms.memory
     span = span_of(phase, h)
     # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
-    lossy = select(span.lead > 0.0, coefficient(terms.impact_damping, 0.0 * phase), 1.0) > 0.0
+    lossy = select(span.lead > 0.0, coefficient(terms.loss, 0.0 * phase), 1.0) > 0.0
     inverse = 1.0 / span.whole
     share = span.out * inverse
     give_half(w, among, space, terms.dampers)
@@ -443,7 +424,7 @@ def pass_node(
         for i in range(v.shape[0]):
             set_row(memory.arrived, i, row(v, i))
     tau = 0.0 if last else h
-    first, behind, bent = v.shape[0], 0, False
+    first, behind = v.shape[0], 0
     for i in range(v.shape[0]):
         place, now, acceleration = row(x, i), row(w, i), row(a, i)
         soon = plus_scaled(now, span.out, acceleration)
@@ -454,17 +435,14 @@ def pass_node(
         if not (particles.free[i] and any_lane(near(begin, end, terms.planes, terms.bowl))):
             set_row(v, i, soon)
             set_row(x, i, place + tau * soon)
-            if last:
-                set_row(space.bends, i, vec(0.0, 0.0, 0.0))
             continue
         for between in range(max(first, behind), i):
             set_row(space.given, between, vec(0.0, 0.0, 0.0))
-            set_row(space.bends, between, vec(0.0, 0.0, 0.0))
         first, behind = min(first, i), i + 1
         start = row(v, i)
         begin = plus_scaled(place, -1.0 * span.lead, start)
         smooth = soon - start
-        change, rub, bend, force = impulses(i, begin, end, start, smooth, span, FOUND, space.pushes, terms)
+        change, rub, force = impulses(i, begin, end, start, smooth, span, EXACT, space.pushes, terms)
         total = change + rub
         after = soon + total
         mass = load(particles.mass, i)
@@ -472,30 +450,24 @@ def pass_node(
         others = now - kicked
         record_stray(ledger, 0.5 * mass * dot(others, total), terms.dampers)
         mean = plus_scaled(kicked, 0.5, others + total)
-        way = plus_scaled(span.lead * start, span.out, after) + bend
+        way = plus_scaled(span.lead * start, span.out, after)
         gone = mass * (inverse * dot(force, way) - dot(change, mean))
         late = 0.5 * (span.out - span.lead) * acceleration
         record(ledger, CONTACT, select(lossy, gone + mass * begun_in_touch(change, late), 0.0))
         record(ledger, FRICTION, -1.0 * mass * dot(rub, mean + late))
         set_row(v, i, after)
-        set_row(space.bends, i, bend)
         if not last:
-            record(ledger, CONTACT, 0.5 * mass * dot(acceleration, bend))
-            if any_lane(dot(bend, bend) > 0.0):
-                bent = True
-            set_row(x, i, place + bend + tau * after)
+            set_row(x, i, place + tau * after)
             if foreseen(terms.dampers):
                 set_row(space.given, i, share * total)
     if last:
         halve(ledger, memory)
-        read_amid(x, v, w, a, b, span, space, ledger, terms)
-    return (first, behind), bent
+        read_amid(x, v, w, a, b, span, ledger, terms)
+    return first, behind
 
 
 @compiled
-def read_amid(
-    x: Rows, v: Rows, w: Rows, a: Rows, b: Rows, span: Span, space: Any, ledger: Ledger, terms: Terms
-) -> None:
+def read_amid(x: Rows, v: Rows, w: Rows, a: Rows, b: Rows, span: Span, ledger: Ledger, terms: Terms) -> None:
     """Read a node that is passed but for the drift after it: lift it, take the mean velocity, enter what half
     of it lacks, and keep what contact holds.
 
@@ -507,7 +479,7 @@ def read_amid(
     held, swung, thrown, touched, swing = none, none, none, none, none
     raised = False
     for i in range(v.shape[0]):
-        place, start, after, bend = row(x, i), row(memory.arrived, i), row(v, i), row(space.bends, i)
+        place, start, after = row(x, i), row(memory.arrived, i), row(v, i)
         set_row(v, i, 0.5 * (start + after))
         if particles.free[i]:
             now, acceleration, mass = row(w, i), row(a, i), load(particles.mass, i)
@@ -520,7 +492,7 @@ def read_amid(
             touched = touched + dot(total, total)
             swing = swing + mass * swing_of(acceleration, terms.gravity)
             begin = plus_scaled(place, -1.0 * span.lead, start)
-            finish = plus_scaled(place, span.out, after) + bend
+            finish = plus_scaled(place, span.out, after)
             lift = lifted(place, begin, finish, terms)
             held = held + 0.5 * energy_at(begin, terms.planes, terms.bowl)
             held = held + 0.5 * energy_at(finish, terms.planes, terms.bowl)

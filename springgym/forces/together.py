@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from springgym.contact.law import EXACT, ROUGH
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.lanes import Ragged, any_lane, bodies_of, load, of_body, select, store
 from springgym.core.vectors import choose, dot, plus_scaled, row, set_row, vec
 from springgym.forces import Particles, stored_energy
-from springgym.forces.barrier import FORESEEN, FOUND, coefficient, energy_at
+from springgym.forces.barrier import coefficient, energy_at
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.forces.memory import HELD, PHASE, halve
 from springgym.forces.node import (
@@ -30,7 +31,6 @@ from springgym.forces.node import (
     Space,
     act_and_damp,
     begun_in_touch,
-    bow,
     foreseen,
     impulses,
     lifted,
@@ -87,8 +87,6 @@ class Bodies(NamedTuple):
     force: Ragged
     stirred: np.ndarray
     """(bodies,) whether anything of a body is busy"""
-    bowed: np.ndarray
-    """(bodies,) energy that belongs to the next node [J]"""
     room: Room
 
 
@@ -104,7 +102,7 @@ def lean(x: Rows, v: Rows, span: Any, found: Any, fresh: Any, last: Any, own: An
     and is not near.
     """
     for i in range(x.shape[0]):
-        if not (own.busy[i] if found == FOUND else own.touched[i]):
+        if not (own.busy[i] if found == EXACT else own.touched[i]):
             continue
         velocity = row(own.velocity, i)
         more = velocity - row(own.base, i)
@@ -129,7 +127,6 @@ def lean(x: Rows, v: Rows, span: Any, found: Any, fresh: Any, last: Any, own: An
                 set_row(own.change, i, choose(turns, given.change, row(own.change, i)))
                 set_row(own.rub, i, choose(turns, given.rub, row(own.rub, i)))
                 set_row(own.force, i, choose(turns, given.force, row(own.force, i)))
-                set_row(own.space.bends, i, choose(turns, given.bend, row(own.space.bends, i)))
 
 
 @compiled
@@ -213,7 +210,7 @@ def touch(
     ``last`` time."""
     meets, room = terms.meets, work.room
     pairs = meets.pairs
-    found = FOUND if last else FORESEEN
+    found = EXACT if last else ROUGH
     v = work.velocity.values
     fresh = True
     for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
@@ -335,7 +332,6 @@ def go_on(x: Rows, v: Rows, span: Any, h: Number, last: Any, own: Any, terms: Te
             set_row(x, i, place + h * soon)
             if was:
                 set_row(own.space.given, i, vec(0.0, 0.0, 0.0))
-                set_row(own.space.bends, i, vec(0.0, 0.0, 0.0))
     return stirred
 
 
@@ -343,32 +339,27 @@ def go_on(x: Rows, v: Rows, span: Any, h: Number, last: Any, own: Any, terms: Te
 def leave(
     x: Rows,
     v: Rows,
-    body: Any,
     span: Any,
     h: Number,
     last: Any,
     ledger: Ledger,
-    work: Any,
     own: Any,
     terms: Terms,
-) -> bool:
-    """Let what is busy of a body go on, and enter what it lost; or, at the ``last`` node, read it.
-
-    Whether a way was bent.
-    """
+) -> None:
+    """Let what is busy of a body go on, and enter what it lost; or, at the ``last`` node, read it."""
     particles, memory = terms.particles, terms.memory
     none = 0.0 * load(memory.marks, PHASE)
     share = span.out * (1.0 / span.whole)
     fresh = span.lead <= 0.0
-    lossy = select(fresh, 1.0, coefficient(terms.impact_damping, none)) > 0.0
-    stray, lost, rubbed, bowed, held = none, none, none, none, none
+    lossy = select(fresh, 1.0, coefficient(terms.loss, none)) > 0.0
+    stray, lost, rubbed, held = none, none, none, none
     swung, thrown, touched, swing = none, none, none, none
-    bent, raised = False, False
+    raised = False
     for i in range(v.shape[0]):
         if not own.busy[i]:
             continue
         place, start, acceleration = row(x, i), row(v, i), row(own.a, i)
-        half, by_bodies, bend = row(own.space.given, i), row(own.pairs, i), row(own.space.bends, i)
+        half, by_bodies = row(own.space.given, i), row(own.pairs, i)
         change, slowed, force = row(own.change, i), row(own.rub, i), row(own.force, i)
         total = by_bodies + (change + slowed)
         kicked = plus_scaled(start, span.lead, acceleration) + half
@@ -379,17 +370,13 @@ def leave(
                 stray = stray + mass * dot(others, 0.5 * total - half)
                 mean = plus_scaled(start, span.lead, acceleration)
                 mean = plus_scaled(mean, 0.5, others + total)
-                way = plus_scaled(span.lead * start, span.out, after) + bend
+                way = plus_scaled(span.lead * start, span.out, after)
                 gone = mass * (dot(force, way) / span.whole - dot(change, mean))
                 late = 0.5 * (span.out - span.lead) * acceleration
                 gone = gone + mass * begun_in_touch(by_bodies + change, late)
                 lost = lost + select(lossy, gone, 0.0)
                 lost = lost - select(fresh, mass * dot(by_bodies, mean), 0.0)
                 rubbed = rubbed - mass * dot(slowed, mean + late)
-                bowed = bowed + 0.5 * mass * dot(acceleration, bend)
-                if any_lane(dot(bend, bend) > 0.0):
-                    bent = True
-                place = place + bend
             if last:
                 given = span.whole * pushed(own.b, i, start, terms.wrench, terms.thrust)
                 thrown = thrown + mass * dot(given, given)
@@ -397,7 +384,7 @@ def leave(
                 held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
                 touched = touched + dot(total, total)
                 swing = swing + mass * swing_of(acceleration, terms.gravity)
-                more, lift = held_at(row(x, i), start, after, bend, span, terms, terms.planes, terms.bowl)
+                more, lift = held_at(row(x, i), start, after, span, terms, terms.planes, terms.bowl)
                 held = held + more
                 if any_lane(dot(lift, lift) > 0.0):
                     raised = True
@@ -411,7 +398,6 @@ def leave(
             set_row(v, i, after)
             if foreseen(terms.dampers):
                 set_row(own.space.given, i, share * (change + slowed))
-    store(work.bowed, body, bowed)
     record_stray(ledger, stray, terms.dampers)
     record(ledger, CONTACT, lost)
     record(ledger, FRICTION, rubbed)
@@ -425,7 +411,6 @@ def leave(
             held = held - (weight + elastic)
         held = held - select(touched > 0.0, 0.125 * span.whole * span.whole * swing, 0.0)
         store(memory.marks, HELD, held)
-    return bent
 
 
 @compiled
@@ -433,7 +418,6 @@ def held_at(
     place: Vector,
     start: Vector,
     after: Vector,
-    bend: Vector,
     span: Any,
     terms: Terms,
     planes: Planes | None,
@@ -443,7 +427,7 @@ def held_at(
     energy, lift = 0.0 * place[0], 0.0 * place
     if planes is not None or bowl is not None:
         begin = plus_scaled(place, -1.0 * span.lead, start)
-        finish = plus_scaled(place, span.out, after) + bend
+        finish = plus_scaled(place, span.out, after)
         lift = lifted(place, begin, finish, terms)
         energy = 0.5 * (energy_at(begin, planes, bowl) + energy_at(finish, planes, bowl))
         energy = energy - energy_at(place + lift, planes, bowl)
@@ -486,10 +470,10 @@ def begin(phase: Number, contacts: Number, meets: Any, room: Any, memory: Any) -
 @compiled
 def pass_together(
     x: Any, v: Any, phase: Number, h: Number, last: Any, goes: Any, ledger: Ledger, work: Any, terms: Any
-) -> bool:
+) -> None:
     """Let all act on all bodies at a node: `springgym.forces.node.pass_node` where they collide.
 
-    If nothing ``goes`` on, only tell which bodies touch in fresh copies. Whether a way was bent.
+    If nothing ``goes`` on, only tell which bodies touch in fresh copies.
     """
     span, meets, room = span_of(phase, h), terms.meets, work.room
     every = terms.particles
@@ -498,7 +482,7 @@ def pass_together(
     contacts = find(x.values, v.values, span, meets.pairs, room)
     if not goes:
         begin(phase, contacts, meets, room, terms.memory)
-        return False
+        return
     if contacts > 0:
         here, met = x.values, work.met.values
         prepare(here, v.values, span, contacts, particles, meets.pairs, room, meets.tally, met)
@@ -522,26 +506,13 @@ def pass_together(
     account(work.velocity.values, span, contacts, meets.pairs, room, meets.tally)
     if contacts > 0:
         enter(span, ledger, meets.pairs, room)
-    bent = False
     for body in range(count):
         own, entries = of_body(work, body), of_body(ledger, body)
         here, velocities, terms_of = of_body(x, body), of_body(v, body), of_body(terms, body)
-        if work.stirred[body] and leave(here, velocities, body, span, h, last, entries, work, own, terms_of):
-            bent = True
+        if work.stirred[body]:
+            leave(here, velocities, span, h, last, entries, own, terms_of)
     if last:
         hold(meets.pairs, meets.tally, terms.memory, 0.5)
-    return bent
-
-
-@compiled
-def bow_together(bent: Any, ledger: Ledger, work: Any, terms: Terms) -> None:
-    """`springgym.forces.node.bow` for all bodies."""
-    if bent:
-        for body in range(bodies_of(work.a)):
-            if work.stirred[body]:
-                own, entries = of_body(work, body), of_body(ledger, body)
-                record(entries, CONTACT, load(work.bowed, body))
-                bow(own.a, (0, own.a.shape[0]), own.space, entries, of_body(terms, body))
 
 
 # --- The tally ------------------------------------------------------------------------------------------

@@ -28,11 +28,10 @@ from springgym.forces.memory import (
     share_actions,
     steer,
 )
-from springgym.forces.node import Space, bow, next_phase, pass_node, span_of
+from springgym.forces.node import Space, next_phase, pass_node, span_of
 from springgym.forces.together import (
     START,
     acts_amid,
-    bow_together,
     halve_tally,
     pass_together,
     remember_tally,
@@ -52,7 +51,7 @@ RECORD = Integrator(
     real_limit=float("inf"),
     symplectic=True,
     negative_substeps=False,
-    workspace=7,
+    workspace=6,
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
     meets_bodies=True,
     meets_surfaces=True,
@@ -96,17 +95,15 @@ def integrate_among_surfaces(
     The state is read amid the last node, which the next call makes anew.
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
-    space = Space(direction, workspace[3], workspace[4], workspace[5])
-    memory, w = terms.memory, workspace[6]
+    space = Space(direction, workspace[3], workspace[4])
+    memory, w = terms.memory, workspace[5]
     phase = resume(x, v, ledger, memory)
     recall(phase, space.given, memory.given)
-    among, bent = (0, x.shape[0]), False
+    among = (0, x.shape[0])
     for n in range(steps + 1):
         set_forces(x, a, direction, terms)
         actuate(x, b, terms)
         divide_and_kick(a, v, w, span_of(phase, h).lead, terms.particles)
-        if bent:
-            bow(a, among, space, ledger, terms)
         if n == 0:
             share_actions(b, phase, memory, memory.pushed, terms.drive)
         else:
@@ -114,7 +111,7 @@ def integrate_among_surfaces(
         if n == steps:
             remember(x, b, phase, ledger, memory, memory.pushed)
             keep_foreseen(among, space.given, memory.given)
-        among, bent = pass_node(x, v, w, a, b, phase, h, n == steps, among, space, ledger, terms)
+        among = pass_node(x, v, w, a, b, phase, h, n == steps, among, space, ledger, terms)
         phase = next_phase(phase)
 
 
@@ -127,7 +124,7 @@ def integrate_together(
     ``x``, ``v`` and ``ledger`` are those of all bodies; ``workspace`` is of `springgym.forces.together`. As
     many steps as `START` are none: it is told which bodies of fresh copies touch.
     """
-    phase, goes, bent = load(of_body(terms.memory, 0).marks, PHASE), steps != START, False
+    phase, goes = load(of_body(terms.memory, 0).marks, PHASE), steps != START
     if goes:
         for body in range(bodies_of(x)):
             kept, own = of_body(terms.memory, body), of_body(workspace, body)
@@ -138,8 +135,8 @@ def integrate_together(
         resume_tally(phase, terms.meets)
     for n in range(steps + 1 if goes else 1):
         if goes:
-            come_together(x, v, h, phase, n == 0, n == steps, bent, ledger, workspace, terms)
-        bent = pass_together(x, v, phase, h, n == steps, goes, ledger, workspace, terms)
+            come_together(x, v, h, phase, n == 0, n == steps, ledger, workspace, terms)
+        pass_together(x, v, phase, h, n == steps, goes, ledger, workspace, terms)
         if n < steps:
             phase = next_phase(phase)
     if goes:
@@ -154,7 +151,6 @@ def come_together(
     phase: Number,
     first: Any,
     last: Any,
-    bent: bool,
     ledger: Ledger,
     workspace: Any,
     terms: Terms,
@@ -168,7 +164,6 @@ def come_together(
             divide_and_kick(work.a, of_body(v, body), work.w, span_of(phase, h).lead, own.particles)
         else:
             divide_by_mass(work.a, own.particles)
-    bow_together(bent, ledger, workspace, terms)
     for body in range(bodies_of(x)):
         own, work = of_body(terms, body), of_body(workspace, body)
         if first:

@@ -3,7 +3,7 @@
 The body flies freely for half a step, receives the impulses of gravity, actuators, surfaces and friction, and
 flies freely for the other half (`springgym.forces.node`). A particle near a surface gives way along the
 normal n by the ease A = 1/M + (r × n) · I⁻¹ (r × n) per impulse: to the law of surfaces
-(`springgym.forces.barrier.meet`) it is a particle of mass 1/A, which all else gives what gravity, actuators
+(`springgym.contact.law.meet`) it is a particle of mass 1/A, which all else gives what gravity, actuators
 and the impulses at the other particles do to its speed. Its way is that of the flights, curved as they are.
 The impulse acts at the arm r that makes the mean velocity along n the way over the time: its work is then
 that of the barrier to rounding. Friction stops what slides, or takes μ times the push from it.
@@ -18,16 +18,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from springgym.contact.law import EXACT, meet
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Mask, Number, Rows, Vector
 from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, store
 from springgym.core.vectors import TINY, choose, cross, dot, plus_scaled, row, set_row, vec
 from springgym.forces.barrier import (
-    FOUND,
     coefficient,
     energy_at,
     facing,
-    meet,
     standing,
     strength_and_reach,
     surfaces,
@@ -37,7 +36,6 @@ from springgym.forces.memory import HELD, halve
 from springgym.forces.node import lifted
 from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
-from springgym.rigid.rotation import product, rotation_vector
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Thrust, Wrench
@@ -55,7 +53,7 @@ SURFACES = 7
 """How many surfaces there may be. For each the workspace has `ARRAYS` arrays, a row a particle:"""
 
 PUSH, RUB, NORMAL, ARM = range(4)
-"""(impulse [N·s], bend [m·kg], J/A [N·s]) along n; friction [N·s], n and the arm of both, in body axes."""
+"""(impulse [N·s], J/A [N·s], 0) along n; friction [N·s], n and the arm of both, in body axes."""
 
 ARRAYS = 4
 
@@ -182,50 +180,54 @@ def guessed(given: Vector, known: Mask, workspace: np.ndarray, solid: Solid) -> 
 
 @compiled
 def meet_surfaces(node: Node, known: Mask, active: Number, workspace: np.ndarray, solid: Solid) -> Any:
-    """What surfaces and friction change where ``active`` is 1: motion, and place (`leave`)."""
+    """What surfaces and friction change of the motion where ``active`` is 1."""
     _, reach = strength_and_reach(solid.terms.planes, solid.terms.bowl)
     nothing = 0.0 * node.before[0]
-    bends = (nothing, nothing)
-    given = guessed(bends, known, workspace, solid)
+    given = guessed((nothing, nothing), known, workspace, solid)
     enough = (AGREED + 64 * epsilon(nothing[0])) * reach
     start = turned(solid.axes, node.begin.q)
     for _ in range(SWEEPS):
-        end = leave(node, given, bends, solid)
+        end = leave(node, given, solid)
         finish = turned(solid.axes, end.q)
-        after, bent, changed = sum_of(node.soon, 1.0, given), bends, nothing[0]
+        after, changed = sum_of(node.soon, 1.0, given), nothing[0]
         for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
             for i in range(solid.terms.particles.mass.size):
                 if solid.terms.particles.free[i]:
                     way = (place_of(i, node.begin, start, solid), place_of(i, end, finish, solid))
-                    found = (given, bends, after, bent)
                     rows = workspace[ARRAYS * k : ARRAYS * (k + 1)]
-                    given, bends, change = touch(i, k, way, found, active > 0.5, node, rows, solid)
+                    given, change = touch(i, k, way, given, after, active > 0.5, node, rows, solid)
                     changed = maximum(changed, change)
         active = select(changed > enough, active, 0.0)
         if not any_lane(active > 0.5):
             break
-    return given, bends
+    return given
 
 
 @compiled
-def straight(n: Vector, arm: Vector, node: Node, after: Vector, bends: Vector, solid: Solid) -> Any:
+def straight(n: Vector, arm: Vector, node: Node, after: Vector, solid: Solid) -> Any:
     """The way along n of a particle that flies straight, with its velocities at the node."""
     way = node.span.lead * dot(n, velocity_of(arm, node.before, solid))
-    way = way + node.span.out * dot(n, velocity_of(arm, after, solid))
-    return way + dot(n, velocity_of(arm, bends, solid))
+    return way + node.span.out * dot(n, velocity_of(arm, after, solid))
 
 
 @compiled
 def touch(
-    i: int, k: int, way: Vector, found: Any, going: Mask, node: Node, workspace: np.ndarray, solid: Solid
+    i: int,
+    k: int,
+    way: Vector,
+    given: Any,
+    after: Any,
+    going: Mask,
+    node: Node,
+    workspace: np.ndarray,
+    solid: Solid,
 ) -> Any:
     """Find anew what surface ``k`` gives particle ``i``.
 
-    ``way`` is where the particle is at both ends of the flights; ``found`` are the changes of motion and
-    place so far, the motion that the second flight began with, and the change of place. Returns both
-    changes, and that of the particle's way [m].
+    ``way`` is where the particle is at both ends of the flights, ``given`` the change of motion so far,
+    ``after`` the motion that the second flight began with. Returns the change of motion, and that of the
+    particle's way [m].
     """
-    given, bends, after, bent = found
     planes, bowl, span = solid.terms.planes, solid.terms.bowl, node.span
     strength, reach = strength_and_reach(planes, bowl)
     normal, start = facing(k, way[0], way[1], planes, bowl)
@@ -233,12 +235,12 @@ def touch(
     gone = dot(normal, way[1] - way[0])
     near = minimum(minimum(start, start + gone) - reach, -1.0 * own[0])
     if not any_lane(near < 0.0):
-        return given, bends, 0.0 * start
+        return given, 0.0 * start
     n = components(node.axes, normal)
     # Where the way along n is exactly that of the mean velocity: the work is then that of the barrier.
     arm = 0.5 * (way[0] + way[1]) - node.state.position
     arm = components(node.axes, arm)
-    curve = gone - straight(n, arm, node, after, bent, solid)
+    curve = gone - straight(n, arm, node, after, solid)
     lever = cross(n, angular_velocity(node.before[1] + after[1], solid.rigid))
     lever = 0.5 * span.whole * lever
     arm = plus_scaled(arm, curve / (dot(lever, lever) + (curve / reach) * (curve / reach) + TINY), lever)
@@ -249,27 +251,24 @@ def touch(
     others = pushed(others, arm, rub, solid)
     u = dot(n, velocity_of(arm, node.before, solid))
     s = dot(n, velocity_of(arm, sum_of(node.soon, 1.0, others), solid)) - u
-    u = u + (gone - straight(n, arm, node, after, bent, solid)) / span.whole
-    touching = maximum(near, minimum(start, start + (span.whole * u + span.out * s)) - reach) < 0.0
+    u = u + (gone - straight(n, arm, node, after, solid)) / span.whole
+    ahead = start + (span.whole * u + span.out * s)
+    touching = maximum(near, minimum(start, ahead) - reach) < 0.0
     none = 0.0 * u
     nothing = vec(none, none, none)
-    d, mu = coefficient(solid.terms.impact_damping, none), coefficient(solid.terms.friction, none)
-    gain, bend, impulse = meet(start, u, s, span, strength * a, reach, d, touching, FOUND)
-    aside = pushed(bends, at, -1.0 * own[1] * old, solid)
-    bend = bend - dot(n, velocity_of(arm, aside, solid))
-    push = choose(touching, 1.0 / a * vec(gain, bend, impulse), nothing)
+    beta, mu = coefficient(solid.terms.loss, none), coefficient(solid.terms.friction, none)
+    gain, impulse, _ = meet(start, ahead, span, strength * a, reach, beta, touching, EXACT)
+    push = choose(touching, 1.0 / a * vec(gain, impulse, none), nothing)
     others = pushed(others, arm, push[0] * n, solid)
-    aside = pushed(aside, arm, push[1] * n, solid)
     rub, others, slowed = stick(n, arm, rub, mu * maximum(push[0], 0.0), others, node, solid)
     change = span.whole * (slowed + a * maximum(push[0] - own[0], own[0] - push[0]))
     change = select(going, change, 0.0)
     given = choose(going, others[0], given[0]), choose(going, others[1], given[1])
-    bends = choose(going, aside[0], bends[0]), choose(going, aside[1], bends[1])
     set_row(workspace[PUSH], i, choose(going, push, own))
     set_row(workspace[RUB], i, choose(going, choose(touching, rub, nothing), held))
     set_row(workspace[NORMAL], i, choose(going, n, old))
     set_row(workspace[ARM], i, choose(going, arm, at))
-    return given, bends, change
+    return given, change
 
 
 @compiled
@@ -323,55 +322,39 @@ def reach_node(begin: State, state: State, span: Any, b: Rows, solid: Solid) -> 
 
 
 @compiled
-def leave(node: Node, given: Vector, bends: Vector, solid: Solid) -> Any:
-    """The state half a step later, where surfaces change the motion by ``given`` and the place by ``bends``.
-
-    A change of place is given as the velocity and angular momentum that would do it in a second.
-    """
-    q, _, position, _ = node.state
-    q = product(q, rotation_vector(angular_velocity(bends[1], solid.rigid), 1.0))
-    position = position + combine(node.axes, bends[0])
+def leave(node: Node, given: Vector, solid: Solid) -> Any:
+    """The state half a step later, where surfaces change the motion by ``given``."""
     velocity = node.falling + combine(node.axes, node.thrown[0] + given[0])
-    state = State(q, node.soon[1] + given[1], position, velocity)
+    state = State(node.state.q, node.soon[1] + given[1], node.state.position, velocity)
     return fly(state, node.span.out, solid.rigid, solid.asymmetry)
 
 
 @compiled
-def pass_node(
-    node: Node, near: Vector, last: Any, ledger: Ledger, workspace: np.ndarray, solid: Solid
-) -> Any:
+def pass_node(node: Node, near: Vector, ledger: Ledger, workspace: np.ndarray, solid: Solid) -> Any:
     """Let all act at a node.
 
     ``near`` is the `clearance` half a step before, and a number: 1 where surfaces were near at the last
     node. Returns the state half a step later, ``near`` there, and the change of motion by surfaces.
     """
     nothing = 0.0 * node.before[0]
-    given, bends = (nothing, nothing), (nothing, nothing)
-    end = leave(node, given, bends, solid)
+    given = (nothing, nothing)
+    end = leave(node, given, solid)
     ahead = clearance(end, solid)
     active = select(minimum(near[0], ahead) < 0.0, 1.0 + nothing[0], 0.0)
     middle = sum_of(sum_of(node.before, node.span.lead, node.rate), 0.5, node.thrown)
     if any_lane(active > 0.5):
-        given, bends = meet_surfaces(node, active * near[1] > 0.5, active, workspace, solid)
-        end = leave(node, given, bends, solid)
+        given = meet_surfaces(node, active * near[1] > 0.5, active, workspace, solid)
+        end = leave(node, given, solid)
         ahead = clearance(end, solid)
         middle = sum_of(middle, 0.5, given)
-        record_losses(node, given, bends, middle, ledger, workspace, solid)
-        if not last:
-            record(ledger, CONTACT, product_of(node.rate, bends, solid))
+        record_losses(node, given, middle, ledger, workspace, solid)
     record(ledger, WORK, product_of(node.thrown, middle, solid))
     return end, (ahead, active), given
 
 
 @compiled
 def record_losses(
-    node: Node,
-    given: Vector,
-    bends: Vector,
-    middle: Vector,
-    ledger: Ledger,
-    workspace: np.ndarray,
-    solid: Solid,
+    node: Node, given: Vector, middle: Vector, ledger: Ledger, workspace: np.ndarray, solid: Solid
 ) -> None:
     """Enter what contact and friction took; ``middle`` is the mean motion at the node."""
     span, none = node.span, 0.0 * node.before[0][0]
@@ -379,14 +362,14 @@ def record_losses(
     lost, rubbed, fallen, met = none, none, none, none
     late = 0.5 * (span.out - span.lead)
     # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
-    lossy = select(span.lead > 0.0, coefficient(solid.terms.impact_damping, none), 1.0) > 0.0
+    lossy = select(span.lead > 0.0, coefficient(solid.terms.loss, none), 1.0) > 0.0
     for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
         for i in range(solid.terms.particles.mass.size):
             push = row(workspace[ARRAYS * k + PUSH], i)
-            impulse, force = push[0], push[2]
+            impulse, force = push[0], push[1]
             if any_lane(force > 0.0):
                 n, arm = row(workspace[ARRAYS * k + NORMAL], i), row(workspace[ARRAYS * k + ARM], i)
-                way = straight(n, arm, node, after, bends, solid)
+                way = straight(n, arm, node, after, solid)
                 mean = velocity_of(arm, middle, solid)
                 lost = lost + select(lossy, force * way / span.whole - impulse * dot(n, mean), 0.0)
                 falling = velocity_of(arm, node.rate, solid)

@@ -190,7 +190,7 @@ def take_among_surfaces(
             set_particles(x, memory.arrived, state, solid)
             remember(x, b, 1.0 + 0.0 * phase, ledger, memory, memory.pushed)
         node = reach_node(begin, state, span, b, solid)
-        end, near, given = pass_node(node, near, n == steps, ledger, workspace, solid)
+        end, near, given = pass_node(node, near, ledger, workspace, solid)
         if n == steps:
             read = read_node(node, end, given, ledger, solid)
         span = span_of(1.0 + 0.0 * phase, h)

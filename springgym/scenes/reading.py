@@ -420,14 +420,13 @@ def _surfaces(tree: Tree) -> tuple[Surface, ...]:
 def _met(
     friction: float = 0.0,
     restitution: float = 1.0,
-    impact_speed: float = 1.0,
     strength: float | None = None,
     reach: float | None = None,
     paper_damping: float = 0.0,
 ) -> tuple[Contact, PaperContact]:
     """Contact by default and by the paper's method, whose c_N is ``paper_damping`` [kg/s]."""
     return (
-        Contact(friction, restitution, impact_speed, strength, reach),
+        Contact(friction, restitution, strength, reach),
         PaperContact(friction, paper_damping, strength, reach),
     )
 

@@ -7,7 +7,6 @@ eq 8), whose potential is U = c (Delta - h)^2 / (h Delta^2); c in N m^2, Delta i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -96,80 +95,45 @@ def _larger_root(energy: float, strength: float, reach: float, weight: float) ->
     return (half + math.sqrt(square)) / stiff
 
 
-def _loss(x: float) -> float:
-    """(x - ln(1 + x)) / x^2, positive and falling on (-1, inf); infinite at -1."""
-    if x <= -1:
-        return math.inf
-    if abs(x) < 0.1:
-        return sum((-x) ** n / (n + 2) for n in range(18))
-    return (x - math.log1p(x)) / x**2
+def rebound(speed: float, restitution: float, slow: float) -> float:
+    """Rebound speed over impact speed v of the force F(h) (1 - beta h_dot / sqrt(h_dot^2 + w^2)).
 
-
-def _imbalance(x: float, restitution: float) -> float:
-    """Zero where ln[(1 + x)/(1 - e x)] = x (1 + e); falls with x and with e."""
-    return _loss(x) - restitution**2 * _loss(-restitution * x)
-
-
-def _falling_root(function: Callable[[float], float], top: float) -> float:
-    """Root in (0, top) of a falling function, by bisection to the last bit."""
-    low, high = 0.0, top
-    while low < (middle := (low + high) / 2) < high:
-        low, high = (middle, high) if function(middle) > 0 else (low, middle)
-    return middle
-
-
-def damping_for_restitution(restitution: float, speed: float) -> float:
-    """Damping d of the force F(h) (1 - d h_dot)_+ that gives restitution e at impact speed v0.
-
-    ln[(1 + d v0) / (1 - d e v0)] = d v0 (1 + e), for any barrier F and no weight. Small d gives
-    e = 1 - 2 d v0 / 3, which is Hunt and Crossley's e = 1 - alpha v0 with d = 3 alpha / 2.
+    With beta = (1 - e^2)/(1 + e^2): e for v well above w, less for slower impacts, without weight and for any
+    barrier F.
 
     Parameters
     ----------
-    restitution : float
-        Rebound speed over impact speed, 0 <= e <= 1.
     speed : float
-        Impact speed v0 > 0, m/s.
-
-    Returns
-    -------
-    float
-        d, s/m: 0 for e = 1. No finite d stops a particle dead: the rebound never exceeds 1/d, so
-        d v0 -> 1/e as e -> 0, and e = 0 gives infinity.
+        Impact speed v >= 0, m/s.
+    restitution : float
+        e, 0 to 1.
+    slow : float
+        w > 0, m/s.
 
     Raises
     ------
     ValueError
-        If e lies outside [0, 1] or the speed is not positive.
+        If e lies outside [0, 1], v is negative, or w is not positive.
 
-    Source: m v dv/dh = F (1 - d v) integrated in and out; force law of Hunt & Crossley, J. Appl.
-    Mech. 42 (1975) 440, doi:10.1115/1.3423596.
+    Source: with u = w sinh a, m u du/dh = F L(u) says that the integral of sinh a cosh a/(1 + beta tanh a)
+    up to the impact speed is that of sinh a cosh a/(1 - beta tanh a) up to the speed of the rebound.
     """
     if not 0 <= restitution <= 1:
         raise ValueError(f"restitution must lie in [0, 1], got {restitution!r}")
-    if not speed > 0:
-        raise ValueError(f"speed must be positive, got {speed!r} m/s")
-    if restitution in (0, 1):
-        return 0.0 if restitution else math.inf
-    return _falling_root(lambda x: _imbalance(x, restitution), 1 / restitution) / speed
+    if not (speed >= 0 and slow > 0):
+        raise ValueError(f"speed must be >= 0 and slow > 0, got {speed!r} and {slow!r} m/s")
+    beta = (1 - restitution**2) / (1 + restitution**2)
+    if beta == 0 or speed == 0:
+        return 1.0 - beta
+    angles = np.linspace(0.0, math.asinh(speed / slow), 8001)
+    rise, turn = np.sinh(angles) * np.cosh(angles), beta * np.tanh(angles)
+    way_in, way_out = _sums(rise / (1 + turn), angles), _sums(rise / (1 - turn), angles)
+    return math.sinh(float(np.interp(way_in[-1], way_out, angles))) * slow / speed
 
 
-def restitution_at(speed: float, damping: float) -> float:
-    """Restitution e at impact speed v of the force F(h) (1 - d h_dot)_+.
-
-    Solves ln[(1 + d v) / (1 - d e v)] = d v (1 + e) for e; 1 at low speed, 1/(d v) at high speed.
-
-    Parameters
-    ----------
-    speed, damping : float
-        v >= 0, m/s, and d >= 0, s/m.
-
-    Source: as `damping_for_restitution`.
-    """
-    x = damping * speed
-    if x == 0:
-        return 1.0
-    return _falling_root(lambda e: _imbalance(x, e), min(1.0, 1 / x))
+def _sums(values: Floats, places: Floats) -> Floats:
+    """Return the integral up to each place, by the trapezoidal rule."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(places))])
 
 
 def stopping_distance(speed: float, friction: float, gravity: float = 9.81) -> float:

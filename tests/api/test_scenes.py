@@ -73,7 +73,7 @@ CONTACTS = [
         Contact(strength=1e-30),
         PaperContact(),
     ),
-    *(Contact(friction=1e30), Contact(restitution=0, impact_speed=1e30), Contact(0.1, 0.5, 1e-30)),
+    *(Contact(friction=1e30), Contact(restitution=0, strength=1e30), Contact(0.1, 0.5, 1e-30)),
 ]
 ACTUATORS = [
     *(WrenchActuator, WrenchActuator(), ThrustActuator(()), ThrustActuator((7, 7)), ThrustActuator((8,))),

@@ -280,7 +280,7 @@ def test_surfaces_and_contact(read):
         + """
 start: {height: 1}
 surfaces: [{kind: floor, z: -1}, {kind: plane, point: [-9, 0, 0], normal: [2, 0, 0]}]
-contact: {friction: 0.3, restitution: 0.5, impact_speed: 2, reach: 0.03, paper_damping: 7}
+contact: {friction: 0.3, restitution: 0.5, reach: 0.03, paper_damping: 7}
 """
     )
     assert plan.scene.surfaces == (Plane((0, 0, -1)), Plane((-9, 0, 0), (1, 0, 0)))

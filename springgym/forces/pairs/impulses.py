@@ -7,7 +7,7 @@ at the positions of the node, so that they keep momentum and angular momentum to
 size.
 
 Each contact's impulse J follows from the heights h₀ = d − (h/2) u₀ and a = h₀ + h (u₀ + u)/2, with u the
-speed along its normal after all other impulses (`springgym.forces.pairs.law`). Two sweeps, there and
+speed along its normal after all other impulses (`springgym.contact.law`). Two sweeps, there and
 back, find all.
 
 The strength of an edge's contact depends on where it is met: the force of this energy's gradient acts,
@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from springgym.contact.law import EXACT, barrier_energy, meet
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store, store_each
@@ -36,7 +37,6 @@ from springgym.core.vectors import (
 )
 from springgym.forces.pairs.features import TAPER, smooth
 from springgym.forces.pairs.friction import lay_out
-from springgym.forces.pairs.law import energy, meet
 from springgym.forces.pairs.terms import (
     CONTACT,
     ENERGY,
@@ -64,7 +64,7 @@ QUICK = 0.2
 
 
 class Approach(NamedTuple):
-    """How a contact comes: the arguments of `springgym.forces.pairs.law.meet` that are its own."""
+    """How a contact comes: the arguments of `springgym.contact.law.meet` that are its own."""
 
     start: Any
     """the height where the step begins [m]"""
@@ -143,7 +143,7 @@ def sweep(v: Rows, span: Any, count: Number, backward: bool, pairs: Any, room: A
         meets = select(inverse > 0.0, minimum(start, free), FAR) < reach
         if any_lane(select(meets, 1.0, old) > 0.0):  # what the first sweep gave may have to be taken back
             come = Approach(start, free, load(pairs.strength, p) * load(room.share, k) * inverse, reach)
-            new = select(meets, solve(k, come, span, inverse, meets, pairs.damping, room), 0.0)
+            new = select(meets, solve(k, come, span, inverse, meets, pairs.loss, room), 0.0)
             store(room.push, k, new)
             impulse = (new - old) * row(room.toward, k)
             on = d < 0.5 * FAR
@@ -152,22 +152,20 @@ def sweep(v: Rows, span: Any, count: Number, backward: bool, pairs: Any, room: A
 
 
 @compiled
-def loss_of(damping: Numbers, pair: Any, like: Number) -> Any:
-    """δ of a pair [s/m]."""
-    loss = 0.0 * like
-    if damping is not None:
-        loss = loss + load(damping, pair)
-    return loss
+def loss_of(loss: Numbers, pair: Any, like: Number) -> Any:
+    """Return β of a pair: 0 if none loses anything."""
+    beta = 0.0 * like
+    if loss is not None:
+        beta = beta + load(loss, pair)
+    return beta
 
 
 @compiled
-def solve(
-    k: int, come: Approach, span: Any, inverse: Number, meets: Mask, damping: Numbers, room: Any
-) -> Any:
+def solve(k: int, come: Approach, span: Any, inverse: Number, meets: Mask, loss: Numbers, room: Any) -> Any:
     """The impulse of contact k; what it loses is stored."""
-    loss = loss_of(damping, room.pair[k], inverse)
-    change, lost = meet(come.start, come.free, span, come.strength, come.reach, loss)
-    if damping is not None:
+    beta = loss_of(loss, room.pair[k], inverse)
+    change, _, lost = meet(come.start, come.free, span, come.strength, come.reach, beta, meets, EXACT)
+    if loss is not None:
         store(room.lost, k, select(meets, lost / (inverse + TINY), 0.0))
     return change / (inverse + TINY)
 
@@ -194,7 +192,7 @@ def taper(
                 reach = pairs.reach[p]
                 first, last = ends(v, span, k, reach, room)
                 c = load(pairs.strength, p) + 0.0 * share
-                mean = 0.5 * (energy(first, c, reach) + energy(last, c, reach))
+                mean = 0.5 * (barrier_energy(first, c, reach) + barrier_energy(last, c, reach))
                 on = select(partly, mean, 0.0) > 0.0
                 if any_lane(on):
                     push_along_gradient(x, v, span, k, mean, on, particles, pairs, room)
@@ -272,7 +270,7 @@ def account(v: Rows, span: Any, count: Any, pairs: Any, room: Any, tally: Number
             )
             first, last = ends(v, span, k, reach, room)
             c = load(pairs.strength, p) * load(room.share, k)
-            before, after = energy(first, c, reach), energy(last, c, reach)
+            before, after = barrier_energy(first, c, reach), barrier_energy(last, c, reach)
             there = d < 0.5 * FAR
             at = p * ENTRIES
             touches = push > 0.0
@@ -300,7 +298,7 @@ def account_start(fresh: Mask, count: Any, pairs: Any, room: Any, tally: Numbers
         at, d, reach = p * ENTRIES, load(room.distance, k), pairs.reach[p]
         height = maximum(d, LOW * reach)
         there = select(d < 0.5 * FAR, select(fresh, 1.0 + 0.0 * d, 0.0), 0.0) > 0.5
-        stored = energy(height, load(pairs.strength, p) * load(room.share, k), reach)
+        stored = barrier_energy(height, load(pairs.strength, p) * load(room.share, k), reach)
         stored = select(there, stored, 0.0)
         store(tally, at + TOUCHING, select(stored > 0.0, 1.0, load(tally, at + TOUCHING)))
         store(tally, at + GAP, minimum(load(tally, at + GAP), select(there, height, FAR)))

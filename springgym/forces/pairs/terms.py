@@ -57,8 +57,8 @@ class Pairs(NamedTuple):
     """c [N·m²]"""
     friction: np.ndarray | None
     """μ [1]"""
-    damping: np.ndarray | None
-    """δ [s/m]"""
+    loss: np.ndarray | None
+    """β [1]"""
     shapes: Shapes
     most: int
     """contacts of a copy"""

@@ -11,6 +11,7 @@ import numpy as np
 from springgym.bodies.body import rigidity_matrix
 from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.bodies.precession import axial_moments
+from springgym.contact.law import SLOW
 from springgym.scenes.checks.basis import Check, crossings, peaks, period, slack, spread, within
 from springgym.scenes.checks.tops import angles, mean_rate
 from springgym.scenes.recording import Recording, record
@@ -96,14 +97,13 @@ def restitution(recording: Recording) -> list[Check]:
     contact, _, reach, g = _met(recording)
     assert isinstance(contact, Contact)
     height = recording.positions[:, 0, 2]
-    damping = theory.damping_for_restitution(contact.restitution, contact.impact_speed)
     _, tops = peaks(recording.times, height)
     tops = tops[tops > reach]
     heights = [float(height[0]), *(tops[:5].tolist() or [math.nan])]
     speeds = [math.sqrt(2 * g * (top - reach)) for top in heights]
     checks = []
     for speed, rebound in pairwise(speeds):
-        expected = theory.restitution_at(speed, damping)
+        expected = theory.rebound(speed, contact.restitution, SLOW)
         by = (1 - expected) * 8 * g * reach / (speed * (1 + expected)) ** 2
         name = f"restitution at {speed:.2f} m/s"
         checks.append(within(RESTORED, name, expected, rebound / speed, "", by / expected))

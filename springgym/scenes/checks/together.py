@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from springgym.collisions import Meeting
+from springgym.contact.law import SLOW
 from springgym.scenes.checks.basis import Check, slack, within
 from springgym.scenes.checks.contact import CREEP, STILL, WITHIN
 from springgym.scenes.recording import Recording
@@ -74,9 +75,7 @@ def exchange(recording: Recording) -> list[Check]:
     radius = sum(scene.bodies[n].body.radius for n in (met.first, met.second))
     x, v = (getattr(start[0], name)[0] - getattr(start[1], name)[0] for name in ("centre", "centre_velocity"))
     speed = float(np.linalg.norm(v))
-    restitution = theory.restitution_at(
-        speed, theory.damping_for_restitution(met.contact.restitution, met.contact.impact_speed)
-    )
+    restitution = theory.rebound(speed, met.contact.restitution, SLOW)
     way = v / speed
     aside = x - (x @ way) * way
     ends = []
