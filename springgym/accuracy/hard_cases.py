@@ -493,7 +493,7 @@ def restitution(broken: bool) -> Outcome:
             scene = scene.with_(body=pair(0.0), contact=Contact(strength=0.05, reach=0.02))
         simulator = Simulator(scene, step=1e-3)
         if broken and asked < 1:
-            terms(simulator).impact_damping[:] *= 1.02
+            terms(simulator).loss[:] *= 1.02
         simulator.advance(200 if asked else 20000)
         rebound = simulator.velocities[0][:, 2].max()
         worst = max(worst, abs(float(rebound) - asked))

@@ -122,12 +122,14 @@ def rebound(speed: float, restitution: float, slow: float) -> float:
         raise ValueError(f"restitution must lie in [0, 1], got {restitution!r}")
     if not (speed >= 0 and slow > 0):
         raise ValueError(f"speed must be >= 0 and slow > 0, got {speed!r} and {slow!r} m/s")
-    beta = (1 - restitution**2) / (1 + restitution**2)
-    if beta == 0 or speed == 0:
-        return 1.0 - beta
-    angles = np.linspace(0.0, math.asinh(speed / slow), 8001)
-    rise, turn = np.sinh(angles) * np.cosh(angles), beta * np.tanh(angles)
-    way_in, way_out = _sums(rise / (1 + turn), angles), _sums(rise / (1 - turn), angles)
+    if restitution == 1 or speed == 0:
+        return 1.0
+    angles = np.linspace(0.0, math.asinh(speed / slow), 40001)
+    rise, up, kept = np.sinh(angles) * np.cosh(angles) ** 2, np.exp(angles), restitution**2
+    way_in, way_out = (
+        _sums(rise / (kept / grows + grows), angles)  # cosh a + beta sinh a, without cancellation
+        for grows in (up, 1 / up)
+    )
     return math.sinh(float(np.interp(way_in[-1], way_out, angles))) * slow / speed
 
 

@@ -25,7 +25,7 @@ from springgym.measures import OFFSETS, Measures
 from springgym.packing import PARAMETERS as VARYING
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
-from springgym.surfaces import Contact, floor, impact_damping
+from springgym.surfaces import Contact, floor, loss_of
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
 
 COPIES = 10
@@ -344,7 +344,7 @@ def test_rows_go_to_the_copies_named_and_to_no_others(
     if name == "positions":  # above the floor
         value = value + np.eye(3)[2]
     expected = values_of(simulator, name)
-    meant = impact_damping(value, 1.0) if name == "restitution" else value
+    meant = loss_of(value) if name == "restitution" else value
     expected[chosen] = meant
     if name == "positions":
         simulator.place(value, np.zeros((8, 3)), copies)

@@ -226,7 +226,7 @@ def with_all_features(pairs: Pairs) -> Pairs:
     none = np.zeros(bodies, bool)
     return pairs._replace(
         friction=np.zeros(count) if pairs.friction is None else pairs.friction,
-        damping=np.zeros(count) if pairs.damping is None else pairs.damping,
+        loss=np.zeros(count) if pairs.loss is None else pairs.loss,
         shapes=shapes._replace(
             triangles=np.zeros((0, 3), np.uint32) if shapes.triangles is None else shapes.triangles,
             edges=np.zeros((0, 2), np.uint32) if shapes.edges is None else shapes.edges,

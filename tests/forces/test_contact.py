@@ -11,9 +11,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from springgym.bodies import Body, cube, rigid_velocities, rotation
-from springgym.core.compiling import kernel
-from springgym.core.lanes import block_dtype, load, store
-from springgym.forces.barrier import decay_means
+from springgym.contact.law import SLOW
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, Plane, floor, incline, scales
@@ -64,34 +62,6 @@ def thrown_cube(how: Contact, step: float, **options: Any) -> Simulator:
 
 
 # --- Along the normal ---------------------------------------------------------------------------------
-
-
-@kernel
-def means(x: Any, phi: Any, psi: Any) -> None:
-    for n in range(x.shape[0]):
-        first, second = decay_means(load(x, n))
-        store(phi, n, first)
-        store(psi, n, second)
-
-
-def test_means_of_a_decay_are_those_of_theory_whatever_the_other_lanes_hold() -> None:
-    x = np.concatenate([np.linspace(0, 4, 81), np.geomspace(1e-12, 4, 79)])
-    found = []
-    for width in (1, 16):
-        lanes, phi, psi = (np.zeros(len(x) // width, block_dtype(float, width)) for _ in range(3))
-        lanes["lanes"] = x.reshape(-1, width)
-        means(lanes, phi, psi)
-        found.append([phi["lanes"].ravel(), psi["lanes"].ravel()])
-    np.testing.assert_array_equal(found[0], found[1])
-    decay = np.where(x > 0, -np.expm1(-x), 0) / np.where(x > 0, x, 1) + (x == 0)
-    near = np.abs(x) < 1e-2  # where (1 − φ)/x cancels
-    series = 1 / 2 - x / 6 + x**2 / 24 - x**3 / 120
-    np.testing.assert_allclose(found[0][0], decay, rtol=1.2e-7)
-    np.testing.assert_allclose(
-        found[0][1], np.where(near, series, (1 - decay) / np.where(near, 1, x)), rtol=1e-6
-    )
-    assert found[0][0][0] == 1
-    assert found[0][1][0] == 0.5
 
 
 @pytest.mark.parametrize("speed", [0.1, 1.0, 5.0, 20.0])
@@ -162,45 +132,30 @@ def test_bounces_return_to_the_height_they_came_from() -> None:
         assert worst < 1e-12
 
 
-@pytest.mark.parametrize("step", [1e-5, 1e-3, 5e-3])
-@pytest.mark.parametrize("speed", [0.5, 5.0])
-def test_restitution_is_that_of_theory_for_every_step(speed: float, step: float) -> None:
-    """Hard case 14, which asks for 1e-3; what is left is that of `decay_means` and of Newton's method."""
+@pytest.mark.parametrize("step", [1e-5, 2e-4, 1e-3])
+@pytest.mark.parametrize("speed", [0.01, 0.5, 5.0])
+def test_restitution_is_that_of_theory_at_every_speed(speed: float, step: float) -> None:
+    """Hard case 14, which asks for 1e-3: as asked for above `SLOW`, more below; to 5 (v h/Δ)²."""
     asked = np.array([0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0])
-    how = contact(restitution=0.5, impact_speed=speed)
     count = len(asked)
     simulator = beads(
         np.full((count, 3), 1.001 * REACH),
         np.tile([0, 0, -speed], (count, 1)),
-        how,
+        contact(restitution=0.5, strength=0.5 * speed**2 * REACH),
         gravity=WEIGHTLESS,
         step=step,
     )
     simulator.vary(np.arange(count), restitution=asked)
     for _ in range(100_000):
-        simulator.advance(20)
+        simulator.advance(50)
         x, v = state(simulator)
-        if (x[1:, 2] > REACH).all():
+        if (x[:, 2] > REACH).all() and (v[:, 2] > 0).all():
             break
     rebound = v[:, 2] / speed
-    assert rebound[1:] == pytest.approx(asked[1:], abs=1e-6)
-    assert 0 <= rebound[0] <= 1e-3
+    expected = [theory.rebound(speed, e, SLOW) for e in asked.tolist()]
+    fast = speed * step / REACH
+    assert rebound == pytest.approx(expected, abs=5 * fast**2 + 1e-5)
     assert x[:, 2].min() > 0
-
-
-def test_restitution_at_another_speed() -> None:
-    d = theory.damping_for_restitution(0.6, 2.0)
-    speeds = np.array([0.2, 1.0, 2.0, 8.0])
-    simulator = beads(
-        np.full((4, 3), 1.001 * REACH),
-        np.outer(speeds, [0, 0, -1]),
-        contact(restitution=0.6, impact_speed=2.0),
-        gravity=WEIGHTLESS,
-    )
-    simulator.advance(1000)
-    expected = [theory.restitution_at(v, d) for v in speeds.tolist()]
-    assert state(simulator)[1][:, 2] / speeds == pytest.approx(expected, abs=1e-6)
-    assert max(expected) - min(expected) > 0.3
 
 
 @settings(max_examples=60, deadline=None)
