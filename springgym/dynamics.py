@@ -38,8 +38,6 @@ class Dynamics(NamedTuple):
     automatic_step: Callable[..., float]
     settled: Callable[[Packed, np.ndarray, np.ndarray], np.ndarray] | None
     """where particles (k, N, 3) come to lie that are placed in copies (k,); None if they stay"""
-    least: Mapping[str, float]
-    """bounds of parameters, where they are narrower than those of `packing.PARAMETERS`"""
     follow: Callable[[Packed, np.ndarray, Mapping[str, np.ndarray], Pace], Any]
     """refuse parameters that are given to copies (k,), or find what `packing.vary` sets with them"""
 
@@ -90,7 +88,6 @@ DYNAMICS = {
         largest_step=stability.largest_step,
         automatic_step=stability.automatic_step,
         settled=None,
-        least={},
         follow=_stable,
     ),
     "rigid": Dynamics(
@@ -104,7 +101,6 @@ DYNAMICS = {
         settled=lambda packed, x, index: rigid.settled(
             packed.scene, x, packing.values(packed, "masses", index), index
         ),
-        least={"restitution": rigid.LEAST_RESTITUTION},
         follow=_shapes,
     ),
 }

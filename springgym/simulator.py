@@ -444,12 +444,11 @@ class Simulator:
             parameter = PARAMETERS[checks.chosen("a parameter to vary", name, PARAMETERS)]
             if not packing.varies(self._packed[0], name):
                 raise ValueError(f"{name!r} does not vary in this simulator; name it in varying")
-            low = self._kind.least.get(name, parameter.least)
             shapes = [packing.shape(packed, name) for packed in self._packed]
             shared = len(shapes) == 1 or parameter.extent in ("axes", "scene")
             ends = np.cumsum([0, *(shape[0] if shape else 1 for shape in shapes)])
             rows = self._rows(
-                name, value, index, shapes[0] if shared else (int(ends[-1]),), low, parameter.most
+                name, value, index, shapes[0] if shared else (int(ends[-1]),), parameter.least, parameter.most
             )
             parts = [rows] * len(given) if shared else np.split(rows, ends[1:-1], axis=1)
             for own, shape, part in zip(given, shapes, parts, strict=True):

@@ -9,9 +9,11 @@ import pytest
 
 from springgym.bodies import Body, cube, start
 from springgym.bodies.motion import InitialState
+from springgym.contact.law import SLOW
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, PaperContact, Plane, floor
+from springgym.theory import contact as theory
 from tests.forces.test_contact import VARYING
 
 CUBE = cube(damping=0.0)
@@ -156,7 +158,7 @@ def on_floor(positions: np.ndarray, velocity: tuple[float, ...], how: Contact, s
     return Simulator(scene, dynamics="rigid", step=step, varying=RUBBING)
 
 
-@pytest.mark.parametrize("restitution", [0.01, 0.3, 0.7, 1.0])
+@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.7, 1.0])
 def test_a_cube_that_falls_flat_rebounds_with_the_restitution(restitution: float) -> None:
     positions = CUBE.positions + np.array([0, 0, 0.5 + REACH])
     scene = Scene(
@@ -170,7 +172,9 @@ def test_a_cube_that_falls_flat_rebounds_with_the_restitution(restitution: float
     simulator = Simulator(scene, dynamics="rigid", step=5e-4, varying=RUBBING)
     simulator.advance(800, check=False)
     velocity = simulator.velocities[0]
-    np.testing.assert_allclose(velocity[:, 2], restitution, atol=1e-3)
+    # corners share the loss out by turns: what is to be stopped dead keeps some of its speed
+    expected = theory.rebound(1.0, restitution, SLOW)
+    np.testing.assert_allclose(velocity[:, 2], expected, atol=2e-3 if restitution else 0.05)
     np.testing.assert_allclose(velocity[:, :2], 0.0, atol=1e-6)
 
 
@@ -253,8 +257,6 @@ def test_methods_and_laws_without_meaning_are_refused_and_the_default_has_one() 
         Simulator(scene, dynamics="rigid", integrator="suzuki")
     with pytest.raises(ValueError, match="the paper's contact"):
         Simulator(scene.with_(contact=PaperContact()), dynamics="rigid")
-    with pytest.raises(ValueError, match="restitution is 0"):
-        Simulator(scene.with_(contact=Contact(restitution=0.0)), dynamics="rigid")
     many = tuple(Plane((0, 0, -n), (0, 0, 1)) for n in range(8))
     with pytest.raises(ValueError, match="8 surfaces"):
         Simulator(scene.with_(surfaces=many), dynamics="rigid")

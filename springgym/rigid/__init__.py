@@ -17,7 +17,6 @@ from springgym.integrators.record import Integrator
 from springgym.rigid.contact import LOADS
 from springgym.rigid.motion import Rigid, kernel_reading
 from springgym.rigid.shape import (
-    LEAST_RESTITUTION,
     Shape,
     check_rigid,
     highest_rate,
@@ -28,7 +27,6 @@ from springgym.rigid.shape import (
 from springgym.scene import Scene
 
 __all__ = [
-    "LEAST_RESTITUTION",
     "METHODS",
     "Method",
     "Rigid",

@@ -106,10 +106,6 @@ def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.
     return here[:, None] + (body - about[:, None]) @ turn
 
 
-LEAST_RESTITUTION = 0.01
-"""Particles that strike together share a loss out among them as long as a step does not stop them dead: a
-cube that falls flat with a restitution of 0 would rebound with up to 0.1."""
-
 UNDERSTOOD = {
     *("body", "positions", "velocities", "pinned", "gravity"),
     *("wrench", "thrust", "drive", "surfaces", "contact", "bodies", "collisions"),
@@ -157,11 +153,6 @@ def _check_part(scene: Scene, method: Integrator) -> None:
             )
         if isinstance(scene.contact, PaperContact):
             raise ValueError("the paper's contact pushes single particles; give the rigid body a Contact")
-        if scene.contact.restitution < LEAST_RESTITUTION:
-            raise ValueError(
-                f"restitution is {scene.contact.restitution}; where particles of a rigid body strike "
-                f"together, rebounds are right from {LEAST_RESTITUTION} on"
-            )
         if len(scene.surfaces) > SURFACES:
             raise ValueError(f"there are {len(scene.surfaces)} surfaces; a rigid body may meet {SURFACES}")
     principal_shape(scene)

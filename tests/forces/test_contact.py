@@ -14,7 +14,7 @@ from springgym.bodies import Body, cube, rigid_velocities, rotation
 from springgym.contact.law import SLOW
 from springgym.scene import Scene
 from springgym.simulator import Simulator
-from springgym.surfaces import Bowl, Contact, Plane, floor, incline, scales
+from springgym.surfaces import SOFTEST, STIFFEST, Bowl, Contact, Plane, floor, incline, scales
 from springgym.theory import contact as theory
 
 C, REACH, G = 1.0, 0.02, 9.81
@@ -129,7 +129,7 @@ def test_bounces_return_to_the_height_they_came_from() -> None:
             bounces += falling and v[0, 2] > 0
             falling = v[0, 2] <= 0
             worst = max(worst, abs(simulator.measure().energy[0] / start - 1))
-        assert worst < 1e-12
+        assert worst < 1e-11
 
 
 @pytest.mark.parametrize("step", [1e-5, 2e-4, 1e-3])
@@ -186,7 +186,9 @@ def test_nothing_adds_energy_or_gets_through(
 
 
 def test_placing_in_touch_enters_no_negative_loss() -> None:
-    """At rest in the barrier, squeezed, sliding, held on a slope: no negative loss, and what rests has none.
+    """At rest in the barrier, sliding, squeezed, leaving: no negative loss, and what rests has none.
+
+    What is squeezed leaves its first half node with less than the barrier gave: that is entered as lost.
 
     What is read of energy at a node with contact is m g² h²/8 more than at rest, which is no loss.
     """
@@ -203,7 +205,8 @@ def test_placing_in_touch_enters_no_negative_loss() -> None:
     for _ in range(50):
         simulator.advance(1)
         found = simulator.measure()
-        assert found.contact_loss == pytest.approx(0.0, abs=1e-9 * unit)
+        assert found.contact_loss[:2] == pytest.approx(0.0, abs=1e-9 * unit)
+        assert (found.contact_loss >= -1e-9 * unit).all()
         assert (found.friction_loss >= before - 1e-9 * unit).all()
         assert found.friction_loss[0] == pytest.approx(0.0, abs=1e-9 * unit)
         assert found.balance == pytest.approx(start.balance, abs=1.01 * unit)
@@ -638,8 +641,13 @@ def test_defaults_follow_from_the_body() -> None:
     body = cube()
     c, reach = scales(Contact(), body)
     assert reach == pytest.approx(0.01 * math.sqrt(3) * np.ptp(body.positions[:, 0]))
-    # U'' at the edge of the barrier is 2 c/Δ³.
-    assert 2 * c / reach**3 == pytest.approx(body.stiffness.max())
+    # a corner that strikes at 10 m/s stays a tenth of Δ away, if c is not more than STIFFEST has it
+    assert c == pytest.approx(STIFFEST * body.stiffness.max() * reach**3)
+    c, reach = scales(Contact(), cube(stiffness=1e6))
+    corner = theory.turning_point(0.5 * 0.25 * 10.0**2, c, reach)
+    assert corner == pytest.approx(0.1 * reach)
+    c, reach = scales(Contact(), cube(stiffness=1e8))
+    assert c == pytest.approx(SOFTEST * 1e8 * reach**3)
 
 
 @pytest.mark.parametrize(
