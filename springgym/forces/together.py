@@ -227,7 +227,7 @@ def touch(
         if turn == 1 and last:
             taper(x.values, v, span, count, particles, pairs, room, pairs.shapes.edges)
         if 0 < turn <= SWEEPS or (last and turn > SWEEPS):
-            rub(w.values, v, turn - 1, count, pairs, pairs.friction, room, meets.tally)
+            rub(w.values, v, turn - 1, count, particles, pairs, pairs.friction, room, meets.tally)
 
 
 # --- The node -----------------------------------------------------------------------------------------

@@ -107,7 +107,7 @@ def prepare(
         store(room.push, k, 0.0)
         store(room.lost, k, 0.0)
         set_row(room.rub, k, vec(0.0, 0.0, 0.0))
-        lay_out(x, k, particles, pairs.friction, room)
+        lay_out(x, k, pairs.friction, room)
         p = room.pair[k]
         missed = load(room.distance, k) - span.lead * u < LOW * pairs.reach[p]
         tell(tally, p, MISSES, select(missed, 1.0 + 0.0 * u, 0.0))

@@ -140,16 +140,10 @@ class Room(NamedTuple):
     """(rows,) energy lost to the damping [J]"""
     rub: np.ndarray
     """(rows, 3) the impulse of friction [N·s]"""
-    apart: np.ndarray
-    """(rows, 3) D [m]"""
-    mass: np.ndarray
-    """(4 rows,) m, of pinned particles 0 [kg]"""
-    arm: np.ndarray
-    """(4 rows, 3) x − x_c [m]"""
-    lever: np.ndarray
-    """(4 rows, 3) m (x − x_c), of a pinned particle less their sum [kg·m]"""
-    turn: np.ndarray
-    """(2 rows, 3) I⁻¹: xx, yy, zz; xy, xz, yz [1/(kg·m²)]"""
+    tilt: np.ndarray
+    """(2 rows, 3) G and H; of a rod, G and the direction along it: see `springgym.forces.pairs.friction`"""
+    rubs: np.ndarray
+    """(rows,) 1 where friction acts, else 0"""
     spent: np.ndarray
     """(pairs, 3) energy lost to damping, and to friction, and given by the barriers, at this node [J]"""
 
@@ -335,10 +329,7 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         push=lanes(rows),
         lost=lanes(rows),
         rub=lanes(rows, 3),
-        apart=lanes(rubbing, 3),
-        mass=lanes(4 * rubbing),
-        arm=lanes(4 * rubbing, 3),
-        lever=lanes(4 * rubbing, 3),
-        turn=lanes(2 * rubbing, 3),
+        tilt=lanes(2 * rubbing, 3),
+        rubs=lanes(rubbing),
         spent=lanes(len(pairs.first), 3),
     )
