@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from springgym.contact.law import EXACT, meet
+from springgym.contact.law import meet
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Mask, Number, Rows, Vector
 from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, store
@@ -257,7 +257,7 @@ def touch(
     none = 0.0 * u
     nothing = vec(none, none, none)
     beta, mu = coefficient(solid.terms.loss, none), coefficient(solid.terms.friction, none)
-    gain, impulse, _ = meet(start, ahead, span, strength * a, reach, beta, touching, EXACT)
+    gain, impulse = meet(start, ahead, span, strength * a, reach, beta, touching)
     push = choose(touching, 1.0 / a * vec(gain, impulse, none), nothing)
     others = pushed(others, arm, push[0] * n, solid)
     rub, others, slowed = stick(n, arm, rub, mu * maximum(push[0], 0.0), others, node, solid)

@@ -17,9 +17,9 @@ than there is.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from springgym.contact.law import EXACT, barrier_energy, meet
+from springgym.contact.law import barrier_energy, meet
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store, store_each
@@ -63,19 +63,6 @@ QUICK = 0.2
 """Share of Δ that a contact may move by in a step, to be computed well."""
 
 
-class Approach(NamedTuple):
-    """How a contact comes: the arguments of `springgym.contact.law.meet` that are its own."""
-
-    start: Any
-    """the height where the step begins [m]"""
-    free: Any
-    """where it ends without this contact [m]"""
-    strength: Any
-    """c Φ W [m³/s²]"""
-    reach: Any
-    """Δ [m]"""
-
-
 @compiled
 def prepare(
     x: Rows,
@@ -105,7 +92,6 @@ def prepare(
         store(room.before, k, u)
         store(room.inverse, k, inverse)
         store(room.push, k, 0.0)
-        store(room.lost, k, 0.0)
         set_row(room.rub, k, vec(0.0, 0.0, 0.0))
         lay_out(x, k, pairs.friction, room)
         p = room.pair[k]
@@ -142,8 +128,9 @@ def sweep(v: Rows, span: Any, count: Number, backward: bool, pairs: Any, room: A
         free = start + span.lead * u0 + span.out * u
         meets = select(inverse > 0.0, minimum(start, free), FAR) < reach
         if any_lane(select(meets, 1.0, old) > 0.0):  # what the first sweep gave may have to be taken back
-            come = Approach(start, free, load(pairs.strength, p) * load(room.share, k) * inverse, reach)
-            new = select(meets, solve(k, come, span, inverse, meets, pairs.loss, room), 0.0)
+            c = load(pairs.strength, p) * load(room.share, k) * inverse
+            change, _ = meet(start, free, span, c, reach, loss_of(pairs.loss, p, inverse), meets)
+            new = select(meets, change / (inverse + TINY), 0.0)
             store(room.push, k, new)
             impulse = (new - old) * row(room.toward, k)
             on = d < 0.5 * FAR
@@ -161,13 +148,17 @@ def loss_of(loss: Numbers, pair: Any, like: Number) -> Any:
 
 
 @compiled
-def solve(k: int, come: Approach, span: Any, inverse: Number, meets: Mask, loss: Numbers, room: Any) -> Any:
-    """The impulse of contact k; what it loses is stored."""
-    beta = loss_of(loss, room.pair[k], inverse)
-    change, _, lost = meet(come.start, come.free, span, come.strength, come.reach, beta, meets, EXACT)
+def lost_by(v: Rows, span: Any, k: Number, given: Number, loss: Numbers, room: Any) -> Any:
+    """Return the energy [J] that contact k lost: what the barrier gave, less the work of the impulse.
+
+    Without loss they differ by what sweeps leave over, which is an error, and is not entered.
+    """
+    lost = 0.0 * given
     if loss is not None:
-        store(room.lost, k, select(meets, lost / (inverse + TINY), 0.0))
-    return change / (inverse + TINY)
+        rate = (span.lead * load(room.before, k) + span.out * speed(v, k, room)) / span.whole
+        lossy = load(loss, room.pair[k]) + lost > 0.0
+        lost = select(lossy, given - load(room.push, k) * rate, 0.0)
+    return lost
 
 
 @compiled
@@ -279,9 +270,11 @@ def account(v: Rows, span: Any, count: Any, pairs: Any, room: Any, tally: Number
             store(tally, at + GAP, minimum(load(tally, at + GAP), gap))
             tell(tally, p, IMPULSE, push)
             tell(tally, p, ENERGY, select(there, 0.5 * (before + after), 0.0))
-            tell(tally, p, CONTACT, load(room.lost, k))
-            spend(room, p, 0, load(room.lost, k))
-            spend(room, p, 2, select(there, before - after, 0.0))
+            given = select(there, before - after, 0.0)
+            lost = lost_by(v, span, k, given, pairs.loss, room)
+            tell(tally, p, CONTACT, lost)
+            spend(room, p, 0, lost)
+            spend(room, p, 2, given)
             quick = maximum(u0, -u0) * span.whole > QUICK * reach
             tell(tally, p, FAST, select(touches, select(quick, 1.0 + 0.0 * push, 0.0), 0.0))
 

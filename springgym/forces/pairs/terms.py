@@ -136,8 +136,6 @@ class Room(NamedTuple):
     """(rows,) W [1/kg]"""
     push: np.ndarray
     """(rows,) J [N·s]"""
-    lost: np.ndarray
-    """(rows,) energy lost to the damping [J]"""
     rub: np.ndarray
     """(rows, 3) the impulse of friction [N·s]"""
     tilt: np.ndarray
@@ -327,7 +325,6 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         gain=lanes(4 * rows),
         inverse=lanes(rows),
         push=lanes(rows),
-        lost=lanes(rows),
         rub=lanes(rows, 3),
         tilt=lanes(2 * rubbing, 3),
         rubs=lanes(rubbing),
