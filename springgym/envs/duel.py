@@ -42,7 +42,7 @@ LARGEST = 1.6  # scale of tops that randomisation makes: it moves them apart, to
 SPINS = (22.0, 30.0)  # [rad/s], of either sign
 FORCE = 40.0  # on the crown [N]
 GRIP, REBOUND = 0.02, 0.2  # friction and restitution between both
-REACH, STRENGTH = 0.02, 0.8  # of all contacts: Δ [m], c [N·m²]
+REACH, STRENGTH = 0.02, 0.08  # of all contacts: Δ [m], c [N·m²]
 WAY_UNIT, TILT_UNIT, SPIN_UNIT, MOMENTUM_UNIT = 0.5, 0.2, 25.0, 6.0
 """What the compact observation shows as 1: ways [m], of the axis [1], spins [rad/s], momenta [kg·m²/s]."""
 SEEN = 11  # numbers that are observed of each top
