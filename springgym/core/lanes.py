@@ -307,6 +307,25 @@ def any_lane(typingctx: Any, mask: Any) -> Any:
 
 
 @intrinsic
+def filled(typingctx: Any, mask: Any, value: Any) -> Any:
+    """``value`` where the mask holds; in the other lanes, that of the first lane in which it does.
+
+    Rows of an array that differ in no lane that matters are the same in all: `load_each` has it easier.
+    """
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        if mask.width == 1:
+            return args[1]
+        bits = builder.bitcast(args[0], ir.IntType(mask.width))
+        lane = builder.cttz(bits, ir.Constant(ir.IntType(1), 0))  # the width if it holds in none: take any
+        lane = builder.and_(lane, ir.Constant(lane.type, mask.width - 1))
+        first = builder.extract_element(args[1], lane)
+        return builder.select(args[0], args[1], _in_all(builder, first, args[1]))
+
+    return value(mask, value) if isinstance(value, Lanes) else None, codegen
+
+
+@intrinsic
 def epsilon(typingctx: Any, value: Any) -> Any:
     """Distance of 1 from the next number of the kind that lanes hold: 2⁻⁵², or 2⁻²³ in single precision."""
     size = float(np.finfo(value.dtype.name).eps)
