@@ -9,6 +9,9 @@ particles: with their centre of mass x_c, inertia I and angular momentum L,
 with P = 1 − n nᵀ: no momentum, no angular momentum, and along a unit vector ŝ the slip changes by K j, K
 = W − (D × ŝ)·I⁻¹(D × ŝ). Of a pinned particle the mass counts as infinite, so that x_c is there; with two
 pinned, nothing turns. Two balls alone never slip: points cannot roll, nor be held back without a torque.
+
+Rigid bodies are pushed at one point (`springgym.forces.pairs.solids`), where a tangential impulse needs no
+turn to keep the angular momentum.
 """
 
 from __future__ import annotations
@@ -32,10 +35,12 @@ from springgym.core.vectors import (
     set_row_each,
     vec,
 )
+from springgym.forces.pairs.solids import among_going, between, push_both, yielding_of_both
 from springgym.forces.pairs.terms import FRICTION, spend, tell
 
 if TYPE_CHECKING:
     from springgym.forces import Particles
+    from springgym.forces.pairs.solids import Solids
 
 
 FIRM = 1e-6
@@ -98,31 +103,41 @@ def rub(
             acts = limit > 0.0
             if turn < SWEEPS:
                 acts = maximum(limit, dot(given, given)) > 0.0  # what was given may have to be taken back
+            acts = among_going(acts, room.solids)
             if any_lane(acts):
-                slip = slipping(v, k, room)
+                slip = slipping(v, k, pairs, room, room.solids)
                 if turn < SWEEPS:
-                    j = held_back(slip, k, given, limit, room)
-                    turn_with(v, k, j - given, acts, room)
+                    j = held_back(slip, k, given, limit, pairs, room)
+                    push_across(v, k, j - given, acts, pairs, room, room.solids)
                     set_row(room.rub, k, choose(acts, j, given))
                 else:
-                    slip = slip + slipping(w, k, room)
+                    slip = slip + slipping(w, k, pairs, room, room.solids)
                     lost = select(acts, -0.5 * dot(given, slip), 0.0)
                     spend(room, p, 1, lost)
                     tell(tally, p, FRICTION, lost)
 
 
 @compiled
-def slipping(v: Rows, k: Number, room: Any) -> Any:
+def slipping(v: Rows, k: Number, pairs: Any, room: Any, solids: Solids | None) -> Any:
     """How contact k slips (3,)."""
+    n = row(room.toward, k)
+    if solids is not None:
+        slip = between(v, k, pairs, room, solids)
+        return slip - dot(slip, n) * n
+    slip = slipping_particles(v, k, room)
+    return slip - dot(slip, n) * n
+
+
+@compiled
+def slipping_particles(v: Rows, k: Number, room: Any) -> Any:
+    """How the particles of contact k slip in axes that turn with them."""
     none = 0.0 * load(room.distance, k)
     slip, spin = vec(none, none, none), vec(none, none, none)
     for j in range(room.members[k]):
         u = row_each(v, load(room.particle, 4 * k + j))
         slip = plus_scaled(slip, load(room.weight, 4 * k + j), u)
         spin = spin + cross(row(room.lever, 4 * k + j), u)
-    slip = slip - cross(turning(k, spin, room), row(room.apart, k))
-    n = row(room.toward, k)
-    return slip - dot(slip, n) * n
+    return slip - cross(turning(k, spin, room), row(room.apart, k))
 
 
 @compiled
@@ -132,16 +147,35 @@ def turning(k: Number, moment: Vector, room: Any) -> Any:
 
 
 @compiled
-def held_back(slip: Vector, k: Number, given: Vector, limit: Number, room: Any) -> Any:
+def yielding_along(along: Vector, k: Number, pairs: Any, room: Any, solids: Solids | None) -> Any:
+    """K of contact k along a unit vector."""
+    if solids is not None:
+        return yielding_of_both(along, k, pairs, room, solids)
+    lever = cross(row(room.apart, k), along)
+    return load(room.inverse, k) - dot(lever, turning(k, lever, room))
+
+
+@compiled
+def held_back(slip: Vector, k: Number, given: Vector, limit: Number, pairs: Any, room: Any) -> Any:
     """The impulse that stops a slip, besides what was ``given``, or as much of it as friction can give."""
     along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
-    lever, inverse = cross(row(room.apart, k), along), load(room.inverse, k)
-    yielding = inverse - dot(lever, turning(k, lever, room))
-    firm = yielding > FIRM * inverse
+    yielding = yielding_along(along, k, pairs, room, room.solids)
+    firm = yielding > FIRM * load(room.inverse, k)
     stop = select(firm, 1.0 / select(firm, yielding, 1.0), 0.0)
     wanted = given - stop * slip
     size = sqrt(dot(wanted, wanted)) + TINY
     return minimum(limit / size, 1.0) * wanted
+
+
+@compiled
+def push_across(
+    v: Rows, k: Number, j: Vector, acts: Mask, pairs: Any, room: Any, solids: Solids | None
+) -> None:
+    """Give contact k an impulse across its normal, in some lanes."""
+    if solids is not None:
+        push_both(v, k, j, acts, pairs, room, solids)
+    else:
+        turn_with(v, k, j, acts, room)
 
 
 @compiled

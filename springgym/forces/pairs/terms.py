@@ -152,6 +152,8 @@ class Room(NamedTuple):
     """(2 rows, 3) I⁻¹: xx, yy, zz; xy, xz, yz [1/(kg·m²)]"""
     spent: np.ndarray
     """(pairs, 3) energy lost to damping, and to friction, and given by the barriers, at this node [J]"""
+    solids: Any = None
+    """the `springgym.forces.pairs.solids.Solids` of rigid bodies; None where particles move by themselves"""
 
 
 NONE = -1.0
