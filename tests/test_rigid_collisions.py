@@ -12,7 +12,6 @@ from springgym.bodies import Body, ball, box, cube, rope, top
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, floor
-from tests.collisions.cases import FACE, turned
 from tests.collisions.impacts import impacts
 
 REACH, STRENGTH = 0.01, 0.01
@@ -85,8 +84,8 @@ def test_faces_rebound_with_the_restitution(restitution: float) -> None:
     v[:, :8, 0] = speeds[:, None]
     simulator.place(x, v)
     simulator.advance(700)
-    rebound = simulator.measure("second").centre_velocity[:, 0] - simulator.measure("first").centre_velocity[:, 0]
-    np.testing.assert_allclose(rebound / speeds, restitution, atol=0.03)
+    first, second = (simulator.measure(body).centre_velocity[:, 0] for body in ("first", "second"))
+    np.testing.assert_allclose((second - first) / speeds, restitution, atol=0.03)
     m = simulator.measure()
     np.testing.assert_allclose(m.balance, 0.5 * speeds**2 * CUBE.mass, rtol=2e-3)
     np.testing.assert_allclose(simulator.pairs().contact_loss[:, 0], m.contact_loss, rtol=1e-9, atol=1e-15)
@@ -172,7 +171,7 @@ def on_slab(angle: float = 0.0, how: Contact | None = None) -> Scene:
     return Scene(
         bodies=(
             Placed(SLAB, pinned=tuple(range(8)), name="slab"),
-            Placed(CUBE, body + (0.0, 0.0, low - body[:, 2].min() + REACH), name="cube"),
+            Placed(CUBE, np.add(body, (0.0, 0.0, low - body[:, 2].min() + REACH)), name="cube"),
             Placed(BALL, np.array([[-1.2, 1.2, low + 0.1 + REACH]]), name="ball"),
         ),
         gravity=tuple(g),
@@ -187,7 +186,7 @@ def test_a_cube_and_a_ball_rest_on_a_pinned_slab() -> None:
     simulator.advance(4000)
     x, still = simulator.positions, np.abs(simulator.velocities)
     assert still.max() < 1e-6
-    np.testing.assert_array_equal(simulator.positions[:, :8], slab)
+    np.testing.assert_array_equal(x[:, :8], slab)
     simulator.advance(1000)
     assert np.abs(simulator.positions - x).max() < 1e-6
     readings = simulator.pairs(forget=True)
@@ -196,8 +195,6 @@ def test_a_cube_and_a_ball_rest_on_a_pinned_slab() -> None:
     weight = G * np.array([CUBE.mass, BALL.mass])
     np.testing.assert_allclose(simulator.pairs().impulse[:, :2], [weight] * 2, rtol=1e-3)
     assert (simulator.pairs().least_gap[:, :2] > 0).all()
-    m = simulator.measure()
-    np.testing.assert_allclose(m.balance, Simulator.measure(simulator).balance)
 
 
 def test_friction_holds_below_its_limit_and_slides_above() -> None:
@@ -218,7 +215,7 @@ def test_friction_holds_below_its_limit_and_slides_above() -> None:
 def test_a_body_turns_about_its_pin_when_it_is_hit() -> None:
     """Angular momentum about the pin is kept, and so is energy."""
     pinned = CUBE.positions
-    hits = pinned + (1.1, 0.3, 0.2)
+    hits = np.add(pinned, (1.1, 0.3, 0.2))
     speed = np.repeat([[-1.0, 0.0, 0.0]], 8, axis=0)
     scene = Scene(
         bodies=(Placed(CUBE, pinned=(0,), name="door"), Placed(CUBE, hits, speed, name="stone")),
@@ -245,8 +242,8 @@ def test_cubes_stack_on_a_floor_and_one_is_pushed() -> None:
     body = CUBE.positions - CUBE.positions.min(axis=0)
     scene = Scene(
         bodies=(
-            Placed(CUBE, body + (0, 0, REACH), name="lower"),
-            Placed(CUBE, body + (0.1, 0.2, 1 + 2 * REACH), name="upper"),
+            Placed(CUBE, np.add(body, (0.0, 0.0, REACH)), name="lower"),
+            Placed(CUBE, np.add(body, (0.1, 0.2, 1 + 2 * REACH)), name="upper"),
         ),
         surfaces=(floor(),),
         contact=contact(0.5, 0.3),
@@ -269,7 +266,7 @@ def test_cubes_stack_on_a_floor_and_one_is_pushed() -> None:
     ("other", "options", "reason"),
     [
         (rope(), {}, "no rigid twin"),
-        (CUBE, {"integrator": "suzuki"}, "suzuki has no node"),
+        (Body("rod", np.array([(0, 0, 0), (1, 0, 0)]), 1.0, [(0, 1)], 1e5, 0.0, radius=0.1), {}, "one line"),
     ],
 )
 def test_what_cannot_collide_is_refused_with_the_reason(other: Body, options: dict, reason: str) -> None:

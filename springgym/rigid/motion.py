@@ -5,7 +5,8 @@ the particles to it; nothing else is kept, so whatever reads particles reads a r
 
 The step is a symmetric splitting: kick h/2, flight h, kick h/2. Kicks change the momenta by gravity and
 actuators (`springgym.rigid.kick`), flights are free (`springgym.rigid.flight`). Where there are surfaces it
-is flight h/2, node, flight h/2 (`springgym.rigid.contact`).
+is flight h/2, node, flight h/2 (`springgym.rigid.contact`), which bodies that collide take together
+(`springgym.rigid.together`).
 Higher orders compose such steps (`springgym.rigid.METHODS`).
 
 Source: Hairer, Lubich & Wanner, Geometric Numerical Integration, sec. V.3 and VII.5.
