@@ -152,18 +152,8 @@ def pushed_by_pairs(node: Node, body: int, space: Company) -> Any:
     )
     falling = node.falling + row(space.pairs, 2 * body)
     soon = sum_of(node.soon, 1.0, by_bodies)
-    pushed = Node(
-        node.span,
-        node.begin,
-        node.state,
-        node.axes,
-        node.before,
-        node.rate,
-        node.thrown,
-        soon,
-        falling,
-    )
-    return pushed, by_bodies
+    reached = (node.span, node.begin, node.state, node.axes, node.before, node.rate, node.thrown)
+    return Node(*reached, soon, falling), by_bodies
 
 
 @compiled
@@ -194,12 +184,14 @@ def arrive(
     nothing = vec(zero, zero, zero)
     space.leaned[body] = False
     if not rigid.moves:
+        set_row(space.velocity, 2 * body, nothing)
+        set_row(space.velocity, 2 * body + 1, nothing)
         if last:
             remember(x, b, 1.0 + zero, ledger, terms.memory, terms.memory.pushed)
         return
-    state, solid = read_state(x, v, rigid, asymmetry, terms)
-    keep_state(state, solid, rows)
-    set_loads(b, state.q, solid, terms.wrench, terms.thrust)
+    state, seen = read_state(x, v, rigid, asymmetry, terms)
+    keep_state(state, seen, rows)
+    set_loads(b, state.q, seen, terms.wrench, terms.thrust)
     if first:
         share_actions(b, phase, terms.memory, terms.memory.pushed, None)
     if last:
@@ -232,8 +224,7 @@ def inverse_inertia(solid: Solid) -> Any:
     diagonal, across = vec(zero, zero, zero), vec(zero, zero, zero)
     if solid.rigid.turns:
         for n in range(3):
-            e = solid.axes[0] if n == 0 else (solid.axes[1] if n == 1 else solid.axes[2])
-            inverse = 1.0 / load(solid.rigid.moments, n)
+            e, inverse = solid.axes[n], 1.0 / load(solid.rigid.moments, n)
             diagonal = plus_scaled(diagonal, inverse, vec(e[0] * e[0], e[1] * e[1], e[2] * e[2]))
             across = plus_scaled(across, inverse, vec(e[0] * e[1], e[0] * e[2], e[1] * e[2]))
     return diagonal, across
@@ -266,8 +257,8 @@ def lean_on(
 ) -> None:
     """Find what surfaces, if there are any, give a body in the copies that are ``going``."""
     if planes is not None or bowl is not None:
-        node, solid = node_of(body, span, space, twin)
-        node, _ = pushed_by_pairs(node, body, space)
+        free, solid = node_of(body, span, space, twin)
+        node, _ = pushed_by_pairs(free, body, space)
         rows, none = space.bodies[body], 0.0 * span.out
         nothing = 0.0 * node.before[0]
         ahead = near_surfaces(leave(node, (nothing, nothing), solid), solid, planes, bowl)
@@ -284,8 +275,8 @@ def lean_on(
                 set_row(rows, GIVEN + part, choose(going, new, old))
         for part in range(2):
             n = 2 * body + part
-            given = combine(node.axes, row(rows, GIVEN + part))
-            now = (row(space.soon, n) + row(space.pairs, n)) + given
+            by_surfaces = combine(node.axes, row(rows, GIVEN + part))
+            now = (row(space.soon, n) + row(space.pairs, n)) + by_surfaces
             set_row(space.velocity, n, choose(going, now, row(space.velocity, n)))
 
 
