@@ -152,8 +152,8 @@ def pushed_by_pairs(node: Node, body: int, space: Company) -> Any:
     )
     falling = node.falling + row(space.pairs, 2 * body)
     soon = sum_of(node.soon, 1.0, by_bodies)
-    reached = (node.span, node.begin, node.state, node.axes, node.before, node.rate, node.thrown)
-    return Node(*reached, soon, falling), by_bodies
+    span, first, state, axes, before, rate, thrown, _, _ = node
+    return Node(span, first, state, axes, before, rate, thrown, soon, falling), by_bodies
 
 
 @compiled
