@@ -427,8 +427,8 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     - `opponent` may be any function of what it observes, too: as `"frame"` (n, 22), in axes that are turned
       by half a turn, so that both players see the same duel; it returns actions (n, 2). Agents that are
       trained here with `observation="frame"` are such functions, see `springgym.envs.agent`.
-    - `integrator` ("verlet"), `step` (1e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (1e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     `springgym.envs.parallel("SpringDuel-v0")` is the same duel for two agents, as PettingZoo's `ParallelEnv`;
     `pettingzoo.make("parallel", "SpringDuel-v0")` makes it, too, where `pettingzoo` has a registry and was

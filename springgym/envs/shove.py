@@ -296,8 +296,8 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     - `observation`: above.
     - `friction=0.3`: of the floor, instead of 0.4.
     - `hard=True`: the box up to 1.2 m away, and turned any way.
-    - `integrator` ("verlet"), `step` (1.25e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
     - v0: first.

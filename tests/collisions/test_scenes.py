@@ -167,7 +167,7 @@ def test_starts_of_copies() -> None:
     [
         ({"integrator": "rk4"}, "rk4 has no node"),
         ({"integrator": "pefrl"}, "pefrl has no node"),
-        ({"dynamics": "rigid"}, "rigid bodies do not collide"),
+        ({"dynamics": "rigid", "integrator": "suzuki"}, "suzuki has no node"),
     ],
 )
 def test_methods_that_cannot(options: dict[str, Any], text: str) -> None:

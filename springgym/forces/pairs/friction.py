@@ -13,6 +13,8 @@ that of q has g = H, and their near ends take that back. The slip is what such a
 
 Along a unit vector ŝ an impulse changes it by K = W + Σ (gᵢ · ŝ)²/mᵢ. A rod alone is rubbed along itself
 only; two balls are points here, and no impulse across the line of their centres keeps the angular momentum.
+
+Rigid bodies are pushed at one point (`springgym.forces.pairs.solids`), where j leaves no torque.
 """
 
 from __future__ import annotations
@@ -33,10 +35,12 @@ from springgym.core.vectors import (
     set_row,
     set_row_each,
 )
+from springgym.forces.pairs.solids import among_going, between, push_both, yielding_of_both
 from springgym.forces.pairs.terms import FRICTION, spend, tell
 
 if TYPE_CHECKING:
     from springgym.forces import Particles
+    from springgym.forces.pairs.solids import Solids
 
 
 SHALLOW = 0.05
@@ -109,30 +113,49 @@ def rub(
     if friction is not None:
         for m in range(count):
             k = count - 1 - m if turn == 1 else m
-            if room.members[k] == 2:
-                continue
             p = room.pair[k]
-            limit = load(friction, p) * (load(room.rubs, k) * load(room.push, k))
-            given = row(room.rub, k)
+            limit, given = load(friction, p) * pressed(k, room, room.solids), row(room.rub, k)
             acts = limit > 0.0
             if turn < SWEEPS:
                 acts = maximum(limit, dot(given, given)) > 0.0  # what was given may have to be taken back
+            acts = among_going(acts, room.solids)
             if any_lane(acts):
-                slip = slipping(v, k, room)
+                slip = slipping(v, k, pairs, room, room.solids)
                 if turn < SWEEPS:
-                    j = held_back(slip, k, given, limit, particles, room)
-                    give_across(v, k, j - given, acts, particles, room)
+                    j = held_back(slip, k, given, limit, particles, pairs, room)
+                    push_across(v, k, j - given, acts, particles, pairs, room, room.solids)
                     set_row(room.rub, k, choose(acts, j, given))
                 else:
-                    slip = slip + slipping(w, k, room)
+                    slip = slip + slipping(w, k, pairs, room, room.solids)
                     lost = select(acts, -0.5 * dot(given, slip), 0.0)
                     spend(room, p, 1, lost)
                     tell(tally, p, FRICTION, lost)
 
 
 @compiled
-def slipping(v: Rows, k: Number, room: Any) -> Any:
+def pressed(k: Number, room: Any, solids: Solids | None) -> Any:
+    """Return the push of contact k [N·s] where friction acts; 0 where it does not."""
+    push = load(room.push, k)
+    if solids is not None:
+        return push
+    if room.members[k] == 2:
+        return 0.0 * push
+    return load(room.rubs, k) * push
+
+
+@compiled
+def slipping(v: Rows, k: Number, pairs: Any, room: Any, solids: Solids | None) -> Any:
     """Return how contact k slips (3,) [m/s]."""
+    n = row(room.toward, k)
+    if solids is not None:
+        slip = between(v, k, pairs, room, solids)
+        return slip - dot(slip, n) * n
+    return slipping_particles(v, k, room)
+
+
+@compiled
+def slipping_particles(v: Rows, k: Number, room: Any) -> Any:
+    """Return how the particles of contact k slip, those of one body as seen from the other's point."""
     n, slip = row(room.toward, k), 0.0 * row(room.toward, k)
     for j in range(room.members[k]):
         slip = plus_scaled(slip, load(room.weight, 4 * k + j), place_of(v, k, j, room))
@@ -167,22 +190,53 @@ def raised(k: Number, j: int, by: Vector, room: Any) -> Any:
 
 
 @compiled
-def held_back(slip: Vector, k: Number, given: Vector, limit: Number, particles: Particles, room: Any) -> Any:
-    """Return the impulse that stops a slip, besides what was ``given``; or as much as friction can give."""
-    along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
+def yielding_along(
+    along: Vector, k: Number, particles: Particles, pairs: Any, room: Any, solids: Solids | None
+) -> Any:
+    """Return K of contact k along a unit vector [1/kg]."""
+    if solids is not None:
+        return yielding_of_both(along, k, pairs, room, solids)
     yielding = load(room.inverse, k)
     for j in range(room.members[k]):
         lift = raised(k, j, along, room)
         i = load(room.particle, 4 * k + j)
         yielding = yielding + lift * lift * load_each(particles.inverse_mass, i)
+    return yielding
+
+
+@compiled
+def held_back(
+    slip: Vector, k: Number, given: Vector, limit: Number, particles: Particles, pairs: Any, room: Any
+) -> Any:
+    """Return the impulse that stops a slip, besides what was ``given``; or as much as friction can give."""
+    along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
+    yielding = yielding_along(along, k, particles, pairs, room, room.solids)
     wanted = given - 1.0 / (yielding + TINY) * slip
     size = sqrt(dot(wanted, wanted)) + TINY
     return minimum(limit / size, 1.0) * wanted
 
 
 @compiled
+def push_across(
+    v: Rows,
+    k: Number,
+    j: Vector,
+    acts: Mask,
+    particles: Particles,
+    pairs: Any,
+    room: Any,
+    solids: Solids | None,
+) -> None:
+    """Give contact k an impulse across its normal, in some lanes."""
+    if solids is not None:
+        push_both(v, k, j, acts, pairs, room, solids)
+    else:
+        give_across(v, k, j, acts, particles, room)
+
+
+@compiled
 def give_across(v: Rows, k: Number, j: Vector, acts: Mask, particles: Particles, room: Any) -> None:
-    """Give contact k an impulse across its normal, and what takes its torque back."""
+    """Give the particles of contact k an impulse across its normal, and what takes its torque back."""
     n = row(room.toward, k)
     for m in range(room.members[k]):
         i = load(room.particle, 4 * k + m)

@@ -180,6 +180,8 @@ class Room(NamedTuple):
     """(rows,) 1 where friction acts, else 0"""
     spent: np.ndarray
     """(pairs, 3) energy lost to damping, and to friction, and given by the barriers, at this node [J]"""
+    solids: Any = None
+    """the `springgym.forces.pairs.solids.Solids` of rigid bodies; None where particles move by themselves"""
 
 
 NONE = -1.0
