@@ -277,6 +277,15 @@ def give_half(own: Any) -> None:
 
 
 @compiled
+def given_before(i: int, own: Any, terms: Terms) -> bool:
+    """Whether half of something was given to particle ``i`` of any copy, which is to be entered."""
+    if foreseen(terms.dampers):
+        half = row(own.space.given, i)
+        return any_lane(dot(half, half) > 0.0)
+    return False
+
+
+@compiled
 def go_on(x: Rows, v: Rows, span: Any, h: Number, last: Any, own: Any, terms: Terms) -> bool:
     """Let a body's particles that nothing is near go on to the next node; whether any are left, busy.
 
@@ -291,7 +300,8 @@ def go_on(x: Rows, v: Rows, span: Any, h: Number, last: Any, own: Any, terms: Te
         begin = end
         if was:
             begin = plus_scaled(place, -1.0 * span.lead, row(v, i))
-        busy = last or own.touched[i] or reached(i, begin, end, terms.particles, terms.planes, terms.bowl)
+        busy = last or own.touched[i] or (was and given_before(i, own, terms))
+        busy = busy or reached(i, begin, end, terms.particles, terms.planes, terms.bowl)
         own.busy[i] = busy
         if busy:
             stirred = True
@@ -300,8 +310,6 @@ def go_on(x: Rows, v: Rows, span: Any, h: Number, last: Any, own: Any, terms: Te
             soon = soon + vec(0.0, 0.0, 0.0)
             set_row(v, i, soon)
             set_row(x, i, place + h * soon)
-            if was:
-                set_row(own.space.given, i, vec(0.0, 0.0, 0.0))
     return stirred
 
 

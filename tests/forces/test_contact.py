@@ -135,7 +135,7 @@ def test_bounces_return_to_the_height_they_came_from() -> None:
 @pytest.mark.parametrize("step", [1e-5, 2e-4, 1e-3])
 @pytest.mark.parametrize("speed", [0.01, 0.5, 5.0])
 def test_restitution_is_that_of_theory_at_every_speed(speed: float, step: float) -> None:
-    """Hard case 14, which asks for 1e-3: as asked for above `SLOW`, more below; to 5 (v h/Δ)²."""
+    """Hard case 14, which asks for 1e-3: as asked for above `SLOW`, more below; to 6 (v h/Δ)²."""
     asked = np.array([0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0])
     count = len(asked)
     simulator = beads(
@@ -154,7 +154,7 @@ def test_restitution_is_that_of_theory_at_every_speed(speed: float, step: float)
     rebound = v[:, 2] / speed
     expected = [theory.rebound(speed, e, SLOW) for e in asked.tolist()]
     fast = speed * step / REACH
-    assert rebound == pytest.approx(expected, abs=5 * fast**2 + 1e-5)
+    assert rebound == pytest.approx(expected, abs=6 * fast**2 + 1e-5)
     assert x[:, 2].min() > 0
 
 
