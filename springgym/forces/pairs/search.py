@@ -14,9 +14,9 @@ Narrow phase. At each node candidates are compared (`springgym.forces.pairs.feat
 near enough make contacts: the same, to the bit, however much more is listed. How far to look follows from how
 fast bodies move.
 
-All is listed copy by copy (`springgym.forces.pairs.terms.Room`): copies of a block that touch in different
-places have as many rows of features, and of contacts, as the one that has most. Every test is made for all
-copies of a block, and none knows of another.
+Contacts, and features for one node alone, are listed copy by copy (`springgym.forces.pairs.terms.Room`):
+copies of a block that touch in different places have as many rows as the one that has most. Every test is
+made for all copies of a block, and what is found in one does not depend on another.
 """
 
 from __future__ import annotations
@@ -253,9 +253,9 @@ def list_features(near: Near, span: Any, seen: Search, triangles: Any, edges: An
             make_space(a, b, shapes, room)
             for side in range(2):
                 body, other = (a, b) if side == 0 else (b, a)
-                list_kind(VERTICES, side, body, other, wide, near, seen, shapes.vertices)
-                list_kind(TRIANGLES, side, body, other, wide, near, seen, triangles)
-                list_kind(EDGES, side, body, other, wide, near, seen, edges)
+                list_kind(VERTICES, side, body, other, wide, brief, near, seen, shapes.vertices)
+                list_kind(TRIANGLES, side, body, other, wide, brief, near, seen, triangles)
+                list_kind(EDGES, side, body, other, wide, brief, near, seen, edges)
     store(room.gap, p, gap)
     store(room.nearest, p, gap)
     store(room.listed, p, minimum(maximum(gap, wide), 0.5 * FAR))
@@ -296,9 +296,20 @@ def make_space(a: Number, b: Number, shapes: Any, room: Any) -> None:
 
 @compiled
 def list_kind(
-    kind: Any, side: Any, body: Number, other: Any, wide: Number, near: Near, seen: Search, members: Any
+    kind: Any,
+    side: Any,
+    body: Number,
+    other: Any,
+    wide: Number,
+    brief: bool,
+    near: Near,
+    seen: Search,
+    members: Any,
 ) -> None:
-    """List the features of a kind of a body that are near the ``other``'s box, and in the slab."""
+    """List the features of a kind of a body that are near the ``other``'s box, and in the slab.
+
+    If it is to last, all copies list what one does: rows that are the same in all are soon loaded.
+    """
     x, room, start, p = seen.x, seen.room, seen.pairs.shapes.start, near.pair
     first = room.used[kind]
     room.ends[p, kind, side] = room.ends[p, kind, side + 1] = first
@@ -316,6 +327,8 @@ def list_kind(
                     low, high = smaller(low, row(x, members[n, k])), larger(high, row(x, members[n, k]))
                 wanted = maximum(gap, outside(low, high, other, room)) < wide
                 if any_lane(wanted):
+                    if not brief:
+                        wanted = have >= 0.0
                     have = enlist(of, first, have, 1.0 * n, wanted)
                     rows = grown(rows, have)
         for m in range(first, first + rows):
