@@ -83,14 +83,14 @@ def smaller(u: Vector, w: Vector) -> Any:
 
 @compiled
 def box_gap(low: Vector, high: Vector, other_low: Vector, other_high: Vector) -> Any:
-    """How far two boxes are from each other, along the axis of their largest gap."""
+    """Find how far two boxes are from each other, along the axis of their largest gap."""
     gap = larger(low - other_high, other_low - high)
     return maximum(maximum(gap[0], gap[1]), gap[2])
 
 
 @compiled
 def outside(low: Vector, high: Vector, body: Any, room: Any) -> Any:
-    """How far a box is outside that of a body."""
+    """Find how far a box is outside that of a body."""
     return box_gap(low, high, row(room.low, body), row(room.high, body))
 
 
@@ -124,7 +124,7 @@ def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> int:
 
 @compiled
 def is_listed(kind: int, p: int, room: Any) -> bool:
-    """Whether features of a kind are listed of a pair."""
+    """Tell whether features of a kind are listed of a pair."""
     return room.ends[p, kind, 0] < room.ends[p, kind, 2]
 
 
@@ -146,7 +146,7 @@ def measure_moved(x: Rows, shapes: Any, room: Any) -> None:
 
 @compiled
 def lists_hold(w: Rows, span: Any, pairs: Any, room: Any) -> bool:
-    """Whether all that may touch is in the lists; of pairs that are close, find how far to look."""
+    """Tell whether all that may touch is in the lists; of pairs that are close, find how far to look."""
     shapes, hold, averaged, shifted = pairs.shapes, room.kept[0], False, False
     for p in range(pairs.first.size):
         a, b = pairs.first[p], pairs.second[p]
@@ -189,7 +189,7 @@ def average(u: Rows, shapes: Any, mean: Rows, rest: Numbers) -> None:
 
 @compiled
 def approach(a: Number, b: Number, mean: Rows, rest: Numbers) -> Any:
-    """A bound on how much, or how fast, particles of two bodies come nearer: both move, and turn or bend."""
+    """Bound how much, or how fast, particles of two bodies come nearer: both move, and turn or bend."""
     apart = row(mean, a) - row(mean, b)
     return sqrt(dot(apart, apart)) + load(rest, a) + load(rest, b)
 
@@ -235,7 +235,7 @@ def empty(room: Any) -> None:
 
 @compiled
 def list_features(near: Near, span: Any, seen: Search, triangles: Any, edges: Any) -> bool:
-    """List what of two bodies is near the other; whether it is for this node alone.
+    """List what of two bodies is near the other, and tell whether it is for this node alone.
 
     It is where the margin would not last: then it is cheaper to have none.
     """
@@ -342,7 +342,7 @@ def list_kind(
 
 @compiled
 def listed_as(kind: Any, room: Any) -> Any:
-    """The list of a kind of features, and of their particles."""
+    """Return the list of a kind of features, and that of their particles."""
     if kind == VERTICES:
         return room.vertex, room.vertex_particle
     if kind == TRIANGLES:
@@ -420,7 +420,7 @@ def list_candidates(p: int, every: bool, seen: Search, triangles: Any, edges: An
 
 @compiled
 def face_is_near(m: int, n: int, wide: Number, room: Any) -> bool:
-    """Whether a vertex may be near a triangle in any copy: near its plane and its box."""
+    """Tell whether a vertex may be near a triangle in any copy: near its plane and its box."""
     r, u, q = row(room.point, m) - row(room.corner, n), row(room.first, n), row(room.second, n)
     none, height = 0.0 * u, dot(row(room.normal, n), r)  # times |normal|
     gap = box_gap(r, r, smaller(smaller(u, q), none), larger(larger(u, q), none))
@@ -429,7 +429,7 @@ def face_is_near(m: int, n: int, wide: Number, room: Any) -> bool:
 
 @compiled
 def edge_is_near(m: int, n: int, wide: Number, room: Any) -> bool:
-    """Whether two edges may be near each other in any copy: their lines, if not parallel, and their boxes."""
+    """Tell whether two edges may be near each other in a copy: their lines, if skew, and their boxes."""
     a, b, r = row(room.way, m), row(room.way, n), row(room.start, m) - row(room.start, n)
     none, across = 0.0 * a, cross(a, b)
     square, h = dot(across, across), dot(r, across)
