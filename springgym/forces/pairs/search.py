@@ -6,17 +6,17 @@ triangles, and which edges near which: the candidates.
 
 Lists are kept as molecular dynamics keeps those of neighbours (Verlet 1967, doi:10.1103/PhysRev.159.98).
 They reach farther than contacts are looked for, by a margin. No two points of two bodies come nearer to each
-other than by the sum of what the farthest vertex of either moved: as long as this leaves of the margin
-anything, whatever may touch is in the lists. Where vertices were then is kept with the lists. So it does not
-matter whose lists they are, nor how vertices came to be where they are.
+other than by what their bodies moved, and by how much the vertices of either moved otherwise: as long as this
+leaves anything of the margin, whatever may touch is in the lists. Where vertices were then is kept with the
+lists. So it does not matter whose lists they are, nor how vertices came to be where they are.
 
 Narrow phase. At each node candidates are compared (`springgym.forces.pairs.features`), and those that are
 near enough make contacts: the same, to the bit, however much more is listed. How far to look follows from how
 fast bodies move.
 
-All is listed copy by copy (`springgym.forces.pairs.terms.Room`): copies of a block that touch in different
-places have as many rows of features, and of contacts, as the one that has most. Every test is made for all
-copies of a block, and none knows of another.
+Contacts, and features for one node alone, are listed copy by copy (`springgym.forces.pairs.terms.Room`):
+copies of a block that touch in different places have as many rows as the one that has most. Every test is
+made for all copies of a block, and what is found in one does not depend on another.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from __future__ import annotations
 from typing import Any
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Number, Rows, Vector
+from springgym.core.kinds import Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, filled, load, load_each, maximum, minimum, select, sqrt, store
 from springgym.core.vectors import (
     TINY,
@@ -83,14 +83,14 @@ def smaller(u: Vector, w: Vector) -> Any:
 
 @compiled
 def box_gap(low: Vector, high: Vector, other_low: Vector, other_high: Vector) -> Any:
-    """How far two boxes are from each other, along the axis of their largest gap."""
+    """Find how far two boxes are from each other, along the axis of their largest gap."""
     gap = larger(low - other_high, other_low - high)
     return maximum(maximum(gap[0], gap[1]), gap[2])
 
 
 @compiled
 def outside(low: Vector, high: Vector, body: Any, room: Any) -> Any:
-    """How far a box is outside that of a body."""
+    """Find how far a box is outside that of a body."""
     return box_gap(low, high, row(room.low, body), row(room.high, body))
 
 
@@ -113,7 +113,8 @@ def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> int:
             a, b = pairs.first[p], pairs.second[p]
             near = Near(p, (a, b), span.lead, load(room.reach, p), shapes.radius[a] + shapes.radius[b])
             brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
-            if is_listed(VERTICES, p, room) or is_listed(EDGES, p, room):
+            needed = anew or any_lane(load(room.nearest, p) < ROUNDING * near.reach)
+            if needed and (is_listed(VERTICES, p, room) or is_listed(EDGES, p, room)):
                 locate(p, seen, shapes.triangles, shapes.edges)
                 if anew:
                     list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
@@ -123,7 +124,7 @@ def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> int:
 
 @compiled
 def is_listed(kind: int, p: int, room: Any) -> bool:
-    """Whether features of a kind are listed of a pair."""
+    """Tell whether features of a kind are listed of a pair."""
     return room.ends[p, kind, 0] < room.ends[p, kind, 2]
 
 
@@ -137,54 +138,60 @@ def measure_moved(x: Rows, shapes: Any, room: Any) -> None:
         farthest = 0.0 * load(x, (0, 0))
         for k in range(shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]):
             i = shapes.vertices[k, 0]
-            way = row(x, i) - row(room.origin, i)
-            farthest = maximum(dot(way, way), farthest)
+            shift = row(x, i) - row(room.origin, i)
+            set_row(room.shift, i, shift)
+            farthest = maximum(dot(shift, shift), farthest)
         store(room.moved, body, sqrt(farthest))
 
 
 @compiled
 def lists_hold(w: Rows, span: Any, pairs: Any, room: Any) -> bool:
-    """Whether all that may touch is in the lists; how far to look is found of pairs that are close."""
-    shapes, hold, known = pairs.shapes, room.kept[0], False
+    """Tell whether all that may touch is in the lists; of pairs that are close, find how far to look."""
+    shapes, hold, averaged, shifted = pairs.shapes, room.kept[0], False, False
     for p in range(pairs.first.size):
         a, b = pairs.first[p], pairs.second[p]
         reach, radius = pairs.reach[p], shapes.radius[a] + shapes.radius[b]
-        left = load(room.listed, p) - (load(room.moved, a) + load(room.moved, b))
-        room.close[p] = any_lane(left <= ROUNDING * ((SPARE + FARTHEST) * reach + radius))
+        listed, moved = load(room.listed, p), load(room.moved, a) + load(room.moved, b)
+        room.close[p] = any_lane(listed - moved <= ROUNDING * ((SPARE + FARTHEST) * reach + radius))
         if room.close[p]:
-            if not known:
-                measure_motion(w, shapes, room)
-                known = True
-            way = minimum(span.out * closing(a, b, room), FARTHEST * reach)
+            if not averaged:
+                average(w, shapes, room.mean, room.turning)
+                averaged = True
+            way = minimum(span.out * approach(a, b, room.mean, room.turning), FARTHEST * reach)
             far = SPARE * reach + way + radius
             store(room.reach, p, far)
-            if any_lane(left <= ROUNDING * far):
-                hold = False
+            if any_lane(listed - moved <= ROUNDING * far):  # unless both moved together
+                if not shifted:
+                    average(room.shift, shapes, room.mean_shift, room.bend)
+                    shifted = True
+                moved = approach(a, b, room.mean_shift, room.bend)
+                hold = hold and not any_lane(listed - moved <= ROUNDING * far)
+            store(room.nearest, p, load(room.gap, p) - moved)
     return hold
 
 
 @compiled
-def measure_motion(w: Rows, shapes: Any, room: Any) -> None:
-    """Find the mean velocity of each body's vertices, and the largest difference from it."""
+def average(u: Rows, shapes: Any, mean: Rows, rest: Numbers) -> None:
+    """Find the mean of each body's vertices, and the largest difference from it, of velocities or shifts."""
     for body in range(shapes.radius.size):
         first, behind = shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]
-        mean = row(w, shapes.vertices[first, 0])
+        middle = row(u, shapes.vertices[first, 0])
         for k in range(first + 1, behind):
-            mean = mean + row(w, shapes.vertices[k, 0])
-        mean = 1.0 / (behind - first) * mean
-        fastest = 0.0 * mean[0]
+            middle = middle + row(u, shapes.vertices[k, 0])
+        middle = 1.0 / (behind - first) * middle
+        largest = 0.0 * middle[0]
         for k in range(first, behind):
-            own = row(w, shapes.vertices[k, 0]) - mean
-            fastest = maximum(fastest, dot(own, own))
-        set_row(room.mean, body, mean)
-        store(room.turning, body, sqrt(fastest))
+            own = row(u, shapes.vertices[k, 0]) - middle
+            largest = maximum(largest, dot(own, own))
+        set_row(mean, body, middle)
+        store(rest, body, sqrt(largest))
 
 
 @compiled
-def closing(a: Number, b: Number, room: Any) -> Any:
-    """A bound on how fast particles of two bodies come nearer: both move, and what they are of turns."""
-    apart = row(room.mean, a) - row(room.mean, b)
-    return sqrt(dot(apart, apart)) + load(room.turning, a) + load(room.turning, b)
+def approach(a: Number, b: Number, mean: Rows, rest: Numbers) -> Any:
+    """Bound how much, or how fast, particles of two bodies come nearer: both move, and turn or bend."""
+    apart = row(mean, a) - row(mean, b)
+    return sqrt(dot(apart, apart)) + load(rest, a) + load(rest, b)
 
 
 # --- Lists --------------------------------------------------------------------------------------------
@@ -228,7 +235,7 @@ def empty(room: Any) -> None:
 
 @compiled
 def list_features(near: Near, span: Any, seen: Search, triangles: Any, edges: Any) -> bool:
-    """List what of two bodies is near the other; whether it is for this node alone.
+    """List what of two bodies is near the other, and tell whether it is for this node alone.
 
     It is where the margin would not last: then it is cheaper to have none.
     """
@@ -239,16 +246,18 @@ def list_features(near: Near, span: Any, seen: Search, triangles: Any, edges: An
     gap, brief = outside(row(room.low, a), row(room.high, a), b, room), False
     if any_lane(gap < wide):
         gap = maximum(measure_slab(x, a, b, shapes, room), gap)
-        way = LASTING * 2.0 * span.out * closing(a, b, room)
+        way = LASTING * 2.0 * span.out * approach(a, b, room.mean, room.turning)
         brief = any_lane(select(gap < wide, way, 0.0) > margin)
         wide = wide - (margin if brief else 0.0)
         if any_lane(gap < wide):
             make_space(a, b, shapes, room)
             for side in range(2):
                 body, other = (a, b) if side == 0 else (b, a)
-                list_kind(VERTICES, side, body, other, wide, near, seen, shapes.vertices)
-                list_kind(TRIANGLES, side, body, other, wide, near, seen, triangles)
-                list_kind(EDGES, side, body, other, wide, near, seen, edges)
+                list_kind(VERTICES, side, body, other, wide, brief, near, seen, shapes.vertices)
+                list_kind(TRIANGLES, side, body, other, wide, brief, near, seen, triangles)
+                list_kind(EDGES, side, body, other, wide, brief, near, seen, edges)
+    store(room.gap, p, gap)
+    store(room.nearest, p, gap)
     store(room.listed, p, minimum(maximum(gap, wide), 0.5 * FAR))
     return brief
 
@@ -287,9 +296,20 @@ def make_space(a: Number, b: Number, shapes: Any, room: Any) -> None:
 
 @compiled
 def list_kind(
-    kind: Any, side: Any, body: Number, other: Any, wide: Number, near: Near, seen: Search, members: Any
+    kind: Any,
+    side: Any,
+    body: Number,
+    other: Any,
+    wide: Number,
+    brief: bool,
+    near: Near,
+    seen: Search,
+    members: Any,
 ) -> None:
-    """List the features of a kind of a body that are near the ``other``'s box, and in the slab."""
+    """List the features of a kind of a body that are near the ``other``'s box, and in the slab.
+
+    If it is to last, all copies list what one does: rows that are the same in all are soon loaded.
+    """
     x, room, start, p = seen.x, seen.room, seen.pairs.shapes.start, near.pair
     first = room.used[kind]
     room.ends[p, kind, side] = room.ends[p, kind, side + 1] = first
@@ -307,6 +327,8 @@ def list_kind(
                     low, high = smaller(low, row(x, members[n, k])), larger(high, row(x, members[n, k]))
                 wanted = maximum(gap, outside(low, high, other, room)) < wide
                 if any_lane(wanted):
+                    if not brief:
+                        wanted = have >= 0.0
                     have = enlist(of, first, have, 1.0 * n, wanted)
                     rows = grown(rows, have)
         for m in range(first, first + rows):
@@ -320,7 +342,7 @@ def list_kind(
 
 @compiled
 def listed_as(kind: Any, room: Any) -> Any:
-    """The list of a kind of features, and of their particles."""
+    """Return the list of a kind of features, and that of their particles."""
     if kind == VERTICES:
         return room.vertex, room.vertex_particle
     if kind == TRIANGLES:
@@ -398,7 +420,7 @@ def list_candidates(p: int, every: bool, seen: Search, triangles: Any, edges: An
 
 @compiled
 def face_is_near(m: int, n: int, wide: Number, room: Any) -> bool:
-    """Whether a vertex may be near a triangle in any copy: near its plane and its box."""
+    """Tell whether a vertex may be near a triangle in any copy: near its plane and its box."""
     r, u, q = row(room.point, m) - row(room.corner, n), row(room.first, n), row(room.second, n)
     none, height = 0.0 * u, dot(row(room.normal, n), r)  # times |normal|
     gap = box_gap(r, r, smaller(smaller(u, q), none), larger(larger(u, q), none))
@@ -407,7 +429,7 @@ def face_is_near(m: int, n: int, wide: Number, room: Any) -> bool:
 
 @compiled
 def edge_is_near(m: int, n: int, wide: Number, room: Any) -> bool:
-    """Whether two edges may be near each other in any copy: their lines, if not parallel, and their boxes."""
+    """Tell whether two edges may be near each other in a copy: their lines, if skew, and their boxes."""
     a, b, r = row(room.way, m), row(room.way, n), row(room.start, m) - row(room.start, n)
     none, across = 0.0 * a, cross(a, b)
     square, h = dot(across, across), dot(r, across)

@@ -80,8 +80,14 @@ class Room(NamedTuple):
 
     origin: np.ndarray
     """(particles, 3) where vertices were when features were listed [m]"""
+    shift: np.ndarray
+    """(particles, 3) how far they moved since then [m]"""
     moved: np.ndarray
-    """(bodies,) the farthest that a vertex is from there [m]"""
+    """(bodies,) the farthest that a vertex moved [m]"""
+    mean_shift: np.ndarray
+    """(bodies, 3) the mean of how far vertices moved [m]"""
+    bend: np.ndarray
+    """(bodies,) the largest difference from it [m]"""
     mean: np.ndarray
     """(bodies, 3) the mean velocity of vertices [m/s]"""
     turning: np.ndarray
@@ -93,6 +99,10 @@ class Room(NamedTuple):
     """(particles,) how far from the slab between both bodies of a pair, likewise [m]"""
     listed: np.ndarray
     """(pairs,) nearer than this all features of a pair were listed then; 0 before [m]"""
+    gap: np.ndarray
+    """(pairs,) no features were nearer than this then [m]"""
+    nearest: np.ndarray
+    """(pairs,) nor are they nearer than this now [m]"""
     reach: np.ndarray
     """(pairs,) how far to look for contacts at this node [m]"""
     close: np.ndarray
@@ -335,13 +345,18 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
 
     return Room(
         origin=lanes(particles, 3),
+        shift=lanes(particles, 3),
         moved=lanes(bodies),
+        mean_shift=lanes(bodies, 3),
+        bend=lanes(bodies),
         mean=lanes(bodies, 3),
         turning=lanes(bodies),
         low=lanes(bodies, 3),
         high=lanes(bodies, 3),
         along=lanes(particles),
         listed=lanes(count),
+        gap=lanes(count),
+        nearest=lanes(count),
         reach=lanes(count),
         close=np.zeros(count, np.bool_),
         kept=np.zeros(1, np.bool_),
