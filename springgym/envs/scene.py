@@ -19,7 +19,7 @@ from numpy.random import Generator
 from springgym import checks
 from springgym.checks import TINY, chosen, instance
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import BOUND, Entry, ObservedParticles
+from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
@@ -246,42 +246,26 @@ class SceneTask(Task):
             at += size
         return values
 
-    def evaluate(
-        self,
-        m: Measures,
-        x: np.ndarray,
-        v: np.ndarray,
-        action: np.ndarray,
-        goal: np.ndarray,
-        parameters: np.ndarray,
-        out: np.ndarray,
-    ) -> None:
+    def evaluate(self, m: Measures, s: Situation, out: np.ndarray) -> None:
         shape = (len(out),)
         with _hearing(m):
-            out["reward_own"] = _numbers("reward", self._reward(m, x, v, action), shape, m)
+            out["reward_own"] = _numbers("reward", self._reward(m, s.x, s.v, s.action), shape, m)
             for field, name, judge in self._judges:
-                out[field] = 0.0 if judge is None else _of_shape(name, judge(m, x, v), shape, "b", "bools")
+                given = np.zeros(shape, bool) if judge is None else judge(m, s.x, s.v)
+                out[field] = _of_shape(name, given, shape, "b", "bools")
 
-    def compact(
-        self,
-        m: Measures,
-        x: np.ndarray,
-        v: np.ndarray,
-        goal: np.ndarray,
-        parameters: np.ndarray,
-        observation: np.ndarray,
-    ) -> None:
-        observation[:] = np.clip(self._seen(m, x, v, observation.shape), -BOUND, BOUND)
+    def compact(self, m: Measures, s: Situation, observation: np.ndarray) -> None:
+        observation[:] = np.clip(self._seen(m, s, observation.shape), -BOUND, BOUND)
 
-    def prepare(self, m: Measures, x: np.ndarray, v: np.ndarray) -> None:
+    def prepare(self, m: Measures, s: Situation) -> None:
         if self._observe is not None:
-            size = self._seen(m, x, v, (len(x), None)).shape[1]
+            size = self._seen(m, s, (len(s.x), None)).shape[1]
             self.entries = (Entry("own", size),)
 
-    def _seen(self, m: Measures, x: np.ndarray, v: np.ndarray, shape: tuple[int | None, ...]) -> np.ndarray:
+    def _seen(self, m: Measures, s: Situation, shape: tuple[int | None, ...]) -> np.ndarray:
         assert self._observe is not None
         with _hearing(m):
-            return _numbers("observe", self._observe(m, x, v), shape, m)
+            return _numbers("observe", self._observe(m, s.x, s.v), shape, m)
 
     def look(self) -> Look:
         return film.look(self._scene, None)

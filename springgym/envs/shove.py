@@ -16,7 +16,7 @@ from springgym.bodies import Body, ball, box, rotation
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import uniform
@@ -82,31 +82,16 @@ def see_pusher(m: Measures, c: Any, observation: Any, first: Any) -> None:
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         error = math.hypot(m.centre[c, BOX, 0], m.centre[c, BOX, 1])
-        assess(m, c, action, error, heading_of(m, c, BOX), out)
+        assess(m, c, s.action, error, heading_of(m, c, BOX), out)
         gone = max(error, math.hypot(m.centre[c, PUSHER, 0], m.centre[c, PUSHER, 1])) > ARENA
         out["failed"][c] = gone or m.axis[c, BOX, 2] < 0.7
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         heading = heading_of(m, c, BOX)
         for axis in range(2):

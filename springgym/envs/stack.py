@@ -15,7 +15,7 @@ from numpy.random import Generator
 from springgym.bodies import Body, ball, box, rotation
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.shove import (
     BOX,
@@ -64,32 +64,17 @@ def turned_of(m: Measures, c: Any) -> Any:
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         box, block = m.centre[c, BOX], m.centre[c, BLOCK]
         error = math.hypot(box[0] - block[0], box[1] - block[1])
-        assess(m, c, action, error, turned_of(m, c), out)
+        assess(m, c, s.action, error, turned_of(m, c), out)
         fallen = min(box[2], m.centre[c, PUSHER, 2]) < block[2] + SUNK
         out["failed"][c] = fallen or min(m.axis[c, BOX, 2], m.axis[c, BLOCK, 2]) < 0.7
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         heading, turned = heading_of(m, c, BOX), turned_of(m, c)
         for axis in range(2):

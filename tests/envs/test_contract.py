@@ -17,6 +17,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 from springgym import measures
+from springgym.envs.observation import Situation
 from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.envs.task import Task
 from springgym.scene import Scene
@@ -304,7 +305,9 @@ def answer(task: Task, simulator: Simulator, goal: np.ndarray) -> dict[str, np.n
     """What acts beside the actions on the one copy of a simulator."""
     simulator.read()
     rows, x, v, bodies = simulator.readout
-    return task.respond(measures.view(bodies if len(simulator.scene.bodies) > 1 else rows), x, v, goal)
+    m = measures.view(bodies if len(simulator.scene.bodies) > 1 else rows)
+    action = np.zeros((1, *task.action_space.shape))
+    return task.respond(m, Situation(x, v, action, goal, task.parameters))
 
 
 SCALED: dict[str, Callable[[Scene, float], Scene]] = {
