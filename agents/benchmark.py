@@ -88,9 +88,10 @@ def measured(cell: Cell, plan: Plan) -> dict[str, Any]:
     import torch
     import train
     from evaluate import evaluate, find_task
+    from recorder import Recorder
 
     torch.set_num_threads(1)
-    train.Recorder.clock = staticmethod(time.process_time)
+    Recorder.clock = staticmethod(time.process_time)
     folder = plan.folder(cell)
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "log.txt", "a", encoding="utf-8") as log, redirect_stdout(log), redirect_stderr(log):

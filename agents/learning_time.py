@@ -23,10 +23,13 @@ from typing import Any
 
 import numpy as np
 import torch
+from board import make_logger
 from config import CONFIG_FOLDER, MENDABLE, Config, load_config, whole
+from learner import make_training_env, native_env, new_model
+from recorder import Recorder
 from runs import HELD_OUT_SEED, Run, create_run, write_atomically
 from tqdm import tqdm
-from train import Recorder, begin_with_imitation, make_logger, make_training_env, native_env, new_model
+from train import begin_with_imitation
 
 from springgym.accuracy import conditions
 from springgym.cli import guarded

@@ -30,10 +30,10 @@ import numpy as np
 import torch
 from agent import ALGORITHMS, load_agent, save_agent
 from config import MENDABLE, PPOConfig, load_config, whole
+from learner import new_model
 from runs import HELD_OUT_SEED, Run, create_run, locked, open_run
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
-from train import new_model
 
 from springgym.cli import INTERRUPTED, guarded, whole_file
 from springgym.envs import parallel
