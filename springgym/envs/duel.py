@@ -53,12 +53,12 @@ Opponent = Callable[[np.ndarray], np.ndarray]
 
 
 @compiled
-def tilt_of(m: Measures, c: Any, body: Any) -> Any:
+def tilt_of(m: Measures, c: int, body: int) -> float:
     return angle_of(m.axis[c, body, 2])
 
 
 @compiled
-def away_of(m: Measures, c: Any, body: Any) -> Any:
+def away_of(m: Measures, c: int, body: int) -> float:
     """Distance of a top's centre of mass from the middle [m]."""
     return math.hypot(m.centre[c, body, 0], m.centre[c, body, 1])
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import is_jitted
 from numpy.random import Generator
+from numpy.typing import DTypeLike
 
 from springgym import checks, measures
 from springgym.bodies import Body
@@ -86,7 +87,7 @@ class Episodes:
         integrator: str | None,
         step: float | None,
         dynamics: str,
-        dtype: Any,
+        dtype: DTypeLike,
         threads: int,
         randomize: Mapping[str, Sequence[float]] | None,
         sparse: bool = False,
@@ -373,7 +374,7 @@ class Episodes:
         alone = copies if len(copies) > 1 or self.copies == 1 else np.repeat(copies, 2)
         return Begun(copies, self._part(alone), np.arange(len(copies)))
 
-    def _part(self, copies: Any) -> Part:
+    def _part(self, copies: np.ndarray | slice) -> Part:
         """Some copies: views if they are a slice, else copies of their numbers."""
         rows, x, v, bodies = (values[copies] for values in self.simulator.readout)
         out = self.out[copies]
@@ -451,7 +452,7 @@ class Episodes:
             self.error.finer.vary(copies, **parameters)
         self.simulator.read()
 
-    def _checked(self, name: str, given: Any) -> np.ndarray:
+    def _checked(self, name: str, given: object) -> np.ndarray:
         """Check one array of a state and return it."""
         what, own = f"state[{name!r}]", getattr(self, name)
         values = np.asarray(given)
@@ -583,13 +584,13 @@ def take(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np
 def finish(
     rows: np.ndarray,
     out: np.ndarray,
-    terms: Any,
-    wins: Any,
+    terms: int,
+    wins: bool,
     held: np.ndarray,
     elapsed: np.ndarray,
-    limit: Any,
+    limit: int,
     diverged: np.ndarray,
-    result: Any,
+    result: Step,
 ) -> None:
     """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0.
 

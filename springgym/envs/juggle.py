@@ -50,7 +50,7 @@ TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular v
 
 
 @compiled
-def apex_of(height: Any, rising: Any) -> Any:
+def apex_of(height: float, rising: float) -> float:
     """Where a ball's lowest point would be highest if it met nothing [m].
 
     ``height`` is that of its centre [m], ``rising`` its velocity [m/s]; heights count from the place where
@@ -60,7 +60,7 @@ def apex_of(height: Any, rising: Any) -> Any:
 
 
 @compiled
-def column_of(balls: int, ball: int) -> Any:
+def column_of(balls: int, ball: int) -> float:
     """Where a ball is to bounce: x of its vertical [m]."""
     return 0.0 if balls == 1 else COLUMN * (2 * (ball - BALL) - 1)
 

@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from springgym import measures
 from springgym.core.compiling import compiled, kernel
-from springgym.core.kinds import Number
 
 BOUND = 10.0
 """Observations are scaled to order one and clipped here, so that their space is finite."""
@@ -130,7 +129,7 @@ def columns(particles: ObservedParticles) -> Columns:
 
 
 @compiled
-def along(row: Any, first: Number, axis: Any) -> Any:
+def along(row: np.ndarray, first: int, axis: int) -> float:
     """Component along an axis of the body's triad of the measured vector that starts at column ``first``."""
     e1, e3 = row[measures.SIDE : measures.SIDE + 3], row[measures.AXIS : measures.AXIS + 3]
     total = 0.0
@@ -146,7 +145,7 @@ def along(row: Any, first: Number, axis: Any) -> Any:
 
 
 @compiled
-def point_to(row: Any, position: Any, out: np.ndarray) -> None:
+def point_to(row: np.ndarray, position: np.ndarray, out: np.ndarray) -> None:
     """The unit vector from the centre of mass to a position (3,)."""
     length = 0.0
     for axis in range(3):

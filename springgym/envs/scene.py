@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -298,13 +298,13 @@ def _sound(m: Measures) -> np.ndarray:
     return np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)
 
 
-def _hearing(m: Measures) -> Any:
+def _hearing(m: Measures) -> AbstractContextManager[None]:
     """Where functions are called: warnings are not heard while a copy has diverged."""
     quick = m.strain.dot(m.strain) < STRAIN_LIMIT**2  # then each is within its limit
     return LOUD if quick or _sound(m).all() else np.errstate(all="ignore")
 
 
-def _numbers(name: str, given: Any, shape: tuple[int | None, ...], m: Measures) -> np.ndarray:
+def _numbers(name: str, given: object, shape: tuple[int | None, ...], m: Measures) -> np.ndarray:
     """What a function gave, as numbers that are finite where the copy has not diverged."""
     values = _of_shape(name, given, shape, "biuf", "numbers")
     if not math.isfinite(np.vdot(values, values)):  # or they are huge
@@ -316,7 +316,7 @@ def _numbers(name: str, given: Any, shape: tuple[int | None, ...], m: Measures) 
     return values
 
 
-def _of_shape(name: str, given: Any, shape: tuple[int | None, ...], kinds: str, what: str) -> np.ndarray:
+def _of_shape(name: str, given: object, shape: tuple[int | None, ...], kinds: str, what: str) -> np.ndarray:
     try:
         values = np.asarray(given)
     except ValueError:  # rows of several lengths

@@ -31,6 +31,7 @@ from springgym.envs.shove import (
     STRENGTH,
     TURNING_UNIT,
     WAY_UNIT,
+    Level,
     assess,
     heading_of,
     see_pusher,
@@ -57,7 +58,7 @@ SUNK = 0.1  # above the block's middle: the middle of what has fallen is lower [
 
 
 @compiled
-def turned_of(m: Measures, c: Any) -> Any:
+def turned_of(m: Measures, c: int) -> float:
     """How far the box is turned from the block, from −π to π [rad]."""
     turned = heading_of(m, c, BOX) - heading_of(m, c, BLOCK)
     return math.atan2(math.sin(turned), math.cos(turned))
@@ -137,7 +138,7 @@ class SpringStack(Task):
         )
 
     def _placed(
-        self, place: Any, heading: float, pusher: Any, block: Any, factors: Mapping[str, float]
+        self, place: Level, heading: float, pusher: Level, block: Level, factors: Mapping[str, float]
     ) -> np.ndarray:
         """Positions (25, 3) of all bodies; pusher and box lie on the shelf, the block on the floor [m]."""
         scale, weight = factors["scale"], -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS

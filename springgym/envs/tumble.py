@@ -40,7 +40,7 @@ COLORS = ((46, 98, 170), (228, 94, 44), (34, 150, 100), (242, 172, 60))
 
 
 @compiled
-def facing(x: np.ndarray, c: Any, corner: Any) -> Any:
+def facing(x: np.ndarray, c: int, corner: int) -> tuple[float, float, float]:
     """The outward unit normal of the face opposite to a corner."""
     i, j, k = FACES[corner]
     ax, ay, az = x[c, j, 0] - x[c, i, 0], x[c, j, 1] - x[c, i, 1], x[c, j, 2] - x[c, i, 2]
@@ -51,7 +51,7 @@ def facing(x: np.ndarray, c: Any, corner: Any) -> Any:
 
 
 @compiled
-def fastest(v: np.ndarray, c: Any) -> Any:
+def fastest(v: np.ndarray, c: int) -> float:
     """The largest speed of a particle [m/s]."""
     largest = 0.0
     for i in range(v.shape[1]):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -56,7 +56,7 @@ SHRINK, GROW, SAFETY, SMALLEST = 0.2, 5.0, 0.9, 1e-10
 
 @compiled
 def integrate(
-    x: Any, v: Any, ledger: Ledger, workspace: np.ndarray, h: Any, steps: int, terms: Terms
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Control, steps: int, terms: Terms
 ) -> None:
     """Go ``steps`` × h ahead in steps of at most h, each copy of the block in its own.
 
@@ -78,7 +78,7 @@ def advance(
     x: Numbers,
     v: Rows,
     ledger: Ledger,
-    power: Any,
+    power: Numbers,
     workspace: np.ndarray,
     control: Control,
     steps: int,
@@ -150,7 +150,7 @@ def evaluate(
 @compiled
 def error_norm(
     v: Rows, vs: Rows, tau: Number, length: Number, workspace: np.ndarray, control: Control
-) -> Any:
+) -> Number:
     """Root mean square errors of positions and velocities, in tolerances, added."""
     squares = 0.0 * tau
     speed, in_x, in_v = squares, squares, squares

@@ -30,6 +30,7 @@ from springgym.scenes.recording import Recording, rigid_twin
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.gridspec import SubplotSpec
 
 TRACE, CENTRE, OTHER = "#e45e2c", "#343c4c", "#8b98a9"
 KINETIC, GRAVITY, SPRINGS, CONTACT, LOST = "#2b5c96", "#22966a", "#d39b2a", "#3e929e", "#be323c"
@@ -85,7 +86,7 @@ def draw(recording: Recording) -> Figure:
 def _picture(
     recording: Recording,
     figure: Figure,
-    place: Any,
+    place: SubplotSpec,
     size: tuple[float, float],
     moments: Sequence[int],
     title: str,
@@ -180,7 +181,7 @@ def _metres(length: float) -> str:
 # --- Panels -----------------------------------------------------------------------------------------
 
 
-def _panel(figure: Figure, place: Any, title: str, across: str, up: str, **options: Any) -> Axes:
+def _panel(figure: Figure, place: SubplotSpec, title: str, across: str, up: str, **options: Any) -> Axes:
     axes = figure.add_subplot(place, **options)
     axes.set(title=title, xlabel=across, ylabel=up)
     return axes
@@ -224,7 +225,7 @@ def _legend(axes: Axes, below: bool = False) -> None:
     )
 
 
-def _energies(recording: Recording, figure: Figure, place: Any, change: bool = False) -> None:
+def _energies(recording: Recording, figure: Figure, place: SubplotSpec, change: bool = False) -> None:
     """Where the energy is, and where it went; or how much of it moved since the start.
 
     Those of gravity and of the springs count from their least.

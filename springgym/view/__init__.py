@@ -17,7 +17,7 @@ import webbrowser
 from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from springgym.extras import missing
 from springgym.scenes import load, names
@@ -27,6 +27,9 @@ from springgym.stability import automatic_step
 from springgym.view.knobs import knobs
 from springgym.view.motion import Motion, of_recording
 from springgym.view.page import FPS, Changes, Page, Subject
+
+if TYPE_CHECKING:
+    from viser import ViserServer
 
 PORT = 8080
 
@@ -180,7 +183,7 @@ def _check_saved(path: Path) -> None:
         raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
 
 
-def _server(port: int) -> Any:
+def _server(port: int) -> ViserServer:
     """A server that pages of this machine alone reach, see `springgym.view.door`."""
     try:
         import viser
@@ -194,6 +197,6 @@ def _server(port: int) -> Any:
     return door.guard(server)
 
 
-def _end(server: Any) -> None:
+def _end(server: ViserServer) -> None:
     with redirect_stdout(io.StringIO()):
         server.stop()
