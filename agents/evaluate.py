@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 from config import (
-    CONFIG_FOLDER,
     MENDABLE,
     Config,
     ConfigError,
@@ -32,14 +31,12 @@ from config import (
     whole,
 )
 from controllers import controller_env_kwargs, make_controller
-from runs import HELD_OUT_SEED, Run, load_policy, open_run, pretrained, write_atomically
+from runs import HELD_OUT_SEED, Run, load_policy, open_run, pretrained, time_limit, write_atomically
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded
 from springgym.envs.agent import Policy
 from springgym.envs.sb3 import make_sb3
-from springgym.registration import find
-from springgym.strict_yaml import read_yaml
 
 #: Keyword arguments of an environment that belong to the agent and not to the task.
 INTERFACE = ("observation", "action")
@@ -90,12 +87,7 @@ def find_task(
             f"{runs[0].folder} asks for a module to be imported; if that is to be, add --env {runs[0].env_id}"
         )
     env_id = env_id or runs[0].env_id
-    if runs:
-        kwargs = task_kwargs(runs[0].config)
-    elif env_id in read_yaml(CONFIG_FOLDER / "ppo.yaml").value or find(env_id):
-        kwargs = task_kwargs(load_config("ppo", env_id))
-    else:
-        kwargs = {}
+    kwargs = task_kwargs(runs[0].config if runs else load_config("ppo", env_id))
     return env_id, {**kwargs, **parse_assignments(overrides)}
 
 
@@ -117,12 +109,10 @@ def evaluate(
             if run
             else make_controller(agent, env_id, env_kwargs, env.action_space)
         )
+        limit = time_limit(env.get_attr("spec")[0])
         last_infos = _run_one_episode_each(env, policy, first_seed)
-        spec = env.get_attr("spec")[0]
     finally:
         env.close()
-    lengths = [int(info["episode"]["l"]) for info in last_infos]
-    limit = spec.kwargs.get("max_episode_steps")
     scalars = [
         key
         for key, value in last_infos[0].items()
@@ -131,11 +121,8 @@ def evaluate(
     return Evaluation(
         agent=agent,
         first_seed=first_seed,
-        returns_per_step=[
-            float(info["episode"]["r"]) / (limit or length)
-            for info, length in zip(last_infos, lengths, strict=True)
-        ],
-        lengths=lengths,
+        returns_per_step=[float(info["episode"]["r"]) / limit for info in last_infos],
+        lengths=[int(info["episode"]["l"]) for info in last_infos],
         successes=[bool(info["is_success"]) for info in last_infos]
         if "is_success" in last_infos[0]
         else None,

@@ -39,6 +39,7 @@ import yaml
 from agent import load_agent
 from config import Config, ConfigError, build_config
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 
 from springgym.cli import whole_file
 from springgym.envs.agent import Algorithm, Policy
@@ -167,6 +168,20 @@ def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: sp
             "goes on with it and writes one"
         )
     return load_agent(run.agent, run.config, observation_space, action_space)
+
+
+def time_limit(spec: EnvSpec) -> int:
+    """Return after how many steps the episodes of an environment are cut.
+
+    Raises
+    ------
+    ConfigError
+        If they are not: an evaluation might never end.
+    """
+    limit = spec.kwargs.get("max_episode_steps", spec.max_episode_steps)
+    if limit is None:
+        raise ConfigError(f"{spec.id} has no time limit: register it with max_episode_steps")
+    return int(limit)
 
 
 def pretrained(env_id: str, within: Path = TRAINED) -> Path:

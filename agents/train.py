@@ -58,6 +58,7 @@ from runs import (
     create_run,
     locked,
     open_run,
+    time_limit,
     write_atomically,
     write_config,
 )
@@ -78,6 +79,7 @@ import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import INTERRUPTED, guarded, whole_file
 from springgym.envs.agent import Algorithm
 from springgym.envs.sb3 import SB3VecEnv, StaggeredMonitor, make_sb3
+from springgym.registration import find
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
@@ -110,6 +112,7 @@ def make_training_env(run: Run) -> StaggeredMonitor:
         copies, kwargs = network_config(run).n_envs, run.config.env_kwargs
         env = make_sb3(run.env_id, copies, run.seed, stagger=True, env_kwargs=kwargs)
     assert isinstance(env, StaggeredMonitor)
+    time_limit(native_env(env).spec)  # there is one
     return env
 
 
@@ -356,7 +359,7 @@ class Recorder(BaseCallback):
     def __init__(self, run: Run, env: StaggeredMonitor) -> None:
         super().__init__()
         self.run, self.env, self.config = run, env, network_config(run)
-        self.limit = native_env(env).spec.kwargs["max_episode_steps"]
+        self.limit = time_limit(native_env(env).spec)
         self.path = run.folder / "metrics.csv"
         self.seconds = 0.0
         self.row_at = self.checkpoint_at = self.steps = self.episodes = 0
@@ -578,6 +581,8 @@ def begin(options: argparse.Namespace) -> int:
     if options.timesteps is not None:
         overrides = [*overrides, f"total_timesteps={options.timesteps}"]
     config = load_config(algo, options.env_id, overrides, options.config)
+    if find(options.env_id) is None and options.config is None:
+        print(f"{options.env_id} trains with the default hyperparameters of {algo}; --set changes them")
     folder = options.run or Path("runs") / f"{options.env_id.rpartition(':')[2]}-{algo}-{seed}"
     run = Run(folder, algo, options.env_id, seed, config)
     if isinstance(config, LinearConfig):
