@@ -1,10 +1,11 @@
 """Evaluate agents side by side on held-out seeds, one episode each, deterministically.
 
-    python agents/evaluate.py runs/SpringTop-v0-ppo-0 zero random classical
-    python agents/evaluate.py classical --env SpringTop-v0 --set action=impulse --episodes 200
-    python agents/evaluate.py --pretrained SpringTop-v0
+    springgym evaluate runs/SpringTop-v0-ppo-0 zero random classical
+    springgym evaluate classical --env SpringTop-v0 --set action=impulse --episodes 200
+    springgym evaluate SpringTop-v0
 
-An agent is a run folder or the name of a baseline (zero, random, classical). Every agent meets
+An agent is a run folder, an environment id, which names the published agent of that environment, or the
+name of a baseline (zero, random, classical). Every agent meets
 the same episodes. The return is the sum of rewards over the time limit: the mean reward per step
 where an episode that ends early earns nothing for the rest. The other columns are means over the
 episodes of what the environment reports with each episode's last step.
@@ -31,12 +32,14 @@ from config import (
     whole,
 )
 from controllers import controller_env_kwargs, make_controller
-from runs import HELD_OUT_SEED, Run, load_policy, open_run, pretrained, time_limit, write_atomically
+from runs import HELD_OUT_SEED, Run, load_policy, open_run, time_limit, write_atomically
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded
 from springgym.envs.agent import Policy
 from springgym.envs.sb3 import make_sb3
+from springgym.envs.trained import published
+from springgym.registration import find
 
 #: Keyword arguments of an environment that belong to the agent and not to the task.
 INTERFACE = ("observation", "action")
@@ -130,6 +133,11 @@ def evaluate(
     )
 
 
+def named(agent: str) -> str:
+    """The folder of the published agent that is named by its environment; another agent stays."""
+    return agent if Path(agent).is_dir() or find(agent) is None else str(published(agent))
+
+
 def trained_on(agent: str, env_id: str) -> Run | None:
     """The run of an agent's folder; None for the name of a baseline."""
     if not Path(agent).is_dir():
@@ -196,14 +204,13 @@ def write_json(path: Path, evaluations: Sequence[Evaluation]) -> None:
     write_atomically(path, json.dumps(content, indent=1) + "\n")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -> int:
     """Command line."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("agents", nargs="*", help="run folders; zero, random, classical")
-    parser.add_argument("--pretrained", metavar="ID", help="the repository's agent of an environment")
-    parser.add_argument("--env", help="environment id, where no run folder tells it")
+    parser.add_argument("agents", nargs="+", help="run folders; environment ids; zero, random, classical")
+    parser.add_argument("--env", help="environment id, where no agent tells it")
     parser.add_argument("--episodes", type=whole(1, MOST_EPISODES), default=100)
     parser.add_argument(
         "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="the first of the seeds"
@@ -219,16 +226,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--json", type=Path, help="write the evaluations here")
     options = parser.parse_args(arguments)
-    if not options.agents and not options.pretrained:
-        parser.error("name agents, or --pretrained and an environment id")
     if options.json and not options.json.absolute().parent.is_dir():
         parser.error(f"--json {options.json}: there is no folder {options.json.absolute().parent}")
-    return guarded("evaluate.py", lambda: _compare(options), MENDABLE)
+    return guarded(program, lambda: _compare(options), MENDABLE)
 
 
 def _compare(options: argparse.Namespace) -> int:
-    trained = [str(pretrained(options.pretrained))] if options.pretrained else []
-    agents = [*trained, *options.agents]
+    agents = [named(agent) for agent in options.agents]
     env_id, env_kwargs = find_task(agents, options.env, options.overrides)
     evaluations = [evaluate(agent, env_id, env_kwargs, options.episodes, options.seed) for agent in agents]
     print(f"{env_id}: {options.episodes} episodes, seeds from {options.seed}\n{table(evaluations)}")
