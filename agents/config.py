@@ -216,7 +216,7 @@ def load_config(
         build_config(algo, tree, (key,))
     if env_id not in tree.value and (found := find(env_id)):
         tree = _with_copy(tree, env_id, found[0].id)
-    if env_id not in tree.value:
+    if env_id not in tree.value and DEFAULT in tree.value:
         module, _, name = env_id.rpartition(":")
         try:
             if module:

@@ -72,7 +72,7 @@ Until PPO with the configuration that ships succeeds in 90 % of 20 held-out epis
 METHOD = """## How it was made
 
 ```sh
-python -m pip install -c constraints.txt -e ".[agents,scale]"
+python -m pip install -c constraints.txt -e ".[agents,ray]"
 python agents/benchmark.py --runs runs/benchmark
 python docs/baselines.py --rows runs/benchmark/baselines.json
 ```

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from springgym.scene import Placed, Scene
     from springgym.simulator import Simulator
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _PUBLIC = {
     "Body": "springgym.bodies",
