@@ -408,7 +408,7 @@ def parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> 
     if options.address and options.jobs:
         parser.error("--jobs is for this machine; a cluster has as many as it has cores")
     if not options.local and find_spec("ray") is None:
-        parser.error(f"Ray is not installed: {install('scale')}, or give --local")
+        parser.error(f"Ray is not installed: {install('ray')}, or give --local")
     return options
 
 

@@ -16,7 +16,7 @@ from config import (
     making,
 )
 from imitation import teacher
-from runs import Run
+from runs import Run, time_limit
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
@@ -43,6 +43,7 @@ def make_training_env(run: Run) -> StaggeredMonitor:
         copies, kwargs = network_config(run).n_envs, run.config.env_kwargs
         env = make_sb3(run.env_id, copies, run.seed, stagger=True, env_kwargs=kwargs)
     assert isinstance(env, StaggeredMonitor)
+    time_limit(native_env(env).spec)  # there is one
     return env
 
 

@@ -12,7 +12,7 @@ from checkpoint import save_checkpoint
 from config import ConfigError
 from evaluate import evaluate, task_kwargs
 from learner import native_env, network_config
-from runs import HELD_OUT_SEED, Run, write_atomically
+from runs import HELD_OUT_SEED, Run, time_limit, write_atomically
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import safe_mean
 from tqdm import tqdm
@@ -47,7 +47,7 @@ class Recorder(BaseCallback):
     def __init__(self, run: Run, env: StaggeredMonitor) -> None:
         super().__init__()
         self.run, self.env, self.config = run, env, network_config(run)
-        self.limit = native_env(env).spec.kwargs["max_episode_steps"]
+        self.limit = time_limit(native_env(env).spec)
         self.path = run.folder / "metrics.csv"
         self.seconds = 0.0
         self.row_at = self.checkpoint_at = self.steps = self.episodes = 0

@@ -1,9 +1,9 @@
 """Train an agent, compare it with the baselines and film it.
 
-    python agents/train.py SpringTop-v0
-    python agents/train.py SpringTop-v0 --algo sac --seed 1 --run runs/sac-frame \\
+    springgym train SpringTop-v0
+    springgym train SpringTop-v0 --algo sac --seed 1 --run runs/sac-frame \\
         --set env_kwargs.observation=frame learning_rate=3e-4
-    python agents/train.py --resume runs/SpringTop-v0-ppo-0
+    springgym train --resume runs/SpringTop-v0-ppo-0
 
 Hyperparameters come from configs/<algo>.yaml. The run folder (see runs.py) holds all that comes
 out. A run that was stopped in whatever way goes on from its newest checkpoint with --resume; if
@@ -41,12 +41,13 @@ import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import INTERRUPTED, guarded
 from springgym.envs.agent import Algorithm
 from springgym.envs.sb3 import StaggeredMonitor
+from springgym.registration import find
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> int:
     """Command line."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("env_id", nargs="?", help="environment id")
     parser.add_argument("--algo", choices=sorted(CONFIG_OF), help="algorithm (ppo)")
@@ -79,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"--resume goes on with the run's own configuration: drop {', '.join(given)}")
 
     torch.set_num_threads(1)  # networks this small are fastest on one
-    return guarded("train.py", lambda: resume(options) if options.resume else begin(options), MENDABLE)
+    return guarded(program, lambda: resume(options) if options.resume else begin(options), MENDABLE)
 
 
 def begin(options: argparse.Namespace) -> int:
@@ -89,6 +90,8 @@ def begin(options: argparse.Namespace) -> int:
     if options.timesteps is not None:
         overrides = [*overrides, f"total_timesteps={options.timesteps}"]
     config = load_config(algo, options.env_id, overrides, options.config)
+    if find(options.env_id) is None and options.config is None:
+        print(f"{options.env_id} trains with the default hyperparameters of {algo}; --set changes them")
     folder = options.run or Path("runs") / f"{options.env_id.rpartition(':')[2]}-{algo}-{seed}"
     run = Run(folder, algo, options.env_id, seed, config)
     if isinstance(config, LinearConfig):
@@ -163,7 +166,7 @@ def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Reco
                 # No log_interval: the recorder logs, at every row.
                 model.learn(left, recorder, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
     except KeyboardInterrupt:
-        print(f"\nstopped; go on with: python agents/train.py --resume {run.folder}")
+        print(f"\nstopped; go on with: springgym train --resume {run.folder}")
         return INTERRUPTED
     except OSError as error:
         if str(run.folder) in str(error):
@@ -183,7 +186,7 @@ def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Reco
     try:
         return report(run, model.num_timesteps, episodes)
     except KeyboardInterrupt:
-        print(f"\nstopped, with the agent trained; to see it: python agents/train.py --resume {run.folder}")
+        print(f"\nstopped, with the agent trained; to see it: springgym train --resume {run.folder}")
         return INTERRUPTED
 
 
@@ -215,7 +218,7 @@ def finish_search(search: Search, episodes: int) -> int:
                 search.save()
                 bar.update(search.timesteps - bar.n)
     except KeyboardInterrupt:
-        print(f"\nstopped; go on with: python agents/train.py --resume {run.folder}")
+        print(f"\nstopped; go on with: springgym train --resume {run.folder}")
         return INTERRUPTED
     finally:
         search.env.close()

@@ -33,7 +33,7 @@ from springgym.rendering import Renderer
 try:
     from pettingzoo import ParallelEnv
 except ImportError as error:
-    raise ImportError(missing("springgym.envs.parallel", "PettingZoo", "parallel")) from error
+    raise ImportError(missing("springgym.envs.parallel", "PettingZoo", "pettingzoo")) from error
 
 register()  # with PettingZoo, which is there by now
 

@@ -44,8 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--agent",
-        metavar="RUN",
-        help="a run folder of agents/train.py, whose environment and agent are shown; or zero, random",
+        help="a run folder of springgym train, or the id of a published agent; or zero, random",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the first episode")
     parser.add_argument(

@@ -411,7 +411,7 @@ def test_stopped_while_it_is_evaluated(copied, monkeypatch, capsys):
 
     monkeypatch.setattr(train, "evaluate", interrupted)
     assert train.main(["--resume", str(copied)]) == 130
-    assert f"stopped, with the agent trained; to see it: python agents/train.py --resume {copied}" in (
+    assert f"stopped, with the agent trained; to see it: springgym train --resume {copied}" in (
         capsys.readouterr().out
     )
 
