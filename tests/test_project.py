@@ -53,7 +53,7 @@ def to_release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (tmp_path / path).parent.mkdir(exist_ok=True)
         (tmp_path / path).write_text(text(path).replace(release.PLACEHOLDER, "mcd"), encoding="utf-8")
     (tmp_path / "springgym" / "__init__.py").write_text('__version__ = "1.2.3"\n')
-    log = "# Changelog\n\n## 1.2.3 (2031-02-03)\n\n### Added\n- A [top](docs/top.md).\n\n## 1.2.2 (2030-01-01)\n\n- Old.\n"
+    log = "## 1.2.3 (2031-02-03)\n\n### Added\n- A [top](docs/top.md).\n\n## 1.2.2 (2030-01-01)\n\n- Old.\n"
     (tmp_path / "CHANGELOG.md").write_text(log)
     monkeypatch.setattr(release, "ROOT", tmp_path)
     assert release.main(["--write"]) == 0
