@@ -46,15 +46,15 @@ def changes(number: str) -> tuple[str, str]:
     return "", ""
 
 
-def uploaded_readme() -> str:
-    """Return the README with whole addresses: links and pictures are those of the tagged version."""
+def with_addresses(page: str) -> str:
+    """Return a page of the repository with whole addresses: links and pictures of the tagged version."""
     source = tomllib.loads(text("pyproject.toml"))["project"]["urls"]["Source"]
 
     def whole(found: re.Match[str]) -> str:
         kind = "raw" if found[1] == 'src="' else "blob"
         return f"{found[1]}{source}/{kind}/v{version()}/{found[2]}"
 
-    return re.sub(r'(\]\(|href="|src=")(?![a-z]+:|#)([^)"\s]+)', whole, text("README.md"))
+    return re.sub(r'(\]\(|href="|src=")(?![a-z]+:|#)([^)"\s]+)', whole, page)
 
 
 def repeated() -> dict[str, str]:
@@ -122,7 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for fault in found:
         print(f"release.py: {fault}", file=sys.stderr)
     if options.notes and not found:
-        options.notes.write_text(changes(version())[1], encoding="utf-8")
+        options.notes.write_text(with_addresses(changes(version())[1]), encoding="utf-8")
     return 1 if found else 0
 
 

@@ -12,7 +12,7 @@ from setuptools.command.build_py import build_py
 ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))  # which a build in isolation leaves out
 
-from release import uploaded_readme  # noqa: E402
+from release import text, with_addresses  # noqa: E402
 
 
 class BuildWithScripts(build_py):
@@ -29,6 +29,6 @@ class BuildWithScripts(build_py):
 
 setup(
     cmdclass={"build_py": BuildWithScripts},
-    long_description=uploaded_readme(),
+    long_description=with_addresses(text("README.md")),
     long_description_content_type="text/markdown",
 )

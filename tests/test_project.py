@@ -53,7 +53,7 @@ def to_release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (tmp_path / path).parent.mkdir(exist_ok=True)
         (tmp_path / path).write_text(text(path).replace(release.PLACEHOLDER, "mcd"), encoding="utf-8")
     (tmp_path / "springgym" / "__init__.py").write_text('__version__ = "1.2.3"\n')
-    log = "# Changelog\n\n## 1.2.3 (2031-02-03)\n\n### Added\n- A top.\n\n## 1.2.2 (2030-01-01)\n\n- Old.\n"
+    log = "## 1.2.3 (2031-02-03)\n\n### Added\n- A [top](docs/top.md).\n\n## 1.2.2 (2030-01-01)\n\n- Old.\n"
     (tmp_path / "CHANGELOG.md").write_text(log)
     monkeypatch.setattr(release, "ROOT", tmp_path)
     assert release.main(["--write"]) == 0
@@ -63,7 +63,8 @@ def to_release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_what_can_be_released(to_release: Path, capsys: pytest.CaptureFixture[str]) -> None:
     notes = to_release / "notes.md"
     assert release.main(["v1.2.3", "--notes", str(notes)]) == 0
-    assert notes.read_text() == "### Added\n- A top.\n"
+    address = "https://github.com/mcd/springgym/blob/v1.2.3/docs/top.md"
+    assert notes.read_text() == f"### Added\n- A [top]({address}).\n"
     citation = yaml.safe_load((to_release / "CITATION.cff").read_text())
     assert (citation["version"], citation["date-released"]) == ("1.2.3", "2031-02-03")
     assert citation["repository-code"] == "https://github.com/mcd/springgym"
@@ -84,7 +85,7 @@ def test_what_can_be_released(to_release: Path, capsys: pytest.CaptureFixture[st
         ),
         ("CHANGELOG.md", "2031-02-03", "not released yet", "no heading '## 1.2.3 (YYYY-MM-DD)'"),
         ("CHANGELOG.md", "## 1.2.3", "## Unreleased", "no heading '## 1.2.3 (YYYY-MM-DD)'"),
-        ("CHANGELOG.md", "### Added\n- A top.\n", "", "CHANGELOG.md says nothing of 1.2.3"),
+        ("CHANGELOG.md", "### Added\n- A [top](docs/top.md).\n", "", "CHANGELOG.md says nothing of 1.2.3"),
         ("CITATION.cff", "1.2.3", "1.2.2", "CITATION.cff repeats something else"),
         ("docs/citing.md", "/mcd/", "/other/", "docs/citing.md repeats something else"),
         ("pyproject.toml", "The springgym authors", "J. McDonald", "CITATION.cff repeats something else"),
@@ -104,7 +105,7 @@ def test_what_cannot_be_released(
 
 def test_links_of_what_is_uploaded_are_whole() -> None:
     source = f"{project()['urls']['Source']}/"
-    uploaded = release.uploaded_readme()
+    uploaded = release.with_addresses(text("README.md"))
     links = re.findall(r'\]\(([^)\s]+)\)|(?:src|href)="([^"]+)"', uploaded)
     assert len(links) > 20
     for one, other in links:
