@@ -383,7 +383,8 @@ def test_randomised_copy_is_another_scene(env_id: str) -> None:
         for action in actions:
             for n, simulator in enumerate(own):
                 others = answer(task, simulator, episodes.goal[n : n + 1])
-                simulator.actuate(**task.actuate(push[n] * action[None]), **others)
+                weak = {actuator: push[n] * values for actuator, values in others.items()}
+                simulator.actuate(**task.actuate(push[n] * action[None]), **weak)
             episodes.step(np.tile(action, (2, 1)))
             for n, simulator in enumerate(own):
                 simulator.advance(episodes.steps, check=False)
