@@ -68,10 +68,10 @@ def _without_normalisation(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarra
     return plain
 
 
-def load_agent(
+def load_policy(
     path: Path, config: Config, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
 ) -> Policy:
-    """The deterministic policy in a file, see `springgym.envs.agent.load_agent`.
+    """The deterministic policy in a file, see `springgym.envs.agent.load_policy`.
 
     Raises
     ------
@@ -83,6 +83,6 @@ def load_agent(
     if isinstance(config, NetworkConfig):
         network = Network(algo, config.net_arch, config.activation, config.normalize)
     try:
-        return agent.load_agent(path, network, observation_space, action_space)
+        return agent.load_policy(path, network, observation_space, action_space)
     except ValueError as error:
         raise ConfigError(str(error)) from error

@@ -88,9 +88,10 @@ def measured(cell: Cell, plan: Plan) -> dict[str, Any]:
     import torch
     import train
     from evaluate import evaluate, find_task
+    from recorder import Recorder
 
     torch.set_num_threads(1)
-    train.Recorder.clock = staticmethod(time.process_time)
+    Recorder.clock = staticmethod(time.process_time)
     folder = plan.folder(cell)
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "log.txt", "a", encoding="utf-8") as log, redirect_stdout(log), redirect_stderr(log):
@@ -407,7 +408,7 @@ def parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> 
     if options.address and options.jobs:
         parser.error("--jobs is for this machine; a cluster has as many as it has cores")
     if not options.local and find_spec("ray") is None:
-        parser.error(f"Ray is not installed: {install('scale')}, or give --local")
+        parser.error(f"Ray is not installed: {install('ray')}, or give --local")
     return options
 
 

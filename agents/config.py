@@ -1,7 +1,8 @@
 """Hyperparameters: YAML files keyed by environment id, read strictly.
 
-``configs/<algo>.yaml`` maps an environment id to the fields of one dataclass below. An unknown,
-duplicate, missing or mistyped key is a `ConfigError` naming the file, the line and the key.
+``configs/<algo>.yaml`` maps an environment id to the fields of one dataclass below; the entry ``default`` is
+that of all other ids. An unknown, duplicate, missing or mistyped key is a `ConfigError` naming the file, the
+line and the key.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import copy
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from math import inf
 from pathlib import Path
 from typing import Any, Literal
@@ -180,6 +182,9 @@ RANGES = {
 
 MOST_LAYERS = 100
 
+DEFAULT = "default"
+"""The entry of environments that a file does not name."""
+
 
 def load_config(
     algo: Algorithm, env_id: str, overrides: Iterable[str] = (), path: Path | None = None
@@ -191,7 +196,8 @@ def load_config(
     algo
         A key of `CONFIG_OF`.
     env_id
-        A key of the file, or a variant of one.
+        A key of the file, a variant of one, or any other registered environment, which gets the entry
+        `DEFAULT` if the file has one.
     overrides
         ``"key=value"`` texts; ``env_kwargs.key=value`` reaches inside.
     path
@@ -209,7 +215,16 @@ def load_config(
     for key in tree.value:
         build_config(algo, tree, (key,))
     if env_id not in tree.value and (found := find(env_id)):
-        tree = tree_of_variant(tree, env_id, found[0].id)
+        tree = _with_copy(tree, env_id, found[0].id)
+    if env_id not in tree.value and DEFAULT in tree.value:
+        module, _, name = env_id.rpartition(":")
+        try:
+            if module:
+                import_module(module)
+            gym.spec(name)
+        except (gym.error.Error, ImportError) as error:
+            raise ConfigError(f"{path}: no entry for {env_id!r}: {error}") from error
+        tree = _with_copy(tree, env_id, DEFAULT)
     if env_id not in tree.value:
         raise ConfigError(f"{path}: no entry for {env_id!r}; it has {', '.join(tree.value)}")
     for override in overrides:
@@ -217,8 +232,8 @@ def load_config(
     return build_config(algo, tree, (env_id,))
 
 
-def tree_of_variant(tree: Tree, env_id: str, of: str) -> Tree:
-    """The document with an entry for a variant: that of its environment, if there is one."""
+def _with_copy(tree: Tree, env_id: str, of: str) -> Tree:
+    """The document with an entry for an environment that is a copy of another entry, if that is there."""
     if of not in tree.value:
         return tree
     where = {(env_id, *path[1:]): place for path, place in tree.where.items() if path[:1] == (of,)}

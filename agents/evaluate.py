@@ -1,10 +1,11 @@
 """Evaluate agents side by side on held-out seeds, one episode each, deterministically.
 
-    python agents/evaluate.py runs/SpringTop-v0-ppo-0 zero random classical
-    python agents/evaluate.py classical --env SpringTop-v0 --set action=impulse --episodes 200
-    python agents/evaluate.py --pretrained SpringTop-v0
+    springgym evaluate runs/SpringTop-v0-ppo-0 zero random classical
+    springgym evaluate classical --env SpringTop-v0 --set action=impulse --episodes 200
+    springgym evaluate SpringTop-v0
 
-An agent is a run folder or the name of a baseline (zero, random, classical). Every agent meets
+An agent is a run folder, an environment id, which names the published agent of that environment, or the
+name of a baseline (zero, random, classical). Every agent meets
 the same episodes. The return is the sum of rewards over the time limit: the mean reward per step
 where an episode that ends early earns nothing for the rest. The other columns are means over the
 episodes of what the environment reports with each episode's last step.
@@ -22,7 +23,6 @@ from typing import Any
 
 import numpy as np
 from config import (
-    CONFIG_FOLDER,
     MENDABLE,
     Config,
     ConfigError,
@@ -32,14 +32,14 @@ from config import (
     whole,
 )
 from controllers import controller_env_kwargs, make_controller
-from runs import HELD_OUT_SEED, Run, load_policy, open_run, pretrained, write_atomically
+from runs import HELD_OUT_SEED, Run, load_policy, open_run, time_limit, write_atomically
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym.cli import guarded
 from springgym.envs.agent import Policy
 from springgym.envs.sb3 import make_sb3
+from springgym.envs.trained import published
 from springgym.registration import find
-from springgym.strict_yaml import read_yaml
 
 #: Keyword arguments of an environment that belong to the agent and not to the task.
 INTERFACE = ("observation", "action")
@@ -90,12 +90,7 @@ def find_task(
             f"{runs[0].folder} asks for a module to be imported; if that is to be, add --env {runs[0].env_id}"
         )
     env_id = env_id or runs[0].env_id
-    if runs:
-        kwargs = task_kwargs(runs[0].config)
-    elif env_id in read_yaml(CONFIG_FOLDER / "ppo.yaml").value or find(env_id):
-        kwargs = task_kwargs(load_config("ppo", env_id))
-    else:
-        kwargs = {}
+    kwargs = task_kwargs(runs[0].config if runs else load_config("ppo", env_id))
     return env_id, {**kwargs, **parse_assignments(overrides)}
 
 
@@ -117,12 +112,10 @@ def evaluate(
             if run
             else make_controller(agent, env_id, env_kwargs, env.action_space)
         )
+        limit = time_limit(env.get_attr("spec")[0])
         last_infos = _run_one_episode_each(env, policy, first_seed)
-        spec = env.get_attr("spec")[0]
     finally:
         env.close()
-    lengths = [int(info["episode"]["l"]) for info in last_infos]
-    limit = spec.kwargs.get("max_episode_steps")
     scalars = [
         key
         for key, value in last_infos[0].items()
@@ -131,16 +124,18 @@ def evaluate(
     return Evaluation(
         agent=agent,
         first_seed=first_seed,
-        returns_per_step=[
-            float(info["episode"]["r"]) / (limit or length)
-            for info, length in zip(last_infos, lengths, strict=True)
-        ],
-        lengths=lengths,
+        returns_per_step=[float(info["episode"]["r"]) / limit for info in last_infos],
+        lengths=[int(info["episode"]["l"]) for info in last_infos],
         successes=[bool(info["is_success"]) for info in last_infos]
         if "is_success" in last_infos[0]
         else None,
         last_infos={key: [float(info[key]) for info in last_infos] for key in scalars},
     )
+
+
+def named(agent: str) -> str:
+    """The folder of the published agent that is named by its environment; another agent stays."""
+    return agent if Path(agent).is_dir() or find(agent) is None else str(published(agent))
 
 
 def trained_on(agent: str, env_id: str) -> Run | None:
@@ -209,14 +204,13 @@ def write_json(path: Path, evaluations: Sequence[Evaluation]) -> None:
     write_atomically(path, json.dumps(content, indent=1) + "\n")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -> int:
     """Command line."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("agents", nargs="*", help="run folders; zero, random, classical")
-    parser.add_argument("--pretrained", metavar="ID", help="the repository's agent of an environment")
-    parser.add_argument("--env", help="environment id, where no run folder tells it")
+    parser.add_argument("agents", nargs="+", help="run folders; environment ids; zero, random, classical")
+    parser.add_argument("--env", help="environment id, where no agent tells it")
     parser.add_argument("--episodes", type=whole(1, MOST_EPISODES), default=100)
     parser.add_argument(
         "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="the first of the seeds"
@@ -232,16 +226,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--json", type=Path, help="write the evaluations here")
     options = parser.parse_args(arguments)
-    if not options.agents and not options.pretrained:
-        parser.error("name agents, or --pretrained and an environment id")
     if options.json and not options.json.absolute().parent.is_dir():
         parser.error(f"--json {options.json}: there is no folder {options.json.absolute().parent}")
-    return guarded("evaluate.py", lambda: _compare(options), MENDABLE)
+    return guarded(program, lambda: _compare(options), MENDABLE)
 
 
 def _compare(options: argparse.Namespace) -> int:
-    trained = [str(pretrained(options.pretrained))] if options.pretrained else []
-    agents = [*trained, *options.agents]
+    agents = [named(agent) for agent in options.agents]
     env_id, env_kwargs = find_task(agents, options.env, options.overrides)
     evaluations = [evaluate(agent, env_id, env_kwargs, options.episodes, options.seed) for agent in agents]
     print(f"{env_id}: {options.episodes} episodes, seeds from {options.seed}\n{table(evaluations)}")

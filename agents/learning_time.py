@@ -23,10 +23,13 @@ from typing import Any
 
 import numpy as np
 import torch
-from config import CONFIG_FOLDER, MENDABLE, Config, load_config, whole
+from board import make_logger
+from config import CONFIG_FOLDER, DEFAULT, MENDABLE, Config, load_config, whole
+from learner import make_training_env, native_env, new_model
+from recorder import Recorder
 from runs import HELD_OUT_SEED, Run, create_run, write_atomically
 from tqdm import tqdm
-from train import Recorder, begin_with_imitation, make_logger, make_training_env, native_env, new_model
+from train import begin_with_imitation
 
 from springgym.accuracy import conditions
 from springgym.cli import guarded
@@ -133,7 +136,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _measure_all(options: argparse.Namespace) -> int:
-    tasks = options.tasks or list(read_yaml(options.config).value)
+    tasks = options.tasks or [key for key in read_yaml(options.config).value if key != DEFAULT]
     configs = {task: load_config("ppo", task, (), options.config) for task in tasks}
     known: dict[tuple[str, int], dict[str, Any]] = {}
     if options.json and options.json.exists():

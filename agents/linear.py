@@ -17,7 +17,7 @@ import gymnasium as gym
 import numpy as np
 from config import ConfigError, LinearConfig, making
 from gymnasium import spaces
-from runs import HELD_OUT_SEED, Run, write_atomically
+from runs import HELD_OUT_SEED, Run, time_limit, write_atomically
 
 from springgym.cli import whole_file
 from springgym.envs.agent import LAYERS
@@ -41,7 +41,7 @@ class Search:
         if not isinstance(seen, spaces.Box) or not isinstance(done, spaces.Box) or len(seen.shape) != 1:
             raise ConfigError(f"{run.env_id}: linear control maps numbers to numbers, not {seen} to {done}")
         self.inputs, self.outputs, self.low, self.high = seen.shape[0], done.shape[0], done.low, done.high
-        self.limit = int(self.env.spec.kwargs["max_episode_steps"])  # type: ignore[union-attr]
+        self.limit = time_limit(self.env.spec)  # type: ignore[arg-type]
         size = self.outputs * (self.inputs + 1)
         self.rng = np.random.default_rng(run.seed)
         self.mean, self.spread = np.zeros(size), np.full(size, self.config.spread)
@@ -96,7 +96,7 @@ class Search:
             lengths += running
             over = running & (terminated | truncated)
             if over.any():
-                successes[over] = infos["final_info"]["is_success"][over]
+                successes[over] = infos["final_info"].get("is_success", successes)[over]
             running &= ~over
         shape = (count, episodes)
         return returns.reshape(shape), lengths.reshape(shape), successes.reshape(shape), taken

@@ -6,8 +6,8 @@ Of several runs of a task the one with the highest return is taken, over one tha
 is better. Into agents/trained/ID go config.yaml, agent.npz, which is numbers and nothing else, and
 card.json: the command that trained it, versions and commit, checksums, how it fares on held-out episodes
 with a 95 % interval of the mean, and what its audit says (see audit.py), which takes more episodes
-(--audited) where a return is earned in few steps. evaluate.py and watch.py take them
-by --pretrained ID.
+(--audited) where a return is earned in few steps. `springgym evaluate ID`, `springgym watch ID` and
+`springgym.load_agent` take them by the id of the environment.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ from audit import audit
 from benchmark import probe
 from config import MENDABLE, ConfigError, load_config, whole
 from evaluate import evaluate, task_kwargs
-from runs import HELD_OUT_SEED, TRAINED, Run, checksum, open_run, write_atomically
+from runs import HELD_OUT_SEED, Run, open_run, write_atomically
 
 from springgym.cli import guarded
+from springgym.envs.trained import PUBLISHED, checksum
 
 EPISODES = 100
 SHARED = ("config.yaml", "agent.npz")
@@ -110,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("runs", nargs="+", type=Path, help="run folders")
     parser.add_argument("--episodes", type=whole(2, 100_000), default=EPISODES)
     parser.add_argument("--audited", type=whole(2, 100_000), default=EPISODES, help="episodes of the audit")
-    parser.add_argument("--into", type=Path, default=TRAINED, help="folder of the agents (agents/trained)")
+    parser.add_argument("--into", type=Path, default=PUBLISHED, help="folder of the agents (agents/trained)")
     options = parser.parse_args(arguments)
     return guarded(
         "publish.py",

@@ -30,27 +30,24 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from hashlib import sha256
 from importlib import metadata
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+import agent
 import yaml
-from agent import load_agent
 from config import Config, ConfigError, build_config
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 
 from springgym.cli import whole_file
 from springgym.envs.agent import Algorithm, Policy
+from springgym.extras import SOURCE
 from springgym.strict_yaml import build, read_yaml
 
 #: Evaluation episodes start from this seed upwards. A run's seed is below it; of that, copies that learn draw
 #: seeds of 64 bits, and linear control seeds below it.
 HELD_OUT_SEED = 1_000_000
-
-
-#: Agents of the repository, see publish.py.
-TRAINED = Path(__file__).resolve().parent / "trained"
 
 
 class Run(NamedTuple):
@@ -153,7 +150,7 @@ def _header(algo: Algorithm, env_id: str, seed: int, config: dict[str, Any]) -> 
 
 
 def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> Policy:
-    """The deterministic policy of a run's newest agent, normalisation included, see `load_agent`.
+    """The deterministic policy of a run's newest agent, normalisation included, see `agent.load_policy`.
 
     Raises
     ------
@@ -166,35 +163,21 @@ def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: sp
             f"{run.folder} has no agent.npz{old}; if the run is your own, train.py --resume {run.folder} "
             "goes on with it and writes one"
         )
-    return load_agent(run.agent, run.config, observation_space, action_space)
+    return agent.load_policy(run.agent, run.config, observation_space, action_space)
 
 
-def pretrained(env_id: str, within: Path = TRAINED) -> Path:
-    """The folder of the repository's agent of an environment, checked to be as it was published.
+def time_limit(spec: EnvSpec) -> int:
+    """Return after how many steps the episodes of an environment are cut.
 
     Raises
     ------
     ConfigError
-        If there is none, or a file of it was changed.
+        If they are not: an evaluation might never end.
     """
-    cards = {path.parent.name: path for path in sorted(within.glob("*/card.json"))}
-    if env_id not in cards:
-        raise ConfigError(
-            f"--pretrained {env_id}: there is no such agent; there are {', '.join(cards) or 'none'}"
-        )
-    try:
-        sums = json.loads(cards[env_id].read_text(encoding="utf-8"))["sha256"]
-        for name, told in sums.items():
-            if checksum(cards[env_id].with_name(name)) != told:
-                raise ConfigError(f"{cards[env_id].with_name(name)}: it is not the file that was published")
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise ConfigError(f"{cards[env_id]}: not the card of an agent: {error!r}") from error
-    return cards[env_id].parent
-
-
-def checksum(path: Path) -> str:
-    """SHA-256 of a file."""
-    return sha256(path.read_bytes()).hexdigest()
+    limit = spec.kwargs.get("max_episode_steps", spec.max_episode_steps)
+    if limit is None:
+        raise ConfigError(f"{spec.id} has no time limit: register it with max_episode_steps")
+    return int(limit)
 
 
 def write_atomically(path: Path, text: str) -> None:
@@ -232,12 +215,12 @@ def _cpu_model() -> str:
 
 
 def _git_revision() -> str | None:
-    """Revision of the source tree, ``-dirty`` if it was changed since; None outside git."""
+    """Revision of the source tree, ``-dirty`` if it was changed since; None outside of a clone."""
+    if not (SOURCE / "pyproject.toml").is_file():  # installed, maybe within somebody's own tree
+        return None
     command = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=40"]
     try:
-        result = subprocess.run(
-            command, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
-        )
+        result = subprocess.run(command, cwd=SOURCE, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return None
     return result.stdout.strip()

@@ -1,11 +1,12 @@
 """Watch an agent: in a window, or in the browser, until Ctrl-C is pressed, or as a GIF, an MP4 or a page.
 
-    python agents/watch.py runs/SpringTop-v0-ppo-0
-    python agents/watch.py classical --env SpringTop-v0 --browser
-    python agents/watch.py --pretrained SpringTop-v0
-    python agents/watch.py classical --env SpringTop-v0 --out top.gif --set action=impulse
+    springgym watch runs/SpringTop-v0-ppo-0
+    springgym watch classical --env SpringTop-v0 --browser
+    springgym watch SpringTop-v0
+    springgym watch classical --env SpringTop-v0 --out top.gif --set action=impulse
 
-An agent is a run folder or the name of a baseline (zero, random, classical).
+An agent is a run folder, an environment id, which names the published agent of that environment, or the
+name of a baseline (zero, random, classical).
 """
 
 from __future__ import annotations
@@ -20,14 +21,15 @@ from typing import Any
 import gymnasium as gym
 from config import MENDABLE, ConfigError, making, whole
 from controllers import controller_env_kwargs, make_controller
-from evaluate import LAST_SEED, find_task, trained_kwargs, trained_on
-from runs import HELD_OUT_SEED, load_policy, pretrained
+from evaluate import LAST_SEED, find_task, named, trained_kwargs, trained_on
+from runs import HELD_OUT_SEED, load_policy
 
 import springgym  # noqa: F401  (registers the environments)
 from springgym import view
 from springgym.cli import guarded, whole_file
 from springgym.envs.agent import Policy
-from springgym.view.episodes import Agent, episodes, played
+from springgym.envs.trained import Agent
+from springgym.view.episodes import episodes, played
 
 #: Frames per second of a GIF at most; browsers show many more at the wrong speed.
 GIF_FPS = 25
@@ -106,14 +108,13 @@ def record(
         save_video(frames[::every], temporary, fps / every)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, program: str = "watch.py") -> int:
     """Command line."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("agent", nargs="?", help="a run folder, zero, random or classical")
-    parser.add_argument("--pretrained", metavar="ID", help="the repository's agent of an environment")
-    parser.add_argument("--env", help="environment id, where no run folder tells it")
+    parser.add_argument("agent", help="a run folder, an environment id, zero, random or classical")
+    parser.add_argument("--env", help="environment id, where the agent does not tell it")
     parser.add_argument("--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED)
     parser.add_argument(
         "--out", type=Path, help="write this film (.gif, .mp4) or page (.html), and open no window"
@@ -129,8 +130,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="keyword arguments of the environment",
     )
     options = parser.parse_args(arguments)
-    if bool(options.agent) == bool(options.pretrained):
-        parser.error("name an agent, or --pretrained and an environment id")
     if options.out and options.browser:
         parser.error("--out writes a file and --browser shows the agent: one of them")
     if options.out and options.out.suffix.lower() not in (".gif", ".mp4", PAGE):
@@ -139,11 +138,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"--out {options.out}: there is no folder {options.out.absolute().parent}")
     paged = options.browser or (options.out and options.out.suffix.lower() == PAGE)
     mendable = (*MENDABLE, ValueError, ImportError) if paged else MENDABLE  # what the view refuses
-    return guarded("watch.py", lambda: _watch(options), mendable, "view")
+    return guarded(program, lambda: _watch(options), mendable, "view")
 
 
 def _watch(options: argparse.Namespace) -> int:
-    agent = options.agent or str(pretrained(options.pretrained))
+    agent = named(options.agent)
     env_id, env_kwargs = find_task([agent], options.env, options.overrides)
     if options.browser:
         view.show(episodes(watched(agent, env_id, env_kwargs), options.seed))

@@ -53,8 +53,8 @@ The best agent of each task is in the repository, as numbers and nothing else, w
 card: the command that trained it, versions, checksums, its evaluation and its audit.
 
 ```sh
-python agents/evaluate.py --pretrained SpringTop-v0
-python agents/watch.py --pretrained SpringTop-v0 --out top.gif
+springgym evaluate SpringTop-v0
+springgym watch SpringTop-v0 --out top.gif
 ```
 
 The audit plays the same episodes with a quarter of the step, by another method and by the rigid twin, and
@@ -72,7 +72,7 @@ Until PPO with the configuration that ships succeeds in 90 % of 20 held-out epis
 METHOD = """## How it was made
 
 ```sh
-python -m pip install -c constraints.txt -e ".[agents,scale]"
+python -m pip install -c constraints.txt -e ".[agents,ray]"
 python agents/benchmark.py --runs runs/benchmark
 python docs/baselines.py --rows runs/benchmark/baselines.json
 ```

@@ -133,9 +133,11 @@ def variants() -> dict[str, Any]:
 def duels() -> dict[str, Any]:
     """How often the agent of the repository wins SpringDuel, by opponent, of 100 held-out duels."""
     from evaluate import evaluate, task_kwargs  # type: ignore[import-not-found]
-    from runs import open_run, pretrained  # type: ignore[import-not-found]
+    from runs import open_run  # type: ignore[import-not-found]
 
-    folder = pretrained("SpringDuel-v0")
+    from springgym.envs.trained import published
+
+    folder = published("SpringDuel-v0")
     kwargs = task_kwargs(open_run(folder).config)
     rows = []
     for opponent in ("script", "guard", "strong"):

@@ -11,10 +11,11 @@ if TYPE_CHECKING:
     from springgym.bodies import Body
     from springgym.envs.base import get_state, set_state
     from springgym.envs.scene import make_scene_env
+    from springgym.envs.trained import load_agent
     from springgym.scene import Placed, Scene
     from springgym.simulator import Simulator
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _PUBLIC = {
     "Body": "springgym.bodies",
@@ -22,12 +23,23 @@ _PUBLIC = {
     "Scene": "springgym.scene",
     "Simulator": "springgym.simulator",
     "get_state": "springgym.envs.base",
+    "load_agent": "springgym.envs.trained",
     "make_scene_env": "springgym.envs.scene",
     "set_state": "springgym.envs.base",
 }
 """Public names and the modules they come from, imported when first used: `import springgym` is quick."""
 
-__all__ = ["Body", "Placed", "Scene", "Simulator", "get_state", "make_scene_env", "register", "set_state"]
+__all__ = [
+    "Body",
+    "Placed",
+    "Scene",
+    "Simulator",
+    "get_state",
+    "load_agent",
+    "make_scene_env",
+    "register",
+    "set_state",
+]
 
 
 if not TYPE_CHECKING:  # to which every name would be one of the package

@@ -35,7 +35,7 @@ FEW = 4096
 """Numbers that BLAS takes on one thread."""
 
 
-def number(name: str, value: Any, low: float = -HUGE, high: float = HUGE) -> float:
+def number(name: str, value: object, low: float = -HUGE, high: float = HUGE) -> float:
     """A number as a float, from ``low`` to ``high``; ``name`` is what errors call it."""
     given: Any = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
     given = given.item() if isinstance(given, np.generic) else given
@@ -60,14 +60,14 @@ def whole(name: str, value: Any, low: int = 0, high: int = MANY) -> int:
     return given
 
 
-def flag(name: str, value: Any) -> bool:
+def flag(name: str, value: object) -> bool:
     """A bool; ``name`` is what errors call it."""
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(_wrong(name, value, "True or False"))
     return bool(value)
 
 
-def chosen(name: str, value: Any, choices: Collection[str]) -> str:
+def chosen(name: str, value: object, choices: Collection[str]) -> str:
     """One of some texts; ``name`` is what errors call it."""
     must = f"one of {', '.join(map(repr, choices))}"
     if not isinstance(value, str):
@@ -77,7 +77,7 @@ def chosen(name: str, value: Any, choices: Collection[str]) -> str:
     return value
 
 
-def instance(name: str, value: Any, *kinds: Any) -> Any:
+def instance(name: str, value: object, *kinds: Any) -> Any:
     """An object of one of some classes; ``name`` is what errors call it."""
     if not isinstance(value, kinds):
         raise TypeError(_wrong(name, value, " or ".join(kind.__name__ for kind in kinds)))
@@ -85,7 +85,7 @@ def instance(name: str, value: Any, *kinds: Any) -> Any:
 
 
 def array(
-    name: str, value: Any, *shapes: tuple[int | None, ...], low: float = -HUGE, high: float = HUGE
+    name: str, value: object, *shapes: tuple[int | None, ...], low: float = -HUGE, high: float = HUGE
 ) -> np.ndarray:
     """Numbers as an array of float64, not copied if they are one.
 
@@ -126,7 +126,7 @@ def array(
     return floats
 
 
-def direction(name: str, value: Any) -> np.ndarray:
+def direction(name: str, value: object) -> np.ndarray:
     """The unit vector (3,) along a vector that is not zero; ``name`` is what errors call it."""
     given = array(name, value, (3,))
     length = math.sqrt(given.dot(given))
@@ -136,7 +136,7 @@ def direction(name: str, value: Any) -> np.ndarray:
 
 
 def whole_array(
-    name: str, value: Any, *shapes: tuple[int | None, ...], low: int = 0, high: int = MANY
+    name: str, value: object, *shapes: tuple[int | None, ...], low: int = 0, high: int = MANY
 ) -> np.ndarray:
     """Whole numbers as an array of int64; the parameters are those of `array`."""
     given = _shaped(name, value, shapes)
@@ -152,7 +152,7 @@ def whole_array(
     return given.astype(np.int64)
 
 
-def indices(name: str, value: Any, count: int, *, once: bool = False) -> np.ndarray:
+def indices(name: str, value: object, count: int, *, once: bool = False) -> np.ndarray:
     """Some of ``count`` things as indices (k,) of int64.
 
     Parameters
@@ -191,7 +191,7 @@ def sum_of_squares(values: np.ndarray) -> float:
         return float(np.square(values).sum())
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """A value as errors show it: on one line, and no longer than a line."""
     if isinstance(value, np.generic):
         value = value.item()
@@ -202,7 +202,7 @@ def shown(value: Any) -> str:
     return written if len(written) <= 80 else f"{written[:79]}…"
 
 
-def _wrong(name: str, value: Any, must: str) -> str:
+def _wrong(name: str, value: object, must: str) -> str:
     return f"{name} is {shown(value)}; it must be {must}"
 
 
@@ -215,7 +215,7 @@ def _range(what: str, low: float, high: float) -> str:
     return f"a {what} from {low:g} to {high:g}" if what == "number" else f"a {what} from {low} to {high}"
 
 
-def _shaped(name: str, value: Any, shapes: tuple[tuple[int | None, ...], ...]) -> np.ndarray:
+def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]) -> np.ndarray:
     """A value as an array of one of some shapes, of whatever it holds."""
     try:
         given = np.asarray(value)
@@ -252,7 +252,7 @@ def _shape(shape: tuple[int | None, ...]) -> str:
     return str(tuple("n" if n is None else n for n in shape)).replace("'", "") if shape else "() (a number)"
 
 
-def _mixed(value: Any) -> bool:
+def _mixed(value: object) -> bool:
     """Whether lists, however deep, hold a bool: NumPy would make it 0 or 1 beside numbers."""
     if isinstance(value, (list, tuple)):
         return any(map(_mixed, value))

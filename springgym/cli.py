@@ -18,6 +18,7 @@ from pathlib import Path
 
 from gymnasium.error import DependencyNotInstalled
 
+from springgym import scripts
 from springgym.extras import install
 
 COMMANDS = {
@@ -29,6 +30,13 @@ COMMANDS = {
     "hard-cases": ("springgym.accuracy.hard_cases", "accuracy", "run the cases where simulators break"),
 }
 """Name of each subcommand, its module, the extra that holds what it needs, and a line of help."""
+
+SCRIPTS = {
+    "train": "train an agent, compare it with baselines and film it",
+    "evaluate": "compare agents on the same held-out episodes",
+    "watch": "watch an agent in a window, in the browser or as a film",
+}
+"""Subcommands that run the script of their name in ``agents/`` and need that extra, and a line of help."""
 
 MENDABLE = (
     *(ValueError, KeyError, OSError, ArithmeticError, MemoryError, ImportError),
@@ -48,10 +56,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     name = arguments[0] if arguments else ""
 
     def run() -> int:
+        if name in SCRIPTS:
+            return scripts.run(name, arguments[1:])
         args = _parser(name).parse_args(arguments)
         return int(importlib.import_module(COMMANDS[args.command][0]).run(args))
 
-    return guarded("springgym", run, extra=COMMANDS[name][1] if name in COMMANDS else "")
+    extra = "agents" if name in SCRIPTS else COMMANDS[name][1] if name in COMMANDS else ""
+    return guarded("springgym", run, extra=extra)
 
 
 def guarded(
@@ -157,9 +168,11 @@ def whole_file(path: Path) -> Iterator[Path]:
 def _parser(given: str) -> argparse.ArgumentParser:
     """The parser of all commands, with the options of the one that is given."""
     parser = argparse.ArgumentParser(
-        prog="springgym", description="Mass-spring bodies: simulation, speed, accuracy."
+        prog="springgym", description="Mass-spring bodies: agents, simulation, speed, accuracy."
     )
     commands = parser.add_subparsers(dest="command", metavar="command", required=True)
+    for name, line in SCRIPTS.items():
+        commands.add_parser(name, help=line, add_help=False)  # the script reads its arguments
     for name, (module, _, line) in COMMANDS.items():
         command = commands.add_parser(name, help=line, description=line[0].upper() + line[1:] + ".")
         if name == given:

@@ -144,3 +144,41 @@ def test_the_module_is_the_command():
     asked = [sys.executable, "-m", "springgym", "simulate", "--list"]
     told = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
     assert "newtons-cradle" in told
+
+
+def test_scripts_are_commands(tmp_path):
+    """`springgym evaluate` runs the script, which also finds environments in the current folder."""
+    (tmp_path / "own.py").write_text(
+        "import gymnasium as gym\n"
+        "from gymnasium.envs.classic_control import PendulumEnv\n"
+        "gym.register('Own-v0', entry_point=PendulumEnv, max_episode_steps=3)\n"
+    )
+    words = ["evaluate", "zero", "--env", "own:Own-v0", "--episodes", "2"]
+    code = f"import sys; from springgym.cli import main; sys.exit(main({words!r}))"
+    command = [sys.executable, "-P", "-W", "ignore", "-c", code]  # -P: the current folder is not searched yet
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("own:Own-v0: 2 episodes")
+
+
+def test_the_words_of_a_script_are_its_own(capsys):
+    for words, says in (
+        (["train", "--help"], "usage: springgym train "),
+        (["--help"], "evaluate  compare ag"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        assert ended.value.code == 0
+        assert says in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["evaluate", "zero", "--episods", "3"])
+    assert "springgym evaluate: error: unrecognized arguments: --episods 3" in capsys.readouterr().err
+    assert main(["evaluate", "zero", "--env", "Absent-v0"]) == 2
+    assert capsys.readouterr().err.startswith("springgym evaluate: error: ")
+
+
+@pytest.mark.parametrize("name", ["train", "evaluate", "watch"])
+def test_a_script_says_which_extra_it_needs(name, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, name, None)
+    assert main([name, "SpringTop-v0"]) == 2
+    assert f"import of {name} halted; None in sys.modules: {install('agents')}" in capsys.readouterr().err

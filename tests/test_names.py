@@ -193,7 +193,7 @@ def lost(text: str, plain: bool) -> Iterator[str]:
             yield quoted
 
 
-FILE = re.compile(r"`[\w.]+\.(py|md|txt|toml|cff|json|yaml|npz|zip|csv)`|`vX\.Y\.Z`")
+FILE = re.compile(r"`[\w.]+\.(py|md|txt|toml|cff|json|ya?ml|npz|zip|csv)`|`vX\.Y\.Z`")
 
 
 def test_names_in_docstrings_are_there() -> None:

@@ -168,14 +168,15 @@ def test_commands_of_a_page_are_understood(page: Path) -> None:
     """Those of springgym by its own parser; scripts are there and have the options."""
     for line, words in commands(page):
         program = Path(words[0]).name
-        if program == "springgym":
+        name = words[1] if len(words) > 1 else ""
+        script = ROOT / (f"agents/{name}.py" if name in cli.SCRIPTS else name)
+        if program == "springgym" and name not in cli.SCRIPTS:
             arguments = cli._parser(words[1]).parse_args(words[1:])
             if scene := getattr(arguments, "scene", None):
                 assert scene in names() or scene.endswith((".yaml", ".yml")), line
-        elif program.startswith("python") and words[1].endswith(".py"):
-            script = (ROOT / words[1]).read_text(encoding="utf-8")
+        elif program == "springgym" or (program.startswith("python") and name.endswith(".py")):
             for option in (word for word in words[2:] if word.startswith("--")):
-                assert f'"{option}"' in script, line
+                assert f'"{option}"' in script.read_text(encoding="utf-8"), line
         elif program.startswith("pip") or words[1:3] == ["-m", "pip"]:
             for named in re.findall(r"\[([\w,]+)\]", line):
                 assert set(named.split(",")) <= extras(), line
@@ -267,6 +268,10 @@ BROKEN: dict[str, tuple[Callable[..., None], str]] = {
     "scene file": (test_scene_files_of_a_page_load, "```yaml\nbody: {kind: cuke}\n```\n"),
     "option": (test_commands_of_a_page_are_understood, "```sh\nspringgym simulate top --chek\n```\n"),
     "scene": (test_commands_of_a_page_are_understood, "```sh\nspringgym simulate topp --check\n```\n"),
+    "option of a script": (
+        test_commands_of_a_page_are_understood,
+        "```sh\nspringgym train SpringTop-v0 --sed 1\n```\n",
+    ),
     "script's option": (
         test_commands_of_a_page_are_understood,
         "```sh\npython agents/train.py --sed 1\n```\n",

@@ -16,6 +16,10 @@ import springgym
 
 ROOT = Path(__file__).parents[1]
 TEMPLATES = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+sys.path.insert(0, str(ROOT))
+
+import release  # noqa: E402
 
 
 def project() -> dict[str, Any]:
@@ -28,12 +32,89 @@ def text(path: str) -> str:
     return (ROOT / path).read_text(encoding="utf-8")
 
 
-def test_version_is_one() -> None:
-    version = project()["version"]
-    assert springgym.__version__ == version
+def test_version_authors_and_address_are_set_once() -> None:
+    """If this fails: ``python release.py --write``."""
+    version = springgym.__version__
+    assert release.version() == version
     assert yaml.safe_load(text("CITATION.cff"))["version"] == version
     assert f"version = {{{version}}}" in text("docs/citing.md")
-    assert f"\n## {version}" in text("CHANGELOG.md")
+    assert f"\n## {version} (" in text("CHANGELOG.md")
+    for path, wanted in release.repeated().items():
+        assert text(path) == wanted, path
+    places = (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "springgym").rglob("*.py"))
+    holding = {path.name for path in places if release.PLACEHOLDER in path.read_text(encoding="utf-8")}
+    assert holding <= {"citing.md"}
+
+
+@pytest.fixture
+def to_release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A tree that can be released as v1.2.3, but for what a test does to it."""
+    for path in ("pyproject.toml", "CHANGELOG.md", "CITATION.cff", "docs/citing.md", "springgym/__init__.py"):
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).write_text(text(path).replace(release.PLACEHOLDER, "mcd"), encoding="utf-8")
+    (tmp_path / "springgym" / "__init__.py").write_text('__version__ = "1.2.3"\n')
+    log = "## 1.2.3 (2031-02-03)\n\n### Added\n- A [top](docs/top.md).\n\n## 1.2.2 (2030-01-01)\n\n- Old.\n"
+    (tmp_path / "CHANGELOG.md").write_text(log)
+    monkeypatch.setattr(release, "ROOT", tmp_path)
+    assert release.main(["--write"]) == 0
+    return tmp_path
+
+
+def test_what_can_be_released(to_release: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    notes = to_release / "notes.md"
+    assert release.main(["v1.2.3", "--notes", str(notes)]) == 0
+    address = "https://github.com/mcd/springgym/blob/v1.2.3/docs/top.md"
+    assert notes.read_text() == f"### Added\n- A [top]({address}).\n"
+    citation = yaml.safe_load((to_release / "CITATION.cff").read_text())
+    assert (citation["version"], citation["date-released"]) == ("1.2.3", "2031-02-03")
+    assert citation["repository-code"] == "https://github.com/mcd/springgym"
+    citing = (to_release / "docs" / "citing.md").read_text()
+    assert "version = {1.2.3},\n  year    = {2031},\n  url     = {https://github.com/mcd/springgym}" in citing
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("path", "old", "new", "says"),
+    [
+        ("pyproject.toml", "/mcd/", f"/{release.PLACEHOLDER}/", "still hold OWNER"),
+        (
+            "springgym/__init__.py",
+            "1.2.3",
+            "1.2.4",
+            "v1.2.3, but springgym/__init__.py has version 1.2.4",
+        ),
+        ("CHANGELOG.md", "2031-02-03", "not released yet", "no heading '## 1.2.3 (YYYY-MM-DD)'"),
+        ("CHANGELOG.md", "## 1.2.3", "## Unreleased", "no heading '## 1.2.3 (YYYY-MM-DD)'"),
+        ("CHANGELOG.md", "### Added\n- A [top](docs/top.md).\n", "", "CHANGELOG.md says nothing of 1.2.3"),
+        ("CITATION.cff", "1.2.3", "1.2.2", "CITATION.cff repeats something else"),
+        ("docs/citing.md", "/mcd/", "/other/", "docs/citing.md repeats something else"),
+        ("pyproject.toml", "The springgym authors", "J. McDonald", "CITATION.cff repeats something else"),
+    ],
+)
+def test_what_cannot_be_released(
+    path: str, old: str, new: str, says: str, to_release: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Above all: an address that nobody has set."""
+    before = (to_release / path).read_text(encoding="utf-8")
+    assert old in before
+    (to_release / path).write_text(before.replace(old, new), encoding="utf-8")
+    assert release.main(["v1.2.3", "--notes", str(to_release / "notes.md")]) == 1
+    assert says in capsys.readouterr().err
+    assert not (to_release / "notes.md").exists()
+
+
+def test_links_of_what_is_uploaded_are_whole() -> None:
+    source = f"{project()['urls']['Source']}/"
+    uploaded = release.with_addresses(text("README.md"))
+    links = re.findall(r'\]\(([^)\s]+)\)|(?:src|href)="([^"]+)"', uploaded)
+    assert len(links) > 20
+    for one, other in links:
+        link = one or other
+        assert re.match(r"https?://|#", link), link
+        if link.startswith(source):
+            kind, tag, path = link.removeprefix(source).split("/", 2)
+            assert (kind, tag) == ("raw" if other else "blob", f"v{springgym.__version__}")
+            assert (ROOT / path.partition("#")[0]).exists(), link
 
 
 def test_citation_has_what_its_format_asks_for() -> None:
@@ -51,6 +132,47 @@ def test_issue_forms_are_complete(path: Path) -> None:
     for field in form["body"]:
         assert field["type"] in ("textarea", "input")
         assert field["attributes"]["label"]
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_workflows_are_careful(path: Path) -> None:
+    """They may read, are stopped, do not pile up, and name versions, extras and chores that there are."""
+    found = yaml.safe_load(path.read_text(encoding="utf-8"))
+    assert {"name", True, "permissions", "concurrency", "jobs"} <= found.keys()  # YAML 1.1 reads `on` as true
+    assert found["permissions"] == {"contents": "read"}
+    extras = project()["optional-dependencies"].keys()
+    chores = set(re.findall(r"@nox.session\ndef (\w+)", text("noxfile.py")))
+    for name, job in found["jobs"].items():
+        assert job.get("needs", name) in found["jobs"], name
+        if "uses" in job:
+            assert (ROOT / job["uses"]).is_file()
+            continue
+        assert 0 < job["timeout-minutes"] <= 360, name
+        for step in job["steps"]:
+            assert len({"uses", "run"} & step.keys()) == 1, step
+            assert re.fullmatch(r"[\w-]+(/[\w-]+)+@[\w./-]+", step.get("uses", "a/b@v1"))
+            words = step.get("run", "")
+            for named in re.findall(r"\[([a-z,]+)\]", words):
+                assert set(named.split(",")) <= extras, words
+            for named in re.findall(r"^nox -s ([a-z ]+)$", words, re.MULTILINE):
+                assert set(named.split()) <= chores, words
+
+
+@pytest.mark.skipif(not WORKFLOWS, reason="this is not the repository")
+def test_workflows_try_what_is_promised() -> None:
+    """The lower bounds of all dependencies, each Python and each system that the classifiers name."""
+    jobs = yaml.safe_load(text(".github/workflows/tests.yml"))["jobs"]
+    rows = jobs["tests"]["strategy"]["matrix"]["include"]
+    (lowest,) = (row["versions"].split() for row in rows if row["what"] == "lower bounds")
+    bounds = [re.match(r"(\w+)>=([\d.]+)", wanted) for wanted in project()["dependencies"]]
+    assert all(bounds)
+    for bound, pinned in zip(bounds, lowest, strict=True):
+        assert re.fullmatch(rf"{bound[1]}=={re.escape(bound[2])}(\.0)*", pinned)  # type: ignore[index]
+    promised = [classifier.split(" :: ") for classifier in project()["classifiers"]]
+    pythons = {words[-1] for words in promised if words[1] == "Python" and "." in words[-1]}
+    assert {row["python"] for row in rows} == pythons
+    systems = {"ubuntu": "Linux", "macos": "MacOS", "windows": "Windows"}
+    assert {systems[row["os"]] for row in rows} == {w[-1] for w in promised if w[0] == "Operating System"}
 
 
 def test_every_extra_is_explained() -> None:

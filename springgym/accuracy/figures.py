@@ -8,7 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLORS = {
     "verlet": "#2b5c96",
@@ -67,7 +71,7 @@ def draw(name: str, result: dict[str, Any], path: Path) -> None:
     save(figure, path)
 
 
-def save(figure: Any, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
     """Write a figure: the same picture gives the same file."""
     from matplotlib import rc_context
 
@@ -75,9 +79,9 @@ def save(figure: Any, path: Path) -> None:
         figure.savefig(path, metadata={"Date": None})
 
 
-def plain(figure: Any, *place: float, **options: Any) -> Any:
+def plain(figure: Figure, left: float, bottom: float, width: float, height: float, **options: Any) -> Axes:
     """Axes at (left, bottom, width, height) without a frame."""
-    axes = figure.add_axes(place)
+    axes = figure.add_axes((left, bottom, width, height))
     axes.set(**options)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25, linewidth=0.6)
@@ -85,7 +89,7 @@ def plain(figure: Any, *place: float, **options: Any) -> Any:
     return axes
 
 
-def name_ends(axes: Any, ends: Sequence[End]) -> None:
+def name_ends(axes: Axes, ends: Sequence[End]) -> None:
     """Write the names of curves in a column at the right, as near to their ends as they fit."""
     axes.get_xlim(), axes.get_ylim()  # settles the limits that the curves ask for
     to_axes = axes.transAxes.inverted()
@@ -121,7 +125,7 @@ def _methods(result: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
     return methods
 
 
-def _work_precision(figure: Any, result: dict[str, Any]) -> None:
+def _work_precision(figure: Figure, result: dict[str, Any]) -> None:
     """Error over cost; steps that fail as crosses on the top edge; the default starred, the model dashed."""
     per_period = "period" in result["kind"] or "consistency" in result["kind"]
     axes = plain(
@@ -181,7 +185,7 @@ def _work_precision(figure: Any, result: dict[str, Any]) -> None:
     name_ends(axes, ends)
 
 
-def _spin_down(figure: Any, result: dict[str, Any]) -> None:
+def _spin_down(figure: Figure, result: dict[str, Any]) -> None:
     """The spin that implicit methods leave, a panel for each step; what flies off is cut, and named so."""
     steps = sorted({curve["step"] for curve in result["curves"]})
     for n, step in enumerate(steps):
@@ -215,7 +219,7 @@ def _spin_down(figure: Any, result: dict[str, Any]) -> None:
         name_ends(axes, ends)
 
 
-def _against_stiffness(figure: Any, ylabel: str) -> Any:
+def _against_stiffness(figure: Figure, ylabel: str) -> Axes:
     return plain(
         figure,
         *(0.1, 0.12, 0.63, 0.78),
@@ -226,7 +230,7 @@ def _against_stiffness(figure: Any, ylabel: str) -> Any:
     )
 
 
-def _rigid_gap(figure: Any, result: dict[str, Any]) -> None:
+def _rigid_gap(figure: Figure, result: dict[str, Any]) -> None:
     axes = _against_stiffness(figure, "gap to rigid theory / size")
     ends = []
     for (name, gaps), color in zip(result["gaps"].items(), COLORS.values(), strict=False):
@@ -236,7 +240,7 @@ def _rigid_gap(figure: Any, result: dict[str, Any]) -> None:
     name_ends(axes, ends)
 
 
-def _crossover(figure: Any, result: dict[str, Any]) -> None:
+def _crossover(figure: Figure, result: dict[str, Any]) -> None:
     axes = _against_stiffness(figure, f"µs per simulated second to an error of {result['tolerance']:g}")
     ends = []
     for (name, found), dash in zip(result["bodies"].items(), ("-", "--", ":", "-."), strict=False):

@@ -16,6 +16,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import theory
 from springgym.bodies import Body, ball, box, cube, rope, rotation, start, top
@@ -104,7 +105,7 @@ def tilt(simulator: Simulator) -> float:
     return math.atan2(math.hypot(x, y), z)
 
 
-def fitted_power(x: Any, y: Any) -> float:
+def fitted_power(x: ArrayLike, y: ArrayLike) -> float:
     """p of y ∝ xᵖ."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
@@ -582,7 +583,7 @@ def rings(broken: bool) -> Outcome:
     return Outcome(f"strain {strain:.1e}, energy {worst:.1e}", strain < 0.01 and worst < 1e-4)
 
 
-def thrown_cube(metres_away: float, dtype: Any) -> np.ndarray:
+def thrown_cube(metres_away: float, dtype: DTypeLike) -> np.ndarray:
     """Positions (8, 3) of a spinning cube after 1 s [m], about where it started."""
     body = cube(damping=0.0)
     began = start(body, omega=(1.0, 3.0, 2.0), position=(metres_away, 0.0, 0.0))

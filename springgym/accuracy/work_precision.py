@@ -78,7 +78,9 @@ def default_count(problem: Problem, scene: Scene) -> int:
     return SAMPLES * math.ceil(problem.seconds / step / SAMPLES)
 
 
-def _simulator(scene: Scene, name: str, step: float, tolerance: Any = None) -> Simulator:
+def _simulator(
+    scene: Scene, name: str, step: float, tolerance: tuple[float, float] | None = None
+) -> Simulator:
     return Simulator(scene, integrator=name, step=step, tolerance=tolerance, ledger=False)
 
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from springgym.accuracy.figures import INK, PEER, End, name_ends, plain, save
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 OURS = "#2b5c96"
 
@@ -24,7 +27,7 @@ def draw(report: dict[str, Any], path: Path) -> None:
     save(figure, path)
 
 
-def _peers(axes: Any, rows: list[dict[str, Any]]) -> None:
+def _peers(axes: Axes, rows: list[dict[str, Any]]) -> None:
     """A line for each program: a ring for one copy, a dot for the best batch, and the error of the step."""
     best: dict[str, dict[bool, dict[str, Any]]] = {}
     for row in rows:
@@ -65,7 +68,7 @@ def _short(speed: float) -> str:
     return f"{speed / 1e6:.3g} M" if speed >= 1e6 else f"{speed / 1e3:.3g} k"
 
 
-def _sizes(axes: Any, rows: Any) -> None:
+def _sizes(axes: Axes, rows: list[dict[str, Any]]) -> None:
     """Cost of a spring and step against how many there are."""
     ends = []
     for axis, rest, label, color in (

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from springgym.bodies import surface
 from springgym.bodies.elastic import Cable, Elastic
@@ -260,13 +261,13 @@ class Body(ReadOnly):
             return 2 * self.radius
         return surface.thickness(self.positions, self.triangles)
 
-    def inertia(self, about: Any = None) -> np.ndarray:
+    def inertia(self, about: ArrayLike | None = None) -> np.ndarray:
         """Inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), about a point (the centre of mass)."""
         return inertia(
             self.positions - (self.centre if about is None else array("about", about, (3,))), self.masses
         )
 
-    def principal(self, about: Any = None) -> tuple[np.ndarray, np.ndarray]:
+    def principal(self, about: ArrayLike | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Principal moments [kg·m²], ascending, (3,), and axes, the columns of a rotation (3, 3)."""
         moments, axes = np.linalg.eigh(self.inertia(about))
         if np.linalg.det(axes) < 0:
@@ -304,7 +305,7 @@ def rigidity_matrix(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def rigid_motions(positions: np.ndarray, about: Any = None) -> np.ndarray:
+def rigid_motions(positions: np.ndarray, about: ArrayLike | None = None) -> np.ndarray:
     """Displacements by unit translations and rotations about a point (the middle): (N, 3, 6)."""
     r = positions - (positions.mean(axis=0) if about is None else np.asarray(about))
     motions = np.zeros((len(r), 3, 6))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from springgym.bodies.body import Body, assembled
@@ -18,7 +16,9 @@ def spring_force_and_jacobian(body: Body, x: np.ndarray) -> tuple[np.ndarray, np
     return _added(body.springs, tension, along, x), assembled(-stiff, body.springs, len(x))
 
 
-def spring_forces(springs: np.ndarray, stiffness: np.ndarray, lengths: np.ndarray, x: np.ndarray) -> Any:
+def spring_forces(
+    springs: np.ndarray, stiffness: np.ndarray, lengths: np.ndarray, x: np.ndarray
+) -> np.ndarray:
     """Spring forces (k, N, 3) [N] on copies at positions ``x``, with stiffness and lengths (k, S) of each."""
     along, _, tension = _pulls(springs, stiffness, lengths, x)
     return _added(springs, tension, along, x)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from springgym.bodies.body import Body, rigid_motions
 from springgym.bodies.elasticity import spring_force_and_jacobian
@@ -15,7 +15,7 @@ from springgym.checks import TINY, array, direction, indices, instance, number
 
 
 def relative_equilibrium(
-    body: Body, omega: Any, pinned: tuple[int, ...] = (), gravity: Any = None
+    body: Body, omega: ArrayLike, pinned: tuple[int, ...] = (), gravity: ArrayLike | None = None
 ) -> np.ndarray:
     """The shape (N, 3) in which the springs carry a rotation, and the weight.
 
@@ -87,7 +87,7 @@ def relative_equilibrium(
                 break
     if not np.abs(residual[free]).max(initial=0.0) < 1e-9 * scale:
         raise ValueError(
-            f"body {body.name!r} has no steady shape at ω = {omega} rad/s under gravity {gravity}: "
+            f"body {body.name!r} has no steady shape at ω = {omega!s} rad/s under gravity {gravity!s}: "
             "its springs are too weak, or it is floppy and does not hang along gravity"
         )
     return x
@@ -113,7 +113,9 @@ class StretchedShapes:
         return shapes.reshape(*spins.shape, *self.coefficients.shape[1:])
 
 
-def stretched_shapes(body: Body, axis: Any, fastest: float, pinned: tuple[int, ...] = ()) -> StretchedShapes:
+def stretched_shapes(
+    body: Body, axis: ArrayLike, fastest: float, pinned: tuple[int, ...] = ()
+) -> StretchedShapes:
     """Find the `StretchedShapes` about an axis (3,) through the pin or the centre of mass.
 
     Springs are linear, so the shape is a smooth function of ω²: a polynomial through five of them, at

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -72,7 +71,7 @@ def _weights(cells: int) -> np.ndarray:
     return weights / cells
 
 
-def grid(sides: Any, counts: Any) -> np.ndarray:
+def grid(sides: Iterable[float], counts: Iterable[int]) -> np.ndarray:
     """Corners of the cells of a box about the origin, (prod(counts + 1), 3)."""
     ticks = [np.linspace(-side / 2, side / 2, n + 1) for side, n in zip(sides, counts, strict=True)]
     return np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from springgym.bodies.body import Body
 from springgym.bodies.equilibrium import relative_equilibrium
@@ -23,7 +24,7 @@ class InitialState(NamedTuple):
     """(N, 3) [m/s]"""
 
 
-def rigid_velocities(positions: np.ndarray, omega: Any, about: Any) -> np.ndarray:
+def rigid_velocities(positions: np.ndarray, omega: ArrayLike, about: ArrayLike) -> np.ndarray:
     """Velocities ω × (x − about) [m/s] of a rigid rotation, shape of ``positions``."""
     arms = array("positions", positions, (3,), (None, 3), (None, None, 3)) - array("about", about, (3,))
     return cross(array("omega", omega, (3,)), arms)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from springgym.checks import TINY, direction, number
 
 
-def rotation(axis: Any, angle: float) -> np.ndarray:
+def rotation(axis: ArrayLike, angle: float) -> np.ndarray:
     """Matrix (3, 3) of the rotation by ``angle`` [rad] about an axis (Rodrigues' formula)."""
     return turned(direction("axis", axis), number("angle", angle))
 

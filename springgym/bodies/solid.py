@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from springgym.bodies.body import MOST_PARTICLES, Body
 from springgym.bodies.cube import CORNERS, FACES
@@ -492,7 +493,7 @@ def _solved(
     symmetries: Sequence[np.ndarray],
     begin: np.ndarray | None = None,
     reluctance: np.ndarray | float = 1.0,
-    marks: Any = (),
+    marks: ArrayLike = (),
 ) -> Unit:
     """A network with calibrated springs; see `calibrated` and `springgym.theory.solid.elastic_solid`."""
     second = second_moments(network)
@@ -520,7 +521,7 @@ def _body(
     size: float,
     shape: str,
     *,
-    at: Any = (0.0, 0.0, 0.0),
+    at: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     missed: str = HIGHER,
     precession_ratio: float | None = None,
     **named: Any,

@@ -17,6 +17,9 @@ Mask: TypeAlias = Any
 Vector: TypeAlias = Any
 """A `springgym.core.vec.Vec` of three numbers; or a tuple of w, x, y, z, a quaternion."""
 
+Tensor: TypeAlias = tuple[Number, Number, Number, Number, Number, Number]
+"""A symmetric tensor: xx, yy, zz, xy, xz, yz."""
+
 Numbers: TypeAlias = Any
 """An array of numbers: `load` and `store` take one."""
 

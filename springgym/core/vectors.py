@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
+from springgym.core.kinds import Mask, Number, Numbers, Rows, Tensor, Vector
 from springgym.core.lanes import epsilon as epsilon
 from springgym.core.lanes import load, load_each, multiply_add, select, sqrt, store, store_each
 from springgym.core.vec import vec as vec
@@ -18,7 +16,7 @@ ROUND_OFF = 1e-13 / 2.0**-52  # a share lost by rounding, or less, in units of `
 
 
 @compiled
-def row(array: Numbers, i: int) -> Any:
+def row(array: Numbers, i: int) -> Vector:
     """``array[i]`` of an array (rows, 3), as a vector."""
     return vec(load(array, (i, 0)), load(array, (i, 1)), load(array, (i, 2)))
 
@@ -32,7 +30,7 @@ def set_row(array: Numbers, i: int, u: Vector) -> None:
 
 
 @compiled
-def row_each(array: Numbers, i: Number) -> Any:
+def row_each(array: Numbers, i: Number) -> Vector:
     """``array[i]`` of an array (rows, 3) where each copy has a row of its own."""
     return vec(load_each(array, (i, 0)), load_each(array, (i, 1)), load_each(array, (i, 2)))
 
@@ -60,40 +58,40 @@ def add_scaled(array: Rows, i: int, s: Number, u: Vector) -> None:
 
 
 @compiled
-def plus_scaled(w: Vector, s: Any, u: Vector) -> Any:
+def plus_scaled(w: Vector, s: Number, u: Vector) -> Vector:
     """w + s u, rounded once."""
     return vec(multiply_add(s, u[0], w[0]), multiply_add(s, u[1], w[1]), multiply_add(s, u[2], w[2]))
 
 
 @compiled
-def vector(array: Numbers) -> Any:
+def vector(array: Numbers) -> Vector:
     """The three numbers of an array (3,), as a vector."""
     return vec(load(array, 0), load(array, 1), load(array, 2))
 
 
 @compiled
-def dot(u: Vector, w: Vector) -> Any:
+def dot(u: Vector, w: Vector) -> Number:
     return multiply_add(u[2], w[2], multiply_add(u[1], w[1], u[0] * w[0]))
 
 
 @compiled
-def cross(u: Vector, w: Vector) -> Any:
+def cross(u: Vector, w: Vector) -> Vector:
     return vec(u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0])
 
 
 @compiled
-def choose(mask: Mask, u: Vector, w: Vector) -> Any:
+def choose(mask: Mask, u: Vector, w: Vector) -> Vector:
     """``u`` in the lanes where the mask holds, ``w`` in the others."""
     return vec(select(mask, u[0], w[0]), select(mask, u[1], w[1]), select(mask, u[2], w[2]))
 
 
 @compiled
-def unit(u: Vector) -> Any:
+def unit(u: Vector) -> Vector:
     return 1.0 / sqrt(dot(u, u) + TINY) * u
 
 
 @compiled
-def triad(x: Rows, markers: np.ndarray) -> Any:
+def triad(x: Rows, markers: np.ndarray) -> tuple[Vector, Vector, Vector]:
     """Right-handed unit vectors (e1, e2, e3) that turn with the body.
 
     ``markers`` names three particles: e3 points from the first to the second, e1 from the first towards
@@ -107,7 +105,7 @@ def triad(x: Rows, markers: np.ndarray) -> Any:
 
 
 @compiled
-def mass_centre(x: Rows, mass: Numbers) -> Any:
+def mass_centre(x: Rows, mass: Numbers) -> Vector:
     """Centre of mass of the positions (or, given velocities, its velocity)."""
     total = load(mass, 0)
     first = total * row(x, 0)
@@ -118,7 +116,7 @@ def mass_centre(x: Rows, mass: Numbers) -> Any:
 
 
 @compiled
-def angular_momentum(x: Rows, v: Rows, mass: Numbers, about: Vector) -> Any:
+def angular_momentum(x: Rows, v: Rows, mass: Numbers, about: Vector) -> Vector:
     """Σ m (x − about) × v."""
     total = load(mass, 0) * cross(row(x, 0) - about, row(v, 0))
     for i in range(1, mass.size):
@@ -128,7 +126,7 @@ def angular_momentum(x: Rows, v: Rows, mass: Numbers, about: Vector) -> Any:
 
 
 @compiled
-def inertia(x: Rows, mass: Numbers, about: Vector) -> Any:
+def inertia(x: Rows, mass: Numbers, about: Vector) -> Tensor:
     """Inertia tensor Σ m (r² 1 − r rᵀ) about a point: (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)."""
     r = row(x, 0) - about
     m = load(mass, 0)
@@ -143,7 +141,7 @@ def inertia(x: Rows, mass: Numbers, about: Vector) -> Any:
 
 
 @compiled
-def cofactors(tensor: Any) -> Any:
+def cofactors(tensor: Tensor) -> tuple[Vector, Vector, Vector, Number]:
     """Of a symmetric tensor (xx, yy, zz, xy, xz, yz), in rows; and its determinant."""
     xx, yy, zz, xy, xz, yz = tensor
     first = vec(yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
@@ -153,7 +151,7 @@ def cofactors(tensor: Any) -> Any:
 
 
 @compiled
-def solve_symmetric(tensor: Any, b: Vector) -> Any:
+def solve_symmetric(tensor: Tensor, b: Vector) -> Vector:
     """Solution of A u = b for the inertia A (xx, yy, zz, xy, xz, yz) of particles, by cofactors.
 
     Of particles on a line n, A = λ (1 − n nᵀ) is singular: the smallest solution, b/λ without its part along
@@ -169,7 +167,7 @@ def solve_symmetric(tensor: Any, b: Vector) -> Any:
 
 
 @compiled
-def inverse_symmetric(tensor: Any) -> Any:
+def inverse_symmetric(tensor: Tensor) -> tuple[Vector, Vector]:
     """What `solve_symmetric` multiplies by: xx, yy, zz; xy, xz, yz."""
     xx, yy, zz, _, _, _ = tensor
     first, second, third, determinant = cofactors(tensor)
@@ -184,7 +182,7 @@ def inverse_symmetric(tensor: Any) -> Any:
 
 
 @compiled
-def multiplied(diagonal: Vector, across: Vector, b: Vector) -> Any:
+def multiplied(diagonal: Vector, across: Vector, b: Vector) -> Vector:
     """A symmetric tensor, xx, yy, zz and xy, xz, yz, times a vector."""
     return vec(
         dot(vec(diagonal[0], across[0], across[1]), b),

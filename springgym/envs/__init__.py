@@ -11,7 +11,8 @@ from springgym.registration import PARALLEL
 
 
 def parallel(env_id: str, **options: Unpack[ParallelOptions]) -> ParallelDuel:
-    """Make an environment of several agents, a `ParallelEnv` of PettingZoo: it needs the extra ``parallel``.
+    """Make an environment of several agents, a `ParallelEnv` of PettingZoo: it needs the extra
+    ``pettingzoo``.
 
     Parameters
     ----------

@@ -67,10 +67,10 @@ def acts(algo: str, name: str) -> bool:
     return name.rpartition(".")[0].startswith(LAYERS[algo])
 
 
-def load_agent(
+def load_policy(
     path: Path, network: Network, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
 ) -> Policy:
-    """The deterministic policy in a file.
+    """Return the deterministic policy in a file; it takes observations (n, …), or a single one.
 
     Parameters
     ----------
@@ -116,6 +116,8 @@ def load_agent(
     low, high = action_space.low, action_space.high
 
     def act(observations: np.ndarray) -> np.ndarray:
+        if np.shape(observations) == observation_space.shape:
+            return act(np.asarray(observations)[None])[0]
         if network.normalize:
             mean, variance, (epsilon, largest) = (arrays[name] for name in STATISTICS)
             observations = np.clip((observations - mean) / np.sqrt(variance + epsilon), -largest, largest)

@@ -16,7 +16,7 @@ from springgym.bodies import Body, ball, rotation, top
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
@@ -49,26 +49,18 @@ TILT_UNIT, TURNING_UNIT = 0.2, 1.0  # of the axis [1], of the plate's angular ve
 
 
 @compiled
-def gap_of(m: Measures, x: np.ndarray, c: Any) -> Any:
+def gap_of(m: Measures, x: np.ndarray, c: int) -> float:
     """How high the ball is above the plate's plane [m]."""
     crown = x.shape[1] - 3
     return height_above(x[c, crown], m.centre[c, BALL], m.axis[c, PLATE]) - BALL_RADIUS
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        error = math.hypot(m.centre[c, BALL, 0] - goal[c, 0], m.centre[c, BALL, 1] - goal[c, 1])
-        gap, tilt = gap_of(m, x, c), angle_of(m.axis[c, PLATE, 2])
-        on = thrift(action, c) if abs(gap) < TOUCHING else 0.0
+        error = math.hypot(m.centre[c, BALL, 0] - s.goal[c, 0], m.centre[c, BALL, 1] - s.goal[c, 1])
+        gap, tilt = gap_of(m, s.x, c), angle_of(m.axis[c, PLATE, 2])
+        on = thrift(s.action, c) if abs(gap) < TOUCHING else 0.0
         out["reward_near"][c] = 0.5 * on * long_tail(error, 0.3, 0.02)
         out["reward_placed"][c] = 0.5 * on * gaussian(error, 0.15, 0.02)
         out["error"][c] = error
@@ -79,22 +71,15 @@ def evaluate(
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         for axis in range(2):
-            observation[c, axis] = (m.centre[c, BALL, axis] - goal[c, axis]) / WAY_UNIT
+            observation[c, axis] = (m.centre[c, BALL, axis] - s.goal[c, axis]) / WAY_UNIT
             observation[c, 2 + axis] = m.centre_velocity[c, BALL, axis] / SPEED_UNIT
             observation[c, 4 + axis] = m.axis[c, PLATE, axis] / TILT_UNIT
             observation[c, 6 + axis] = m.angular_velocity[c, PLATE, axis] / TURNING_UNIT
-            observation[c, 8 + axis] = goal[c, axis] / WAY_UNIT
-            observation[c, 10 + axis] = goal[c, 3 + axis] / SPEED_UNIT
+            observation[c, 8 + axis] = s.goal[c, axis] / WAY_UNIT
+            observation[c, 10 + axis] = s.goal[c, 3 + axis] / SPEED_UNIT
 
 
 @kernel

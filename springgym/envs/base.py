@@ -16,6 +16,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
+from numpy.typing import DTypeLike
 
 from springgym.checks import chosen, flag, instance, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
@@ -57,7 +58,7 @@ class _Common(Stateful):
         integrator: str | None = None,
         step: float | None = None,
         dynamics: str = "springs",
-        dtype: Any = "float64",
+        dtype: DTypeLike = "float64",
         threads: int = 1,
         randomize: Mapping[str, Sequence[float]] | None = None,
         sparse: bool = False,
@@ -104,7 +105,7 @@ class _Common(Stateful):
                 f"Cannot call env.{call}() before calling env.reset(): {self.episodes.unready}"
             )
 
-    def _checked(self, action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
+    def _checked(self, action: object, shape: tuple[int, ...] | None) -> np.ndarray:
         """The action as numbers.
 
         Raises
@@ -125,7 +126,7 @@ class _Common(Stateful):
             raise ValueError(f"action has shape {given.shape}; it must be {shape}")
         return given
 
-    def _always(self, copies: Any) -> dict[str, Any]:
+    def _always(self, copies: int | slice | np.ndarray) -> dict[str, Any]:
         """Arrays (k,) of what ``info`` reports for some copies of whatever task."""
         episodes, task, m = self.episodes, self.episodes.task, self.episodes.measures
         always: dict[str, Any] = {
@@ -264,7 +265,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
         return begun
 
     @guarded
-    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: object) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         checked = self._checked(action, self.action_space.shape)
         result, seen = self.episodes.step(checked[None])
         if self._canvas:
@@ -418,7 +419,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         return seen, infos
 
     @guarded
-    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def step(self, actions: object) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         checked = self._checked(actions, self.action_space.shape)
         mode, episodes = self.autoreset_mode, self.episodes
         infos: dict[str, Any] = {}
@@ -574,7 +575,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 # --- States, through wrappers -------------------------------------------------------------------------
 
 
-def get_state(env: Any) -> dict[str, Any]:
+def get_state(env: object) -> dict[str, Any]:
     """The true state of an environment, or of a native batch, as it was made.
 
     It holds positions and velocities, clocks, goals, factors, time limits and random generators, and what the
@@ -631,7 +632,7 @@ def _own(env: Any) -> Any:
     return own
 
 
-def _check_keys(state: Any, keys: Sequence[str]) -> None:
+def _check_keys(state: object, keys: Sequence[str]) -> None:
     if not isinstance(state, Mapping) or set(state) != set(keys):
         given = ", ".join(map(str, state)) if isinstance(state, Mapping) else type(state).__name__
         raise ValueError(f"state is not one of this environment: it holds {given}, not {', '.join(keys)}")
@@ -667,7 +668,7 @@ def _same(one: Any, other: Any) -> bool:
     return bool(np.array_equal(one, other))
 
 
-def _seed_of(name: str, seed: Any) -> int:
+def _seed_of(name: str, seed: object) -> int:
     """Check the seed that a generator began with, −1 if it was not seeded, and return it."""
     if type(seed) is not int or seed < -1:
         raise ValueError(f"{name} is {shown(seed)}; it must be a whole number, at least −1")
@@ -683,7 +684,7 @@ def frame_rate(task: Task | type[Task]) -> float:
     return round(rate) if abs(rate - round(rate)) < 1e-9 * rate else rate
 
 
-def _seed(name: str, seed: Any) -> int | None:
+def _seed(name: str, seed: object) -> int | None:
     """A seed as an int, however long: those that Gymnasium draws have 128 bits."""
     if seed is None:
         return None

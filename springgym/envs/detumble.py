@@ -16,7 +16,7 @@ from springgym.checks import chosen, flag
 from springgym.core.compiling import compiled, kernel
 from springgym.core.kinds import Vector
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
@@ -38,7 +38,7 @@ FASTEST = 12.0  # angular velocity an episode can be asked to start with [rad/s]
 
 
 @compiled
-def in_body(m: Measures, c: Any, u: Vector, axis: Any) -> Any:
+def in_body(m: Measures, c: int, u: Vector, axis: int) -> float:
     """Component of a world vector (3,) along the body's first, second or third axis."""
     e1, e3 = m.side[c], m.axis[c]
     if axis == 0:
@@ -53,35 +53,20 @@ def in_body(m: Measures, c: Any, u: Vector, axis: Any) -> Any:
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         speed = 0.0
         for axis in range(3):
             speed += m.angular_velocity[c, axis] ** 2
         speed **= 0.5
-        out["reward_still"][c] = gaussian(speed, 2.0, 0.05) * thrift(action, c)
+        out["reward_still"][c] = gaussian(speed, 2.0, 0.05) * thrift(s.action, c)
         out["speed"][c] = speed
         out["met"][c] = speed < 0.15
         out["failed"][c] = False
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         for axis in range(3):
             observation[c, axis] = in_body(m, c, m.angular_velocity[c], axis) / TURNING_UNIT

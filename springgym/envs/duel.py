@@ -17,7 +17,7 @@ from springgym.checks import chosen, shown
 from springgym.core.compiling import compiled, kernel
 from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import BOUND, Entry, ObservedParticles, values
+from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation, values
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, thrift
 from springgym.envs.starts import above_bowl, standing, uniform
@@ -53,34 +53,26 @@ Opponent = Callable[[np.ndarray], np.ndarray]
 
 
 @compiled
-def tilt_of(m: Measures, c: Any, body: Any) -> Any:
+def tilt_of(m: Measures, c: int, body: int) -> float:
     return angle_of(m.axis[c, body, 2])
 
 
 @compiled
-def away_of(m: Measures, c: Any, body: Any) -> Any:
+def away_of(m: Measures, c: int, body: int) -> float:
     """Distance of a top's centre of mass from the middle [m]."""
     return math.hypot(m.centre[c, body, 0], m.centre[c, body, 1])
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
-    own = int(parameters[0])
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
+    own = int(s.parameters[0])
     other = 1 - own
     for c in range(out.shape[0]):
         tilt, away, others = tilt_of(m, c, own), away_of(m, c, own), away_of(m, c, other)
         lost = tilt > FALLEN or away > RIM
         down = tilt_of(m, c, other) > FALLEN or others > RIM
         won = down and not lost
-        safe = gaussian(tilt, 0.6, 0.1) * gaussian(away, 0.8, 0.3) * thrift(action, c)
+        safe = gaussian(tilt, 0.6, 0.1) * gaussian(away, 0.8, 0.3) * thrift(s.action, c)
         out["reward_won"][c] = 1.0 - SHAPED if won else 0.0
         out["reward_driven"][c] = SHAPED * safe * min(others / RIM, 1.0)
         out["tilt"][c] = tilt
@@ -91,16 +83,9 @@ def evaluate(
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     """In axes that are turned by half a turn for the second player, so that both see the same duel."""
-    own = int(parameters[0])
+    own = int(s.parameters[0])
     sign = 1.0 - 2.0 * own
     for c in range(observation.shape[0]):
         for n in range(2):
@@ -284,13 +269,13 @@ class SpringDuel(Task):
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         return {"first.thrust": FORCE * np.pad(action, ((0, 0), (0, 1)))[:, None]}
 
-    def seen_by_second(self, m: Measures, x: np.ndarray, v: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    def seen_by_second(self, m: Measures, s: Situation) -> np.ndarray:
         """The second player's compact observations (n, D)."""
-        seen = np.empty((len(x), sum(entry.size for entry in ENTRIES)), np.float32)
-        compact(m, x, v, goal, self.others, seen)
+        seen = np.empty((len(s.x), sum(entry.size for entry in ENTRIES)), np.float32)
+        compact(m, s._replace(parameters=self.others), seen)
         return np.clip(np.nan_to_num(seen), -BOUND, BOUND)
 
-    def particles_of_second(self, rows: np.ndarray, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def particles_of_second(self, rows: np.ndarray, s: Situation) -> np.ndarray:
         """The second player's observations of particles (n, D)."""
         own = observing.columns(self.particles)
         count = len(self.body.masses)
@@ -300,20 +285,20 @@ class SpringDuel(Task):
         columns = own._replace(
             entries=entries, per_metre=turned * own.per_metre, per_speed=turned * own.per_speed
         )
-        seen = np.empty((len(x), 2 * len(entries)), np.float32)
-        observing.observe_particles(rows, x, v, np.zeros((len(x), 0)), columns, seen)
+        seen = np.empty((len(rows), 2 * len(entries)), np.float32)
+        observing.observe_particles(rows, s, columns, seen)
         return np.clip(np.nan_to_num(seen), -BOUND, BOUND)
 
-    def respond(self, m: Measures, x: np.ndarray, v: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
-        seen = self.seen_by_second(m, x, v, goal)
+    def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
+        seen = self.seen_by_second(m, s)
         given = self.opponent(seen)
         try:
             action = np.asarray(given, np.float64)
         except (TypeError, ValueError):
             action = np.array(math.nan)
-        if action.shape != (len(x), 2) or not np.isfinite(action).all():
+        if action.shape != (len(seen), 2) or not np.isfinite(action).all():
             raise ValueError(
-                f"the opponent gave {shown(given)}; it must give finite actions of shape {(len(x), 2)}"
+                f"the opponent gave {shown(given)}; it must give finite actions of shape {(len(seen), 2)}"
             )
         push = -FORCE * np.clip(action, -1.0, 1.0)  # its axes are turned by half a turn
         return {"second.thrust": np.pad(push, ((0, 0), (0, 1)))[:, None]}

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import is_jitted
 from numpy.random import Generator
+from numpy.typing import DTypeLike
 
 from springgym import checks, measures
 from springgym.bodies import Body
@@ -18,6 +19,7 @@ from springgym.core.compiling import SameTypes, kernel
 from springgym.dynamics import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
 from springgym.envs.error import StepError
+from springgym.envs.observation import Situation
 from springgym.envs.options import mapping
 from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.envs.task import FAILED, MET, Task
@@ -60,10 +62,7 @@ class Part(NamedTuple):
     """Some copies: what functions see of them, and where their outcome is written."""
 
     measures: Measures
-    positions: np.ndarray
-    velocities: np.ndarray
-    action: np.ndarray
-    goal: np.ndarray
+    situation: Situation
     rows: np.ndarray
     out: np.ndarray
     outcome: np.ndarray
@@ -88,7 +87,7 @@ class Episodes:
         integrator: str | None,
         step: float | None,
         dynamics: str,
-        dtype: Any,
+        dtype: DTypeLike,
         threads: int,
         randomize: Mapping[str, Sequence[float]] | None,
         sparse: bool = False,
@@ -143,7 +142,7 @@ class Episodes:
         self._use_kernels()
         if task.observation == "own":
             self.simulator.read()
-            task.prepare(*self._whole[:3])
+            task.prepare(*self._whole[:2])
 
     def _step(self, scene: Scene, kind: Dynamics, integrator: str | None, step: float | None) -> float:
         """The step: given, or automatic, for the stiffest and lightest body of the randomisation.
@@ -253,7 +252,7 @@ class Episodes:
         begun = self._seen_alone(copies)
         if self.task.metrics:
             fresh = np.zeros_like(begun.part.out)
-            self._evaluate(*begun.part[:5], self.parameters, self._named(fresh))
+            self._evaluate(*begun.part[:2], self._named(fresh))
             metrics = slice(len(self.task.terms), len(self.task.reported))  # nothing has been earned yet
             self.out[copies, metrics] = fresh[begun.row, metrics]
         return begun
@@ -315,7 +314,7 @@ class Episodes:
         """
         others = {
             name: values * self.strength.reshape(-1, *(1,) * (values.ndim - 1))
-            for name, values in self.task.respond(*self._whole[:3], self.goal).items()
+            for name, values in self.task.respond(*self._whole[:2]).items()
         }
         return self.task.actuate(actions) | others
 
@@ -328,7 +327,7 @@ class Episodes:
             share = slice(first, last)
             own, result = self._part(share), Step(*(values[share] for values in result))
             seen = None if seen is None else seen[share]
-        self._evaluate(*own[:5], self.parameters, own.outcome)
+        self._evaluate(*own[:2], own.outcome)
         terms, wins, limit = self.rewarded, self.task.wins, self.max_episode_steps
         self._finish(own.rows, own.out, terms, wins, own.held, own.elapsed, limit, own.diverged, result)
         if seen is not None:
@@ -359,9 +358,9 @@ class Episodes:
     def _look(self, own: Part, seen: np.ndarray) -> None:
         """Write what some copies observe to ``seen``."""
         if self.task.observation != "particles":
-            self._observe(*own[:3], own.goal, self.parameters, seen)
+            self._observe(*own[:2], seen)
         else:
-            self._observe(own.rows, *own[1:3], own.goal, self._columns, seen)
+            self._observe(own.rows, own.situation, self._columns, seen)
         self._bound(seen, own.diverged)
 
     def _seen_alone(self, copies: np.ndarray) -> Begun:
@@ -375,16 +374,13 @@ class Episodes:
         alone = copies if len(copies) > 1 or self.copies == 1 else np.repeat(copies, 2)
         return Begun(copies, self._part(alone), np.arange(len(copies)))
 
-    def _part(self, copies: Any) -> Part:
+    def _part(self, copies: np.ndarray | slice) -> Part:
         """Some copies: views if they are a slice, else copies of their numbers."""
         rows, x, v, bodies = (values[copies] for values in self.simulator.readout)
         out = self.out[copies]
         part = Part(
             measures.view(bodies if self._apart else rows),
-            x,
-            v,
-            self.action[copies],
-            self.goal[copies],
+            Situation(x, v, self.action[copies], self.goal[copies], self.parameters),
             rows,
             out,
             self._named(out),
@@ -393,8 +389,8 @@ class Episodes:
             self.diverged[copies],
         )
         if not self._trusts:  # a user's own functions see, and change nothing
-            m, action = Measures(*map(_locked, part.measures)), _locked(part.action)
-            part = part._replace(measures=m, positions=_locked(x), velocities=_locked(v), action=action)
+            m, situation = Measures(*map(_locked, part.measures)), Situation(*map(_locked, part.situation))
+            part = part._replace(measures=m, situation=situation)
         return part
 
     # --- Randomisation ----------------------------------------------------------------------------
@@ -456,7 +452,7 @@ class Episodes:
             self.error.finer.vary(copies, **parameters)
         self.simulator.read()
 
-    def _checked(self, name: str, given: Any) -> np.ndarray:
+    def _checked(self, name: str, given: object) -> np.ndarray:
         """Check one array of a state and return it."""
         what, own = f"state[{name!r}]", getattr(self, name)
         values = np.asarray(given)
@@ -513,6 +509,11 @@ class Episodes:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         self._use_kernels()
+
+    @property
+    def seen(self) -> tuple[Measures, Situation, np.ndarray]:
+        """What functions see of all copies, and the rows of their measures."""
+        return self._whole[:3]
 
     def measures_of(self, copy: int) -> Measures:
         """What the task's functions are given of one copy."""
@@ -583,13 +584,13 @@ def take(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np
 def finish(
     rows: np.ndarray,
     out: np.ndarray,
-    terms: Any,
-    wins: Any,
+    terms: int,
+    wins: bool,
     held: np.ndarray,
     elapsed: np.ndarray,
-    limit: Any,
+    limit: int,
     diverged: np.ndarray,
-    result: Any,
+    result: Step,
 ) -> None:
     """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0.
 

@@ -15,7 +15,7 @@ from springgym.bodies import Body, rigid_velocities, stretched_shapes, top
 from springgym.checks import chosen, flag
 from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import above_bowl, standing, uniform
@@ -42,20 +42,12 @@ BOWL = 4.0  # radius of the bowl [m]
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         tilt = tilt_of(m, c)
         error = math.hypot(m.centre[c, 0], m.centre[c, 1])
         spin, _ = spinning(m, c)
-        upright = gaussian(tilt, 0.3, 0.03) * thrift(action, c)
+        upright = gaussian(tilt, 0.3, 0.03) * thrift(s.action, c)
         inside = gaussian(error, 0.4, 0.05)
         out["reward_upright"][c] = 0.15 * upright
         out["reward_inside"][c] = 0.35 * upright * inside
@@ -68,14 +60,7 @@ def evaluate(
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         spin, _ = spinning(m, c)
         for axis in range(3):

@@ -16,7 +16,7 @@ from springgym.bodies.rotations import cross
 from springgym.checks import flag
 from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import angle_between, angle_of, long_tail, spinning, thrift
 from springgym.envs.starts import direction, tilted, uniform
@@ -34,19 +34,11 @@ FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        angle = angle_between(m.axis[c], goal[c])
+        angle = angle_between(m.axis[c], s.goal[c])
         spin, across = spinning(m, c)
-        aligned = long_tail(angle, 0.5, 0.03) / 2 * thrift(action, c)
+        aligned = long_tail(angle, 0.5, 0.03) / 2 * thrift(s.action, c)
         out["reward_aligned"][c] = aligned
         out["reward_calm"][c] = aligned * long_tail(across, 1.5, 0.1)
         out["angle"][c] = angle
@@ -57,21 +49,14 @@ def evaluate(
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         spin, _ = spinning(m, c)
         for axis in range(3):
             n = m.axis[c, axis]
             observation[c, axis] = n
             observation[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n
-            observation[c, 7 + axis] = goal[c, axis]
+            observation[c, 7 + axis] = s.goal[c, axis]
         observation[c, 6] = (spin - USUAL) / SPIN_UNIT
 
 

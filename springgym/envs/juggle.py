@@ -16,7 +16,7 @@ from springgym.bodies import Body, ball, top
 from springgym.checks import flag, whole
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
@@ -50,7 +50,7 @@ TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular v
 
 
 @compiled
-def apex_of(height: Any, rising: Any) -> Any:
+def apex_of(height: float, rising: float) -> float:
     """Where a ball's lowest point would be highest if it met nothing [m].
 
     ``height`` is that of its centre [m], ``rising`` its velocity [m/s]; heights count from the place where
@@ -60,31 +60,23 @@ def apex_of(height: Any, rising: Any) -> Any:
 
 
 @compiled
-def column_of(balls: int, ball: int) -> Any:
+def column_of(balls: int, ball: int) -> float:
     """Where a ball is to bounce: x of its vertical [m]."""
     return 0.0 if balls == 1 else COLUMN * (2 * (ball - BALL) - 1)
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     balls = m.centre.shape[1] - 1
-    crown = x.shape[1] - 2 - balls
+    crown = s.x.shape[1] - 2 - balls
     for c in range(out.shape[0]):
         paddle, n = m.centre[c, PADDLE], m.axis[c, PADDLE]
         high, true, worst, farthest, met, dropped = 0.0, 0.0, 0.0, 0.0, True, False
         for k in range(BALL, BALL + balls):
             ball = m.centre[c, k]
-            error = apex_of(ball[2], m.centre_velocity[c, k, 2]) - goal[c, 0]
+            error = apex_of(ball[2], m.centre_velocity[c, k, 2]) - s.goal[c, 0]
             aside = math.hypot(ball[0] - column_of(balls, k), ball[1])
-            above = height_above(x[c, crown], ball, n)
+            above = height_above(s.x[c, crown], ball, n)
             high += long_tail(error, 0.3, 0.03)
             true += gaussian(error, 0.15, 0.03) * gaussian(aside, 0.3, 0.05)
             worst = error if abs(error) > abs(worst) else worst
@@ -92,8 +84,8 @@ def evaluate(
             struck = above - BALL_RADIUS < STRUCK
             met = met and (abs(error) < 0.08 or struck) and aside < 0.1
             dropped = dropped or above < 0.0
-        strayed = max(math.hypot(paddle[0], paddle[1]), abs(x[c, crown, 2]))
-        effort = thrift(action, c)
+        strayed = max(math.hypot(paddle[0], paddle[1]), abs(s.x[c, crown, 2]))
+        effort = thrift(s.action, c)
         out["reward_high"][c] = 0.5 * effort * high / balls
         out["reward_true"][c] = 0.5 * effort * true / balls
         out["error"][c] = worst
@@ -104,14 +96,7 @@ def evaluate(
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     balls = m.centre.shape[1] - 1
     for c in range(observation.shape[0]):
         for axis in range(3):
@@ -120,14 +105,14 @@ def compact(
         for axis in range(2):
             observation[c, 6 + axis] = m.axis[c, PADDLE, axis] / TILT_UNIT
             observation[c, 8 + axis] = m.angular_velocity[c, PADDLE, axis] / TURNING_UNIT
-        observation[c, 10] = goal[c, 0] / BALL_WAY_UNIT
+        observation[c, 10] = s.goal[c, 0] / BALL_WAY_UNIT
         for k in range(balls):
             first, ball = 11 + 7 * k, BALL + k
             apex = apex_of(m.centre[c, ball, 2], m.centre_velocity[c, ball, 2])
             for axis in range(3):
                 observation[c, first + axis] = m.centre[c, ball, axis] / BALL_WAY_UNIT
                 observation[c, first + 3 + axis] = m.centre_velocity[c, ball, axis] / BALL_SPEED_UNIT
-            observation[c, first + 6] = (apex - goal[c, 0]) / WAY_UNIT
+            observation[c, first + 6] = (apex - s.goal[c, 0]) / WAY_UNIT
 
 
 def ball_entries(which: str) -> tuple[Entry, ...]:

@@ -9,19 +9,33 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from springgym import measures
 from springgym.core.compiling import compiled, kernel
-from springgym.core.kinds import Number
 
 BOUND = 10.0
 """Observations are scaled to order one and clipped here, so that their space is finite."""
 
 ABOUT = ("origin", "centre", "goal")
 ABOUT_CENTRE, ABOUT_GOAL = 1, 2
+
+
+class Situation(NamedTuple):
+    """What the functions of a task see of copies beside the measures: each has a row a copy, but the last."""
+
+    x: np.ndarray
+    """(n, N, 3) positions [m]"""
+    v: np.ndarray
+    """(n, N, 3) velocities [m/s]"""
+    action: np.ndarray
+    """(n, A) of the last step, clipped to ±1; 0 before the first"""
+    goal: np.ndarray
+    """(n, G) what the task wants"""
+    parameters: np.ndarray
+    """the task's own numbers"""
 
 
 class Entry(NamedTuple):
@@ -115,7 +129,7 @@ def columns(particles: ObservedParticles) -> Columns:
 
 
 @compiled
-def along(row: Any, first: Number, axis: Any) -> Any:
+def along(row: np.ndarray, first: int, axis: int) -> float:
     """Component along an axis of the body's triad of the measured vector that starts at column ``first``."""
     e1, e3 = row[measures.SIDE : measures.SIDE + 3], row[measures.AXIS : measures.AXIS + 3]
     total = 0.0
@@ -131,7 +145,7 @@ def along(row: Any, first: Number, axis: Any) -> Any:
 
 
 @compiled
-def point_to(row: Any, position: Any, out: np.ndarray) -> None:
+def point_to(row: np.ndarray, position: np.ndarray, out: np.ndarray) -> None:
     """The unit vector from the centre of mass to a position (3,)."""
     length = 0.0
     for axis in range(3):
@@ -142,35 +156,28 @@ def point_to(row: Any, position: Any, out: np.ndarray) -> None:
 
 
 @kernel
-def observe_particles(
-    rows: np.ndarray,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    columns: Columns,
-    observation: np.ndarray,
-) -> None:
+def observe_particles(rows: np.ndarray, s: Situation, columns: Columns, observation: np.ndarray) -> None:
     """Positions and velocities of (particle, axis) entries, goal, and appended measures: see `Columns`."""
     count = columns.entries.shape[0]
     unseen = 3 if columns.about == ABOUT_GOAL else 0
-    for c in range(x.shape[0]):
+    for c in range(rows.shape[0]):
         for n in range(count):
             i, axis = columns.entries[n]
-            position, velocity = x[c, i, axis], v[c, i, axis]
+            position, velocity = s.x[c, i, axis], s.v[c, i, axis]
             if columns.about == ABOUT_CENTRE:
                 position -= rows[c, measures.CENTRE + axis]
                 velocity -= rows[c, measures.CENTRE_VELOCITY + axis]
             elif columns.about == ABOUT_GOAL:
-                position -= goal[c, axis]
+                position -= s.goal[c, axis]
             observation[c, n] = position * columns.per_metre[n]
             observation[c, count + n] = velocity * columns.per_speed[n]
         k = 2 * count
-        for n in range(unseen, goal.shape[1]):
+        for n in range(unseen, s.goal.shape[1]):
             if n == columns.pointed:
-                point_to(rows[c], x[c, int(goal[c, n])], observation[c, k : k + 3])
+                point_to(rows[c], s.x[c, int(s.goal[c, n])], observation[c, k : k + 3])
                 k += 3
             else:
-                observation[c, k] = goal[c, n]
+                observation[c, k] = s.goal[c, n]
                 k += 1
         for n in range(columns.measured.size):
             value = rows[c, columns.measured[n]]

@@ -43,7 +43,7 @@ class EnvOptions(RewardedOptions, total=False):
     max_episode_steps: int | None
 
 
-def mapping(name: str, value: Any) -> Mapping[str, Any]:
+def mapping(name: str, value: object) -> Mapping[str, Any]:
     """A mapping from names, checked to be one."""
     if not isinstance(value, Mapping):
         raise TypeError(f"{name} is {checks.shown(value)}; it must be a mapping, as a dict is")

@@ -15,7 +15,7 @@ from springgym.bodies import cube, start
 from springgym.checks import chosen
 from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import uniform
@@ -33,21 +33,13 @@ TOO_FAST = 8.0  # angular velocity that ends an episode [rad/s]
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         up = m.axis[c, 2]
         tilt = math.atan2(math.hypot(m.axis[c, 0], m.axis[c, 1]), up)
         spin, across = spinning(m, c)
         speed = math.hypot(spin, across)
-        raised = ((1 + up) / 2) ** 2 / 4 * thrift(action, c)
+        raised = ((1 + up) / 2) ** 2 / 4 * thrift(s.action, c)
         out["reward_raised"][c] = raised
         out["reward_held"][c] = 3 * raised * gaussian(tilt, 0.6, 0.05) * gaussian(speed, 4.0, 0.2)
         out["tilt"][c] = tilt
@@ -58,14 +50,7 @@ def evaluate(
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         spin, _ = spinning(m, c)
         for axis in range(3):

@@ -27,14 +27,13 @@ from springgym.envs.options import Observation, SimulationOptions, mapping
 from springgym.envs.task import MET
 from springgym.extras import missing
 from springgym.guard import guarded
-from springgym.measures import Measures
 from springgym.registration import register
 from springgym.rendering import Renderer
 
 try:
     from pettingzoo import ParallelEnv
 except ImportError as error:
-    raise ImportError(missing("springgym.envs.parallel", "PettingZoo", "parallel")) from error
+    raise ImportError(missing("springgym.envs.parallel", "PettingZoo", "pettingzoo")) from error
 
 register()  # with PettingZoo, which is there by now
 
@@ -244,16 +243,13 @@ class ParallelDuel(_OneCopy, ParallelEnv):
             self._restart(self._canvas, 0)
 
     def _seen(self) -> dict[str, np.ndarray]:
-        m, (x, v) = self._measures(), self.episodes.particles
-        second = self.task.seen_by_second(m, x, v, self.episodes.goal)
+        m, situation, rows = self.episodes.seen
+        second = self.task.seen_by_second(m, situation)
         if self.task.observation == "particles":
-            second = self.task.particles_of_second(self.episodes.simulator.readout.rows, x, v)
+            second = self.task.particles_of_second(rows, situation)
         if self.episodes.diverged[0]:
             second = np.zeros_like(second)
         return {"first": self.episodes.observe()[0], "second": second[0]}
-
-    def _measures(self) -> Measures:
-        return self.episodes._whole.measures
 
     def _outcomes(self) -> np.ndarray:
         """What `Task.evaluate` says of both, (2, columns)."""
@@ -261,11 +257,10 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         out = np.zeros((2, len(task.outcome)))
         out[FIRST] = episodes.out[0]
         if not episodes.diverged[0]:
-            x, v = episodes.particles
+            m, situation, _ = episodes.seen
             second = out[SECOND:]
-            task.evaluate(
-                self._measures(), x, v, self._answered, episodes.goal, task.others, episodes._named(second)
-            )
+            as_second = situation._replace(action=self._answered, parameters=task.others)
+            task.evaluate(m, as_second, episodes._named(second))
             if not episodes.elapsed[0]:
                 second[:, : len(task.terms)] = 0.0  # nothing has been earned yet
         return out

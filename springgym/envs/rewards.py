@@ -3,33 +3,33 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Number, Vector
+from springgym.core.kinds import Vector
 
 if TYPE_CHECKING:
     from springgym.measures import Measures
 
 
 @compiled
-def gaussian(value: Any, margin: Number, bound: Number = 0.0) -> Any:
+def gaussian(value: float, margin: float, bound: float = 0.0) -> float:
     """1 within ±``bound``, 0.1 at ``margin`` beyond: 0.1^(d²), d = max(|value| − bound, 0)/margin."""
     d = max(abs(value) - bound, 0.0) / margin
     return 0.1 ** (d * d)
 
 
 @compiled
-def long_tail(value: Any, margin: Number, bound: Number = 0.0) -> Any:
+def long_tail(value: float, margin: float, bound: float = 0.0) -> float:
     """1 within ±``bound``, 0.1 at ``margin`` beyond, with a long tail: 1/(1 + 9d²)."""
     d = max(abs(value) - bound, 0.0) / margin
     return 1.0 / (1.0 + 9.0 * d * d)
 
 
 @compiled
-def thrift(action: np.ndarray, c: Any) -> Any:
+def thrift(action: np.ndarray, c: int) -> float:
     """1 − 0.1 mean(a²) of copy c: what of the reward the effort leaves."""
     total = 0.0
     for n in range(action.shape[1]):
@@ -38,7 +38,7 @@ def thrift(action: np.ndarray, c: Any) -> Any:
 
 
 @compiled
-def spinning(m: Measures, c: Any) -> Any:
+def spinning(m: Measures, c: int) -> tuple[float, float]:
     """Angular velocity of copy c along its third axis, and its size across it [rad/s]."""
     n, w = m.axis[c], m.angular_velocity[c]
     along = w[0] * n[0] + w[1] * n[1] + w[2] * n[2]
@@ -46,13 +46,13 @@ def spinning(m: Measures, c: Any) -> Any:
 
 
 @compiled
-def angle_of(cosine: Any) -> Any:
+def angle_of(cosine: float) -> float:
     """The angle of a cosine that rounding may have brought beyond ±1 [rad]."""
     return math.acos(min(max(cosine, -1.0), 1.0))
 
 
 @compiled
-def height_above(place: Vector, point: Vector, normal: Vector) -> Any:
+def height_above(place: Vector, point: Vector, normal: Vector) -> float:
     """Height of a point (3,) above the plane through ``place`` across ``normal`` [m]."""
     height = 0.0
     for axis in range(3):
@@ -61,7 +61,7 @@ def height_above(place: Vector, point: Vector, normal: Vector) -> Any:
 
 
 @compiled
-def angle_between(u: Vector, w: Vector) -> Any:
+def angle_between(u: Vector, w: Vector) -> float:
     """Angle between two vectors (3,) [rad], exact for small ones."""
     x, y, z = u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]
     return math.atan2(math.sqrt(x * x + y * y + z * z), u[0] * w[0] + u[1] * w[1] + u[2] * w[2])

@@ -16,7 +16,7 @@ from springgym.bodies.rotations import cross
 from springgym.checks import flag, shown
 from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import tilted, uniform
@@ -32,20 +32,12 @@ WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # what the compact observation shows as 1 [m], 
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
-    load = x.shape[1] - 1
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
+    load = s.x.shape[1] - 1
     for c in range(out.shape[0]):
-        error = math.hypot(x[c, load, 0] - goal[c, 0], x[c, load, 1] - goal[c, 1])
-        speed = math.hypot(v[c, load, 0], v[c, load, 1])
-        near = (long_tail(error, 1.0, 0.05) + gaussian(error, 3.0, 0.05)) / 4 * thrift(action, c)
+        error = math.hypot(s.x[c, load, 0] - s.goal[c, 0], s.x[c, load, 1] - s.goal[c, 1])
+        speed = math.hypot(s.v[c, load, 0], s.v[c, load, 1])
+        near = (long_tail(error, 1.0, 0.05) + gaussian(error, 3.0, 0.05)) / 4 * thrift(s.action, c)
         out["reward_near"][c] = near
         out["reward_still"][c] = near * gaussian(error, 0.5, 0.05) * gaussian(speed, 1.0, 0.05)
         out["error"][c] = error
@@ -55,21 +47,14 @@ def evaluate(
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
-    load = x.shape[1] - 1
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+    load = s.x.shape[1] - 1
     for c in range(observation.shape[0]):
         for axis in range(2):
-            observation[c, axis] = (goal[c, axis] - x[c, load, axis]) / WAY_UNIT
-            observation[c, 2 + axis] = x[c, 0, axis] - x[c, load, axis]
-            observation[c, 4 + axis] = v[c, load, axis] / SPEED_UNIT
-            observation[c, 6 + axis] = v[c, 0, axis] / SPEED_UNIT
+            observation[c, axis] = (s.goal[c, axis] - s.x[c, load, axis]) / WAY_UNIT
+            observation[c, 2 + axis] = s.x[c, 0, axis] - s.x[c, load, axis]
+            observation[c, 4 + axis] = s.v[c, load, axis] / SPEED_UNIT
+            observation[c, 6 + axis] = s.v[c, 0, axis] / SPEED_UNIT
 
 
 class SpringRope(Task):

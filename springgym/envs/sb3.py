@@ -6,6 +6,7 @@ batch to the native vector environment, so Python works only for the copies whos
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from importlib import import_module
@@ -275,11 +276,13 @@ def make_sb3(
 ) -> Monitor:
     """Make ``num_envs`` copies of an environment for Stable-Baselines3: native ones if it has them.
 
+    Without them it warns that single environments are stepped one after the other, which is slow.
+
     Parameters
     ----------
     env_id
-        Registered environment, or a spec as that of `springgym.make_scene_env`. Its ``vector_entry_point``
-        takes ``autoreset_mode``; without one, Gymnasium steps single environments in a loop.
+        Registered environment, or a spec as that of `springgym.make_scene_env`. It has native copies if it
+        was registered with a ``vector_entry_point``, which takes ``autoreset_mode``.
     num_envs
         Number of copies.
     seed
@@ -305,6 +308,12 @@ def make_sb3(
     if _has_native_copies(env_id):
         mode |= {"vectorization_mode": "vector_entry_point"}
     else:
+        name = env_id.id if isinstance(env_id, EnvSpec) else env_id
+        warnings.warn(
+            f"{name} was registered without a vector_entry_point: its copies are stepped one after the "
+            "other, and not in one compiled call",
+            stacklevel=2,
+        )
         mode = {"vectorization_mode": "sync", "vector_kwargs": mode}
     vector_env = gym.make_vec(env_id, num_envs=num_envs, **mode, **(env_kwargs or {}), **kwargs)
     env = (StaggeredMonitor if stagger else Monitor)(SB3VecEnv(vector_env))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +19,7 @@ from numpy.random import Generator
 from springgym import checks
 from springgym.checks import TINY, chosen, instance
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import BOUND, Entry, ObservedParticles
+from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
@@ -246,42 +246,26 @@ class SceneTask(Task):
             at += size
         return values
 
-    def evaluate(
-        self,
-        m: Measures,
-        x: np.ndarray,
-        v: np.ndarray,
-        action: np.ndarray,
-        goal: np.ndarray,
-        parameters: np.ndarray,
-        out: np.ndarray,
-    ) -> None:
+    def evaluate(self, m: Measures, s: Situation, out: np.ndarray) -> None:
         shape = (len(out),)
         with _hearing(m):
-            out["reward_own"] = _numbers("reward", self._reward(m, x, v, action), shape, m)
+            out["reward_own"] = _numbers("reward", self._reward(m, s.x, s.v, s.action), shape, m)
             for field, name, judge in self._judges:
-                out[field] = 0.0 if judge is None else _of_shape(name, judge(m, x, v), shape, "b", "bools")
+                given = np.zeros(shape, bool) if judge is None else judge(m, s.x, s.v)
+                out[field] = _of_shape(name, given, shape, "b", "bools")
 
-    def compact(
-        self,
-        m: Measures,
-        x: np.ndarray,
-        v: np.ndarray,
-        goal: np.ndarray,
-        parameters: np.ndarray,
-        observation: np.ndarray,
-    ) -> None:
-        observation[:] = np.clip(self._seen(m, x, v, observation.shape), -BOUND, BOUND)
+    def compact(self, m: Measures, s: Situation, observation: np.ndarray) -> None:
+        observation[:] = np.clip(self._seen(m, s, observation.shape), -BOUND, BOUND)
 
-    def prepare(self, m: Measures, x: np.ndarray, v: np.ndarray) -> None:
+    def prepare(self, m: Measures, s: Situation) -> None:
         if self._observe is not None:
-            size = self._seen(m, x, v, (len(x), None)).shape[1]
+            size = self._seen(m, s, (len(s.x), None)).shape[1]
             self.entries = (Entry("own", size),)
 
-    def _seen(self, m: Measures, x: np.ndarray, v: np.ndarray, shape: tuple[int | None, ...]) -> np.ndarray:
+    def _seen(self, m: Measures, s: Situation, shape: tuple[int | None, ...]) -> np.ndarray:
         assert self._observe is not None
         with _hearing(m):
-            return _numbers("observe", self._observe(m, x, v), shape, m)
+            return _numbers("observe", self._observe(m, s.x, s.v), shape, m)
 
     def look(self) -> Look:
         return film.look(self._scene, None)
@@ -314,13 +298,13 @@ def _sound(m: Measures) -> np.ndarray:
     return np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)
 
 
-def _hearing(m: Measures) -> Any:
+def _hearing(m: Measures) -> AbstractContextManager[None]:
     """Where functions are called: warnings are not heard while a copy has diverged."""
     quick = m.strain.dot(m.strain) < STRAIN_LIMIT**2  # then each is within its limit
     return LOUD if quick or _sound(m).all() else np.errstate(all="ignore")
 
 
-def _numbers(name: str, given: Any, shape: tuple[int | None, ...], m: Measures) -> np.ndarray:
+def _numbers(name: str, given: object, shape: tuple[int | None, ...], m: Measures) -> np.ndarray:
     """What a function gave, as numbers that are finite where the copy has not diverged."""
     values = _of_shape(name, given, shape, "biuf", "numbers")
     if not math.isfinite(np.vdot(values, values)):  # or they are huge
@@ -332,7 +316,7 @@ def _numbers(name: str, given: Any, shape: tuple[int | None, ...], m: Measures) 
     return values
 
 
-def _of_shape(name: str, given: Any, shape: tuple[int | None, ...], kinds: str, what: str) -> np.ndarray:
+def _of_shape(name: str, given: object, shape: tuple[int | None, ...], kinds: str, what: str) -> np.ndarray:
     try:
         values = np.asarray(given)
     except ValueError:  # rows of several lengths

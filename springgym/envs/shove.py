@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +16,7 @@ from springgym.bodies import Body, ball, box, rotation
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import uniform
@@ -44,15 +44,18 @@ WAY_UNIT, SPEED_UNIT, NEAR_UNIT, TURNING_UNIT = 0.5, 0.5, 0.3, 2.0
 """What the compact observation shows as 1: ways [m], speeds [m/s], ways between both [m], turning [rad/s]."""
 PUSHER_SPEED = 1.0  # the same of the pusher's velocity [m/s]
 
+Level: TypeAlias = Sequence[float] | np.ndarray
+"""x and y of a place [m]."""
+
 
 @compiled
-def heading_of(m: Measures, c: Any, body: Any) -> Any:
+def heading_of(m: Measures, c: int, body: int) -> float:
     """The angle of a body's first axis from the x axis [rad]."""
     return math.atan2(m.side[c, body, 1], m.side[c, body, 0])
 
 
 @compiled
-def assess(m: Measures, c: Any, action: Any, error: Any, heading: Any, out: Any) -> None:
+def assess(m: Measures, c: int, action: np.ndarray, error: float, heading: float, out: np.ndarray) -> None:
     """What is rewarded and told of a box that is so far from its place [m], and turned so far [rad]."""
     place, velocity = m.centre[c, BOX], m.centre_velocity[c, BOX]
     apart = math.hypot(m.centre[c, PUSHER, 0] - place[0], m.centre[c, PUSHER, 1] - place[1])
@@ -69,7 +72,7 @@ def assess(m: Measures, c: Any, action: Any, error: Any, heading: Any, out: Any)
 
 
 @compiled
-def see_pusher(m: Measures, c: Any, observation: Any, first: Any) -> None:
+def see_pusher(m: Measures, c: int, observation: np.ndarray, first: int) -> None:
     """Put where the ball is, from the box, and the same along the axes of that, into four numbers."""
     heading = heading_of(m, c, BOX)
     cosine, sine = math.cos(heading), math.sin(heading)
@@ -82,31 +85,16 @@ def see_pusher(m: Measures, c: Any, observation: Any, first: Any) -> None:
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         error = math.hypot(m.centre[c, BOX, 0], m.centre[c, BOX, 1])
-        assess(m, c, action, error, heading_of(m, c, BOX), out)
+        assess(m, c, s.action, error, heading_of(m, c, BOX), out)
         gone = max(error, math.hypot(m.centre[c, PUSHER, 0], m.centre[c, PUSHER, 1])) > ARENA
         out["failed"][c] = gone or m.axis[c, BOX, 2] < 0.7
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         heading = heading_of(m, c, BOX)
         for axis in range(2):
@@ -166,7 +154,9 @@ class SpringShove(Task):
             collisions=Contact(friction=SLIPPERY, restitution=0.3, strength=STRENGTH, reach=REACH),
         )
 
-    def _placed(self, pusher: Any, place: Any, heading: float, factors: Mapping[str, float]) -> np.ndarray:
+    def _placed(
+        self, pusher: Level, place: Level, heading: float, factors: Mapping[str, float]
+    ) -> np.ndarray:
         """Positions (9, 3) of pusher and box that lie on the floor [m]."""
         weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
         shape = factors["scale"] * self.box.positions @ rotation((0, 0, 1), heading).T

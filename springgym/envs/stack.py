@@ -15,7 +15,7 @@ from numpy.random import Generator
 from springgym.bodies import Body, ball, box, rotation
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.shove import (
     BOX,
@@ -31,6 +31,7 @@ from springgym.envs.shove import (
     STRENGTH,
     TURNING_UNIT,
     WAY_UNIT,
+    Level,
     assess,
     heading_of,
     see_pusher,
@@ -57,39 +58,24 @@ SUNK = 0.1  # above the block's middle: the middle of what has fallen is lower [
 
 
 @compiled
-def turned_of(m: Measures, c: Any) -> Any:
+def turned_of(m: Measures, c: int) -> float:
     """How far the box is turned from the block, from −π to π [rad]."""
     turned = heading_of(m, c, BOX) - heading_of(m, c, BLOCK)
     return math.atan2(math.sin(turned), math.cos(turned))
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         box, block = m.centre[c, BOX], m.centre[c, BLOCK]
         error = math.hypot(box[0] - block[0], box[1] - block[1])
-        assess(m, c, action, error, turned_of(m, c), out)
+        assess(m, c, s.action, error, turned_of(m, c), out)
         fallen = min(box[2], m.centre[c, PUSHER, 2]) < block[2] + SUNK
         out["failed"][c] = fallen or min(m.axis[c, BOX, 2], m.axis[c, BLOCK, 2]) < 0.7
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         heading, turned = heading_of(m, c, BOX), turned_of(m, c)
         for axis in range(2):
@@ -152,7 +138,7 @@ class SpringStack(Task):
         )
 
     def _placed(
-        self, place: Any, heading: float, pusher: Any, block: Any, factors: Mapping[str, float]
+        self, place: Level, heading: float, pusher: Level, block: Level, factors: Mapping[str, float]
     ) -> np.ndarray:
         """Positions (25, 3) of all bodies; pusher and box lie on the shelf, the block on the floor [m]."""
         scale, weight = factors["scale"], -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -52,7 +51,7 @@ def any_rotation(rng: Generator) -> np.ndarray:
     return np.column_stack([side * first, side * second, across])
 
 
-def tilted(azimuth: Any, tilt: Any) -> np.ndarray:
+def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
     """The rotation (3, 3) by ``tilt`` [rad] about y, then ``azimuth`` [rad] about z; of (k,) each, (k, 3, 3).
 
     To the bit the product of two of `springgym.bodies.rotation`, in which a cosine c is 1 − (1 − c).

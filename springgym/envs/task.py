@@ -19,7 +19,7 @@ from numpy.random import Generator
 
 from springgym import measures
 from springgym.checks import chosen
-from springgym.envs.observation import BOUND, Entry, ObservedParticles, values
+from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation, values
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene
@@ -44,11 +44,10 @@ class Task:
 
     Compiled functions a subclass provides, over rows of copies:
 
-    - ``evaluate(m, x, v, action, goal, parameters, out)``: for every copy c, from `Measures` m,
-      positions x and velocities v (n, N, 3), the clipped action (n, A), the goal (n, G) and the
-      task's own `parameters`, set ``out[name][c]`` for each name in `outcome`: the reward's terms, the
-      metrics, whether the aim is met now, and whether the episode has failed;
-    - ``compact(m, x, v, goal, parameters, observation)``: the compact observation;
+    - ``evaluate(m, s, out)``: for every copy c, from `Measures` m and the `Situation` s, set ``out[name][c]``
+      for each name in `outcome`: the reward's terms, the metrics, whether the aim is met now, and whether the
+      episode has failed;
+    - ``compact(m, s, observation)``: the compact observation (n, D);
     - ``move(goal)``, where there is one: what goals become from one control period to the next.
 
     Of several bodies, m holds the measures of each: scalars (n, bodies), vectors (n, bodies, 3).
@@ -145,7 +144,7 @@ class Task:
         """What the actuators do, as `Simulator.actuate` takes it, for clipped actions (n, A)."""
         raise NotImplementedError
 
-    def respond(self, m: Measures, x: np.ndarray, v: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
+    def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
         """What else acts in all copies, as `Simulator.actuate` takes it: an opponent, who sees the state."""
         return {}
 
@@ -165,7 +164,7 @@ class Task:
         """What else is drawn; the arguments are those of one copy."""
         raise NotImplementedError
 
-    def prepare(self, m: Measures, x: np.ndarray, v: np.ndarray) -> None:
+    def prepare(self, m: Measures, s: Situation) -> None:
         """For an observation that is called "own": see the scene once, before the first episode."""
 
     @property

@@ -15,7 +15,7 @@ from springgym.bodies import Body, rigid_velocities, solid_top, stretched_shapes
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import angle_of, long_tail, spinning, thrift
 from springgym.envs.starts import standing, uniform
@@ -37,26 +37,18 @@ FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
 
 
 @compiled
-def tilt_of(m: Measures, c: Any) -> Any:
+def tilt_of(m: Measures, c: int) -> float:
     """Angle of the axis from the vertical [rad]."""
     return math.atan2(math.hypot(m.axis[c, 0], m.axis[c, 1]), m.axis[c, 2])
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
-    spin_counts = parameters[0] > 0
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
+    spin_counts = s.parameters[0] > 0
     for c in range(out.shape[0]):
         tilt = tilt_of(m, c)
         spin, across = spinning(m, c)
-        upright = long_tail(tilt, 0.3, 0.02) / 4 * thrift(action, c)
+        upright = long_tail(tilt, 0.3, 0.02) / 4 * thrift(s.action, c)
         out["reward_upright"][c] = upright
         out["reward_calm"][c] = upright * long_tail(across, 1.5, 0.1)
         out["reward_spin"][c] = 2 * upright * (long_tail(spin - WANTED, 15.0, 1.0) if spin_counts else 1.0)
@@ -68,14 +60,7 @@ def evaluate(
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
         spin, _ = spinning(m, c)
         for axis in range(3):

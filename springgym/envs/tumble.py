@@ -16,7 +16,7 @@ from springgym.bodies.rotations import cross
 from springgym.checks import flag, whole
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
-from springgym.envs.observation import Entry, ObservedParticles
+from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
 from springgym.envs.starts import any_rotation, uniform
@@ -40,7 +40,7 @@ COLORS = ((46, 98, 170), (228, 94, 44), (34, 150, 100), (242, 172, 60))
 
 
 @compiled
-def facing(x: np.ndarray, c: Any, corner: Any) -> Any:
+def facing(x: np.ndarray, c: int, corner: int) -> tuple[float, float, float]:
     """The outward unit normal of the face opposite to a corner."""
     i, j, k = FACES[corner]
     ax, ay, az = x[c, j, 0] - x[c, i, 0], x[c, j, 1] - x[c, i, 1], x[c, j, 2] - x[c, i, 2]
@@ -51,7 +51,7 @@ def facing(x: np.ndarray, c: Any, corner: Any) -> Any:
 
 
 @compiled
-def fastest(v: np.ndarray, c: Any) -> Any:
+def fastest(v: np.ndarray, c: int) -> float:
     """The largest speed of a particle [m/s]."""
     largest = 0.0
     for i in range(v.shape[1]):
@@ -60,20 +60,13 @@ def fastest(v: np.ndarray, c: Any) -> Any:
 
 
 @kernel
-def evaluate(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    action: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
-        dx, dy = m.centre[c, 0] - goal[c, 0], m.centre[c, 1] - goal[c, 1]
-        error, speed = math.hypot(dx, dy), fastest(v, c)
-        down = -facing(x, c, int(goal[c, 3]))[2]
-        near = (long_tail(error, 0.5, 0.05) + gaussian(error, 1.2, 0.05)) / 4 * (1 + down) * thrift(action, c)
+        dx, dy = m.centre[c, 0] - s.goal[c, 0], m.centre[c, 1] - s.goal[c, 1]
+        error, speed = math.hypot(dx, dy), fastest(s.v, c)
+        down = -facing(s.x, c, int(s.goal[c, 3]))[2]
+        effort = thrift(s.action, c)
+        near = (long_tail(error, 0.5, 0.05) + gaussian(error, 1.2, 0.05)) / 4 * (1 + down) * effort
         placed = 0.6 * near * gaussian(error, 0.3, 0.05) * gaussian(1 - down, 0.3, 0.02)
         out["reward_near"][c] = 0.4 * near
         out["reward_placed"][c] = 0.3 * placed
@@ -86,18 +79,11 @@ def evaluate(
 
 
 @kernel
-def compact(
-    m: Measures,
-    x: np.ndarray,
-    v: np.ndarray,
-    goal: np.ndarray,
-    parameters: np.ndarray,
-    observation: np.ndarray,
-) -> None:
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
     for c in range(observation.shape[0]):
-        normal = facing(x, c, int(goal[c, 3]))
+        normal = facing(s.x, c, int(s.goal[c, 3]))
         for axis in range(3):
-            observation[c, axis] = m.centre[c, axis] - goal[c, axis]
+            observation[c, axis] = m.centre[c, axis] - s.goal[c, axis]
             observation[c, 3 + axis] = m.centre_velocity[c, axis]
             observation[c, 6 + axis] = normal[axis]
             observation[c, 9 + axis] = m.angular_velocity[c, axis] / TURNING_UNIT

@@ -8,7 +8,7 @@ forces that a scene does not use are left out of its code. A force of one's own 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -210,14 +210,14 @@ def settle(x: Rows, v: Rows, terms: Terms) -> None:
 
 
 @compiled
-def potential_energy(x: Numbers, terms: Terms) -> Any:
+def potential_energy(x: Numbers, terms: Terms) -> Number:
     """Energies [J] of gravity (0 at the origin), springs and contact, and the largest |L/L₀ − 1|²."""
     weight, elastic, strain = stored_energy(x, terms)
     return weight, elastic, contact_energy(x, terms.particles, terms.planes, terms.bowl), strain
 
 
 @compiled
-def stored_energy(x: Numbers, terms: Terms) -> Any:
+def stored_energy(x: Numbers, terms: Terms) -> Number:
     """Energies [J] of gravity and springs, without contact, and the largest |L/L₀ − 1|²."""
     weight = gravity_energy(x, terms.particles, terms.gravity)
     elastic, strain = spring_energy(x, terms.springs)
@@ -227,7 +227,7 @@ def stored_energy(x: Numbers, terms: Terms) -> Any:
 
 
 @compiled
-def gravity_energy(x: Numbers, particles: Particles, gravity: Numbers) -> Any:
+def gravity_energy(x: Numbers, particles: Particles, gravity: Numbers) -> Number:
     energy = 0.0 * load(x, (0, 0))
     if gravity is not None:
         for i in range(particles.mass.size):

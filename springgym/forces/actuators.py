@@ -7,12 +7,12 @@ during the hold, what turns with the body is given in the `triad` of three of it
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Number, Numbers, Rows
+from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.lanes import load, maximum, minimum, select, store
 from springgym.core.vectors import (
     add_row,
@@ -189,7 +189,7 @@ def push(
 
 
 @compiled
-def record_holding(v: Rows, force: Rows, drive: Drive | None, ledger: Ledger, weight: Any) -> None:
+def record_holding(v: Rows, force: Rows, drive: Drive | None, ledger: Ledger, weight: Number) -> None:
     """Record the power of the drive, ``weight`` [s] times: it holds its particle against ``force`` (N, 3)."""
     if drive is not None and drive.particle >= 0:
         record(ledger, WORK, -weight * dot(row(force, drive.particle), row(v, drive.particle)))
@@ -203,7 +203,7 @@ def drive_on(v: Rows, acceleration: Rows, drive: Drive | None) -> None:
 
 
 @compiled
-def drive_acceleration(v: Rows, drive: Drive) -> Any:
+def drive_acceleration(v: Rows, drive: Drive) -> Vector:
     """Acceleration of the driven particle: what is asked for, but not beyond its largest speed."""
     u, a = row(v, drive.particle), vector(drive.acceleration)
     return vec(
@@ -214,7 +214,7 @@ def drive_acceleration(v: Rows, drive: Drive) -> Any:
 
 
 @compiled
-def limited(velocity: Any, acceleration: Number, speed: Any) -> Any:
+def limited(velocity: Number, acceleration: Number, speed: Number) -> Number:
     acceleration = select(velocity >= speed, minimum(acceleration, 0.0), acceleration)
     return select(velocity <= -speed, maximum(acceleration, 0.0), acceleration)
 
@@ -231,7 +231,7 @@ def move_drive(v: Numbers, force: Numbers, tau: Number, drive: Drive | None, led
 
 @compiled
 def drive_by(
-    v: Numbers, force: Numbers, acceleration: Any, tau: Number, drive: Drive | None, ledger: Ledger
+    v: Numbers, force: Numbers, acceleration: Vector, tau: Number, drive: Drive | None, ledger: Ledger
 ) -> None:
     """`move_drive` by another acceleration than is asked for now."""
     if drive is not None and drive.particle >= 0:

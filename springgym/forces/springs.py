@@ -9,12 +9,12 @@ round-off.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Mask, Number, Numbers, Rows
+from springgym.core.kinds import Ledger, Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import inverse_sqrt, load, maximum, select, sqrt
 from springgym.core.vectors import TINY, add_scaled, dot, row, set_row, vec
 from springgym.forces.ledger import DAMPING, WORK, record
@@ -60,7 +60,9 @@ class Decay(NamedTuple):
     """energy lost, per relative speed² [kg]"""
 
 
-def decay(damping: Any, inverse_first: Any, inverse_second: Any, time: float) -> Decay:
+def decay(
+    damping: np.ndarray, inverse_first: np.ndarray | float, inverse_second: np.ndarray | float, time: float
+) -> Decay:
     """With w = 1/m₁ + 1/m₂, the impulse is g = (1 − exp(−c w time)) / w and the loss g (1 − g w/2)."""
     w = inverse_first + inverse_second
     moving = w > 0  # between two pinned particles there is nothing to damp
@@ -131,7 +133,7 @@ def add_spring_forces(
 
 
 @compiled
-def spring_energy(x: Rows, springs: Springs) -> Any:
+def spring_energy(x: Rows, springs: Springs) -> tuple[Number, Number]:
     """Σ k (L − L₀)²/2 [J] and the largest |L/L₀ − 1|² [1]."""
     energy = 0.0 * load(x, (0, 0))
     largest = energy
@@ -147,7 +149,7 @@ def spring_energy(x: Rows, springs: Springs) -> Any:
 
 
 @compiled
-def longest_spring(x: Numbers, springs: Springs) -> Any:
+def longest_spring(x: Numbers, springs: Springs) -> Number:
     """The largest L₀ [m]; 1 m without springs."""
     longest = 0.0 * load(x, (0, 0))
     if springs is None:
@@ -159,8 +161,8 @@ def longest_spring(x: Numbers, springs: Springs) -> Any:
 
 @compiled
 def pull_jacobian(
-    x: Rows, v: Rows, s: Any, in_x: Number, in_v: Number, springs: Springs, dampers: Dampers | None
-) -> Any:
+    x: Rows, v: Rows, s: int, in_x: Number, in_v: Number, springs: Springs, dampers: Dampers | None
+) -> tuple[Vector, Vector, Vector]:
     """``in_x`` ∂f/∂d + ``in_v`` ∂f/∂w of the pull f of spring ``s``: three rows.
 
     With d = x_j − x_i, w = v_j − v_i, û = d/L and ḋ = û·w,
@@ -191,7 +193,7 @@ def pull_jacobian(
 
 
 @compiled
-def pull_on(x: Rows, particle: Any, springs: Springs) -> Any:
+def pull_on(x: Rows, particle: int, springs: Springs) -> Vector:
     """The springs' force [N] on one particle."""
     total = 0.0 * row(x, particle)
     for s in range(springs.first.size):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from springgym.forces import derivative
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.springs import longest_spring
 from springgym.integrators.record import REJECTIONS, STEPS, Integrator
+from springgym.integrators.step_control import LEAST, next_step
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -51,18 +52,18 @@ A = np.array(
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 """Weights of the difference between the two solutions."""
 
-SHRINK, GROW, SAFETY, SMALLEST = 0.2, 5.0, 0.9, 1e-10
+SMALLEST = 1e-10
+"""Share of h: a copy whose steps become shorter has found none."""
 
 
 @compiled
 def integrate(
-    x: Any, v: Any, ledger: Ledger, workspace: np.ndarray, h: Any, steps: int, terms: Terms
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Control, steps: int, terms: Terms
 ) -> None:
     """Go ``steps`` × h ahead in steps of at most h, each copy of the block in its own.
 
-    Powers are integrated for the ledger by the same weights. The next step is 0.9 e_n^(−3/16) e_(n−1)^(1/16)
-    times this one, e the error in tolerances: Gustafsson's PI control with exponents that need square
-    roots only. A copy that finds no step is set to NaN.
+    Powers are integrated for the ledger by the same weights. `springgym.integrators.step_control` chooses the
+    steps. A copy that finds no step is set to NaN.
     """
     if ledger is None:
         advance(x, v, None, None, workspace, h, steps, terms)
@@ -78,7 +79,7 @@ def advance(
     x: Numbers,
     v: Rows,
     ledger: Ledger,
-    power: Any,
+    power: Numbers,
     workspace: np.ndarray,
     control: Control,
     steps: int,
@@ -114,13 +115,8 @@ def advance(
         store(control.counts, STEPS, load(control.counts, STEPS) + taken)
         store(control.counts, REJECTIONS, load(control.counts, REJECTIONS) + rejected)
         remaining = select(accepted, remaining - tau, remaining)
-        error = select(error < 1e-4, 1e-4, error)
-        root = sqrt(sqrt(sqrt(sqrt(error))))
-        change = SAFETY * sqrt(sqrt(sqrt(sqrt(last_error)))) / (root * root * root)
-        change = select(change > SHRINK, change, SHRINK)  # also where it is not a number
-        change = select(change < GROW, change, GROW)
-        change = select(after_rejection + rejected > 0.0, select(change < 1.0, change, 1.0), change)
-        trial = tau * change
+        error = select(error < LEAST, LEAST, error)
+        trial = next_step(tau, error, last_error, after_rejection + rejected)
         trial = select(trial < control.step, trial, control.step)
         last_error = select(accepted, error, last_error)
         after_rejection = rejected
@@ -150,7 +146,7 @@ def evaluate(
 @compiled
 def error_norm(
     v: Rows, vs: Rows, tau: Number, length: Number, workspace: np.ndarray, control: Control
-) -> Any:
+) -> Number:
     """Root mean square errors of positions and velocities, in tolerances, added."""
     squares = 0.0 * tau
     speed, in_x, in_v = squares, squares, squares

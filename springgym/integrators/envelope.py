@@ -8,14 +8,18 @@ everything is joined what a dense one does.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from springgym.core.blocks import aligned_zeros
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Rows, Vector
 from springgym.core.vectors import cross, dot, row, set_row, vec
+
+Block: TypeAlias = tuple[Vector, Vector, Vector]
+"""A 3×3 matrix: its rows."""
 
 
 class Envelope(NamedTuple):
@@ -30,7 +34,7 @@ class Envelope(NamedTuple):
     upper: np.ndarray
 
 
-def envelope(count: int, springs: np.ndarray, dtype: Any) -> Envelope:
+def envelope(count: int, springs: np.ndarray, dtype: DTypeLike) -> Envelope:
     """Room for the matrix of ``count`` particles joined by ``springs`` (S, 2)."""
     first = np.arange(count)
     np.minimum.at(first, springs.max(axis=1), springs.min(axis=1))
@@ -40,53 +44,53 @@ def envelope(count: int, springs: np.ndarray, dtype: Any) -> Envelope:
 
 
 @compiled
-def block(blocks: Rows, n: Number) -> Any:
+def block(blocks: Rows, n: Number) -> Block:
     """Block ``n``: its three rows."""
     return row(blocks, 3 * n), row(blocks, 3 * n + 1), row(blocks, 3 * n + 2)
 
 
 @compiled
-def set_block(blocks: Rows, n: Number, values: Vector) -> None:
+def set_block(blocks: Rows, n: Number, values: Block) -> None:
     set_row(blocks, 3 * n, values[0])
     set_row(blocks, 3 * n + 1, values[1])
     set_row(blocks, 3 * n + 2, values[2])
 
 
 @compiled
-def combine(u: Vector, rows: Vector) -> Any:
+def combine(u: Vector, rows: Block) -> Vector:
     """Row vector × matrix."""
     return u[0] * rows[0] + u[1] * rows[1] + u[2] * rows[2]
 
 
 @compiled
-def apply(rows: Vector, u: Vector) -> Any:
+def apply(rows: Block, u: Vector) -> Vector:
     """Matrix × vector."""
     return vec(dot(rows[0], u), dot(rows[1], u), dot(rows[2], u))
 
 
 @compiled
-def multiply(rows: Vector, others: Any) -> Any:
+def multiply(rows: Block, others: Block) -> Block:
     return combine(rows[0], others), combine(rows[1], others), combine(rows[2], others)
 
 
 @compiled
-def add(rows: Vector, others: Vector) -> Any:
+def add(rows: Block, others: Block) -> Block:
     return rows[0] + others[0], rows[1] + others[1], rows[2] + others[2]
 
 
 @compiled
-def subtract(rows: Vector, others: Vector) -> Any:
+def subtract(rows: Block, others: Block) -> Block:
     return rows[0] - others[0], rows[1] - others[1], rows[2] - others[2]
 
 
 @compiled
-def transpose(rows: Any) -> Any:
+def transpose(rows: Block) -> Block:
     a, b, c = rows
     return vec(a[0], b[0], c[0]), vec(a[1], b[1], c[1]), vec(a[2], b[2], c[2])
 
 
 @compiled
-def invert(rows: Any) -> Any:
+def invert(rows: Block) -> Block:
     """Inverse of a 3×3 matrix, by cofactors."""
     a, b, c = rows
     first = cross(b, c)
@@ -95,7 +99,7 @@ def invert(rows: Any) -> Any:
 
 
 @compiled
-def factorise(matrix: Any, skew: Any) -> None:
+def factorise(matrix: Envelope, skew: object) -> None:
     """Turn A into L and U of A = L U, L with unit and U with inverted diagonal blocks.
 
     If ``skew`` is None, A is symmetric: then U = D Lᵀ, and half of the work is left out.
@@ -121,7 +125,7 @@ def factorise(matrix: Any, skew: Any) -> None:
 
 
 @compiled
-def solve(matrix: Any, y: Rows) -> None:
+def solve(matrix: Envelope, y: Rows) -> None:
     """Replace ``y`` (N, 3) by A⁻¹ y, A factorised."""
     first, start, lower, upper = matrix
     for i in range(first.size):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from springgym.core.lanes import any_lane, load, select, store
 from springgym.core.vectors import choose, dot, row, set_row, vec
 from springgym.forces import accelerate_and_damp
 from springgym.forces.springs import longest_spring, pull_jacobian
-from springgym.integrators.envelope import add, block, factorise, set_block, solve, subtract
+from springgym.integrators.envelope import Envelope, add, block, factorise, set_block, solve, subtract
 from springgym.integrators.record import ITERATIONS
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def record_damping(
 
 
 @compiled
-def assemble(matrix: Any, x: Rows, v: Rows, tau: Number, terms: Terms) -> None:
+def assemble(matrix: Envelope, x: Rows, v: Rows, tau: Number, terms: Terms) -> None:
     """Set the matrix to M − τ ∂F/∂v − τ² ∂F/∂x and factorise it; pinned particles are left to themselves."""
     particles = terms.particles
     nothing = 0.0 * load(x, (0, 0))
@@ -67,7 +67,7 @@ def assemble(matrix: Any, x: Rows, v: Rows, tau: Number, terms: Terms) -> None:
 
 @compiled
 def subtract_jacobian(
-    matrix: Any,
+    matrix: Envelope,
     x: Rows,
     v: Rows,
     tau: Number,
@@ -92,13 +92,13 @@ def subtract_jacobian(
 
 @compiled
 def solve_stage(
-    x0: Any,
+    x0: Rows,
     v0: Rows,
     x: Rows,
     v: Rows,
     tau: Number,
-    matrix: Any,
-    space: Any,
+    matrix: Envelope,
+    space: tuple[Rows, Rows],
     control: Control,
     terms: Terms,
 ) -> None:

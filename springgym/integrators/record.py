@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from springgym import checks
 from springgym.core.blocks import aligned_zeros
@@ -107,7 +108,7 @@ class Control(NamedTuple):
     """(`COUNTS`,) steps taken and rejected, and Newton iterations"""
 
 
-def workspace(method: Integrator, scene: Scene, dtype: Any) -> Any:
+def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Any:
     """What a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's matrix."""
     bodies = [placed.body for placed in scene.bodies]
     rows = max(max(len(body.masses), len(body.springs), len(scene.surfaces)) for body in bodies)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @compiled
-def kick_and_act(v: Rows, a: Any, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
+def kick_and_act(v: Rows, a: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
     """Let forces ``a`` and actuators ``b`` act for ``tau`` seconds, at once: with half of the kick on either
     side the actuators' work is that of the exact flow, so that the ledger closes to the method's order."""
     kick_amid(v, a, b, tau, ledger, terms, terms.wrench, terms.thrust)
@@ -23,7 +23,7 @@ def kick_and_act(v: Rows, a: Any, b: Rows, tau: Number, ledger: Ledger, terms: T
 @compiled
 def kick_amid(
     v: Rows,
-    a: Any,
+    a: Rows,
     b: Rows,
     tau: Number,
     ledger: Ledger,

@@ -14,12 +14,13 @@ doi:10.1063/1.474310.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers, Vector
 from springgym.core.lanes import load
 from springgym.core.vectors import dot, vec, vector
+from springgym.integrators.envelope import Block
 from springgym.rigid.rotation import normalised, product, rotation_vector, sine_cosine, turn
 
 if TYPE_CHECKING:
@@ -29,29 +30,29 @@ if TYPE_CHECKING:
 class State(NamedTuple):
     """Where a rigid body is and how it moves."""
 
-    q: Any
+    q: Vector
     """the orientation, from where the body began"""
-    spin: Any
+    spin: Vector
     """angular momentum about the body's point, in body coordinates [kg·m²/s]"""
-    position: Any
+    position: Vector
     """of that point, the pin or the centre of mass [m]"""
-    velocity: Any
+    velocity: Vector
     """[m/s]"""
 
 
 @compiled
-def combine(axes: Vector, u: Vector) -> Any:
+def combine(axes: Block, u: Vector) -> Vector:
     """Σ uₙ × axis n."""
     return u[0] * axes[0] + (u[1] * axes[1] + u[2] * axes[2])
 
 
 @compiled
-def components(axes: Vector, u: Vector) -> Any:
+def components(axes: Block, u: Vector) -> Vector:
     return vec(dot(axes[0], u), dot(axes[1], u), dot(axes[2], u))
 
 
 @compiled
-def turned(axes: Any, q: Vector) -> Any:
+def turned(axes: Block, q: Vector) -> Block:
     """The principal axes in world coordinates, given those where ``q`` is the identity."""
     return (
         combine(axes, turn(q, vec(1.0, 0.0, 0.0))),
@@ -61,13 +62,13 @@ def turned(axes: Any, q: Vector) -> Any:
 
 
 @compiled
-def angular_velocity(spin: Vector, rigid: Rigid) -> Any:
+def angular_velocity(spin: Vector, rigid: Rigid) -> Vector:
     moments = vector(rigid.moments)
     return vec(spin[0] / moments[0], spin[1] / moments[1], spin[2] / moments[2])
 
 
 @compiled
-def twist_about_second(q: Vector, spin: Vector, tau: Number, asymmetry: Numbers) -> Any:
+def twist_about_second(q: Vector, spin: Vector, tau: Number, asymmetry: Numbers) -> tuple[Vector, Vector]:
     """The flow of ½(1/I₂ − 1/I₁) Π₂²."""
     s, c = sine_cosine(0.5 * tau * load(asymmetry, 0) * spin[1])
     turned = (
@@ -81,7 +82,7 @@ def twist_about_second(q: Vector, spin: Vector, tau: Number, asymmetry: Numbers)
 
 
 @compiled
-def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> Any:
+def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> tuple[Vector, Vector]:
     """The free motion of a body whose first two moments are I₁."""
     slow = 1.0 / load(rigid.moments, 0)
     q = product(q, rotation_vector(spin, tau * slow))
@@ -99,7 +100,7 @@ def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> Any:
 
 
 @compiled
-def fly(state: State, tau: Number, rigid: Rigid, asymmetry: Numbers) -> Any:
+def fly(state: State, tau: Number, rigid: Rigid, asymmetry: Numbers) -> State:
     """The state after ``tau`` seconds."""
     q, spin, position, velocity = state
     if asymmetry is not None:

@@ -22,12 +22,13 @@ import numpy as np
 
 from springgym.core.blocks import at
 from springgym.core.compiling import compiled, kernel
-from springgym.core.kinds import Ledger, Number, Numbers, Rows
+from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.lanes import bodies_of, load, of_body
 from springgym.core.vectors import angular_momentum, cross, mass_centre, row, set_row, triad, vec
 from springgym.forces.memory import PHASE, remember, resume, share_actions
 from springgym.forces.node import span_of
 from springgym.integrators.clock import Clock, tick
+from springgym.integrators.envelope import Block
 from springgym.integrators.record import Phase
 from springgym.rigid.contact import LOADS, clearance, pass_node, reach_node, read_node, set_loads
 from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
@@ -63,22 +64,22 @@ class Solid(NamedTuple):
     """A body in a call, as its steps take it."""
 
     rigid: Rigid
-    asymmetry: Any
+    asymmetry: Numbers
     """1/I₂ − 1/I₁ [1/(kg·m²)], (1,), or None"""
-    axes: Any
+    axes: Block
     """the principal axes in world coordinates where `State.q` is the identity"""
-    centre: Any
+    centre: Vector
     """of mass, in body coordinates [m]"""
-    total: Any
+    total: Number
     """mass [kg]"""
-    lightness: Any
+    lightness: Number
     """1/mass [1/kg], or 0 of a pinned body"""
     terms: Terms
     """what acts on it"""
 
 
 @compiled
-def orientation(x: Rows, rigid: Rigid) -> Any:
+def orientation(x: Rows, rigid: Rigid) -> Block:
     """The principal axes in world coordinates: how the triad of the particles stands to that of the shape."""
     here = triad(x, rigid.markers)
     e1, e2, e3 = rows(rigid.triad)
@@ -167,7 +168,7 @@ def take(
     steps: int,
     solid: Solid,
     memory: Memory | None,
-) -> Any:
+) -> State:
     """Take ``steps`` steps, through nodes where there are surfaces; returns the state that is to be read."""
     wrench, thrust = solid.terms.wrench, solid.terms.thrust
     if memory is not None:
@@ -190,7 +191,7 @@ def take(
 @compiled
 def take_among_surfaces(
     x: Rows, state: State, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, solid: Solid
-) -> Any:
+) -> State:
     """Take steps through nodes, the last of which the next call makes anew (`springgym.rigid.contact`)."""
     memory = solid.terms.memory
     b = workspace[LOADS]

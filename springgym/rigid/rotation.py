@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Vector
 from springgym.core.lanes import nearest, sqrt
@@ -14,7 +12,7 @@ PI_LOW = 1.5099579909783765e-07
 
 
 @compiled
-def sine_cosine(angle: Number) -> Any:
+def sine_cosine(angle: Number) -> tuple[Number, Number]:
     """(sin, cos), or both negated: the half turns that are left out make no difference to a rotation.
 
     Reduced to |angle| ≤ π/2, by Taylor's series at half of it and the formulas for the double angle.
@@ -42,7 +40,7 @@ def sine_cosine(angle: Number) -> Any:
 
 
 @compiled
-def product(p: Vector, q: Vector) -> Any:
+def product(p: Vector, q: Vector) -> Vector:
     """The rotation q, then p."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
@@ -53,13 +51,13 @@ def product(p: Vector, q: Vector) -> Any:
 
 
 @compiled
-def normalised(q: Vector) -> Any:
+def normalised(q: Vector) -> Vector:
     inverse = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return inverse * q[0], inverse * q[1], inverse * q[2], inverse * q[3]
 
 
 @compiled
-def turn(q: Vector, u: Vector) -> Any:
+def turn(q: Vector, u: Vector) -> Vector:
     """A vector in world coordinates from body coordinates: u + 2 w a × u + 2 a × (a × u), q = (w, a)."""
     axis = vec(q[1], q[2], q[3])
     across = 2.0 * cross(axis, u)
@@ -67,13 +65,13 @@ def turn(q: Vector, u: Vector) -> Any:
 
 
 @compiled
-def turn_back(q: Vector, u: Vector) -> Any:
+def turn_back(q: Vector, u: Vector) -> Vector:
     """A vector in body coordinates from world coordinates."""
     return turn((q[0], -q[1], -q[2], -q[3]), u)
 
 
 @compiled
-def rotation_vector(u: Vector, scale: Number) -> Any:
+def rotation_vector(u: Vector, scale: Number) -> Vector:
     """The rotation about ``u`` by the angle ``scale`` × |u|."""
     size = sqrt(dot(u, u) + TINY)
     sine, cosine = sine_cosine((0.5 * scale) * size)

@@ -30,6 +30,7 @@ from springgym.scenes.recording import Recording, rigid_twin
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.gridspec import SubplotSpec
 
 TRACE, CENTRE, OTHER = "#e45e2c", "#343c4c", "#8b98a9"
 KINETIC, GRAVITY, SPRINGS, CONTACT, LOST = "#2b5c96", "#22966a", "#d39b2a", "#3e929e", "#be323c"
@@ -85,7 +86,7 @@ def draw(recording: Recording) -> Figure:
 def _picture(
     recording: Recording,
     figure: Figure,
-    place: Any,
+    place: SubplotSpec,
     size: tuple[float, float],
     moments: Sequence[int],
     title: str,
@@ -180,9 +181,11 @@ def _metres(length: float) -> str:
 # --- Panels -----------------------------------------------------------------------------------------
 
 
-def _panel(figure: Figure, place: Any, title: str, across: str, up: str, **options: Any) -> Axes:
+def _panel(figure: Figure, place: SubplotSpec, title: str, across: str, up: str, **options: Any) -> Axes:
     axes = figure.add_subplot(place, **options)
     axes.set(title=title, xlabel=across, ylabel=up)
+    if across in ("", "t [s]"):
+        axes.margins(x=0)  # of what is drawn in time
     return axes
 
 
@@ -224,7 +227,7 @@ def _legend(axes: Axes, below: bool = False) -> None:
     )
 
 
-def _energies(recording: Recording, figure: Figure, place: Any, change: bool = False) -> None:
+def _energies(recording: Recording, figure: Figure, place: SubplotSpec, change: bool = False) -> None:
     """Where the energy is, and where it went; or how much of it moved since the start.
 
     Those of gravity and of the springs count from their least.
@@ -252,7 +255,6 @@ def _energies(recording: Recording, figure: Figure, place: Any, change: bool = F
     axes.plot(t, factor * everything, "k", linestyle=DASHES, linewidth=1, label="sum")
     if not change:
         axes.set_ylim(0, 1.06 * factor * scale or 1.0)
-    axes.margins(x=0)
     _legend(axes, below=change)
 
 
@@ -294,7 +296,6 @@ def top(recording: Recording, figure: Figure) -> None:
     tilt.plot(recording.times, _tilt(recording), color=TRACE)
     if twin is not None:
         tilt.plot(twin.times, _tilt(twin), color="k", linestyle=DASHES, linewidth=0.8)
-    tilt.margins(x=0)
     _energies(recording, figure, grid[1, 2], change=True)
 
 
@@ -320,7 +321,6 @@ def pendulum(recording: Recording, figure: Figure) -> None:
     if twin is not None:
         angle = _angle(_path(twin), sideways)
         swing.plot(twin.times, angle, "k", linestyle=DASHES, linewidth=0.8, label="rigid twin")
-    swing.margins(x=0)
     _legend(swing)
     _energies(recording, figure, grid[1, 2])
 
@@ -350,8 +350,6 @@ def rope(recording: Recording, figure: Figure) -> None:
     for axis, style in ((0, "-"), (2, ":")):
         end.plot(t, ways[:, axis], style, color=TRACE)
         _named(end, t[-1], ways[-1, axis], "xyz"[axis], TRACE)
-    for axes in (long, end):
-        axes.margins(x=0)
     _energies(recording, figure, grid[2, 1])
 
 
@@ -378,7 +376,6 @@ def drop(recording: Recording, figure: Figure) -> None:
     high.plot(t, m.centre[:, 2], color=CENTRE, label="centre of mass")
     high.plot(t, x[:, :, 2].min(axis=1), color=OTHER, label="lowest particle")
     high.axhline(0, color="k", linewidth=1)
-    high.margins(x=0)
     _legend(high)
     _energies(recording, figure, grid[1, 1])
 
@@ -398,7 +395,6 @@ def slide(recording: Recording, figure: Figure) -> None:
     fast = _panel(figure, grid[1, 1], "how fast it is", "", f"[{unit}]")
     fast.plot(t, factor * speed, color=CENTRE)
     for axes in (far, fast):
-        axes.margins(x=0)
         axes.set_ylim(0, None)
     _energies(recording, figure, grid[2, 1])
 
@@ -417,7 +413,6 @@ def rotation(recording: Recording, figure: Figure) -> None:
             label = "rigid twin" if n == 2 else None
             own = _turning(twin)[:, n]
             turning.plot(twin.times, own, "k", linestyle=DASHES, linewidth=0.7, label=label)
-    turning.margins(x=0)
     _legend(turning)
     _energies(recording, figure, grid[1, 1])
 
@@ -437,7 +432,6 @@ def bodies(recording: Recording, figure: Figure) -> None:
         if not placed.body.floppy:
             turning.plot(t, np.linalg.norm(m.angular_velocity, axis=1), color=color)
     for axes in (high, turning):
-        axes.margins(x=0)
         low, top = axes.get_ylim()
         if top - low < 0.02 * abs(top):  # what stays is shown as staying
             axes.set_ylim(0, 1.15 * top)
@@ -447,7 +441,6 @@ def bodies(recording: Recording, figure: Figure) -> None:
         given = _panel(figure, grid[2, 1], "impulse from body to body, so far", "", "[N·s]")
         for n in np.flatnonzero(recording.pairs.impulse[-1] > 0):
             given.plot(t, recording.pairs.impulse[:, n], color=OF_BODIES[met[n].first % len(OF_BODIES)])
-        given.margins(x=0)
     _energies(recording, figure, grid[-1, 1])
 
 
@@ -471,7 +464,6 @@ def ringing(recording: Recording, figure: Figure) -> None:
         for side, label in ((1, "solid"), (-1, None)):
             edge = side * factor * np.abs(longer).max() * left
             swings.plot(t, edge, "k", linestyle=DASHES, linewidth=0.7, label=label)
-    swings.margins(x=0)
     _legend(swings)
     _energies(recording, figure, grid[1, 1])
 

@@ -23,19 +23,11 @@ class Jacobi(NamedTuple):
     turns: Floats
 
 
-def _means(m1: float) -> tuple[float, list[float]]:
-    """Arithmetic-geometric mean of 1 and sqrt(m1), and the ratios c_n / a_n on the way."""
-    a, b, ratios = 1.0, math.sqrt(m1), []
-    c = a
-    while abs(c) > 1e-8 * a:  # the next c would be c^2 / 4a
-        c, a, b = (a - b) / 2, (a + b) / 2, math.sqrt(a * b)
-        ratios.append(c / a)
-    return a, ratios
-
-
 def complete_k(m1: float) -> float:
-    """Complete elliptic integral K = pi / (2 agm(1, sqrt(m1))) (Abramowitz & Stegun 17.6.3)."""
-    return math.inf if m1 == 0 else math.pi / (2 * _means(m1)[0])
+    """Complete elliptic integral K; infinite at m1 = 0."""
+    from scipy.special import ellipkm1
+
+    return float(ellipkm1(m1))
 
 
 def incomplete_f(sine: float, cosine: float, m1: float) -> float:
@@ -50,22 +42,20 @@ def incomplete_f(sine: float, cosine: float, m1: float) -> float:
 def jacobi(u: Floats, m1: float) -> Jacobi:
     """sn, cn, dn of u, first reduced to |r| <= K so that turns do not cost accuracy.
 
-    For m1 >= 0.1 by descending Landen transformation (Abramowitz & Stegun 16.4); below it as sums
-    over poles, dn = (pi/2K') sum sech(pi (r - 2nK)/2K') and likewise cn and sn with alternating
-    signs of sech and tanh (DLMF 22.12 through Jacobi's imaginary transformation, DLMF 22.6), which
-    keep cn and dn to relative accuracy where they are small.
+    For m1 >= 0.1 by SciPy; below it as sums over poles, dn = (pi/2K') sum sech(pi (r - 2nK)/2K')
+    and likewise cn and sn with alternating signs of sech and tanh (DLMF 22.12 through Jacobi's
+    imaginary transformation, DLMF 22.6), which keep cn and dn to relative accuracy where they are
+    small.
     """
+    from scipy.special import ellipj
+
     quarter = complete_k(m1)
     turns = np.rint(u / (2 * quarter))
     r = u - 2 * quarter * turns if m1 > 0 else u
     parity = 1 - 2 * np.mod(turns, 2)
     if m1 >= 0.1:
-        mean, ratios = _means(m1)
-        amplitude = 2.0 ** len(ratios) * mean * r
-        for ratio in reversed(ratios):
-            amplitude = (amplitude + np.arcsin(ratio * np.sin(amplitude))) / 2
-        sn, cn = np.sin(amplitude), np.cos(amplitude)
-        return Jacobi(parity * sn, parity * cn, np.sqrt(cn**2 + m1 * sn**2), turns)
+        sn, cn, dn, _ = ellipj(r, 1 - m1)
+        return Jacobi(parity * sn, parity * cn, dn, turns)
     scale = math.pi / 2 / complete_k(1 - m1)
     n = np.arange(-8, 9) if m1 > 0 else np.zeros(1)
     x = scale * (r[..., None] - (2 * quarter * n if m1 > 0 else n))

@@ -17,7 +17,7 @@ import webbrowser
 from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from springgym.extras import missing
 from springgym.scenes import load, names
@@ -27,6 +27,9 @@ from springgym.stability import automatic_step
 from springgym.view.knobs import knobs
 from springgym.view.motion import Motion, of_recording
 from springgym.view.page import FPS, Changes, Page, Subject
+
+if TYPE_CHECKING:
+    from viser import ViserServer
 
 PORT = 8080
 
@@ -41,8 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--agent",
-        metavar="RUN",
-        help="a run folder of agents/train.py, whose environment and agent are shown; or zero, random",
+        help="a run folder of springgym train, or the id of a published agent; or zero, random",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the first episode")
     parser.add_argument(
@@ -180,7 +182,7 @@ def _check_saved(path: Path) -> None:
         raise ValueError(f"{path}: there is no folder {path.absolute().parent}")
 
 
-def _server(port: int) -> Any:
+def _server(port: int) -> ViserServer:
     """A server that pages of this machine alone reach, see `springgym.view.door`."""
     try:
         import viser
@@ -194,6 +196,6 @@ def _server(port: int) -> Any:
     return door.guard(server)
 
 
-def _end(server: Any) -> None:
+def _end(server: ViserServer) -> None:
     with redirect_stdout(io.StringIO()):
         server.stop()

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 import springgym.registration
 from springgym import measures
-from springgym.envs.agent import Algorithm, Network, Policy, load_agent
+from springgym.envs.agent import Policy
+from springgym.envs.trained import Agent, load_agent
 from springgym.scenes import film
-from springgym.strict_yaml import build, read_yaml
 from springgym.view.motion import Motion, graphs
 from springgym.view.page import Changes, Subject
 
@@ -22,26 +19,6 @@ INTERVAL = 5e-3
 """Longest time between two states [s]: control periods are too long to see a spin in."""
 SEEDS = 20
 """Episodes to choose from."""
-
-
-class Agent(NamedTuple):
-    """Who acts, and where."""
-
-    name: str
-    env_id: str
-    env_kwargs: dict[str, Any]
-    policy: Callable[[gym.Env], Policy]
-    """made for an environment"""
-
-
-@dataclass(frozen=True)
-class Run:
-    """What stands in the ``config.yaml`` of a run folder."""
-
-    algo: Algorithm
-    env_id: str
-    seed: int
-    config: dict[str, Any]
 
 
 def episodes(agent: Agent, first: int) -> Subject:
@@ -60,7 +37,8 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
     Parameters
     ----------
     agent
-        A run folder, whose environment it brings along; "zero" or None, "random".
+        A run folder, or the id of a published agent's environment: it brings its environment along; "zero" or
+        None, "random".
     env_id
         Of the environment of the latter.
 
@@ -76,29 +54,15 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
         return Agent("random actions", env_id, {}, _random)
     if agent == "classical":
         raise ValueError(
-            "classical control is not in the package but in the repository's folder agents/; there, "
-            f"python agents/watch.py classical --env {env_id} --browser  shows it"
+            "classical control is not in the view but in the scripts: "
+            f"springgym watch classical --env {env_id} --browser  shows it"
         )
-    folder = Path(agent)
-    if not (folder / "config.yaml").is_file():
-        raise ValueError(f"agent {agent!r} is no run folder, which has a config.yaml, nor zero or random")
-    tree = read_yaml(folder / "config.yaml")
-    run: Run = build(Run, tree)
-    if ":" in run.env_id and run.env_id != env_id:
+    found = load_agent(agent)
+    if ":" in found.env_id and found.env_id != env_id:
         raise ValueError(
-            f"{folder} asks for a module to be imported; if that is to be, name {run.env_id}, too"
+            f"{agent} asks for a module to be imported; if that is to be, name {found.env_id}, too"
         )
-    others = tuple(key for key in run.config if key not in Network.__dataclass_fields__)
-    network: Network = build(Network, tree, ("config",), skip=others, algo=run.algo)
-    path = folder / "agent.npz"
-
-    def policy(env: gym.Env) -> Policy:
-        if not path.exists():
-            raise ValueError(f"{folder} has no agent.npz yet: its training has not reached a checkpoint")
-        return load_agent(path, network, env.observation_space, env.action_space)
-
-    kwargs = {**run.config.get("env_kwargs", {}), **run.config.get("eval_env_kwargs", {})}
-    return Agent(folder.name, run.env_id, kwargs, policy)
+    return found
 
 
 def _zero(env: gym.Env) -> Policy:

@@ -9,11 +9,11 @@ import zipfile
 import agent
 import config
 import evaluate
+import learner
 import numpy as np
 import pytest
 import runs
 import toy_env
-import train
 import watch
 from conftest import HERE
 
@@ -27,8 +27,8 @@ def untrained(algo, folder, normalize=False):
     settings = [f"normalize={str(normalize).lower()}"]
     asked = config.load_config(algo, TOY, settings, HERE / f"toy_{algo}.yaml")
     run = runs.create_run(runs.Run(folder, algo, TOY, 0, asked))
-    env = train.make_training_env(run)
-    model = train.new_model(run, env)
+    env = learner.make_training_env(run)
+    model = learner.new_model(run, env)
     if normalized := model.get_vec_normalize_env():
         normalized.reset()
         for _ in range(50):

@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 import springgym  # noqa: F401  (registers the environments)
+from springgym.registration import find
 
 GOOD = """\
 Task-v0:
@@ -136,5 +137,7 @@ def test_wrong_override_is_named(load, override, says):
 def test_every_environment_has_an_entry(algo):
     ids = [spec.id for spec in gym.registry.values() if str(spec.vector_entry_point).startswith("springgym")]
     assert ids, "springgym registered no environment"
+    own = config.read_yaml(config.CONFIG_FOLDER / f"{algo}.yaml").value.keys() - {config.DEFAULT}
     for env_id in ids:
         config.load_config(algo, env_id)
+        assert {env_id, find(env_id)[0].id} & own, f"{env_id} has the default hyperparameters"

@@ -10,9 +10,12 @@ import publish
 import pytest
 import runs
 import watch
-from runs import TRAINED
 
-CARDS = sorted(TRAINED.glob("*/card.json"))
+import springgym
+from springgym.envs import trained
+from springgym.envs.trained import PUBLISHED
+
+CARDS = sorted(PUBLISHED.glob("*/card.json"))
 DEAR = ("SpringShove-v0", "SpringStack-v0", "SpringJuggle-v0", "SpringDuel-v0")
 """What takes long to compile is left to slow runs, but for one of those whose bodies collide."""
 
@@ -27,7 +30,7 @@ def test_it_does_what_its_card_says(path, tmp_path):
     assert path.parent.name == card["task"]
     assert benchmark.probe(card["task"]) == pytest.approx(card["probe"], abs=1e-6), "the task has changed"
     found = tmp_path / "found.json"
-    asked = ["--pretrained", card["task"], "--episodes", str(card["episodes"]), "--json", str(found)]
+    asked = [card["task"], "--episodes", str(card["episodes"]), "--json", str(found)]
     assert evaluate.main(asked) == 0
     (result,) = json.loads(found.read_text())
     low, high = card["interval"]
@@ -45,14 +48,14 @@ def test_there_are_some():
 @pytest.fixture
 def copied(tmp_path, monkeypatch):
     """The repository's agents, to do harm to."""
-    shutil.copytree(TRAINED, tmp_path / "trained")
-    monkeypatch.setattr(runs.pretrained, "__defaults__", (tmp_path / "trained",))
+    shutil.copytree(PUBLISHED, tmp_path / "trained")
+    monkeypatch.setattr(trained.published, "__defaults__", (tmp_path / "trained",))
     return tmp_path / "trained"
 
 
 def test_a_film_of_one(copied, tmp_path):
     film = ["--out", str(tmp_path / "rope.gif"), "--set", "max_episode_steps=20"]
-    assert watch.main(["--pretrained", "SpringRope-v0", *film]) == 0
+    assert watch.main(["SpringRope-v0", *film]) == 0
     assert (tmp_path / "rope.gif").read_bytes().startswith(b"GIF8")
 
 
@@ -60,39 +63,62 @@ def test_a_film_of_one(copied, tmp_path):
 def test_one_that_was_changed_is_refused(copied, name, capsys):
     with open(copied / "SpringTop-v0" / name, "ab") as file:
         file.write(b"\n")
-    assert evaluate.main(["--pretrained", "SpringTop-v0"]) == 2
+    assert evaluate.main(["SpringTop-v0"]) == 2
     assert f"{name}: it is not the file that was published" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"sha256": 3}'])
 def test_a_damaged_card(copied, text, capsys):
     (copied / "SpringTop-v0" / "card.json").write_text(text)
-    assert evaluate.main(["--pretrained", "SpringTop-v0"]) == 2
+    assert evaluate.main(["SpringTop-v0"]) == 2
     assert "not the card of an agent" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["Absent-v0", "../trained/SpringTop-v0", ""])
 def test_there_is_no_such_agent(name):
-    with pytest.raises(runs.ConfigError, match="there is no such agent; there are Spring"):
-        runs.pretrained(name)
+    with pytest.raises(runs.ConfigError, match="no published agent; there are Spring"):
+        trained.published(name)
 
 
-@pytest.mark.parametrize(
-    ("command", "says"),
-    [
-        (evaluate.main, "name agents, or --pretrained and an environment id"),
-        (watch.main, "name an agent, or --pretrained and an environment id"),
-    ],
-)
-def test_nobody_is_named(command, says, capsys):
-    with pytest.raises(SystemExit):
-        command([])
-    assert says in capsys.readouterr().err
+def test_it_acts_without_the_scripts():
+    """What `springgym.load_agent` gives is what the scripts play, a batch or one at a time."""
+    agent = springgym.load_agent("SpringTop-v0")
+    assert (agent.name, agent.env_id) == ("SpringTop-v0", "SpringTop-v0")
+    env = agent.make(max_episode_steps=50)
+    policy, theirs = (
+        agent.policy(env),
+        runs.load_policy(runs.open_run(PUBLISHED / "SpringTop-v0"), env.observation_space, env.action_space),
+    )
+    observation, _ = env.reset(seed=runs.HELD_OUT_SEED)
+    total, over = 0.0, False
+    while not over:
+        action = policy(observation)
+        assert action.shape == env.action_space.shape
+        assert (action == theirs(observation[None])[0]).all()
+        observation, reward, terminated, truncated, _ = env.step(action)
+        total, over = total + reward, terminated or truncated
+    played = evaluate.evaluate(str(PUBLISHED / "SpringTop-v0"), "SpringTop-v0", {"max_episode_steps": 50}, 1)
+    assert total / 50 == pytest.approx(played.return_per_step, rel=1e-6)
+
+
+@pytest.mark.parametrize("wrong", [None, 3, True, b"SpringTop-v0"])
+def test_what_names_no_agent_is_refused(wrong):
+    with pytest.raises(TypeError, match="it must be an environment id or a run folder"):
+        springgym.load_agent(wrong)
+
+
+def test_the_folder_of_an_agent_may_be_incomplete(tmp_path):
+    with pytest.raises(ValueError, match="is no run folder, and no published agent"):
+        springgym.load_agent(tmp_path)
+    shutil.copy(PUBLISHED / "SpringTop-v0" / "config.yaml", tmp_path)
+    agent = springgym.load_agent(tmp_path)
+    with pytest.raises(ValueError, match=r"has no agent\.npz yet"):
+        agent.policy(agent.make())
 
 
 def test_publishing_keeps_the_better_one(copied, tmp_path, capsys):
     """The same agent again does not replace itself; a better one replaces a worse one."""
-    run = TRAINED / "SpringRope-v0"
+    run = PUBLISHED / "SpringRope-v0"
     shutil.copytree(run, tmp_path / "run")
     card = json.loads((run / "card.json").read_text())
     (tmp_path / "run" / "versions.json").write_text(json.dumps(card["versions"]))
@@ -103,11 +129,11 @@ def test_publishing_keeps_the_better_one(copied, tmp_path, capsys):
     (copied / "SpringRope-v0" / "card.json").write_text(json.dumps(card))
     assert publish.main(command) == 0
     assert json.loads((copied / "SpringRope-v0" / "card.json").read_text())["mean_return"] > 0.7
-    assert runs.pretrained("SpringRope-v0") == copied / "SpringRope-v0"
+    assert trained.published("SpringRope-v0") == copied / "SpringRope-v0"
 
 
 def test_what_nobody_could_train_again_is_not_published(copied, tmp_path, capsys):
-    shutil.copytree(TRAINED / "SpringRope-v0", tmp_path / "run")
+    shutil.copytree(PUBLISHED / "SpringRope-v0", tmp_path / "run")
     text = (tmp_path / "run" / "config.yaml").read_text()
     (tmp_path / "run" / "config.yaml").write_text(
         text.replace("total_timesteps: 800000", "total_timesteps: 8")

@@ -14,9 +14,13 @@ import zipfile
 from pathlib import Path
 
 import agent
+import board
+import config
 import evaluate
+import learner
 import numpy as np
 import pytest
+import recorder
 import runs
 import toy_env
 import train
@@ -66,10 +70,10 @@ def assert_same_run(folder, reference):
 def test_runs_of_neighbouring_seeds_share_no_start(tmp_path):
     starts = []
     for seed in (0, 1):
-        config = train.load_config("ppo", "toy_env:Toy-v0", [], HERE / "toy_ppo.yaml")
-        run = runs.Run(tmp_path, "ppo", "toy_env:Toy-v0", seed, config)
-        env = train.make_training_env(run)
-        starts.append(train.new_model(run, env).get_env().reset())
+        settings = config.load_config("ppo", "toy_env:Toy-v0", [], HERE / "toy_ppo.yaml")
+        run = runs.Run(tmp_path, "ppo", "toy_env:Toy-v0", seed, settings)
+        env = learner.make_training_env(run)
+        starts.append(learner.new_model(run, env).get_env().reset())
         starts.append(env.reset())  # the episodes after
     starts = np.concatenate(starts)
     assert len(np.unique(starts, axis=0)) == len(starts) > 20
@@ -107,7 +111,7 @@ def test_a_run_tells_what_its_agent_reaches_without_noise(finished):
     first, *_, last = rows(finished, "progress.csv")
     assert int(last["timesteps"]) == 12288
     assert float(last["success_rate"]) > 0.9 > float(first["success_rate"])
-    again = train.evaluate(str(finished), "toy_env:Toy-v0", {}, train.PLAYED, train.PROGRESS_SEED)
+    again = evaluate.evaluate(str(finished), "toy_env:Toy-v0", {}, recorder.PLAYED, recorder.PROGRESS_SEED)
     assert again.return_per_step == float(last["return_per_step"])
 
 
@@ -218,7 +222,7 @@ def test_environment_without_state_resumes_with_new_episodes(tmp_path, monkeypat
 def test_copies_end_at_different_times_in_resumed_runs_too(tmp_path, monkeypatch):
     """The checkpoint lies where most first episodes, shortened to spread the ends, are still under way."""
     monkeypatch.setattr(train, "report", lambda *arguments: 0)
-    monkeypatch.setattr(train, "save_checkpoint", kept := Kept(train.save_checkpoint))
+    monkeypatch.setattr(recorder, "save_checkpoint", kept := Kept(recorder.save_checkpoint))
     settings = ["n_envs=4", "n_steps=64", "batch_size=64", "n_epochs=1", "log_every=1", "net_arch=[8]"]
     options = ["SpringTop-v0", "--set", *settings, "--timesteps"]
     assert train.main([*options, "768", "--run", str(tmp_path / "one")]) == 0
@@ -389,13 +393,13 @@ def test_a_full_disk_is_told_in_a_line_and_leaves_the_old_checkpoint(tmp_path, m
 def test_a_log_that_cannot_be_written_is_told_in_a_line(tmp_path, monkeypatch, capsys):
     """Where PyTorch's writer has a thread that dies of it."""
 
-    class Full(train.RecordWriter):
+    class Full(board.RecordWriter):
         def write(self, data):
             if b"rollout/" in data:
                 raise OSError(errno.ENOSPC, "No space left on device")
             super().write(data)
 
-    monkeypatch.setattr(train, "RecordWriter", Full)
+    monkeypatch.setattr(board, "RecordWriter", Full)
     folder = tmp_path / "run"
     assert train.main(start(folder, "--timesteps", "1024")) == 2
     assert capsys.readouterr().err.splitlines()[-1] == f"train.py: error: {folder}: No space left on device"
@@ -407,7 +411,7 @@ def test_stopped_while_it_is_evaluated(copied, monkeypatch, capsys):
 
     monkeypatch.setattr(train, "evaluate", interrupted)
     assert train.main(["--resume", str(copied)]) == 130
-    assert f"stopped, with the agent trained; to see it: python agents/train.py --resume {copied}" in (
+    assert f"stopped, with the agent trained; to see it: springgym train --resume {copied}" in (
         capsys.readouterr().out
     )
 
@@ -417,7 +421,7 @@ def test_learning_that_diverges_is_told_in_a_line(tmp_path, monkeypatch, capsys)
         for tensor in recorder.model.policy.parameters():
             tensor.data.fill_(np.nan)
 
-    monkeypatch.setattr(train.Recorder, "write_row", spoil)
+    monkeypatch.setattr(recorder.Recorder, "write_row", spoil)
     assert train.main(start(tmp_path / "run", "--timesteps", "2048")) == 2
     assert "learning diverged. Start a new run, with a smaller learning_rate" in capsys.readouterr().err
 
@@ -496,5 +500,5 @@ def test_damaged_run_configuration(finished, tmp_path, old, new, says):
     text = (finished / "config.yaml").read_text()
     assert text.count(old) == 1
     (tmp_path / "config.yaml").write_text(text.replace(old, new))
-    with pytest.raises(train.ConfigError, match=says):
+    with pytest.raises(config.ConfigError, match=says):
         runs.open_run(tmp_path)

@@ -254,7 +254,7 @@ def test_both_players_see_the_same_duel() -> None:
     env.reset(seed=3)
     episodes = env.unwrapped.episodes
     task, (x, v) = episodes.task, episodes.particles
-    seen = task.seen_by_second(*episodes._whole[:3], episodes.goal)
+    seen = task.seen_by_second(*episodes.seen[:2])
     half = np.array([-1.0, -1.0, 1.0])
     count = x.shape[1] // 2
     episodes.simulator.place(half * np.roll(x, count, axis=1), half * np.roll(v, count, axis=1))

@@ -17,6 +17,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 from springgym import measures
+from springgym.envs.observation import Situation
 from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.envs.task import Task
 from springgym.scene import Scene
@@ -304,7 +305,9 @@ def answer(task: Task, simulator: Simulator, goal: np.ndarray) -> dict[str, np.n
     """What acts beside the actions on the one copy of a simulator."""
     simulator.read()
     rows, x, v, bodies = simulator.readout
-    return task.respond(measures.view(bodies if len(simulator.scene.bodies) > 1 else rows), x, v, goal)
+    m = measures.view(bodies if len(simulator.scene.bodies) > 1 else rows)
+    action = np.zeros((1, *task.action_space.shape))
+    return task.respond(m, Situation(x, v, action, goal, task.parameters))
 
 
 SCALED: dict[str, Callable[[Scene, float], Scene]] = {
@@ -380,7 +383,8 @@ def test_randomised_copy_is_another_scene(env_id: str) -> None:
         for action in actions:
             for n, simulator in enumerate(own):
                 others = answer(task, simulator, episodes.goal[n : n + 1])
-                simulator.actuate(**task.actuate(push[n] * action[None]), **others)
+                weak = {actuator: push[n] * values for actuator, values in others.items()}
+                simulator.actuate(**task.actuate(push[n] * action[None]), **weak)
             episodes.step(np.tile(action, (2, 1)))
             for n, simulator in enumerate(own):
                 simulator.advance(episodes.steps, check=False)

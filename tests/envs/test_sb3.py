@@ -195,7 +195,8 @@ gym.register("LonelyCartPole-v0", entry_point=cartpole)
 
 def test_make_sb3_without_native_copies():
     """An environment that a user registered with no vector entry point is stepped in a loop."""
-    env = make_sb3("LonelyCartPole-v0", num_envs=2)
+    with pytest.warns(UserWarning, match="LonelyCartPole-v0 was registered without a vector_entry_point"):
+        env = make_sb3("LonelyCartPole-v0", num_envs=2)
     env.seed([3, 4])
     reference = DummyVecEnv([cartpole] * 2)
     reference.seed(3)

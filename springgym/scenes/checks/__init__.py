@@ -2,95 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from springgym.scene import Scene
-from springgym.scenes.checks.basis import NOT_COVERED, Check
-from springgym.scenes.checks.contact import (
-    axial_spin,
-    bounces,
-    bowl_period,
-    impact,
-    rest_height,
-    resting_tip,
-    restitution,
-    rubbing,
-    slope,
-    stopping,
-    straight_fall,
-)
-from springgym.scenes.checks.free import energy, flips, momentum, spun_length, twin
-from springgym.scenes.checks.needs import fitting
-from springgym.scenes.checks.solids import cable, ring_down, ring_frequency, solid_inertia, spin_gap, wobble
-from springgym.scenes.checks.swings import (
-    bungee,
-    pendulum,
-    rope_modes,
-    rope_stretch,
-    rope_swing,
-    small_swings,
-)
-from springgym.scenes.checks.together import (
-    bowl_turning,
-    counted,
-    cradle,
-    draped,
-    exchange,
-    slab,
-    stacked,
-    wave,
-)
-from springgym.scenes.checks.tops import nutation, sleep, steady_precession
+from springgym.scenes.checks import contact, free, solids, swings, together, tops  # noqa: F401  (they fill CHECKS)
+from springgym.scenes.checks.basis import CHECKS, NEEDS, NOT_COVERED, TOGETHER, Check
+from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
-
-TOGETHER = (bowl_turning, counted, cradle, draped, exchange, slab, stacked, wave)
-"""Checks of all bodies that collide."""
-
-CHECKS: dict[str, Callable[[Recording], list[Check]]] = {
-    function.__name__: function
-    for function in (
-        axial_spin,
-        bounces,
-        bungee,
-        cable,
-        bowl_period,
-        energy,
-        flips,
-        impact,
-        momentum,
-        nutation,
-        pendulum,
-        rest_height,
-        resting_tip,
-        restitution,
-        ring_down,
-        ring_frequency,
-        rope_modes,
-        rope_stretch,
-        rope_swing,
-        rubbing,
-        sleep,
-        slope,
-        small_swings,
-        solid_inertia,
-        spin_gap,
-        spun_length,
-        steady_precession,
-        stopping,
-        straight_fall,
-        twin,
-        wobble,
-        *TOGETHER,
-    )
-}
 
 
 def of_all(scene: Scene, names: Sequence[str]) -> list[str]:
     """Which of the checks are of all bodies together: where they collide, none keeps its own energy."""
-    together = {function.__name__ for function in TOGETHER}
-    if scene.meetings:
-        together |= {"energy", "momentum"}
-    return [name for name in names if name in together]
+    of_them = TOGETHER | {"energy", "momentum"} if scene.meetings else TOGETHER
+    return [name for name in names if name in of_them]
+
+
+def fitting(plan: Plan) -> None:
+    """Make sure that all checks of a scene mean something for it.
+
+    Raises
+    ------
+    ValueError
+        Naming the check that does not fit, and why.
+    """
+    for part in plan.parts:
+        fitting(part)
+    for name in plan.checks:
+        try:
+            for need in NEEDS[name]:
+                need(plan)
+        except ValueError as error:
+            raise ValueError(f"check {name!r} does not fit scene {plan.name!r}: {error}") from error
 
 
 def check(recording: Recording) -> list[Check]:

@@ -8,10 +8,39 @@ from typing import NamedTuple
 
 import numpy as np
 
+from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
 
 NOT_COVERED = "not covered"
 """The verdict where theory leaves out more than the tolerance."""
+
+Checking = Callable[[Recording], "list[Check]"]
+Need = Callable[[Plan], None]
+
+CHECKS: dict[str, Checking] = {}
+"""By the name that a scene file gives them."""
+
+NEEDS: dict[str, tuple[Need, ...]] = {}
+"""By the same name, what must be met for it to mean something: of `springgym.scenes.checks.needs`."""
+
+TOGETHER: set[str] = set()
+"""Checks of all bodies that collide."""
+
+
+def applies(*needs: Need, together: bool = False) -> Callable[[Checking], Checking]:
+    """Make a function a check by its name, for scenes that meet some needs.
+
+    A check is of each body by itself, or of all that collide ``together``.
+    """
+
+    def add(function: Checking) -> Checking:
+        name = function.__name__
+        CHECKS[name], NEEDS[name] = function, needs
+        if together:
+            TOGETHER.add(name)
+        return function
+
+    return add
 
 
 class Check(NamedTuple):

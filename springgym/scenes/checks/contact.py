@@ -12,7 +12,8 @@ from springgym.bodies.body import rigidity_matrix
 from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.bodies.precession import axial_moments
 from springgym.contact.law import SLOW
-from springgym.scenes.checks.basis import Check, crossings, peaks, period, slack, spread, within
+from springgym.scenes.checks import needs
+from springgym.scenes.checks.basis import Check, applies, crossings, peaks, period, slack, spread, within
 from springgym.scenes.checks.tops import angles, mean_rate
 from springgym.scenes.recording import Recording, record
 from springgym.surfaces import Bowl, Contact, PaperContact, Plane, scales
@@ -70,6 +71,7 @@ def _carried(recording: Recording) -> np.ndarray:
     return recording.plan.scene.surfaces[0].height(recording.positions[-1]) < reach
 
 
+@applies(needs.particle, needs.ground, needs.dropped, needs.gravity)
 def bounces(recording: Recording) -> list[Check]:
     """The lowest point of a particle dropped on an elastic floor, and how high it comes back."""
     _, c, reach, g = _met(recording)
@@ -88,6 +90,7 @@ def bounces(recording: Recording) -> list[Check]:
     ]
 
 
+@applies(needs.particle, needs.ground, needs.dropped, needs.restitution, needs.gravity)
 def restitution(recording: Recording) -> list[Check]:
     """Restitution of the first bounces, by the heights between them, at the speeds they have.
 
@@ -110,6 +113,7 @@ def restitution(recording: Recording) -> list[Check]:
     return checks
 
 
+@applies(needs.level, needs.gravity)
 def rest_height(recording: Recording) -> list[Check]:
     """What the particles carry that a body at rest stands on: together its weight."""
     _, c, reach, g = _met(recording)
@@ -129,6 +133,7 @@ def rest_height(recording: Recording) -> list[Check]:
     ]
 
 
+@applies(needs.level, needs.friction, needs.moves, needs.gravity)
 def stopping(recording: Recording) -> list[Check]:
     """Way and time in which a sliding block stops."""
     contact, _, _, g = _met(recording)
@@ -146,6 +151,7 @@ def stopping(recording: Recording) -> list[Check]:
     ]
 
 
+@applies(needs.slope, needs.gravity)
 def slope(recording: Recording) -> list[Check]:
     """Whether a block on a slope stays, or how it slides."""
     contact, _, _, g = _met(recording)
@@ -166,6 +172,7 @@ def slope(recording: Recording) -> list[Check]:
     return [within(WITHIN, "acceleration", expected, measured, "m/s²", by * g / expected)]
 
 
+@applies(needs.level, needs.ice, needs.gravity)
 def straight_fall(recording: Recording) -> list[Check]:
     """On ice nothing pushes sideways: the centre of mass goes on as it starts."""
     m = recording.measures
@@ -175,6 +182,7 @@ def straight_fall(recording: Recording) -> list[Check]:
     return [Check("sideways move of the centre", 0.0, moved, STRAIGHT * size, "m")]
 
 
+@applies(needs.particle, needs.bowl, needs.gravity)
 def bowl_period(recording: Recording) -> list[Check]:
     """Period of a particle sliding to and fro in a bowl: a pendulum whose rod reaches from its centre."""
     _, c, reach, g = _met(recording)
@@ -191,6 +199,7 @@ def bowl_period(recording: Recording) -> list[Check]:
     return [within(SWUNG, "period in the bowl", expected, period(recording.times, -angle), "s", by)]
 
 
+@applies(needs.ground, needs.smooth, needs.falls, needs.gravity)
 def impact(recording: Recording) -> list[Check]:
     """Compare contact time and rebound speed of a body that is dropped on a floor with theory.
 
@@ -243,6 +252,7 @@ def _alone(recording: Recording) -> bool:
     return bool((scene.surfaces[0].height(x.reshape(-1, 3)) > reach).all())
 
 
+@applies(needs.surface, needs.on_tip, needs.moves)
 def axial_spin(recording: Recording) -> list[Check]:
     """Compare the spin of a symmetric top about its axis with its start: contact at the tip keeps it."""
     m = recording.measures
@@ -252,6 +262,7 @@ def axial_spin(recording: Recording) -> list[Check]:
     return [within(SPUN, "spin about its axis", float(spin[0]), last, "rad/s", doubt)]
 
 
+@applies(needs.level, needs.on_tip, needs.friction, needs.moves, needs.gravity)
 def rubbing(recording: Recording) -> list[Check]:
     """Friction on a tip that slides over a floor: its impulse is μ times that of the floor.
 
@@ -271,6 +282,7 @@ def rubbing(recording: Recording) -> list[Check]:
     return [within(SPUN, "friction over force of the floor", contact.friction, share, "", doubt)]
 
 
+@applies(needs.surface, needs.on_tip, needs.friction, needs.moves, needs.gravity)
 def resting_tip(recording: Recording) -> list[Check]:
     """Mean precession of a top in the second half, when its tip rests: that of one pinned there."""
     scene, m = recording.plan.scene, recording.measures

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from springgym.scenes.checks.basis import Check, crossings, slack, spread, turning_rate, within
+from springgym.scenes.checks import needs
+from springgym.scenes.checks.basis import Check, applies, crossings, slack, spread, turning_rate, within
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording, rigid_twin
 from springgym.theory import free_body, oscillation
@@ -25,6 +26,7 @@ BALANCED = 2e-3
 """Share of the energy at stake: vibrations that hold all of it, at ω h = 0.12, make that."""
 
 
+@applies(needs.free, needs.flips)
 def flips(recording: Recording) -> list[Check]:
     """Interval between the flips of a body set spinning about its middle axis."""
     scene, m = recording.plan.scene, recording.measures
@@ -48,6 +50,7 @@ def flips(recording: Recording) -> list[Check]:
     return [Check("flip interval", expected, measured, STIFF * expected, "s", doubt)]
 
 
+@applies(needs.pair, needs.free)
 def spun_length(recording: Recording) -> list[Check]:
     """Length and spin of a pair of masses on a spring, when its vibration has died away.
 
@@ -68,6 +71,7 @@ def spun_length(recording: Recording) -> list[Check]:
     ]
 
 
+@applies()
 def momentum(recording: Recording) -> list[Check]:
     """What is kept exactly: momentum and angular momentum of a free body, L_z of a pinned one.
 
@@ -100,6 +104,7 @@ def momentum(recording: Recording) -> list[Check]:
     ]
 
 
+@applies()
 def energy(recording: Recording) -> list[Check]:
     """Kinetic and potential energy plus what was lost: constant.
 
@@ -142,6 +147,7 @@ def at_stake(plan: Plan) -> float:
     return whole
 
 
+@applies(needs.trace, needs.rigid_body)
 def twin(recording: Recording) -> list[Check]:
     """How far the traced particle strays from that of the rigid twin, at the most.
 

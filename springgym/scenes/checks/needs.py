@@ -1,9 +1,11 @@
-"""What a scene must be for its checks to mean something: told before it is simulated."""
+"""What a scene must be for its checks to mean something.
+
+Each function raises `ValueError` if it is not, saying by what.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -16,89 +18,86 @@ from springgym.rigid.shape import check_rigid
 from springgym.scenes.plan import Plan
 from springgym.surfaces import Bowl, Contact, Plane, scales
 
-Need = Callable[[Plan], None]
-"""Raises `ValueError` if it is not met, saying by what."""
-
 TURNS_OVER = math.radians(45)
 """A body flips if its angular momentum comes this near to its middle axis: from there on it is nearer to
 that than to the axis about which it spins."""
 
 
-def _gravity(plan: Plan) -> None:
+def gravity(plan: Plan) -> None:
     if plan.scene.gravity is None or not any(plan.scene.gravity):
         raise ValueError("there is no gravity")
     if any(plan.scene.gravity[:2]) or plan.scene.gravity[2] > 0:
         raise ValueError("gravity does not pull straight down")
 
 
-def _particle(plan: Plan) -> None:
+def particle(plan: Plan) -> None:
     if (count := len(plan.scene.body.masses)) != 1:
         raise ValueError(f"it is of a single particle, and this body has {count}")
 
 
-def _surface(plan: Plan) -> None:
+def surface(plan: Plan) -> None:
     if not plan.scene.surfaces:
         raise ValueError("it has no surface")
 
 
-def _plane(plan: Plan) -> None:
-    _surface(plan)
+def plane(plan: Plan) -> None:
+    surface(plan)
     if not isinstance(plan.scene.surfaces[0], Plane):
         raise ValueError("its first surface is no plane")
 
 
-def _level(plan: Plan) -> None:
-    _plane(plan)
+def level(plan: Plan) -> None:
+    plane(plan)
     if plan.scene.surfaces[0].normal != (0.0, 0.0, 1.0):  # type: ignore[union-attr]
         raise ValueError("its first surface is not level")
 
 
-def _ground(plan: Plan) -> None:
-    _level(plan)
+def ground(plan: Plan) -> None:
+    level(plan)
     if plan.scene.surfaces[0].offset != 0:  # type: ignore[union-attr]
         raise ValueError("its floor is not at height 0")
 
 
-def _dropped(plan: Plan) -> None:
+def dropped(plan: Plan) -> None:
     _, reach = scales(plan.scene.contact, plan.scene.body)
     if plan.scene.positions[0, 2] <= reach or plan.scene.velocities[0, 2] != 0:
         raise ValueError("it is not dropped: it starts within the floor's reach, or moves up or down")
 
 
-def _slope(plan: Plan) -> None:
-    _plane(plan)
+def slope(plan: Plan) -> None:
+    plane(plan)
     if not abs(plan.scene.surfaces[0].normal[2]) < 1:  # type: ignore[union-attr]
         raise ValueError("its first surface is level, no slope")
 
 
-def _bowl(plan: Plan) -> None:
-    _surface(plan)
+def bowl(plan: Plan) -> None:
+    surface(plan)
     if not isinstance(plan.scene.surfaces[0], Bowl):
         raise ValueError("it has no bowl")
 
 
-def _restitution(plan: Plan) -> None:
+def restitution(plan: Plan) -> None:
     if not isinstance(plan.scene.contact, Contact):
         raise ValueError("the paper's contact has no restitution")
 
 
-def _friction(plan: Plan) -> None:
+def friction(plan: Plan) -> None:
     if not plan.scene.contact.friction > 0:
         raise ValueError("there is no friction")
 
 
-def _ice(plan: Plan) -> None:
+def ice(plan: Plan) -> None:
     if plan.scene.contact.friction > 0:
         raise ValueError("there is friction")
 
 
-def _smooth(plan: Plan) -> None:
-    _ice(plan)
+def smooth(plan: Plan) -> None:
+    ice(plan)
     if not isinstance(plan.scene.contact, Contact) or plan.scene.contact.restitution < 1:
         raise ValueError("its contact loses energy, which theory leaves out")
 
 
-def _falls(plan: Plan) -> None:
+def falls(plan: Plan) -> None:
     if not len(plan.scene.body.springs):
         raise ValueError("it is of a body with springs")
     _, reach = scales(plan.scene.contact, plan.scene.body)
@@ -106,8 +105,8 @@ def _falls(plan: Plan) -> None:
         raise ValueError("it is not dropped from rest above the floor's reach")
 
 
-def _on_tip(plan: Plan) -> None:
-    _symmetric(plan)
+def on_tip(plan: Plan) -> None:
+    symmetric(plan)
     body = plan.scene.body
     if "tip" not in body.parts:
         raise ValueError(f"body {body.name!r} has no tip")
@@ -117,48 +116,48 @@ def _on_tip(plan: Plan) -> None:
         raise ValueError(f"the tip of body {body.name!r} is not on its axis")
 
 
-def _moves(plan: Plan) -> None:
+def moves(plan: Plan) -> None:
     if not plan.scene.velocities.any():
         raise ValueError("it starts at rest")
 
 
-def _pinned(plan: Plan) -> None:
+def pinned(plan: Plan) -> None:
     if not plan.scene.pinned:
         raise ValueError("nothing is pinned")
 
 
-def _free(plan: Plan) -> None:
+def free(plan: Plan) -> None:
     if plan.scene.pinned or plan.scene.surfaces:
         raise ValueError("it does not move freely: it is pinned or has a surface")
 
 
-def _top(plan: Plan) -> None:
+def top(plan: Plan) -> None:
     heavy_top(plan.scene.body, plan.scene.pinned, plan.scene.gravity or (0.0, 0.0, 0.0))
 
 
-def _rope(plan: Plan) -> None:
+def rope(plan: Plan) -> None:
     springs, count = plan.scene.body.springs, len(plan.scene.body.masses)
     chain = np.column_stack([np.arange(count - 1), np.arange(1, count)])
     if count < 2 or not np.array_equal(springs, chain) or plan.scene.pinned != (0,):
         raise ValueError("it is of a rope: a chain of springs, pinned at its first particle")
 
 
-def _pair(plan: Plan) -> None:
+def pair(plan: Plan) -> None:
     body = plan.scene.body
     if len(body.masses) != 2 or len(body.springs) != 1 or body.masses[0] != body.masses[1]:
         raise ValueError("it is of two equal masses on a spring")
 
 
-def _trace(plan: Plan) -> None:
+def trace(plan: Plan) -> None:
     if plan.trace is None:
         raise ValueError("it has no trace to compare with its rigid twin's")
 
 
-def _rigid(plan: Plan) -> None:
+def rigid_body(plan: Plan) -> None:
     check_rigid(plan.scene, rigid.integrator(rigid.default(plan.scene)))
 
 
-def _flips(plan: Plan) -> None:
+def flips(plan: Plan) -> None:
     """It spins near its middle axis.
 
     On the polhode, H² = Σ Hᵢ² and 2T = Σ Hᵢ²/Iᵢ. The middle component is largest where that along the axis
@@ -190,16 +189,16 @@ def _flips(plan: Plan) -> None:
         )
 
 
-def _solid(plan: Plan) -> None:
+def solid(plan: Plan) -> None:
     if not isinstance(plan.scene.body.solid, Elastic):
         raise ValueError(f"body {plan.scene.body.name!r} is made of no material")
 
 
-def _symmetric(plan: Plan) -> None:
+def symmetric(plan: Plan) -> None:
     axial_moments(plan.scene.body, plan.scene.body.centre)
 
 
-def _struck(plan: Plan) -> None:
+def struck(plan: Plan) -> None:
     """Its lowest vibration, of all of the same frequency, is excited, and not turned away from its modes."""
     scene, body = plan.scene, plan.scene.body
     frequencies, modes = vibrations(body)
@@ -212,138 +211,78 @@ def _struck(plan: Plan) -> None:
         raise ValueError("it is turned away from how it was made, and its vibrations with it")
 
 
-def _cable(plan: Plan) -> None:
+def cable(plan: Plan) -> None:
     if not isinstance(plan.scene.body.solid, Cable):
         raise ValueError(f"body {plan.scene.body.name!r} is no rope made of a material")
 
 
-def _collide(plan: Plan) -> None:
+def collide(plan: Plan) -> None:
     if not plan.scene.meetings:
         raise ValueError("no bodies collide")
 
 
-def _apart(plan: Plan) -> None:
-    _collide(plan)
+def apart(plan: Plan) -> None:
+    collide(plan)
     if plan.scene.surfaces or plan.scene.pins or any(plan.scene.gravity or (0.0,)):
         raise ValueError("the bodies are not free: there is gravity, a surface or a pin")
 
 
-def _balls(plan: Plan) -> None:
-    _apart(plan)
+def balls(plan: Plan) -> None:
+    apart(plan)
     if any(len(placed.body.masses) != 1 for placed in plan.scene.bodies):
         raise ValueError("it is of balls, and a body has several particles")
 
 
-def _two(plan: Plan) -> None:
-    _balls(plan)
+def two(plan: Plan) -> None:
+    balls(plan)
     if len(plan.scene.bodies) != 2:
         raise ValueError(f"it is of two balls, and there are {len(plan.scene.bodies)}")
 
 
-def _row(plan: Plan) -> None:
-    _balls(plan)
+def row(plan: Plan) -> None:
+    balls(plan)
     if len({placed.body.mass for placed in plan.scene.bodies}) > 1:
         raise ValueError("the balls are of different masses")
     if any(met.contact.restitution < 1 for met in plan.scene.meetings):
         raise ValueError("the balls lose energy to restitution")
 
 
-def _one_held(plan: Plan) -> None:
-    _collide(plan)
+def one_held(plan: Plan) -> None:
+    collide(plan)
     if len(plan.scene.bodies) != 2 or sum(bool(placed.pinned) for placed in plan.scene.bodies) != 1:
         raise ValueError("it is of two bodies, one of them pinned")
 
 
-def _slab(plan: Plan) -> None:
-    _one_held(plan)
-    _gravity(plan)
+def slab(plan: Plan) -> None:
+    one_held(plan)
+    gravity(plan)
     held = next(placed for placed in plan.scene.bodies if placed.pinned)
     if not held.body.oriented:
         raise ValueError(f"body {held.name!r} shows no slope: its markers lie on a line")
 
 
-def _draped(plan: Plan) -> None:
-    _one_held(plan)
-    _gravity(plan)
+def draped(plan: Plan) -> None:
+    one_held(plan)
+    gravity(plan)
     cord = next(placed.body for placed in plan.scene.bodies if not placed.pinned)
     chain = np.column_stack([np.arange(len(cord.masses) - 1), np.arange(1, len(cord.masses))])
     if len(cord.masses) < 2 or not np.array_equal(cord.springs, chain):
         raise ValueError(f"body {cord.name!r} is no rope: a chain of springs")
 
 
-def _dominoes(plan: Plan) -> None:
-    _collide(plan)
-    _level(plan)
-    _gravity(plan)
+def dominoes(plan: Plan) -> None:
+    collide(plan)
+    level(plan)
+    gravity(plan)
     if len(plan.scene.bodies) < 12:
         raise ValueError(f"it is of a row of 12 bodies or more, and there are {len(plan.scene.bodies)}")
     if any(met.contact.friction > 0 for met in plan.scene.meetings):
         raise ValueError("there is friction between the dominoes, which its theory leaves out")
 
 
-def _smooth_bowl(plan: Plan) -> None:
-    _bowl(plan)
-    _gravity(plan)
-    _ice(plan)
+def smooth_bowl(plan: Plan) -> None:
+    bowl(plan)
+    gravity(plan)
+    ice(plan)
     if plan.scene.pins:
         raise ValueError("a particle is pinned")
-
-
-NEEDS: dict[str, tuple[Need, ...]] = {
-    "axial_spin": (_surface, _on_tip, _moves),
-    "bounces": (_particle, _ground, _dropped, _gravity),
-    "bungee": (_rope, _gravity),
-    "bowl_turning": (_smooth_bowl,),
-    "cable": (_cable, _rope, _gravity),
-    "bowl_period": (_particle, _bowl, _gravity),
-    "counted": (_collide,),
-    "cradle": (_row,),
-    "draped": (_draped,),
-    "exchange": (_two,),
-    "flips": (_free, _flips),
-    "impact": (_ground, _smooth, _falls, _gravity),
-    "nutation": (_top,),
-    "pendulum": (_pinned, _gravity),
-    "rest_height": (_level, _gravity),
-    "resting_tip": (_surface, _on_tip, _friction, _moves, _gravity),
-    "restitution": (_particle, _ground, _dropped, _restitution, _gravity),
-    "ring_down": (_solid, _free, _struck),
-    "ring_frequency": (_solid, _free, _struck),
-    "rope_modes": (_rope, _gravity),
-    "rope_stretch": (_rope, _gravity),
-    "rope_swing": (_rope, _gravity),
-    "rubbing": (_level, _on_tip, _friction, _moves, _gravity),
-    "slab": (_slab,),
-    "sleep": (_top,),
-    "slope": (_slope, _gravity),
-    "small_swings": (_pinned, _gravity),
-    "solid_inertia": (_solid,),
-    "spin_gap": (_solid, _top),
-    "spun_length": (_pair, _free),
-    "stacked": (_collide, _gravity),
-    "steady_precession": (_top,),
-    "stopping": (_level, _friction, _moves, _gravity),
-    "straight_fall": (_level, _ice, _gravity),
-    "twin": (_trace, _rigid),
-    "wave": (_dominoes,),
-    "wobble": (_solid, _free, _symmetric, _moves),
-}
-"""By the name of a check; the others mean something for every scene."""
-
-
-def fitting(plan: Plan) -> None:
-    """Make sure that all checks of a scene mean something for it.
-
-    Raises
-    ------
-    ValueError
-        Naming the check that does not fit, and why.
-    """
-    for part in plan.parts:
-        fitting(part)
-    for name in plan.checks:
-        try:
-            for need in NEEDS.get(name, ()):
-                need(plan)
-        except ValueError as error:
-            raise ValueError(f"check {name!r} does not fit scene {plan.name!r}: {error}") from error

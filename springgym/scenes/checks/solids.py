@@ -9,7 +9,8 @@ import numpy as np
 from springgym.bodies import vibrations
 from springgym.bodies.elastic import Cable, Elastic
 from springgym.bodies.precession import precession_gap, wobble_growth
-from springgym.scenes.checks.basis import Check, crossings, peaks, period, within
+from springgym.scenes.checks import needs
+from springgym.scenes.checks.basis import Check, applies, crossings, peaks, period, within
 from springgym.scenes.checks.tops import angles, mean_rate, rigid_top
 from springgym.scenes.recording import Recording
 from springgym.theory import rope, top
@@ -46,6 +47,7 @@ def _solid(recording: Recording) -> Elastic:
     return solid
 
 
+@applies(needs.solid)
 def solid_inertia(recording: Recording) -> list[Check]:
     """Mass, centre and inertia tensor of the particles against those of the solid, by quadrature."""
     body, solid = recording.plan.scene.body, _solid(recording)
@@ -78,6 +80,7 @@ def _ringing(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     return recording.times, own @ kicked
 
 
+@applies(needs.solid, needs.free, needs.struck)
 def ring_frequency(recording: Recording) -> list[Check]:
     """Lowest frequency of a body that rings, against that of the solid.
 
@@ -92,6 +95,7 @@ def ring_frequency(recording: Recording) -> list[Check]:
     return [within(TUNED, "lowest frequency", expected, measured, "Hz", abs(ratio - 1) + 1e-4)]
 
 
+@applies(needs.solid, needs.free, needs.struck)
 def ring_down(recording: Recording) -> list[Check]:
     """How fast the ringing dies away: a damping ratio of half the loss factor."""
     solid = _solid(recording)
@@ -107,6 +111,7 @@ def ring_down(recording: Recording) -> list[Check]:
     return [within(DAMPED, "damping ratio", expected, measured, "", by)]
 
 
+@applies(needs.solid, needs.top)
 def spin_gap(recording: Recording) -> list[Check]:
     """Share by which an elastic top precesses slower than the rigid one, for the stretch of its spin.
 
@@ -132,6 +137,7 @@ def _mean(times: np.ndarray, values: np.ndarray) -> float:
     return float(np.trapezoid(values, times) / (times[-1] - times[0]))
 
 
+@applies(needs.solid, needs.free, needs.symmetric, needs.moves)
 def wobble(recording: Recording) -> list[Check]:
     """Growth of the wobble of a free symmetric body by internal friction, while it is small."""
     scene, m = recording.plan.scene, recording.measures
@@ -147,6 +153,7 @@ def wobble(recording: Recording) -> list[Check]:
     return [within(WOBBLE, "growth of the wobble", growth, measured, "1/s", SMALL**2)]
 
 
+@applies(needs.cable, needs.rope, needs.gravity)
 def cable(recording: Recording) -> list[Check]:
     """Mean stretch of a cable that bounces under a load, and how fast, against a continuous cable.
 

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from springgym.scenes.checks.basis import Check, period, slack, within
+from springgym.scenes.checks import needs
+from springgym.scenes.checks.basis import Check, applies, period, slack, within
 from springgym.scenes.recording import Recording
 from springgym.theory import pendulum as theory
 from springgym.theory import rope
@@ -45,6 +46,7 @@ def _pin(recording: Recording) -> np.ndarray:
     return np.asarray(scene.positions[scene.pinned[0]])
 
 
+@applies(needs.pinned, needs.gravity)
 def pendulum(recording: Recording) -> list[Check]:
     """Period of a body swinging in a plane about its pin, released at rest."""
     scene, pin = recording.plan.scene, _pin(recording)
@@ -67,6 +69,7 @@ def pendulum(recording: Recording) -> list[Check]:
     return [within(PENDULUM, quantity, expected, measured, "s", by)]
 
 
+@applies(needs.pinned, needs.gravity)
 def small_swings(recording: Recording) -> list[Check]:
     """Both frequencies of small swings of a body of any shape about its pin.
 
@@ -117,6 +120,7 @@ def _rotations(shape: np.ndarray, placed: np.ndarray, masses: np.ndarray) -> np.
     return np.linalg.solve((inertia + inertia.transpose(0, 2, 1)) / 2, skew[..., None])[..., 0]
 
 
+@applies(needs.rope, needs.gravity)
 def rope_stretch(recording: Recording) -> list[Check]:
     """Lengths of the springs of a rope that hangs still, and how it bounced before.
 
@@ -143,6 +147,7 @@ def rope_stretch(recording: Recording) -> list[Check]:
     ]
 
 
+@applies(needs.rope, needs.gravity)
 def rope_modes(recording: Recording) -> list[Check]:
     """Frequencies of all small sideways modes of a hanging rope."""
     body = recording.plan.scene.body
@@ -162,6 +167,7 @@ def rope_modes(recording: Recording) -> list[Check]:
     return checks
 
 
+@applies(needs.rope, needs.gravity)
 def rope_swing(recording: Recording) -> list[Check]:
     """Period of a rope with a heavy end, let go at the side: its lowest mode, slowed by the amplitude."""
     body = recording.plan.scene.body
@@ -180,6 +186,7 @@ def rope_swing(recording: Recording) -> list[Check]:
     return [within(SWING, f"period at {math.degrees(amplitude):.0f}°", expected, measured, "s", by)]
 
 
+@applies(needs.rope, needs.gravity)
 def bungee(recording: Recording) -> list[Check]:
     """How deep a jumper falls on a light cord: until weight and stretch balance the start.
 

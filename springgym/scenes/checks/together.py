@@ -8,7 +8,8 @@ import numpy as np
 
 from springgym.collisions import Meeting
 from springgym.contact.law import SLOW
-from springgym.scenes.checks.basis import Check, slack, within
+from springgym.scenes.checks import needs
+from springgym.scenes.checks.basis import Check, applies, slack, within
 from springgym.scenes.checks.contact import CREEP, STILL, WITHIN
 from springgym.scenes.recording import Recording
 from springgym.surfaces import Bowl
@@ -56,6 +57,7 @@ def _late(recording: Recording) -> np.ndarray:
     return np.arange(min(int(0.9 * len(recording.times)), len(recording.times) - 2), len(recording.times))
 
 
+@applies(needs.collide, together=True)
 def counted(recording: Recording) -> list[Check]:
     """Contacts that were found too late, were too fast or had no room: none."""
     pairs = recording.pairs
@@ -63,6 +65,7 @@ def counted(recording: Recording) -> list[Check]:
     return [Check("contacts too late, too fast or left out", 0.0, wrong, 0.5, "")]
 
 
+@applies(needs.two, together=True)
 def exchange(recording: Recording) -> list[Check]:
     """Speeds of two balls that met: along the line of their centres (1 + e)/2 of it is exchanged.
 
@@ -101,6 +104,7 @@ def exchange(recording: Recording) -> list[Check]:
     return checks
 
 
+@applies(needs.row, together=True)
 def cradle(recording: Recording) -> list[Check]:
     """Balls in a row: equal ones exchange their velocities whenever two meet, so that these change places."""
     scene = recording.plan.scene
@@ -122,6 +126,7 @@ def cradle(recording: Recording) -> list[Check]:
     ]
 
 
+@applies(needs.slab, together=True)
 def slab(recording: Recording) -> list[Check]:
     """Whether a body on a slab that is held stays, or how it slides, as on a slope."""
     scene, met = recording.plan.scene, _met(recording)
@@ -144,6 +149,7 @@ def slab(recording: Recording) -> list[Check]:
     return [within(WITHIN, "acceleration", expected, measured, "m/s²", by * g / expected)]
 
 
+@applies(needs.collide, needs.gravity, together=True)
 def stacked(recording: Recording) -> list[Check]:
     """What each pair of a stack at rest carries: the weight of all that is above."""
     scene, late = recording.plan.scene, _late(recording)
@@ -168,6 +174,7 @@ def stacked(recording: Recording) -> list[Check]:
     return [*checks, Check("largest speed at rest", 0.0, speed, STILL, "m/s")]
 
 
+@applies(needs.draped, together=True)
 def draped(recording: Recording) -> list[Check]:
     """The tension of a rope where it leaves what it lies over: the weight that hangs below.
 
@@ -196,6 +203,7 @@ def draped(recording: Recording) -> list[Check]:
     return [*checks, Check("way of its middle in the second half", 0.0, moved, SLID, "m")]
 
 
+@applies(needs.dominoes, together=True)
 def wave(recording: Recording) -> list[Check]:
     """Speed of the wave in a row of dominoes, by the theory of van Leeuwen, see `springgym.theory.dominoes`.
 
@@ -230,6 +238,7 @@ def wave(recording: Recording) -> list[Check]:
     return [within(WAVE, "speed of the wave", speeds[2], measured, "m/s", doubt)]
 
 
+@applies(needs.smooth_bowl, together=True)
 def bowl_turning(recording: Recording) -> list[Check]:
     """In a bowl without friction nothing turns bodies about the upright line through its centre.
 

@@ -8,7 +8,8 @@ from collections.abc import Callable
 import numpy as np
 
 from springgym.bodies.precession import heavy_top
-from springgym.scenes.checks.basis import Check, peaks, slack, spread
+from springgym.scenes.checks import needs
+from springgym.scenes.checks.basis import Check, applies, peaks, slack, spread
 from springgym.scenes.recording import Recording
 from springgym.theory import top as theory
 from springgym.theory.top import HeavyTop, TopState
@@ -75,6 +76,7 @@ def _compared(
     return Check(quantity, theory, measured, share * abs(theory), unit, doubt)
 
 
+@applies(needs.top)
 def nutation(recording: Recording) -> list[Check]:
     """Turning points, nutation period and mean precession of a top, from any start."""
     top, state = rigid_top(recording)
@@ -107,6 +109,7 @@ def _mean(values: np.ndarray) -> float:
     return float(values.mean()) if len(values) else math.nan
 
 
+@applies(needs.top)
 def steady_precession(recording: Recording) -> list[Check]:
     """The rate of a top started near a steady precession, and the frequency of its small nutation."""
     top, state = rigid_top(recording)
@@ -135,6 +138,7 @@ def steady_precession(recording: Recording) -> list[Check]:
     ]
 
 
+@applies(needs.top)
 def sleep(recording: Recording) -> list[Check]:
     """The largest tilt of a top that starts almost upright: whether it sleeps, or how far it falls."""
     top, state = rigid_top(recording)

@@ -1,0 +1,105 @@
+"""What learns: the copies that an agent trains in, and the untrained agent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agent import ALGORITHMS, policy_kwargs
+from config import (
+    ConfigError,
+    CrossQConfig,
+    NetworkConfig,
+    OffPolicyConfig,
+    PPOConfig,
+    SACConfig,
+    TQCConfig,
+    making,
+)
+from imitation import teacher
+from runs import Run, time_limit
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.utils import LinearSchedule
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+
+from springgym.envs.sb3 import SB3VecEnv, StaggeredMonitor, make_sb3
+
+
+def network_config(run: Run) -> NetworkConfig:
+    """The configuration of a run that Stable-Baselines3 trains.
+
+    Raises
+    ------
+    ConfigError
+        If it does not.
+    """
+    if not isinstance(run.config, NetworkConfig):
+        raise ConfigError(f"{run.folder} is a run of {run.algo}: Stable-Baselines3 does not train it")
+    return run.config
+
+
+def make_training_env(run: Run) -> StaggeredMonitor:
+    """The copies the agent learns in. They do not all end together, which would show as saw teeth."""
+    with making(run.env_id):
+        copies, kwargs = network_config(run).n_envs, run.config.env_kwargs
+        env = make_sb3(run.env_id, copies, run.seed, stagger=True, env_kwargs=kwargs)
+    assert isinstance(env, StaggeredMonitor)
+    time_limit(native_env(env).spec)  # there is one
+    return env
+
+
+def native_env(env: StaggeredMonitor) -> Any:
+    """The native vector environment under Stable-Baselines3's wrappers."""
+    adapter = env.unwrapped
+    assert isinstance(adapter, SB3VecEnv)
+    return adapter.vector_env
+
+
+def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
+    """An untrained agent.
+
+    Raises
+    ------
+    ConfigError
+        If it is to imitate what there is not.
+    MemoryError
+        If it does not fit into memory.
+    """
+    if isinstance(run.config, PPOConfig) and run.config.imitate:
+        teacher(run, env.action_space)
+    try:
+        return _new_model(run, env)
+    except RuntimeError as error:
+        if "memory" not in str(error):
+            raise
+        raise MemoryError(f"not enough memory for the networks of {run.algo}") from error
+
+
+def _new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
+    config = network_config(run)
+    common: dict[str, Any] = {
+        "policy": "MlpPolicy",
+        "env": VecNormalize(env, gamma=config.gamma) if config.normalize else env,
+        "learning_rate": LinearSchedule(config.learning_rate, 0.0, 1.0)
+        if config.anneal
+        else config.learning_rate,
+        "batch_size": config.batch_size,
+        "gamma": config.gamma,
+        "seed": run.seed,
+        "device": "cpu",
+        "policy_kwargs": policy_kwargs(config),
+    }
+    names: dict[str, str] = {}
+    """argument of Stable-Baselines3 -> field"""
+    if isinstance(config, PPOConfig):
+        names |= {key: key for key in ("n_steps", "n_epochs", "gae_lambda", "ent_coef")}
+    if isinstance(config, OffPolicyConfig):
+        names |= {key: key for key in ("buffer_size", "learning_starts", "gradient_steps")}
+    if isinstance(config, SACConfig):
+        names["tau"] = "tau"
+    if isinstance(config, TQCConfig):
+        names["top_quantiles_to_drop_per_net"] = "dropped_quantiles"
+    if isinstance(config, CrossQConfig):
+        names["policy_delay"] = "policy_delay"
+    own = {argument: getattr(config, field) for argument, field in names.items()}
+    model: BaseAlgorithm = ALGORITHMS[run.algo](**common, **own)
+    return model

@@ -1,0 +1,70 @@
+"""Chores, a word each: ``nox -s style``; ``nox -l`` lists them.
+
+They use what is installed in the current environment, and the workflows in .github/workflows run the same
+ones. What follows ``--`` goes on to the command, as in ``nox -s tests -- tests/test_lanes.py -n 0``.
+"""
+
+import shutil
+
+import nox
+
+nox.options.default_venv_backend = "none"
+nox.options.sessions = ["style", "types", "tests"]
+
+
+def pytest(session: nox.Session, *arguments: str) -> None:
+    """Run tests by the interpreter that runs nox."""
+    session.run("python", "-m", "pytest", *arguments, *session.posargs)
+
+
+@nox.session
+def style(session: nox.Session) -> None:
+    """Hold the code against the rules of ruff, and its format; `nox -s style -- --fix` mends."""
+    fix = "--fix" in session.posargs
+    session.run("ruff", "check", *(["--fix"] if fix else []), ".")
+    session.run("ruff", "format", *([] if fix else ["--check"]), ".")
+
+
+@nox.session
+def types(session: nox.Session) -> None:
+    """Check types."""
+    session.run("mypy", *session.posargs)
+
+
+@nox.session
+def tests(session: nox.Session) -> None:
+    """Run the tests, on all cores."""
+    pytest(session)
+
+
+@nox.session
+def slow(session: nox.Session) -> None:
+    """Run the tests that take long."""
+    pytest(session, "-m", "slow")
+
+
+@nox.session
+def browser(session: nox.Session) -> None:
+    """Run the tests of the view in Chromium."""
+    pytest(session, "-n", "0", "-m", "browser")
+
+
+@nox.session
+def site(session: nox.Session) -> None:
+    """Build the documentation into docs/_build/html."""
+    session.run("python", "docs/build.py", *session.posargs)
+
+
+@nox.session
+def package(session: nox.Session) -> None:
+    """Build sdist and wheel into dist/, and check what will be seen of them."""
+    for folder in ("build", "dist"):
+        shutil.rmtree(folder, ignore_errors=True)
+    session.run("python", "-m", "build", *session.posargs)
+    session.run("twine", "check", "--strict", "dist/*")
+
+
+@nox.session
+def release(session: nox.Session) -> None:
+    """Ask whether a tag can be released: `nox -s release -- v0.2.0`."""
+    session.run("python", "release.py", *session.posargs)

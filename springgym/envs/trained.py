@@ -1,0 +1,120 @@
+"""Trained agents: those that are published with the package, and those of run folders."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+
+from springgym.envs.agent import Algorithm, Network, Policy, load_policy
+from springgym.scripts import AGENTS
+from springgym.strict_yaml import YamlError, build, read_yaml
+
+PUBLISHED = AGENTS / "trained"
+"""A folder for each published agent, named as its environment; ``agents/publish.py`` writes it."""
+
+
+class Agent(NamedTuple):
+    """Who acts, and where."""
+
+    name: str
+    env_id: str
+    env_kwargs: dict[str, Any]
+    policy: Callable[[gym.Env], Policy]
+    """makes the policy for an environment: from observations (n, …), or one of them, to actions"""
+
+    def make(self, **options: Any) -> gym.Env:
+        """Make the environment that the agent was trained for; ``options`` are added to its arguments."""
+        return gym.make(self.env_id, **(self.env_kwargs | options))
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What stands in the ``config.yaml`` of a run folder."""
+
+    algo: Algorithm
+    env_id: str
+    seed: int
+    config: dict[str, Any]
+
+
+def load_agent(agent: str | Path) -> Agent:
+    """Load a published agent by the id of its environment, or an agent of your own by its run folder.
+
+    It needs PyYAML (extra ``scenes`` or ``agents``), and neither PyTorch nor Stable-Baselines3. Nothing is
+    unpickled, so a run folder may be anyone's. `Agent.make` imports the module that the environment's id
+    names before a colon, if it does.
+
+    Parameters
+    ----------
+    agent
+        An id, as "SpringTop-v0", or a run folder, as "runs/SpringTop-v0-ppo-0".
+
+    Raises
+    ------
+    TypeError
+        If it is neither a text nor a path.
+    ValueError
+        If there is no such agent, or one of its files is wrong.
+
+    Examples
+    --------
+    >>> agent = springgym.load_agent("SpringTop-v0")
+    >>> env = agent.make(render_mode="rgb_array")
+    >>> policy = agent.policy(env)
+    >>> observation, info = env.reset(seed=0)
+    >>> observation, reward, terminated, truncated, info = env.step(policy(observation))
+    """
+    if not isinstance(agent, (str, Path)):
+        raise TypeError(f"agent is {agent!r}; it must be an environment id or a run folder")
+    folder = Path(agent)
+    if not (folder / "config.yaml").is_file():
+        folder = published(str(agent))
+    tree = read_yaml(folder / "config.yaml")
+    run: Trained = build(Trained, tree)
+    others = tuple(key for key in run.config if key not in Network.__dataclass_fields__)
+    network: Network = build(Network, tree, ("config",), skip=others, algo=run.algo)
+    path = folder / "agent.npz"
+
+    def policy(env: gym.Env) -> Policy:
+        if not path.exists():
+            raise ValueError(f"{folder} has no agent.npz yet: its training has not reached a checkpoint")
+        return load_policy(path, network, env.observation_space, env.action_space)
+
+    kwargs = {**run.config.get("env_kwargs", {}), **run.config.get("eval_env_kwargs", {})}
+    return Agent(folder.name, run.env_id, kwargs, policy)
+
+
+def published(env_id: str, within: Path = PUBLISHED) -> Path:
+    """Return the folder of the published agent of an environment, with its checksums held against its card.
+
+    Raises
+    ------
+    YamlError
+        If there is none, or a file of it was changed.
+    """
+    cards = {path.parent.name: path for path in sorted(within.glob("*/card.json"))}
+    if env_id not in cards:
+        raise YamlError(
+            f"{env_id!r} is no run folder, and no published agent; there are {', '.join(cards) or 'none'}"
+        )
+    try:
+        sums = json.loads(cards[env_id].read_text(encoding="utf-8"))["sha256"]
+        for name, told in sums.items():
+            if checksum(cards[env_id].with_name(name)) != told:
+                raise YamlError(f"{cards[env_id].with_name(name)}: it is not the file that was published")
+    except YamlError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise YamlError(f"{cards[env_id]}: not the card of an agent: {error!r}") from error
+    return cards[env_id].parent
+
+
+def checksum(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    return sha256(path.read_bytes()).hexdigest()

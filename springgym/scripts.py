@@ -1,0 +1,30 @@
+"""The scripts in ``agents/`` as commands: ``springgym train`` runs ``agents/train.py``."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+
+from springgym.extras import SOURCE
+
+COPY = Path(__file__).resolve().parent / "agents"
+AGENTS = COPY if COPY.is_dir() else SOURCE / "agents"
+"""The scripts and the published agents: an installed package holds a copy, a clone has them beside it."""
+
+
+def run(name: str, arguments: Sequence[str]) -> int:
+    """Run a script as ``python agents/NAME.py`` does, and return its exit status.
+
+    The current folder is searched for modules last, so that ``module:ID`` finds an environment there.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If a package that the script needs is missing.
+    """
+    if str(AGENTS) not in sys.path:
+        sys.path[:] = [str(AGENTS), *sys.path, os.getcwd()]
+    return int(import_module(name).main(arguments, f"springgym {name}"))

@@ -1,0 +1,81 @@
+"""Environments of one's own, registered outside of the package, train by the scripts."""
+
+import json
+import re
+from pathlib import Path
+
+import config
+import evaluate
+import gymnasium as gym
+import pytest
+import train
+import watch
+from toy_env import LIMIT, ToyEnv
+
+TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "environment.md"
+BRIEF = ["n_envs=4", "n_steps=64", "batch_size=64", "checkpoint_every=256", "total_timesteps=512"]
+
+gym.register("ToyAlone-v0", entry_point=ToyEnv, max_episode_steps=LIMIT)
+gym.register("ToyEndless-v0", entry_point=ToyEnv)
+
+
+@pytest.fixture
+def hover(tmp_path, monkeypatch):
+    """The file that the tutorial tells to save, in the current folder."""
+    blocks = re.findall(r"^```python\n(.*?)^```", TUTORIAL.read_text(encoding="utf-8"), re.M | re.S)
+    (named,) = (block for block in blocks if "gym.register(" in block)
+    (tmp_path / "hover.py").write_text(blocks[0] + named, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    return "hover:HoverCube-v0"
+
+
+def test_the_environment_of_the_tutorial_trains(hover, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(train, "record", lambda *arguments: None)  # below
+    run = tmp_path / "runs" / "HoverCube-v0-ppo-0"
+    assert train.main([hover, "--episodes", "3", "--set", *BRIEF]) == 0
+    told = capsys.readouterr().out
+    assert "hover:HoverCube-v0 trains with the default hyperparameters of ppo" in told
+    assert [len(e["lengths"]) for e in json.loads((run / "evaluation.json").read_text())] == [3, 3, 3]
+    assert train.main([hover, "--algo", "linear", "--episodes", "0", "--set", "total_timesteps=12_800"]) == 0
+    agents = [str(run), str(tmp_path / "runs" / "HoverCube-v0-linear-0"), "random"]
+    assert evaluate.main([*agents, "--env", hover, "--episodes", "2"]) == 0
+    assert watch.main([str(run), "--env", hover, "--out", "hover.gif"]) == 0
+    assert (tmp_path / "hover.gif").read_bytes().startswith(b"GIF8")
+
+
+@pytest.mark.parametrize("algo", ["ppo", "linear"])
+def test_one_without_a_batch_trains_one_after_the_other(algo, tmp_path):
+    """It reports no success either."""
+    settings = BRIEF if algo == "ppo" else ["population=4", "elites=2", "total_timesteps=512"]
+    with pytest.warns(UserWarning, match="ToyAlone-v0 was registered without a vector_entry_point"):
+        assert train.main(["ToyAlone-v0", "--algo", algo, "--run", str(tmp_path), "--set", *settings]) == 0
+    trained, *_ = json.loads((tmp_path / "evaluation.json").read_text())
+    assert trained["successes"] is None
+    assert 0 < trained["return_per_step"] <= 1
+
+
+@pytest.mark.filterwarnings("ignore:ToyEndless-v0 was registered without a vector_entry_point")
+def test_one_without_a_time_limit_is_refused(tmp_path, capsys):
+    for command in (train.main, lambda words: evaluate.main(["zero", "--env", *words[:1]])):
+        assert command(["ToyEndless-v0", "--run", str(tmp_path / "run")]) == 2
+        assert "ToyEndless-v0 has no time limit: register it with max_ep" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("env_id", "says"),
+    [
+        ("SpringTpo-v0", r"no entry for 'SpringTpo-v0': .* Did you mean: `SpringTop`"),
+        ("absent:Own-v0", r"no entry for 'absent:Own-v0': No module named 'absent'"),
+    ],
+)
+def test_an_id_that_is_mistyped_is_named(env_id, says):
+    with pytest.raises(config.ConfigError, match=says):
+        config.load_config("ppo", env_id)
+
+
+def test_a_file_without_defaults_refuses_other_ids(tmp_path):
+    (tmp_path / "own.yaml").write_text("{}")
+    with pytest.raises(config.ConfigError, match=r"own.yaml: no entry for 'ToyAlone-v0'"):
+        config.load_config("ppo", "ToyAlone-v0", path=tmp_path / "own.yaml")
