@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import pickle
 import re
-import runpy
 import subprocess
 import sys
 import threading
@@ -206,12 +205,6 @@ def test_entries_follow_the_umask(umask: int, cache: Path) -> None:
         os.umask(before)
     (entry,) = cache.iterdir()
     assert entry.stat().st_mode & 0o777 == 0o666 & ~umask
-
-
-def test_what_cannot_be_compiled_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
-    with pytest.raises(ImportError, match="unset NUMBA_DISABLE_JIT"):
-        runpy.run_path(compiling.__file__)
 
 
 FULL = """

@@ -17,6 +17,9 @@ version of Numba lacks one, a warning says so, every process compiles anew, and 
 With ``NUMBA_BOUNDSCHECK=1`` in the environment all compiled functions check every index, those of `lanes` and
 `blocks` too, and raise an `IndexError`: slow, for the search of a fault. Set ``NUMBA_OPT=1`` as well: to
 optimise all these checks where bodies collide takes LLVM many minutes, to leave most of that a minute.
+
+With ``NUMBA_DISABLE_JIT=1`` nothing is compiled: every function runs as Python, a thousand times slower, see
+`springgym.core.plain`.
 """
 
 from __future__ import annotations
@@ -30,6 +33,7 @@ import sys
 import warnings
 from collections import Counter
 from collections.abc import Callable
+from functools import wraps
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -37,13 +41,13 @@ from uuid import uuid4
 
 import numba
 import numpy as np
+from numba import extending
 from numba.core import sigutils
+from numba.core.registry import CPUDispatcher
 from numba.extending import is_jitted, models, register_model
 
+from springgym.core import plain
 from springgym.core.code_digest import NotHashable, digest
-
-if numba.config.DISABLE_JIT:
-    raise ImportError("springgym computes on LLVM values, for which it is compiled: unset NUMBA_DISABLE_JIT")
 
 PACKAGE = __name__.partition(".")[0]
 LOGGER = logging.getLogger(PACKAGE)
@@ -55,7 +59,10 @@ much as the physics where small functions hand arrays on."""
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO_DEFAULT")
 """Those of `numba.config` that change what is compiled."""
 
-PLAIN = numba.njit(**OPTIONS)(lambda: None)
+INTERPRETED = bool(numba.config.DISABLE_JIT)
+"""Whether functions run as the Python they are, by `springgym.core.plain`."""
+
+SAMPLE = CPUDispatcher(lambda: None)
 """A function that is never called: a sample of how this version of Numba wraps a compiled function."""
 
 
@@ -81,8 +88,8 @@ INSIDE = {
 LOCK, REDUCE, REBUILD, DUMPS = INSIDE.values()
 
 LACKING = [f"numba.{path}" for path, found in INSIDE.items() if found is None]
-if not hasattr(PLAIN, "_cache"):
-    LACKING.append(f"{type(PLAIN).__name__}._cache")
+if not hasattr(SAMPLE, "_cache"):
+    LACKING.append(f"{type(SAMPLE).__name__}._cache")
 
 
 def _warn_uncached(why: str) -> None:
@@ -140,7 +147,7 @@ CHECKED = bool(numba.config.BOUNDSCHECK)
 """Whether compiled functions check indices, and `SameTypes` types."""
 
 
-class Inner(type(PLAIN)):  # type: ignore[misc]
+class Inner(type(SAMPLE)):  # type: ignore[misc]
     """A compiled function that only other compiled functions call; see `_inlined`."""
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
@@ -246,6 +253,8 @@ def compiled(function: Callable[..., Any]) -> Any:
     arrays. Handing a scene's sixty arrays on by value costs one copy up to a third of its step, and compiling
     such functions one by one as much as inlining them.
     """
+    if INTERPRETED:
+        return _interpreted(function, function)
     dispatcher = numba.njit(**OPTIONS, **INLINED)(function)
     dispatcher.__class__ = Inner
     return dispatcher
@@ -253,10 +262,39 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls: releases the GIL, cached on disk by a digest of its code."""
+    if INTERPRETED:
+
+        @wraps(function)
+        def run(*arguments: Any) -> Any:
+            with np.errstate(all="ignore"):  # as IEEE's arithmetic goes on
+                return function(*arguments)
+
+        return _interpreted(run, function)
     dispatcher = numba.njit(**OPTIONS, nogil=True, no_cfunc_wrapper=True)(function)
     if not LACKING:
         dispatcher._cache = DigestKeyedCache(function)
     return dispatcher
+
+
+def _interpreted(function: Any, source: Callable[..., Any]) -> Any:
+    """Mark a function that runs as the Python of ``source``, as Numba marks what it has compiled."""
+    function.py_func = source
+    return function
+
+
+def intrinsic(function: Callable[..., Any]) -> Any:
+    """Make an intrinsic of what emits LLVM's code; where nothing is compiled, take its stand-in."""
+    return getattr(plain, function.__name__) if INTERPRETED else extending.intrinsic(function)
+
+
+def is_kernel(function: Any) -> bool:
+    """Tell whether Python calls a function as it is written for kernels: compiled, or interpreted."""
+    return is_jitted(function) or (INTERPRETED and hasattr(function, "py_func"))
+
+
+def is_inner(function: Any) -> bool:
+    """Tell whether a function is one of `compiled`."""
+    return isinstance(function, Inner) or (INTERPRETED and getattr(function, "py_func", None) is function)
 
 
 class SameTypes:
