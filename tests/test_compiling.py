@@ -226,6 +226,13 @@ def test_what_does_not_compile_leaves_nobody_waiting(cache: Path, monkeypatch: p
     assert not [thread for thread in threading.enumerate() if isinstance(thread, threading.Timer)]
 
 
+def test_a_kernel_that_was_sent_to_another_process_compiles(cache: Path) -> None:
+    sent = pickle.dumps(kernel(total.py_func))
+    run = "import pickle, sys, numpy as np; print(pickle.load(sys.stdin.buffer)(np.array([1.0, 2.0])))"
+    command = [sys.executable, "-c", run]
+    assert subprocess.run(command, input=sent, capture_output=True, check=True).stdout == b"3.0\n"
+
+
 @pytest.mark.parametrize(("quiet", "lines"), [("", 1), ("logging.disable()", 0)])
 def test_a_script_tells_on_stderr(quiet: str, lines: int, package: Path, tmp_path: Path) -> None:
     run = f"import logging, springgym.core.compiling as compiling\ncompiling.PATIENCE = 0.0\n{quiet}\n{RUN}"

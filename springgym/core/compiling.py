@@ -41,7 +41,7 @@ from functools import wraps
 from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TypeGuard
 from uuid import uuid4
 
 import numba
@@ -219,7 +219,8 @@ class Kept(type(SAMPLE)):  # type: ignore[misc]
         try:
             return super().compile(sig)
         finally:
-            self._cache.stop_waiting()
+            if isinstance(self._cache, DigestKeyedCache):  # one that was unpickled has none
+                self._cache.stop_waiting()
 
 
 def _inlined() -> dict[str, Any]:
@@ -359,7 +360,7 @@ def is_kernel(function: Any) -> bool:
     return is_jitted(function) or (INTERPRETED and hasattr(function, "py_func"))
 
 
-def is_inner(function: Any) -> bool:
+def is_inner(function: Any) -> TypeGuard[Any]:
     """Tell whether a function is one of `compiled`."""
     return isinstance(function, Inner) or (INTERPRETED and getattr(function, "py_func", None) is function)
 
