@@ -17,6 +17,7 @@ from springgym import precompiling
 from springgym.cli import main
 from springgym.core import compiling
 from springgym.core.compiling import LEVELS
+from tests.test_compiling import FILES, RUN, finish, start
 
 ROOT = Path(__file__).parents[1]
 
@@ -99,3 +100,22 @@ def test_a_level_is_of_processors_that_have_it(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(numba.config, "CPU_FEATURES", "")
     with pytest.raises(ValueError, match="unset one"):
         compiling._level("x86-64-v3", everything)
+
+
+@pytest.mark.skipif(not HAS_V3, reason="this processor has no AVX2")
+def test_code_of_a_level_is_found_by_who_is_told_the_level(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody else finds it; and it is of that level for sure, or under another name."""
+    package, cache = tmp_path / "user", tmp_path / "cache"
+    package.mkdir()
+    for name, text in FILES.items():
+        (package / name).write_text(text)
+    before = "import numba\nnumba.njit(lambda: 1)()\n"  # so that Numba compiles for this processor
+    monkeypatch.setenv("SPRINGGYM_CPU", "x86-64-v3")
+    assert finish(start(package, cache, before + RUN)) == (8.0, 0)
+    assert finish(start(package, cache)) == (8.0, 0)
+    assert finish(start(package, cache)) == (8.0, 1)
+    monkeypatch.setenv("SPRINGGYM_CPU", "host")
+    assert finish(start(package, cache)) == (8.0, 0)
+    assert len(list(cache.iterdir())) == 3
