@@ -482,8 +482,10 @@ class DigestKeyedCache:
 
     def stop_waiting(self) -> None:
         """Note that nothing is compiled any more."""
-        if self._waiting is not None:
-            self._waiting.cancel()
+        waiting, self._waiting = self._waiting, None
+        if waiting is not None:
+            waiting.cancel()
+            waiting.join()  # who forks next should be alone
 
     def _load(self, sig: Any, target_context: Any) -> Any:
         try:
