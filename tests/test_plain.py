@@ -5,12 +5,15 @@ NUMBA_DISABLE_JIT=1 python -m tests.test_plain FILE    # write what Python compu
 
 from __future__ import annotations
 
+import ast
+import inspect
 import os
 import subprocess
 import sys
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import gymnasium as gym
@@ -19,7 +22,7 @@ import pytest
 
 import springgym  # noqa: F401  its environments
 from springgym.bodies import cube, top
-from springgym.core import plain
+from springgym.core import lanes, plain, vec
 from springgym.core.blocks import block_array
 from springgym.core.compiling import INTERPRETED
 from springgym.scene import Placed, Scene
@@ -116,6 +119,24 @@ def test_a_product_and_a_sum_are_rounded_once() -> None:
     with np.errstate(all="ignore"):
         assert plain.multiply_add(1e300, 1e300, 1.0) == np.inf
         assert np.isnan(plain.multiply_add(np.inf, 0.0, 1.0))
+
+
+def intrinsics(module: ModuleType) -> dict[str, list[str]]:
+    """Names of the intrinsics of a module, and what they take besides the context."""
+    tree = ast.parse(inspect.getsource(module))
+    return {
+        node.name: [argument.arg for argument in node.args.args[1:]]
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef)
+        and any(isinstance(one, ast.Name) and one.id == "intrinsic" for one in node.decorator_list)
+    }
+
+
+def test_every_intrinsic_has_a_stand_in() -> None:
+    found = intrinsics(lanes) | intrinsics(vec)
+    assert len(found) > 10
+    for name, takes in found.items():
+        assert list(inspect.signature(getattr(plain, name)).parameters) == takes, name
 
 
 BLOCKS = block_array(20, (4, 3), float)[0]
