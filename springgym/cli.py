@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import importlib
 import io
-import logging
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -25,6 +24,7 @@ COMMANDS = {
     "simulate": ("springgym.simulating", "scenes", "run a scene; plot it, film it, hold it against theory"),
     "view": ("springgym.view", "view", "turn, play and change a scene or an episode in the browser"),
     "model": ("springgym.modelling", "scenes", "find the cheapest model of a top that is true enough"),
+    "compile": ("springgym.precompiling", "", "compile environments ahead of their first step"),
     "bench": ("springgym.bench", "bench", "measure the speed on this machine"),
     "accuracy": ("springgym.accuracy", "accuracy", "measure error against cost of every integrator"),
     "hard-cases": ("springgym.accuracy.hard_cases", "accuracy", "run the cases where simulators break"),
@@ -88,7 +88,6 @@ def guarded(
     extra
         What holds the packages that the command needs, of `springgym[...]`.
     """
-    _tell_of_compiling(program)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a Greek letter that it lacks becomes a question mark
             stream.reconfigure(errors="replace")
@@ -106,22 +105,6 @@ def guarded(
     except KeyboardInterrupt:
         print(f"{program}: interrupted", file=sys.stderr)
         return INTERRUPTED
-
-
-def _tell_of_compiling(program: str) -> None:
-    """Have a first run say, once, why it is silent: to a person at a terminal, not into a file."""
-    logger = logging.getLogger("springgym")
-
-    def once(_: logging.LogRecord) -> bool:
-        logger.setLevel(logging.WARNING)
-        return True
-
-    if sys.stderr.isatty() and not logger.handlers:
-        handler = logging.StreamHandler()
-        handler.setFormatter(logging.Formatter(f"{program}: %(message)s"))
-        handler.addFilter(once)
-        logger.addHandler(handler)
-        logger.setLevel(logging.INFO)
 
 
 def _told(error: Exception, extra: str) -> str:

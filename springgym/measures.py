@@ -245,10 +245,10 @@ def read_bodies(block: int, phase: Phase, reading: Reading, terms: Any) -> None:
     write(whole, ANGULAR_VELOCITY, solve_symmetric(inertia(x.values, mass, centre), spin))
     write(whole, SIDE, 0.0 * centre)
     write(whole, AXIS, 0.0 * centre)
-    width = len(space[0, 0].lanes)
+    width = len(space[0, 0]["lanes"])
     for copy in range(block * width, min((block + 1) * width, readout.rows.shape[0])):
         for n in range(SIZE):
-            readout.rows[copy, n] = space[0, n].lanes[copy - block * width]
+            readout.rows[copy, n] = space[0, n]["lanes"][copy - block * width]
 
 
 @compiled
@@ -256,12 +256,12 @@ def write_copies(
     block: Number, body: int, first: Number, x: Any, v: Any, readout: Readout, space: Vector
 ) -> None:
     """Write the measures in ``space`` and a body's particles, from ``first``, to the rows of the copies."""
-    width = len(space[0].lanes)
+    width = len(space[0]["lanes"])
     for copy in range(block * width, min((block + 1) * width, readout.bodies.shape[0])):
         lane = copy - block * width
         for n in range(SIZE):
-            readout.bodies[copy, body, n] = space[n].lanes[lane]
+            readout.bodies[copy, body, n] = space[n]["lanes"][lane]
         for i in range(x.shape[0]):
             for axis in range(3):
-                readout.positions[copy, first + i, axis] = x[i, axis].lanes[lane]
-                readout.velocities[copy, first + i, axis] = v[i, axis].lanes[lane]
+                readout.positions[copy, first + i, axis] = x[i, axis]["lanes"][lane]
+                readout.velocities[copy, first + i, axis] = v[i, axis]["lanes"][lane]

@@ -31,7 +31,7 @@ from numba import NumbaError, types
 from numba.extending import overload
 
 from springgym.checks import MANY, array, number, shown, whole, whole_array
-from springgym.core.compiling import OPTIONS, Inner
+from springgym.core.compiling import OPTIONS, is_inner
 from springgym.core.lanes import Lanes, load
 from springgym.core.vec import Vec
 from springgym.records import read_only
@@ -79,7 +79,7 @@ def _checked(name: str, force: Any, count: int) -> Any:
     kind: Any = type(force)
     for function, takes in FUNCTIONS.items():
         form, given = f"{function}({', '.join(takes)})", getattr(kind, function, None)
-        if not isinstance(given, Inner):
+        if not is_inner(given):
             raise TypeError(
                 f"{name} is a {kind.__name__}, which has no function {form}; it must be a staticmethod, "
                 "decorated with springgym.core.compiling.compiled"
@@ -161,7 +161,10 @@ def _reason(error: NumbaError) -> str:
 
 
 def add_own_forces(x: Any, force: Any, own: Any, body: Any) -> None:
-    """Add the forces [N] of one's own that act on a body to ``force`` (N, 3); for compiled code."""
+    """Add the forces [N] of one's own that act on a body to ``force`` (N, 3)."""
+    for one in own or ():
+        if one.body == body:
+            one.force.add(x, force, one.force)
 
 
 @overload(add_own_forces, jit_options={**OPTIONS, "forceinline": True})
@@ -183,7 +186,12 @@ def _add_own_forces(x: Any, force: Any, own: Any, body: Any) -> Any:
 
 
 def own_energy(x: Any, own: Any, body: Any) -> Any:
-    """The energy [J] of the forces of one's own that act on a body; for compiled code."""
+    """Add up the energy [J] of the forces of one's own that act on a body."""
+    total = 0.0 * load(x, (0, 0))
+    for one in reversed(own or ()):
+        if one.body == body:
+            total = total + one.force.energy(x, one.force)
+    return total
 
 
 @overload(own_energy, jit_options={**OPTIONS, "forceinline": True})

@@ -12,7 +12,7 @@ from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
 from springgym.collisions import shape as shape_of
 from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies, to_copies
-from springgym.core.lanes import Ragged
+from springgym.core.kinds import Ragged
 from springgym.core.ragged import share, stacked
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench

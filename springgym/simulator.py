@@ -27,7 +27,7 @@ from springgym.core.blocks import (
     to_copies,
 )
 from springgym.core.compiling import SameTypes
-from springgym.core.lanes import Ragged
+from springgym.core.kinds import Ragged
 from springgym.core.ragged import share, stacked
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES

@@ -1,17 +1,14 @@
 """What commands share: errors in a line, and files that are whole or not there."""
 
-import logging
 import os
 import stat
 import subprocess
 import sys
 
-import numba
 import pytest
 
 from springgym import extras
 from springgym.cli import guarded, main, whole_file
-from springgym.core.compiling import kernel
 from springgym.extras import install
 
 
@@ -110,27 +107,6 @@ def test_what_would_be_lost_after_minutes_is_told_at_once(arguments, says, tmp_p
     (tmp_path / "accuracy.json").write_text("half a rep")
     assert main([argument.replace("OUT", str(tmp_path)) for argument in arguments]) == 2
     assert says in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("terminal", [True, False])
-def test_a_first_run_says_once_why_it_is_silent(capsys, monkeypatch, tmp_path, terminal):
-    """To a person; what is written into a file stays as it was."""
-    logger = logging.getLogger("springgym")
-    monkeypatch.setattr(logger, "disabled", False)  # as import-linter leaves it, in a test that ran before
-    monkeypatch.setenv("SPRINGGYM_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
-
-    def compile_two() -> int:
-        for _ in range(2):
-            kernel(lambda n: n + 1).compile((numba.int64,))
-        return 0
-
-    try:
-        assert guarded("name", compile_two) == 0
-    finally:
-        logger.handlers.clear()
-        logger.setLevel(logging.NOTSET)
-    assert capsys.readouterr().err.count("name: compiling: a first run takes") == int(terminal)
 
 
 def test_how_to_install_is_of_the_package_or_of_the_clone(monkeypatch, tmp_path):

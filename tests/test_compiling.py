@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import pickle
 import re
-import runpy
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -163,6 +163,85 @@ def test_a_wrong_entry_costs_a_compilation(what: str, cache: Path) -> None:
     assert hits() == 1
 
 
+def test_entries_hold_machine_code_alone(cache: Path) -> None:
+    """Not what others would inline; functions that call what came from the cache find it all the same."""
+    assert hits() == 0
+    (entry,) = cache.iterdir()
+    (_, kind, (machine_code, bitcode)), *_ = pickle.loads(entry.read_bytes()[compiling.DIGEST :])
+    assert kind == "object"
+    assert len(bitcode) < 2000 < len(machine_code)
+    again = kernel(total.py_func)
+
+    @numba.njit
+    def doubled(a: Any) -> float:
+        return 2.0 * again(a)
+
+    assert doubled(np.array([1.0, 2.0])) == 6.0
+    assert sum(again.stats.cache_hits.values()) == 1
+
+
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
+    """What a process that nobody was told in says, where patience is short."""
+    monkeypatch.setattr(compiling.LOGGER, "disabled", False)  # as import-linter leaves it
+    monkeypatch.setattr(compiling, "_TOLD", threading.Lock())
+    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+    return caplog
+
+
+def test_who_waits_for_the_compiler_is_told_once(cache: Path, told: pytest.LogCaptureFixture) -> None:
+    assert hits() == 0
+    (record,) = told.records
+    assert record.levelname == "WARNING"
+    assert "compiling, for seconds to a minute" in record.getMessage()
+    (entry,) = cache.iterdir()
+    entry.unlink()
+    assert hits() == 0
+    assert len(told.records) == 1
+
+
+def test_who_waits_in_a_thread_is_told(cache: Path, told: pytest.LogCaptureFixture) -> None:
+    thread = threading.Thread(target=hits)
+    thread.start()
+    thread.join()
+    assert len(told.records) == 1
+
+
+def test_who_does_not_wait_is_not_told(
+    cache: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiling, "PATIENCE", 60.0)
+    assert hits() == 0
+    assert not [thread for thread in threading.enumerate() if isinstance(thread, threading.Timer)]
+    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+    assert hits() == 1
+    assert told.records == []
+
+
+def test_what_does_not_compile_leaves_nobody_waiting(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "PATIENCE", 60.0)
+    with pytest.raises(numba.TypingError):
+        kernel(lambda a: a.nothing)(1.0)
+    time.sleep(0.1)
+    assert not [thread for thread in threading.enumerate() if isinstance(thread, threading.Timer)]
+
+
+def test_a_kernel_that_was_sent_to_another_process_compiles(cache: Path) -> None:
+    sent = pickle.dumps(kernel(total.py_func))
+    run = "import pickle, sys, numpy as np; print(pickle.load(sys.stdin.buffer)(np.array([1.0, 2.0])))"
+    command = [sys.executable, "-c", run]
+    assert subprocess.run(command, input=sent, capture_output=True, check=True).stdout == b"3.0\n"
+
+
+@pytest.mark.parametrize(("quiet", "lines"), [("", 1), ("logging.disable()", 0)])
+def test_a_script_tells_on_stderr(quiet: str, lines: int, package: Path, tmp_path: Path) -> None:
+    run = f"import logging, springgym.core.compiling as compiling\ncompiling.PATIENCE = 0.0\n{quiet}\n{RUN}"
+    process = start(package, tmp_path / "cache", run)
+    out, error = process.communicate(timeout=60)
+    assert out == "8.0 0\n"
+    assert error.count("springgym: compiling") == error.count("\n") == lines
+
+
 def test_a_folder_in_place_of_an_entry(cache: Path) -> None:
     assert hits() == 0
     (entry,) = cache.iterdir()
@@ -206,12 +285,6 @@ def test_entries_follow_the_umask(umask: int, cache: Path) -> None:
         os.umask(before)
     (entry,) = cache.iterdir()
     assert entry.stat().st_mode & 0o777 == 0o666 & ~umask
-
-
-def test_what_cannot_be_compiled_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
-    with pytest.raises(ImportError, match="unset NUMBA_DISABLE_JIT"):
-        runpy.run_path(compiling.__file__)
 
 
 FULL = """

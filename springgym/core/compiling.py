@@ -9,7 +9,10 @@ cache entry is one file, named by a hash over everything it depends on: the code
 is compiled from with the constants that they name (`springgym.core.code_digest`), the argument types, the
 CPU, the versions of Python, NumPy and Numba, and those of Numba's settings that change the code. Nothing is
 ever invalidated or locked; other code, another name. What has no digest is compiled anew by each process.
-Numba's settings are not touched. An entry is code of this machine: its folder must be one's own.
+An entry is run: its folder must be one's own, or of somebody whom one trusts. Folders can be copied, shared
+and read only. Code is made for the processor that makes it, and found by those like it; with
+``SPRINGGYM_CPU=x86-64-v3`` (or ``v4``), for every processor of that level, and found by processes that are
+told the same. Numba's settings are not touched but for that one.
 
 The cache needs a few things of Numba that are not of its public interface: `INSIDE` names them. Where a
 version of Numba lacks one, a warning says so, every process compiles anew, and results are the same.
@@ -17,6 +20,9 @@ version of Numba lacks one, a warning says so, every process compiles anew, and 
 With ``NUMBA_BOUNDSCHECK=1`` in the environment all compiled functions check every index, those of `lanes` and
 `blocks` too, and raise an `IndexError`: slow, for the search of a fault. Set ``NUMBA_OPT=1`` as well: to
 optimise all these checks where bodies collide takes LLVM many minutes, to leave most of that a minute.
+
+With ``NUMBA_DISABLE_JIT=1`` nothing is compiled: every function runs as Python, a thousand times slower, see
+`springgym.core.plain`.
 """
 
 from __future__ import annotations
@@ -27,26 +33,79 @@ import os
 import pickle
 import platform
 import sys
+import threading
 import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import wraps
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, TypeGuard
 from uuid import uuid4
 
 import numba
 import numpy as np
+from llvmlite import binding
+from numba import extending
 from numba.core import sigutils
+from numba.core.registry import CPUDispatcher
 from numba.extending import is_jitted, models, register_model
 
+from springgym.core import plain
 from springgym.core.code_digest import NotHashable, digest
-
-if numba.config.DISABLE_JIT:
-    raise ImportError("springgym computes on LLVM values, for which it is compiled: unset NUMBA_DISABLE_JIT")
 
 PACKAGE = __name__.partition(".")[0]
 LOGGER = logging.getLogger(PACKAGE)
+
+BASE = "cx16 popcnt sahf sse3 sse4.1 sse4.2 ssse3 avx avx2 bmi bmi2 f16c fma lzcnt movbe xsave"
+
+LEVELS = {
+    "x86-64-v3": BASE.split(),
+    "x86-64-v4": f"{BASE} avx512f avx512bw avx512cd avx512dq avx512vl".split(),
+}
+"""Processors that code can be made for, other than the one that makes it, and what each of them has
+(x86-64 psABI, table 3.1; names are LLVM's). Those below do not have the fused product and sum."""
+
+
+def _level(asked: str, has: Mapping[str, bool]) -> str | None:
+    """Return the level to make code for; None for this processor itself, which ``has`` some features.
+
+    Raises
+    ------
+    ValueError
+        If there is no such level.
+    """
+    if asked in ("", "host"):
+        return None
+    if asked not in LEVELS:
+        raise ValueError(f"SPRINGGYM_CPU is {asked!r}; it must be host, {' or '.join(LEVELS)}")
+    lacks = [name for name in LEVELS[asked] if not has.get(name)]
+    if lacks:
+        warnings.warn(
+            f"SPRINGGYM_CPU is {asked!r}, and this processor has no {', '.join(lacks)}: code is made for "
+            "this processor, and what was made for others is left alone",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return None
+    if numba.config.CPU_NAME or numba.config.CPU_FEATURES is not None:
+        raise ValueError("SPRINGGYM_CPU is set, and so is NUMBA_CPU_NAME or NUMBA_CPU_FEATURES: unset one")
+    return asked
+
+
+def _features() -> Mapping[str, bool]:
+    try:
+        return dict(binding.get_host_cpu_features())
+    except RuntimeError:  # LLVM does not know, on some processors other than x86-64
+        return {}
+
+
+LEVEL = _level(os.environ.get("SPRINGGYM_CPU", ""), _features())
+"""What processors code is made for, of `LEVELS`; None for those like this one."""
+
+if LEVEL is not None:  # before Numba compiles anything; the key of an entry holds both
+    numba.config.CPU_NAME, numba.config.CPU_FEATURES = LEVEL, ""
 
 OPTIONS = {"error_model": "numpy", "_nrt": False}
 """IEEE arithmetic (no fastmath); no allocation, hence no counting of references to arrays, which cost as
@@ -55,7 +114,10 @@ much as the physics where small functions hand arrays on."""
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO_DEFAULT")
 """Those of `numba.config` that change what is compiled."""
 
-PLAIN = numba.njit(**OPTIONS)(lambda: None)
+INTERPRETED = bool(numba.config.DISABLE_JIT)
+"""Whether functions run as the Python they are, by `springgym.core.plain`."""
+
+SAMPLE = CPUDispatcher(lambda: None)
 """A function that is never called: a sample of how this version of Numba wraps a compiled function."""
 
 
@@ -74,15 +136,16 @@ INSIDE = {
         "core.compiler.CompileResult._reduce",
         "core.compiler.CompileResult._rebuild",
         "core.serialize.dumps",
+        "core.codegen.JitEngine._load_defined_symbols",
     )
 }
 """What there is of the private things in Numba that the cache is made of."""
 
-LOCK, REDUCE, REBUILD, DUMPS = INSIDE.values()
+LOCK, REDUCE, REBUILD, DUMPS, NAME_SYMBOLS = INSIDE.values()
 
 LACKING = [f"numba.{path}" for path, found in INSIDE.items() if found is None]
-if not hasattr(PLAIN, "_cache"):
-    LACKING.append(f"{type(PLAIN).__name__}._cache")
+if not hasattr(SAMPLE, "_cache"):
+    LACKING.append(f"{type(SAMPLE).__name__}._cache")
 
 
 def _warn_uncached(why: str) -> None:
@@ -140,13 +203,24 @@ CHECKED = bool(numba.config.BOUNDSCHECK)
 """Whether compiled functions check indices, and `SameTypes` types."""
 
 
-class Inner(type(PLAIN)):  # type: ignore[misc]
+class Inner(type(SAMPLE)):  # type: ignore[misc]
     """A compiled function that only other compiled functions call; see `_inlined`."""
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         raise TypeError(
             f"{self.__name__} is compiled for kernels only; call {self.__name__}.py_func from Python"
         )
+
+
+class Kept(type(SAMPLE)):  # type: ignore[misc]
+    """A compiled function that Python calls, whose code is kept."""
+
+    def compile(self, sig: Any) -> Any:
+        try:
+            return super().compile(sig)
+        finally:
+            if isinstance(self._cache, DigestKeyedCache):  # one that was unpickled has none
+                self._cache.stop_waiting()
 
 
 def _inlined() -> dict[str, Any]:
@@ -246,6 +320,8 @@ def compiled(function: Callable[..., Any]) -> Any:
     arrays. Handing a scene's sixty arrays on by value costs one copy up to a third of its step, and compiling
     such functions one by one as much as inlining them.
     """
+    if INTERPRETED:
+        return _interpreted(function, function)
     dispatcher = numba.njit(**OPTIONS, **INLINED)(function)
     dispatcher.__class__ = Inner
     return dispatcher
@@ -253,10 +329,40 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls: releases the GIL, cached on disk by a digest of its code."""
+    if INTERPRETED:
+
+        @wraps(function)
+        def run(*arguments: Any) -> Any:
+            with np.errstate(all="ignore"):  # as IEEE's arithmetic goes on
+                return function(*arguments)
+
+        return _interpreted(run, function)
     dispatcher = numba.njit(**OPTIONS, nogil=True, no_cfunc_wrapper=True)(function)
     if not LACKING:
         dispatcher._cache = DigestKeyedCache(function)
+        dispatcher.__class__ = Kept
     return dispatcher
+
+
+def _interpreted(function: Any, source: Callable[..., Any]) -> Any:
+    """Mark a function that runs as the Python of ``source``, as Numba marks what it has compiled."""
+    function.py_func = source
+    return function
+
+
+def intrinsic(function: Callable[..., Any]) -> Any:
+    """Make an intrinsic of what emits LLVM's code; where nothing is compiled, take its stand-in."""
+    return getattr(plain, function.__name__) if INTERPRETED else extending.intrinsic(function)
+
+
+def is_kernel(function: Any) -> bool:
+    """Tell whether Python calls a function as it is written for kernels: compiled, or interpreted."""
+    return is_jitted(function) or (INTERPRETED and hasattr(function, "py_func"))
+
+
+def is_inner(function: Any) -> TypeGuard[Any]:
+    """Tell whether a function is one of `compiled`."""
+    return isinstance(function, Inner) or (INTERPRETED and getattr(function, "py_func", None) is function)
 
 
 class SameTypes:
@@ -319,6 +425,38 @@ def _asked(found: Any, sig: Any) -> Any:
     return found._replace(signature=found.signature.replace(args=tuple(args)))
 
 
+def _without_bitcode(parts: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return what Numba keeps of a function without what other functions would inline of it: most of it.
+
+    Compiled functions that call it find its machine code by its name.
+    """
+    (name, kind, (machine_code, _)), *others = parts
+    return (name, kind, (machine_code, binding.parse_assembly("").as_bitcode())), *others
+
+
+def _name_symbols(codegen: Any, description: Any) -> None:
+    """Tell Numba's engine the names of a function's machine code, which it would read in the bitcode."""
+    names = (description.llvm_func_name, description.llvm_cpython_wrapper_name)
+    functions = [SimpleNamespace(name=name, is_declaration=False) for name in names]
+    NAME_SYMBOLS(codegen._engine, SimpleNamespace(functions=functions, global_variables=[]))
+
+
+PATIENCE = 2.0
+"""Who waits for code to be compiled is told so after this long [s]."""
+
+_TOLD = threading.Lock()
+"""Held once somebody was told."""
+
+
+def _tell_of_compiling() -> None:
+    """Say, once a process, why it takes so long: to stderr, unless logging is told otherwise."""
+    if _TOLD.acquire(blocking=False):
+        LOGGER.warning(
+            "springgym: compiling, for seconds to a minute. Later runs start at once; "
+            "springgym compile does this ahead of the first"
+        )
+
+
 class DigestKeyedCache:
     """Numba's cache interface over one file an entry, named by a hash of all it depends on."""
 
@@ -327,6 +465,7 @@ class DigestKeyedCache:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
+        self._waiting: threading.Timer | None = None
 
     def flush(self) -> None:
         """Nothing is ever out of date."""
@@ -335,8 +474,18 @@ class DigestKeyedCache:
         """The compiled function of a signature, if there is an entry of it."""
         found = self._load(sig, target_context)
         if found is None:
-            LOGGER.info("compiling: a first run takes seconds to a minute, later ones start at once")
+            LOGGER.info("compile %s.%s", self._function.__module__, self._function.__qualname__)
+            self._waiting = threading.Timer(PATIENCE, _tell_of_compiling)
+            self._waiting.daemon = True
+            self._waiting.start()
         return found
+
+    def stop_waiting(self) -> None:
+        """Note that nothing is compiled any more."""
+        waiting, self._waiting = self._waiting, None
+        if waiting is not None:
+            waiting.cancel()
+            waiting.join()  # who forks next should be alone
 
     def _load(self, sig: Any, target_context: Any) -> Any:
         try:
@@ -348,7 +497,9 @@ class DigestKeyedCache:
             payload = content[DIGEST:]
             if content[:DIGEST] != _checksum(path, payload):
                 return None
-            return _asked(REBUILD(target_context, *pickle.loads(payload)), sig)
+            parts = pickle.loads(payload)
+            _name_symbols(target_context.codegen(), parts[1])
+            return _asked(REBUILD(target_context, *parts), sig)
         except Exception:  # whatever is wrong with an entry: it is compiled anew, and replaced
             return None
 
@@ -358,8 +509,8 @@ class DigestKeyedCache:
             path = self._path(sig, data.codegen)
             if path is None:
                 return
-            payload = DUMPS(REDUCE(data))
-        except (AttributeError, TypeError) as error:  # Numba's inside is another than it was
+            payload = DUMPS(_without_bitcode(REDUCE(data)))
+        except (AttributeError, TypeError, ValueError) as error:  # Numba's inside is another than it was
             _warn_uncached(f"cannot be asked for its compiled code ({error})")
             return
         try:

@@ -6,7 +6,9 @@ copy.
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
 
 Number: TypeAlias = Any
 """A number, or one of each copy of a block."""
@@ -28,3 +30,19 @@ Rows: TypeAlias = Any
 
 Ledger: TypeAlias = Any
 """The `Numbers` of `springgym.forces.ledger`, or None."""
+
+
+class Ragged(NamedTuple):
+    """Rows of several bodies."""
+
+    values: np.ndarray
+    """(rows, …) of one body after another"""
+    start: np.ndarray
+    """(bodies + 1,) where each body's rows begin, and the end"""
+
+
+class Each(NamedTuple):
+    """A number of each body."""
+
+    numbers: np.ndarray
+    """(bodies,)"""

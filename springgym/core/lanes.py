@@ -26,10 +26,11 @@ from llvmlite import binding, ir
 from numba import types
 from numba.core import cgutils, config
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.extending import lower_builtin, models, register_model
 
-from springgym.core.compiling import compiled
-from springgym.core.kinds import Number
+from springgym.core.compiling import compiled, intrinsic
+from springgym.core.kinds import Each, Number
+from springgym.core.kinds import Ragged as Ragged
 
 
 def block_dtype(dtype: Any, width: int) -> np.dtype[Any]:
@@ -684,22 +685,6 @@ def at(typingctx: Any, term: Any, block: Any) -> Any:
 
 
 # --- Several bodies -----------------------------------------------------------------------------------
-
-
-class Ragged(NamedTuple):
-    """Rows of several bodies."""
-
-    values: np.ndarray
-    """(rows, …) of one body after another"""
-    start: np.ndarray
-    """(bodies + 1,) where each body's rows begin, and the end"""
-
-
-class Each(NamedTuple):
-    """A number of each body."""
-
-    numbers: np.ndarray
-    """(bodies,)"""
 
 
 def _is_one_of(kind: type, term: types.Type) -> bool:

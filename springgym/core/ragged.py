@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from springgym.core.blocks import aligned_zeros
-from springgym.core.lanes import Each, Ragged
+from springgym.core.kinds import Each, Ragged
 
 
 def stacked(terms: Sequence[Any], blocks: bool = True) -> Any:

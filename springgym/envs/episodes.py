@@ -8,14 +8,13 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import is_jitted
 from numpy.random import Generator
 from numpy.typing import DTypeLike
 
 from springgym import checks, measures
 from springgym.bodies import Body
 from springgym.checks import TINY, chosen, instance
-from springgym.core.compiling import SameTypes, kernel
+from springgym.core.compiling import SameTypes, is_kernel, kernel
 from springgym.dynamics import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
 from springgym.envs.error import StepError
@@ -484,12 +483,12 @@ class Episodes:
 
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
-        self._trusts = is_jitted(self.task.evaluate)
+        self._trusts = is_kernel(self.task.evaluate)
         self._apart = self.task.apart and len(self.simulator.scene.bodies) > 1
         self._whole = self._part(slice(None))
         compact = self.task.observation != "particles"
         observe = self.task.compact if compact else observation.observe_particles
-        self._sees_parts = self._trusts and is_jitted(observe)
+        self._sees_parts = self._trusts and is_kernel(observe)
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
         self._take = SameTypes(take)

@@ -15,7 +15,7 @@ import numpy as np
 
 from springgym.checks import instance, shown
 from springgym.core.blocks import at
-from springgym.core.compiling import Inner, compiled, kernel
+from springgym.core.compiling import compiled, is_inner, kernel
 from springgym.core.kinds import Ledger
 from springgym.core.lanes import bodies_of, of_body
 from springgym.integrators.clock import Clock, tick
@@ -74,7 +74,7 @@ def register(record: Integrator, integrate: Callable[..., None]) -> None:
         If a method of springgym has the name.
     """
     instance("record", record, Integrator)
-    if not isinstance(integrate, Inner):
+    if not is_inner(integrate):
         raise TypeError(
             f"integrate is {shown(integrate)}; it must be decorated with springgym.core.compiling.compiled"
         )

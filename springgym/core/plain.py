@@ -1,0 +1,204 @@
+"""Lanes and vectors in plain Python, by NumPy: what functions compute on where nothing is compiled.
+
+With ``NUMBA_DISABLE_JIT=1`` in the environment, functions marked `springgym.core.compiling.compiled` run as
+the Python they are, so that a debugger steps through them and their lines can be counted. Each function here
+stands for the intrinsic of its name in `springgym.core.lanes` or `springgym.core.vec`, which says what it
+does. Operations are IEEE's, as in compiled code, so the bits are the same, but for functions such as the
+sine, which Numba takes from another library, and `multiply_add` in single precision, which in one case of
+10⁸ is rounded twice.
+
+Indices are checked: a negative one, or one outside of its array, raises an `IndexError`.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+from springgym.core.kinds import Each, Ragged
+
+
+class Lanes(NDArrayOperatorsMixin):
+    """A number of each copy in a block: ``numbers`` (width,)."""
+
+    def __init__(self, numbers: np.ndarray) -> None:
+        self.numbers = numbers
+
+    def __repr__(self) -> str:
+        return f"Lanes({self.numbers.tolist()})"
+
+    def everywhere(self, value: Any) -> np.ndarray:
+        """Return the numbers of lanes of this kind, or a number repeated in each lane."""
+        if not isinstance(value, Lanes):
+            return np.full_like(self.numbers, value)
+        if (value.numbers.dtype, value.numbers.shape) != (self.numbers.dtype, self.numbers.shape):
+            raise TypeError(f"{value} and {self} are of different precision or width")
+        return value.numbers
+
+    def __array_ufunc__(self, function: Any, method: str, *values: Any, **options: Any) -> Any:
+        """Let operators and NumPy's functions act on lanes and numbers; comparisons give truth values."""
+        if method != "__call__" or options:
+            return NotImplemented
+        found = function(*(self.everywhere(value) for value in values))
+        return found if found.dtype == bool else Lanes(found.astype(self.numbers.dtype, copy=False))
+
+
+class Vec:
+    """Three components, each of them `Lanes`, or each a number."""
+
+    __array_ufunc__ = None  # so that a number of NumPy times a vector is what the vector makes of it
+
+    def __init__(self, *components: Any) -> None:
+        self.components = components
+
+    def __repr__(self) -> str:
+        return f"Vec{self.components}"
+
+    def __getitem__(self, axis: int) -> Any:
+        return self.components[axis]
+
+    def __add__(self, other: Vec) -> Vec:
+        return vec(*map(operator.add, self.components, other.components))
+
+    def __sub__(self, other: Vec) -> Vec:
+        return vec(*map(operator.sub, self.components, other.components))
+
+    def __rmul__(self, scale: Any) -> Vec:
+        return vec(*(scale * component for component in self.components))
+
+    def __neg__(self) -> Vec:
+        return vec(*map(operator.neg, self.components))
+
+
+def _alike(*values: Any) -> list[Any]:
+    """Return values as lanes if one of them is, else as numbers in double precision."""
+    lanes = next((value for value in values if isinstance(value, Lanes)), None)
+    if lanes is None:
+        return [np.float64(value) for value in values]
+    return [Lanes(lanes.everywhere(value)) for value in values]
+
+
+def vec(x: Any, y: Any, z: Any) -> Vec:
+    return Vec(*_alike(x, y, z))
+
+
+# --- Arithmetic -------------------------------------------------------------------------------------
+
+
+def sqrt(value: Any) -> Any:
+    return np.sqrt(value)
+
+
+def inverse_sqrt(value: Any) -> Any:
+    return 1.0 / np.sqrt(value)
+
+
+def nearest(value: Any) -> Any:
+    return np.rint(value)
+
+
+def _rounded_once(a: float, b: float, c: float) -> float:
+    """Compute a b + c of fractions of whole numbers, of which Python rounds the quotient as IEEE 754 says."""
+    try:
+        (p, q), (r, s), (t, u) = (number.as_integer_ratio() for number in (a, b, c))
+        return (p * r * u + t * q * s) / (q * s * u) or a * b + c  # which has the sign of a zero
+    except (ValueError, OverflowError):  # of what is not finite
+        return np.float64(a) * b + c
+
+
+_fused = np.frompyfunc(_rounded_once, 3, 1)
+
+
+def multiply_add(a: Any, b: Any, c: Any) -> Any:
+    a, b, c = _alike(a, b, c)
+    found = _fused(a, b, c)
+    return found if isinstance(found, Lanes) else np.float64(found)
+
+
+def select(mask: Any, true: Any, false: Any) -> Lanes:
+    true, false = _alike(true, false)
+    return Lanes(np.where(mask, true.numbers, false.numbers))
+
+
+def any_lane(mask: Any) -> bool:
+    return bool(np.any(mask))
+
+
+def epsilon(value: Any) -> float:
+    return float(np.finfo(value.numbers.dtype if isinstance(value, Lanes) else np.float64).eps)
+
+
+# --- Memory -----------------------------------------------------------------------------------------
+
+
+def _check(n: Any, extent: int, axis: int = 0) -> None:
+    """Raise an `IndexError` unless 0 ≤ n < extent, in each lane."""
+    if not np.all((n >= 0) & (n < extent)):
+        raise IndexError(f"index {n} on axis {axis} of length {extent}")
+
+
+def _place(array: np.ndarray, index: Any) -> tuple[Any, ...]:
+    """Return the checked index of an element, or of one in each lane, as a tuple."""
+    index = index if isinstance(index, tuple) else (index,)
+    found = tuple(n.numbers.astype(np.int64) if isinstance(n, Lanes) else n for n in index)
+    for axis, (n, extent) in enumerate(zip(found, array.shape, strict=True)):
+        _check(n, extent, axis)
+    return found
+
+
+def load(array: np.ndarray, index: Any) -> Any:
+    place = _place(array, index)
+    return Lanes(array["lanes"][place].copy()) if array.dtype.names else array[place]
+
+
+def store(array: np.ndarray, index: Any, value: Any) -> None:
+    numbers = array["lanes"][_place(array, index)]
+    numbers[...] = Lanes(numbers).everywhere(value)
+
+
+def _lanes_of(index: Any) -> Lanes:
+    return index[0] if isinstance(index, tuple) else index
+
+
+def load_each(array: np.ndarray, index: Any) -> Lanes:
+    place, lanes = _place(array, index), _lanes_of(index).numbers
+    found = array["lanes"][*place, np.arange(lanes.size)] if array.dtype.names else array[place]
+    return Lanes(found.astype(lanes.dtype))
+
+
+def store_each(array: np.ndarray, index: Any, value: Any) -> None:
+    lanes = _lanes_of(index)
+    array["lanes"][*_place(array, index), np.arange(lanes.numbers.size)] = lanes.everywhere(value)
+
+
+# --- Blocks and bodies ------------------------------------------------------------------------------
+
+
+def _in_each(choose: Any, term: tuple[Any, ...], n: int) -> Any:
+    """Choose from each item of a tuple."""
+    items = [choose(item, n) for item in term]
+    return type(term)(*items) if hasattr(term, "_fields") else tuple(items)
+
+
+def at(term: Any, block: int) -> Any:
+    if isinstance(term, tuple):
+        return _in_each(at, term, block)
+    if not (isinstance(term, np.ndarray) and term.dtype.names):
+        return term
+    _check(block, len(term))
+    return term[block, ...]
+
+
+def of_body(term: Any, body: int) -> Any:
+    if isinstance(term, Ragged):
+        return term.values[term.start[body] : term.start[body + 1]]
+    if isinstance(term, Each):
+        return term.numbers[body]
+    return _in_each(of_body, term, body) if isinstance(term, tuple) else term
+
+
+def bodies_of(term: Any) -> int:
+    return len(term.start) - 1 if isinstance(term, Ragged) else 1

@@ -1,0 +1,126 @@
+"""``springgym compile``: compile environments ahead of their first step.
+
+What is compiled lies in a folder, see `springgym.core.compiling`: it can be copied, shared, mounted read-only
+and put into an image of a container. With ``--cpu`` it serves every processor of a level.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import multiprocessing
+import os
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+from springgym.registration import ENVIRONMENTS
+
+KINDS = {"single": "gym.make", "batch": "gym.make_vec"}
+"""One copy and many run different code."""
+
+DTYPES = ("float64", "float32")
+
+LEVELS = ("host", "x86-64-v3", "x86-64-v4")
+"""Of `springgym.core.compiling.LEVELS`, which takes a second to import."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of ``springgym compile``."""
+    parser.add_argument("ids", nargs="*", metavar="ID", help="environments; all, if none is named")
+    parser.add_argument(
+        "--cpu",
+        choices=LEVELS,
+        default=os.environ.get("SPRINGGYM_CPU") or "host",
+        help="processors to compile for: those like this one, or of a level; as SPRINGGYM_CPU says, or host",
+    )
+    parser.add_argument(
+        "--to",
+        type=Path,
+        metavar="FOLDER",
+        help="where to; where programs look, if not given",
+    )
+    parser.add_argument(
+        "--only", choices=sorted(KINDS), help="one copy as by gym.make, or a batch as by gym.make_vec"
+    )
+    parser.add_argument("--dtype", choices=DTYPES, default="float64", help="precision of batches")
+    parser.add_argument("--jobs", type=int, default=1, help="how many to compile at once; 1 if not given")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compile in processes of their own, which are told the folder and the level, and say what there is."""
+    if args.jobs < 1:
+        raise ValueError(f"--jobs is {args.jobs}; it must be at least 1")
+    ids = args.ids or [row.id for row in ENVIRONMENTS]
+    for name in ids:
+        try:
+            gym.spec(name)
+        except gym.error.Error as error:
+            raise ValueError(str(error)) from None
+    settings = {"SPRINGGYM_CPU": args.cpu}
+    if args.to is not None:
+        args.to.mkdir(parents=True, exist_ok=True)
+        settings["SPRINGGYM_CACHE_DIR"] = str(args.to.absolute())
+    tasks = [(name, kind, args.dtype) for name in ids for kind in KINDS if args.only in (None, kind)]
+    spawned = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(args.jobs, len(tasks)), spawned, _begin, (settings,)) as pool:
+        for (name, kind, _), seconds in zip(tasks, pool.map(compile_one, tasks), strict=True):
+            print(f"{name}, {KINDS[kind]}: {seconds:.1f} s", flush=True)
+        folder = pool.submit(_folder).result()
+    entries = list(folder.glob("*.nbc"))
+    size = sum(entry.stat().st_size for entry in entries)
+    print(f"{len(entries)} entries, {size / 1e6:.1f} MB, in {folder}")
+    told = " ".join(f"{name}={value}" for name, value in settings.items() if value != "host")
+    if told:
+        print(f"Processes find them that are told {told}")
+    return 0
+
+
+def _begin(settings: dict[str, str]) -> None:
+    """Let a new process have these settings before it imports what reads them."""
+    os.environ.update(settings)
+    logging.getLogger("springgym").setLevel(logging.ERROR)  # that it compiles is what it was asked for
+
+
+def _folder() -> Path:
+    from springgym.core.compiling import cache_directory
+
+    folder = cache_directory()
+    if folder is None:
+        raise ValueError("there is no folder for what is compiled: name one by --to")
+    return folder
+
+
+def compile_one(task: Sequence[str]) -> float:
+    """Compile what the first steps of an environment need, over the end of an episode; return seconds.
+
+    Raises
+    ------
+    ValueError
+        If this processor is not of the level, or the environment takes no such precision.
+    """
+    from springgym.core import compiling
+
+    name, kind, dtype = task
+    asked = os.environ["SPRINGGYM_CPU"]
+    if asked not in ("host", compiling.LEVEL):
+        raise ValueError(f"--cpu is {asked}, and this processor is not of that level; compile on one that is")
+    _folder()
+    began = time.perf_counter()
+    options: dict[str, Any] = {"max_episode_steps": 1}
+    if kind == "single":
+        env: Any = gym.make(name, **options)
+    else:
+        options["dtype"] = dtype
+        env = gym.make_vec(name, num_envs=2, vectorization_mode="vector_entry_point", **options)
+    env.reset(seed=0)
+    for _ in range(2):  # a batch begins anew in the second
+        env.step(env.action_space.sample())
+        if kind == "single":
+            env.reset()
+    env.close()
+    return time.perf_counter() - began

@@ -1,0 +1,173 @@
+"""Compiled functions run by plain Python give what they give compiled: `springgym.core.plain`.
+
+NUMBA_DISABLE_JIT=1 python -m tests.test_plain FILE    # write what Python computes
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import springgym  # noqa: F401  its environments
+from springgym.bodies import cube, top
+from springgym.core import lanes, plain, vec
+from springgym.core.blocks import block_array
+from springgym.core.compiling import INTERPRETED
+from springgym.scene import Placed, Scene
+from springgym.simulator import Simulator
+from springgym.surfaces import Contact, floor
+from tests.api.test_own import PULLED
+
+
+def advanced(scene: Scene, steps: int, **options: Any) -> np.ndarray:
+    """Return positions and velocities after some steps, and the measures then."""
+    simulator = Simulator(scene, **options)
+    simulator.advance(steps)
+    measured = [np.ravel(value) for value in simulator.measure()]
+    return np.concatenate([simulator.positions.ravel(), simulator.velocities.ravel(), *measured])
+
+
+def an_environment() -> np.ndarray:
+    env = gym.make("SpringTop-v0")
+    seen = [env.reset(seed=0)[0]]
+    observation, reward, *_ = env.step(np.full(env.action_space.shape, 0.3, np.float32))
+    return np.concatenate([*seen, observation, [reward]])
+
+
+def a_falling_cube() -> np.ndarray:
+    """It reaches the floor turned and slipping."""
+    body = cube()
+    x = body.positions - body.positions.min(axis=0) + [0.0, 0.0, 0.002]
+    v = np.cross([1.0, 2.0, 0.0], x) + np.array([3.0, 0.0, -2.0])
+    return advanced(Scene(body, x, v, surfaces=(floor(),), contact=Contact(0.4, 0.5)), 20)
+
+
+def colliding_tops() -> np.ndarray:
+    """They fly at each other, and meet."""
+    body = top()
+    apart = np.ptp(body.positions[:, 0]) + 0.03
+    placed = (
+        Placed(body, body.positions + np.array([x, 0.0, 0.0]), [[v, 0.0, 0.0]] * len(body.masses), name=name)
+        for name, x, v in (("left", 0.0, 20.0), ("right", apart, -20.0))
+    )
+    simulator = Simulator(Scene(bodies=tuple(placed), collisions="all"))
+    simulator.advance(8)
+    assert simulator.pairs().impulse[0, 0] > 1.0
+    return np.concatenate([simulator.positions.ravel(), simulator.velocities.ravel()])
+
+
+def a_rigid_body() -> np.ndarray:
+    body = top()
+    v = np.cross([0.0, 1.0, 20.0], body.positions)
+    return advanced(Scene(body, velocities=v, pinned=body.parts["tip"]), 5, dynamics="rigid")
+
+
+def a_batch_with_own_forces() -> np.ndarray:
+    return advanced(Scene(cube(), forces=PULLED), 2, copies=3, dtype=np.float32)
+
+
+CASES: dict[str, Callable[[], np.ndarray]] = {
+    case.__name__: case
+    for case in (an_environment, a_falling_cube, colliding_tops, a_rigid_body, a_batch_with_own_forces)
+}
+
+
+@pytest.fixture(scope="module")
+def found_by_python(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """What another process finds, in which nothing is compiled."""
+    file = tmp_path_factory.mktemp("plain") / "found.npz"
+    command = [sys.executable, "-m", "tests.test_plain", str(file)]
+    root = Path(__file__).parents[1]
+    subprocess.run(command, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, cwd=root, check=True, timeout=120)
+    return np.load(file)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "colliding_tops")) for name in CASES],
+)
+def test_python_computes_what_is_compiled(case: str, found_by_python: Any) -> None:
+    """To the bit in double precision; in single precision, to its rounding."""
+    interpreted, compiled = found_by_python[case], CASES[case]()
+    if case == "a_batch_with_own_forces":
+        np.testing.assert_allclose(interpreted, compiled, rtol=1e-6, atol=1e-6)
+    else:
+        np.testing.assert_array_equal(interpreted, compiled)
+
+
+def test_a_product_and_a_sum_are_rounded_once() -> None:
+    random = np.random.default_rng(0)
+    for a, b, c in random.normal(size=(200, 3)):
+        for near in (c, -a * b, -a * b * (1 + 2.0**-50)):
+            exact = float(Fraction(a) * Fraction(b) + Fraction(near))
+            assert plain.multiply_add(a, b, near) == exact
+    assert plain.multiply_add(2.0, 3.0, -6.0) == 0.0
+    assert np.signbit(plain.multiply_add(-0.0, 3.0, -0.0))
+    assert plain.multiply_add(np.inf, 1.0, 2.0) == np.inf
+    with np.errstate(all="ignore"):
+        assert plain.multiply_add(1e300, 1e300, 1.0) == np.inf
+        assert np.isnan(plain.multiply_add(np.inf, 0.0, 1.0))
+
+
+def intrinsics(module: ModuleType) -> dict[str, list[str]]:
+    """Names of the intrinsics of a module, and what they take besides the context."""
+    tree = ast.parse(inspect.getsource(module))
+    return {
+        node.name: [argument.arg for argument in node.args.args[1:]]
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef)
+        and any(isinstance(one, ast.Name) and one.id == "intrinsic" for one in node.decorator_list)
+    }
+
+
+def test_every_intrinsic_has_a_stand_in() -> None:
+    found = intrinsics(lanes) | intrinsics(vec)
+    assert len(found) > 10
+    for name, takes in found.items():
+        assert list(inspect.signature(getattr(plain, name)).parameters) == takes, name
+
+
+BLOCKS = block_array(20, (4, 3), float)[0]
+LANES = plain.load(BLOCKS, (0, 0))
+
+
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda: plain.load(BLOCKS, (4, 0)),
+        lambda: plain.load(BLOCKS, (-1, 0)),
+        lambda: plain.store(BLOCKS, (0, 3), 1.0),
+        lambda: plain.load_each(BLOCKS, (LANES + 4.0, 0)),
+        lambda: plain.store_each(BLOCKS, (LANES - 1.0, 0), 1.0),
+        lambda: plain.at(BLOCKS, -1),
+        lambda: plain.at(BLOCKS, 4),
+    ],
+)
+def test_python_checks_indices(act: Callable[[], Any]) -> None:
+    with pytest.raises(IndexError, match=r"index .* on axis \d of length \d"):
+        act()
+
+
+def test_lanes_of_two_kinds_do_not_mix() -> None:
+    other = plain.load(block_array(20, (4, 3), np.float32)[0], (0, 0))
+    for act in (lambda: LANES + other, lambda: plain.select(LANES > 0.0, LANES, other)):
+        with pytest.raises(TypeError, match="of different precision or width"):
+            act()
+
+
+if __name__ == "__main__":
+    if not INTERPRETED:
+        sys.exit("set NUMBA_DISABLE_JIT=1")
+    np.savez(sys.argv[1], **{name: case() for name, case in CASES.items()})
