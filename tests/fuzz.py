@@ -3,11 +3,11 @@
     python -m tests.fuzz --steps 1e8
     python -m tests.fuzz --seed 4711 --rounds 1        # one round again, as its line says
 
-Each round draws, from a seed of its own that is printed, copies, threads and reset mode of an environment, and
-what is done with it: actions that are uniform, at the bounds, held, off and far beyond; resets of all copies or
-some, with options; states taken and set back; copies and pickles in mid-episode; calls that must be refused.
-The environment with its arguments (observation, action mode, dynamics, precision, variant, randomisation) is
-that of `--repeats` rounds in a row: to compile it takes longer than to play a round.
+Each round draws, from its own seed, which is printed, how an environment is played (copies, threads, reset
+mode), and what is done with it: actions that are uniform, at the bounds, held, off and far beyond; resets of
+all copies or some, with options; states taken and set back; copies and pickles in mid-episode; calls that
+must be refused. The environment and its arguments (observation, action mode, dynamics, precision, variant,
+randomisation) are those of `--repeats` rounds in a row: to compile one takes longer than to play it.
 
 Checked are: observations in their space, rewards in [0, 1] and the sum of their terms, info finite, no
 divergence, an energy drift within `DRIFT`, no contact missed, no warning; one copy of a batch against a
