@@ -58,9 +58,7 @@ def test_a_change_that_the_scene_does_not_take_is_an_error():
 
 
 def test_a_change_may_add_mappings_and_lists_of_them():
-    plan = load(
-        "top", {("surfaces",): [{"kind": "floor", "z": -1.0}, {"kind": "incline", "angle": 0.1}]}
-    )
+    plan = load("top", {("surfaces",): [{"kind": "floor", "z": -1.0}, {"kind": "incline", "angle": 0.1}]})
     assert len(plan.scene.surfaces) == 2
     with pytest.raises(YamlError, match="a change: unknown key 'x'"):
         load("top", {("surfaces",): [{"kind": "floor", "x": -1.0}]})
