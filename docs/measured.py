@@ -15,7 +15,6 @@ two slow cores, once compiled. What other commands measure stays in their own fi
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
 import re
 import sys
@@ -23,14 +22,15 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "agents")]
+sys.path[:0] = [str(ROOT), str(HERE), str(ROOT / "agents")]
+
+import environments  # noqa: E402
 
 from springgym import bench  # noqa: E402
 from springgym.accuracy import conditions  # noqa: E402
@@ -126,8 +126,7 @@ def measure(name: str) -> dict[str, Any]:
 
 def variants() -> dict[str, Any]:
     """What controllers without learning make of every variant of the environments: success, return a step."""
-    writer = page_writer("environments")
-    return {"rows": list(writer.measured_variants())}
+    return {"rows": list(environments.measured_variants())}
 
 
 def duels() -> dict[str, Any]:
@@ -177,16 +176,6 @@ MEASURES: dict[str, Callable[[], dict[str, Any]]] = {
     "suite": suite,
     "another": another,
 }
-
-
-def page_writer(name: str) -> ModuleType:
-    """The script that writes a page."""
-    spec = importlib.util.spec_from_file_location(f"{name}_page", HERE / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 # --- As text ------------------------------------------------------------------------------------------
@@ -659,7 +648,7 @@ def fill_pages(report: Report) -> None:
         text = page.read_text(encoding="utf-8")
         if (new := filled(text, report)) != text:
             page.write_text(new, encoding="utf-8")
-    page_writer("environments").write()
+    environments.write()
 
 
 def main() -> int:

@@ -47,7 +47,7 @@ def number(name: str, value: object, low: float = -HUGE, high: float = HUGE) -> 
     return float(given)
 
 
-def whole(name: str, value: Any, low: int = 0, high: int = MANY) -> int:
+def whole(name: str, value: Any, low: int = 0, high: float = MANY) -> int:
     """A whole number as an int, from ``low`` to ``high``; ``name`` is what errors call it."""
     try:
         given = operator.index(value)
@@ -210,7 +210,7 @@ def _range(what: str, low: float, high: float) -> str:
     """What a number must be."""
     if low == TINY:
         return f"a positive {what}, from {low:g} to {high:g}"
-    if high == MANY:
+    if high in (MANY, math.inf):
         return f"a {what}, at least {low}"
     return f"a {what} from {low:g} to {high:g}" if what == "number" else f"a {what} from {low} to {high}"
 

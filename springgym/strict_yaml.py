@@ -11,7 +11,7 @@ import difflib
 import inspect
 import re
 import types
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
@@ -144,11 +144,14 @@ def changed(tree: Tree, changes: Mapping[tuple[str, ...], Any], source: str = "a
     Raises
     ------
     YamlError
-        If a path leads through what is no mapping or list.
+        If a path leads through what is no mapping or list, or is empty, or a key is no text.
     """
     value, where = copy.deepcopy(tree.value), dict(tree.where)
-    for path, new in changes.items():
-        inside = value
+    for path, given in changes.items():
+        inside, new = value, copy.deepcopy(given)
+        paths = list(_paths(new, tuple(path)))
+        if not path or not all(isinstance(key, str) for each in paths for key in each):
+            raise YamlError(f"{source}: {shown(path)}: a path is one key or more, and every key a text")
         for n, key in enumerate(path):
             last = n == len(path) - 1
             if isinstance(inside, list) and key.isdecimal() and int(key) < len(inside):
@@ -164,8 +167,19 @@ def changed(tree: Tree, changes: Mapping[tuple[str, ...], Any], source: str = "a
                 inside = inside[key]
             else:
                 raise YamlError(f"{source}: there is no {'.'.join(path)} in {where[()]}")
-        where[path] = source
+        where |= dict.fromkeys(paths, source)
     return Tree(value, where)
+
+
+def _paths(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
+    """Yield the paths of a value and of all in it; items of lists by number, as text."""
+    yield path
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _paths(item, (*path, key))
+    elif isinstance(value, list):
+        for n, item in enumerate(value):
+            yield from _paths(item, (*path, str(n)))
 
 
 def _line(source: str, node: yaml.Node) -> str:

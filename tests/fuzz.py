@@ -3,10 +3,11 @@
     python -m tests.fuzz --steps 1e8
     python -m tests.fuzz --seed 4711 --rounds 1        # one round again, as its line says
 
-Each round draws, from a seed of its own that is printed, an environment with its arguments (observation,
-action mode, dynamics, precision, variant, randomisation, copies, threads, reset mode), and what is done with
-it: actions that are uniform, at the bounds, held, off and far beyond; resets of all copies or some, with
-options; states taken and set back; copies and pickles in mid-episode; calls that must be refused.
+Each round draws, from its own seed, which is printed, how an environment is played (copies, threads, reset
+mode), and what is done with it: actions that are uniform, at the bounds, held, off and far beyond; resets of
+all copies or some, with options; states taken and set back; copies and pickles in mid-episode; calls that
+must be refused. The environment and its arguments (observation, action mode, dynamics, precision, variant,
+randomisation) are those of `--repeats` rounds in a row: to compile one takes longer than to play it.
 
 Checked are: observations in their space, rewards in [0, 1] and the sum of their terms, info finite, no
 divergence, an energy drift within `DRIFT`, no contact missed, no warning; one copy of a batch against a
@@ -67,6 +68,9 @@ FURTHER: dict[str, tuple[dict[str, Any], ...]] = {
 LENGTH = 300
 """Control periods in a round."""
 
+REPEATS = 8
+"""Rounds in a row of one environment with the same arguments."""
+
 
 class Round(NamedTuple):
     """What is fuzzed in a round."""
@@ -86,13 +90,23 @@ class Round(NamedTuple):
         return f"{self.env_id} {self.arguments} {how}"
 
 
-def drawn(rng: Generator, only: str) -> Round:
-    """Draw a round."""
-    ids = [env_id for env_id in [*IDS, *(f"scene {name}" for name in names())] if only in env_id]
-    weights = np.array([1.0 if env_id in IDS else 0.05 for env_id in ids])
-    env_id = str(rng.choice(ids, p=weights / weights.sum()))
+def offered(only: str) -> list[str]:
+    """Ids of environments, and names of scenes, that have this in them."""
+    return [env_id for env_id in [*IDS, *(f"scene {name}" for name in names())] if only in env_id]
+
+
+def drawn(rng: Generator, env_id: str, arguments: dict[str, Any]) -> Round:
+    """Draw how a round plays an environment."""
     copies = COPIES[rng.integers(len(COPIES))]
     autoreset = str(rng.choice(["NextStep", "SameStep", "Disabled"]))
+    return Round(env_id, arguments, copies, autoreset, int(rng.integers(1, 3)))
+
+
+def environment(rng: Generator, only: str) -> tuple[str, dict[str, Any]]:
+    """Draw an environment and its arguments."""
+    ids = offered(only)
+    weights = np.array([1.0 if env_id in IDS else 0.05 for env_id in ids])
+    env_id = str(rng.choice(ids, p=weights / weights.sum()))
     arguments: dict[str, Any] = {"dtype": "float64" if rng.uniform() < 0.7 else "float32"}
     if env_id in IDS:
         task = task_type(env_id)
@@ -105,7 +119,7 @@ def drawn(rng: Generator, only: str) -> Round:
             arguments |= further[rng.integers(len(further))]
         if rng.uniform() < 0.3:
             arguments["randomize"] = ranges(env_id, arguments, rng)
-    return Round(env_id, arguments, copies, autoreset, int(rng.integers(1, 3)))
+    return env_id, arguments
 
 
 def varied(env_id: str) -> list[dict[str, Any]]:
@@ -427,18 +441,24 @@ def equal(first: Any, second: Any) -> bool:
 
 
 def fuzz(
-    seed: int, *, steps: float, rounds: float = np.inf, only: str = "", length: int = LENGTH
+    seed: int,
+    *,
+    steps: float,
+    rounds: float = np.inf,
+    only: str = "",
+    length: int = LENGTH,
+    repeats: int = REPEATS,
 ) -> list[int]:
     """Play rounds, seeded one after the other, for so many steps; return the seeds that failed."""
     failed: list[int] = []
     total, start = 0, time.perf_counter()
     while total < steps and rounds > 0:
-        rng = np.random.default_rng(seed)
+        rng, shared = np.random.default_rng(seed), np.random.default_rng((seed // repeats, repeats))
         began, what, player = time.perf_counter(), None, None
         try:
             with warnings.catch_warnings(), np.errstate(divide="raise", over="raise", invalid="raise"):
                 warnings.simplefilter("error")
-                what = drawn(rng, only)
+                what = drawn(rng, *environment(shared, only))
                 player = Player(what, rng)
                 player.play(length)
             outcome = "ok"
@@ -463,9 +483,16 @@ def main() -> int:
     parser.add_argument("--seed", type=int, help="of the first round; the clock's if not given")
     parser.add_argument("--only", default="", help="environments whose id has this in it")
     parser.add_argument("--length", type=int, default=LENGTH, help="control periods in a round")
+    parser.add_argument("--repeats", type=int, default=REPEATS, help="rounds in a row of one environment")
     args = parser.parse_args()
+    if not offered(args.only):
+        parser.error(f"--only: no environment and no scene has {args.only!r} in its name")
+    if min(args.length, args.repeats) < 1:
+        parser.error("--length and --repeats are at least 1")
     seed = time.time_ns() % 2**31 if args.seed is None else args.seed
-    failed = fuzz(seed, steps=args.steps, rounds=args.rounds, only=args.only, length=args.length)
+    failed = fuzz(
+        seed, steps=args.steps, rounds=args.rounds, only=args.only, length=args.length, repeats=args.repeats
+    )
     return 1 if failed else 0
 
 

@@ -200,8 +200,8 @@ def test_forces_among_the_arguments_bring_their_functions() -> None:
     assert len({digest(bound(1), kind) for kind in kinds}) == len(kinds)
 
 
-def pulling(k: float) -> Any:
-    """Make a force whose function calls another function that binds ``k`` in its closure."""
+def in_a_force(k: int) -> bytes:
+    """By a function that the function of a force among the arguments calls."""
 
     @compiled
     def pull() -> float:
@@ -215,47 +215,41 @@ def pulling(k: float) -> Any:
         def add(x: Any, force: Any, own: Any) -> Any:
             return pull()
 
-    return Pull(0)
+    return digest(bound(1), (typeof(((1, Pull(0)), 2.0)),))
 
 
-def test_what_functions_of_forces_call_counts() -> None:
-    found = [digest(bound(1), (typeof(((1, pulling(k)), 2.0)),)) for k in (1.0, 1.0, 2.0)]
-    assert found[0] == found[1] != found[2]
+def in_an_argument(k: int) -> bytes:
+    """By a function among the arguments."""
+
+    @compiled
+    def function(a: int) -> int:
+        return k * a
+
+    return digest(bound(1), (typeof(function),))
 
 
-def test_functions_among_the_arguments_bring_their_code() -> None:
-    def made(k: int) -> Any:
-        @compiled
-        def function(a: int) -> int:
-            return k * a
+def in_an_intrinsic(k: int) -> bytes:
+    """By what an intrinsic emits."""
 
-        return function
+    @intrinsic
+    def emitted(context: Any) -> Any:
+        return numba.int64(), lambda *arguments: k
 
-    one, same, other = (made(k) for k in (1, 1, 2))
-    found = [digest(bound(1), (typeof(function),)) for function in (one, same, other)]
-    assert found[0] == found[1] != found[2]
+    return digest(bound(emitted))
 
 
-def test_an_intrinsic_is_what_it_emits() -> None:
-    def made(k: int) -> Any:
-        @intrinsic
-        def emitted(context: Any) -> Any:
-            return numba.int64(), lambda *arguments: k
+def in_a_recursion(k: int) -> bytes:
+    """By a function that calls itself."""
 
-        return emitted
+    def down(n: int) -> int:
+        return k if n == 0 else down(n - 1)
 
-    assert digest(bound(made(1))) != digest(bound(made(2)))
-    assert digest(bound(made(1))) == digest(bound(made(1)))
+    return digest(down)
 
 
-def test_a_function_that_calls_itself() -> None:
-    def made(k: int) -> Any:
-        def down(n: int) -> int:
-            return k if n == 0 else down(n - 1)
-
-        return down
-
-    assert digest(made(1)) == digest(made(1)) != digest(made(2))
+@pytest.mark.parametrize("where", [in_a_force, in_an_argument, in_an_intrinsic, in_a_recursion])
+def test_what_is_bound_deep_inside_counts(where: Callable[[int], bytes]) -> None:
+    assert where(1) == where(1) != where(2)
 
 
 @pytest.mark.parametrize(

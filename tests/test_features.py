@@ -49,6 +49,7 @@ ABSENT_AND_IDLE: dict[str, Pair] = AT_ONCE | {
     "ledger": (*FEATURES["ledger"], {}),
     "plane": (*FEATURES["plane out of reach"][:2], {}, {}),
     "bowl": (FLOATING, FLOATING.with_(surfaces=(Bowl((0.0, 0.0, 0.0), 10.0),)), {}, {}),
+    "damping on a floor": (STANDING, STANDING, {"varying": ("damping",)}, {"damping": STANDING.body.damping}),
     "friction": (STANDING, STANDING, {"varying": ("friction",)}, {"friction": 0.0}),
     "restitution": (STANDING, STANDING, {"varying": ("restitution",)}, {"restitution": 1.0}),
     "varying": (PLAIN, PLAIN, {"varying": ("masses", "stiffness", "lengths", "gravity")}, {}),
@@ -67,13 +68,14 @@ def moved(scene: Scene, method: str, values: dict[str, Any] | None = None, **opt
     return np.array([simulator.positions, simulator.velocities])
 
 
-HALVED = [("wrench", "pefrl"), ("thrust", "pefrl")]
-"""Splitting methods kick in two halves about what actuators do: two roundings in place of one."""
+TWICE = [("wrench", "pefrl"), ("thrust", "pefrl"), ("damping on a floor", "verlet")]
+"""Rounded twice in place of once: splitting methods kick in two halves about what actuators do; and what
+surfaces are foreseen to give is added before dampers act, and taken back."""
 
 
 def case(name: str, method: str) -> Any:
     """Parameters of a test, left to slow runs where other cases are compiled for the same."""
-    quick = (name in AT_ONCE and method == "verlet") or (name, method) == HALVED[0]
+    quick = (name in AT_ONCE and method == "verlet") or (name, method) == TWICE[0]
     return pytest.param(name, method, marks=[] if quick else [pytest.mark.slow])
 
 
@@ -81,7 +83,7 @@ CASES = [
     case(name, method)
     for method in ("verlet", "rk4", "pefrl")
     for name, (_, on, options, _) in ABSENT_AND_IDLE.items()
-    if refusal(integrator(method), on, options.get("varying", ())) is None and (name, method) not in HALVED
+    if refusal(integrator(method), on, options.get("varying", ())) is None and (name, method) not in TWICE
 ]
 
 
@@ -93,7 +95,7 @@ def test_idle_is_absent_to_the_bit(name: str, method: str) -> None:
     assert np.abs(without[0] - off.positions).max() > 0.01
 
 
-@pytest.mark.parametrize(("name", "method"), [case(*each) for each in HALVED])
+@pytest.mark.parametrize(("name", "method"), [case(*each) for each in TWICE])
 def test_idle_is_absent_but_for_rounding(name: str, method: str) -> None:
     off, on, options, values = ABSENT_AND_IDLE[name]
     np.testing.assert_allclose(moved(on, method, values, **options), moved(off, method), rtol=0, atol=1e-10)

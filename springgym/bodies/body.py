@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -49,7 +50,7 @@ class Body(ReadOnly):
         is perpendicular to it. The first three particles if not given. Unless the body is a single
         particle, i and j lie at different places; with all on one line, the body is not `oriented`.
     parts
-        Names of particles: ``{"tip": (13,), "ring": (0, …, 11)}``.
+        Names of particles: ``{"tip": (13,), "ring": (0, …, 11)}``; kept read-only.
     triangles : (T, 3)
         Its surface, for drawing and for collisions with other bodies; corners in the order that points the
         normal outwards.
@@ -119,7 +120,7 @@ class Body(ReadOnly):
             parts[name] = tuple(indices(f"{what}parts[{name!r}]", particles, count).tolist())
             if not parts[name]:
                 raise ValueError(f"{what}parts[{name!r}] has no particles")
-        object.__setattr__(self, "parts", parts)
+        object.__setattr__(self, "parts", MappingProxyType(parts))
         flag(what + "floppy", self.floppy)
         instance(what + "solid", self.solid, Elastic, Cable, type(None))
         object.__setattr__(self, "radius", number(what + "radius", self.radius, low=0.0))
@@ -129,6 +130,12 @@ class Body(ReadOnly):
                 "a body has one or the other"
             )
         self._check_shape()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "parts": dict(self.parts)}  # Python copies and pickles no mapping proxy
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__({**state, "parts": MappingProxyType(state["parts"])})
 
     def _distances(self) -> np.ndarray:
         """Distances [m] (S,) of the springs' ends in the unstretched shape."""

@@ -634,8 +634,10 @@ def _own(env: Any) -> Any:
 
 def _check_keys(state: object, keys: Sequence[str]) -> None:
     if not isinstance(state, Mapping) or set(state) != set(keys):
-        given = ", ".join(map(str, state)) if isinstance(state, Mapping) else type(state).__name__
-        raise ValueError(f"state is not one of this environment: it holds {given}, not {', '.join(keys)}")
+        given = f"is {shown(state)}"
+        if isinstance(state, Mapping):
+            given = f"holds {', '.join(map(str, state)) or 'nothing'}"
+        raise ValueError(f"state is not one of this environment: it {given}; it must hold {', '.join(keys)}")
 
 
 LAST = {"MT19937": ("pos", 624), "Philox": ("buffer_pos", 4)}

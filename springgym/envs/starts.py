@@ -15,6 +15,7 @@ from numpy.random import Generator
 from springgym.bodies import Body
 from springgym.bodies.equilibrium import StretchedShapes
 from springgym.bodies.rotations import cross
+from springgym.checks import whole
 
 EQUAL = 1e-9
 """Moments that differ by a smaller share are equal: their axes are any in the plane, or in space."""
@@ -24,8 +25,16 @@ def spawned(seed: int, copies: int) -> list[int]:
     """Return one seed of 64 bits for each copy that learns; runs of other seeds get other ones.
 
     Were copy i to begin from ``seed + i``, runs of neighbouring seeds would share their starts.
+
+    Raises
+    ------
+    TypeError
+        If one is no whole number.
+    ValueError
+        If one is negative.
     """
-    return [int(own.generate_state(1, np.uint64)[0]) for own in np.random.SeedSequence(seed).spawn(copies)]
+    sequence = np.random.SeedSequence(whole("seed", seed, high=math.inf))
+    return [int(own.generate_state(1, np.uint64)[0]) for own in sequence.spawn(whole("copies", copies))]
 
 
 def uniform(rng: Generator, low: Sequence[float], high: Sequence[float]) -> list[float]:

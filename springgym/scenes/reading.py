@@ -410,7 +410,7 @@ def _surfaces(tree: Tree) -> tuple[Surface, ...]:
     for n, entries in enumerate(given):
         path = ("surfaces", str(n))
         kind = entries.get("kind") if isinstance(entries, dict) else None
-        if kind not in SURFACES:
+        if not isinstance(kind, str) or kind not in SURFACES:
             known = suggestion(str(kind), SURFACES)
             raise YamlError(f"{tree.where[path]}: unknown kind of surface {shown(kind)}{known}")
         made.append(build(SURFACES[kind], tree, path, skip=("kind",)))

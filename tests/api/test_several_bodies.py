@@ -18,7 +18,9 @@ from springgym.surfaces import Bowl, Contact, PaperContact, floor
 
 TOP = top()
 TIP = TOP.particle("tip")
-VARYING = ("masses", "stiffness", "gravity", "friction", "strength", "restitution")
+VARYING = ("masses", "stiffness", "damping", "gravity", "friction", "strength", "restitution")
+"""Damping, too: so the cube has idle dampers alone as well, which among surfaces are rounded, see
+`tests.test_features`."""
 
 
 def tops(body: Body) -> Scene:

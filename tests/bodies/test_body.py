@@ -1,4 +1,6 @@
+import copy
 import math
+import pickle
 import re
 
 import numpy as np
@@ -116,6 +118,17 @@ def test_a_body_cannot_be_changed():
     body = triangle()
     with pytest.raises(ValueError, match="read-only"):
         body.masses[0] = 5
+    named = triangle().with_(parts={"tip": (0,)})
+    for one in (
+        named,
+        named.with_(),
+        copy.copy(named),
+        copy.deepcopy(named),
+        pickle.loads(pickle.dumps(named)),
+    ):
+        with pytest.raises(TypeError, match="does not support item assignment"):
+            one.parts["tip"] = (1,)
+        assert one.parts == {"tip": (0,)}
     assert body.with_(masses=[4, 5, 6]).mass == 15
     assert body.mass == 6
 

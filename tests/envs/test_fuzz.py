@@ -42,11 +42,48 @@ def test_command_prints_seeds_and_repeats_itself(capsys: pytest.CaptureFixture[s
             assert fuzz.main() == 0
         return [re.sub(r"[\d.]+ (s|min)\b", "", line) for line in capsys.readouterr().out.splitlines()]
 
-    both = said("--seed", "18", "--rounds", "2")
-    assert [line.split(" ")[:3] for line in both[:2]] == [["seed", f"{n}:", "SpringTop-v0"] for n in (18, 19)]
+    both = said("--seed", "42", "--rounds", "2")
+    assert [line.split(" ")[:3] for line in both[:2]] == [["seed", f"{n}:", "SpringTop-v0"] for n in (42, 43)]
     assert "failed seeds: none" in both[2]
-    assert said("--seed", "19", "--rounds", "1")[0] == both[1]
-    assert said("--seed", "18", "--steps", "21")[:2] == both[:2]
+    assert said("--seed", "43", "--rounds", "1")[0] == both[1]
+    assert said("--seed", "42", "--steps", "21")[:2] == both[:2]
+
+
+def test_rounds_in_a_row_are_of_one_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which is compiled once; what is played in each is another."""
+    played: list[Round] = []
+
+    class Noted:
+        steps, drift = 1, 0.0
+
+        def __init__(self, what: Round, rng: np.random.Generator) -> None:
+            played.append(what)
+
+        def play(self, length: int) -> None:
+            """Nothing."""
+
+    monkeypatch.setattr(fuzz, "Player", Noted)
+    assert fuzz.fuzz(16, steps=np.inf, rounds=24, repeats=8) == []
+    kinds = [(one.env_id, str(one.arguments)) for one in played]
+    assert [kinds[n] == kinds[n - 1] for n in range(1, 24)] == [n % 8 != 0 for n in range(1, 24)]
+    assert len({(one.copies, one.autoreset, one.threads) for one in played}) > 12
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--only", "Nothing"), "no environment and no scene has 'Nothing' in its name"),
+        (("--repeats", "0"), "--length and --repeats are at least 1"),
+        (("--length", "0"), "--length and --repeats are at least 1"),
+    ],
+)
+def test_what_cannot_be_played_is_told(
+    options: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["fuzz", *options])
+    with pytest.raises(SystemExit):
+        fuzz.main()
+    assert says in capsys.readouterr().err
 
 
 def test_failures_are_told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

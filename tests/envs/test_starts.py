@@ -13,9 +13,32 @@ import pytest
 from springgym.bodies import box, cube, rotation, top
 from springgym.envs.duel import SPINS, STEEPEST, SpringDuel
 from springgym.envs.randomisation import RANDOMIZABLE
-from springgym.envs.starts import any_rotation, direction, principal_axes, tilted, uniform
+from springgym.envs.starts import any_rotation, direction, principal_axes, spawned, tilted, uniform
 from tests import fuzz
 from tests.envs.cases import IDS, make, task_type
+
+
+@pytest.mark.parametrize(
+    ("seed", "copies", "error", "says"),
+    [
+        (True, 2, TypeError, "seed is True; it must be a whole number, at least 0"),
+        (None, 2, TypeError, "seed is None"),
+        ("1", 2, TypeError, "seed is '1'"),
+        (1.0, 2, TypeError, "seed is 1.0"),
+        (-1, 2, ValueError, "seed is -1"),
+        (1, -2, ValueError, "copies is -2; it must be a whole number, at least 0"),
+        (1, 2.0, TypeError, "copies is 2.0"),
+        (1, "2", TypeError, "copies is '2'"),
+    ],
+)
+def test_no_seeds_of_what_is_no_number(seed: Any, copies: Any, error: type[Exception], says: str) -> None:
+    with pytest.raises(error, match=says):
+        spawned(seed, copies)
+
+
+def test_a_seed_may_be_long() -> None:
+    assert len({*spawned(0, 3), *spawned(2**128, 3), *spawned(np.uint64(7), 3)}) == 9  # type: ignore[arg-type]
+
 
 EVEN = {"sides": (1.0, 1.0, 0.5), "mass": 2.0}
 CUBIC = {"sides": (1.0, 1.0, 1.0), "mass": 2.0}

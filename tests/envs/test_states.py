@@ -168,6 +168,22 @@ def check_refused(env: Any, states: dict[str, Any]) -> None:
         same(frozen(env), before, name)
 
 
+@pytest.mark.parametrize(
+    ("state", "says"),
+    [
+        ({}, "it holds nothing;"),
+        ({"a": 1, 2: 3}, "it holds a, 2;"),
+        ([1], r"it is \[1\];"),
+        (None, "it is None;"),
+    ],
+)
+def test_what_is_no_state_is_told(state: Any, says: str) -> None:
+    env = make(IDS[0])
+    env.reset(seed=5)
+    with pytest.raises(ValueError, match=f"{says} it must hold episodes, rng, seed, ready"):
+        springgym.set_state(env, state)
+
+
 def test_states_of_others_are_refused_and_change_nothing() -> None:
     env = make(IDS[0])
     env.reset(seed=5)

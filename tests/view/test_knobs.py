@@ -57,6 +57,28 @@ def test_a_change_that_the_scene_does_not_take_is_an_error():
         load("top", {("start", "spin"): "fast"})
 
 
+def test_a_change_may_add_mappings_and_lists_of_them():
+    plan = load("top", {("surfaces",): [{"kind": "floor", "z": -1.0}, {"kind": "incline", "angle": 0.1}]})
+    assert len(plan.scene.surfaces) == 2
+    with pytest.raises(YamlError, match="a change: unknown key 'x'"):
+        load("top", {("surfaces",): [{"kind": "floor", "x": -1.0}]})
+    with pytest.raises(YamlError, match=r"a change: unknown kind of surface \[\]"):
+        load("top", {("surfaces",): [{"kind": []}]})
+    given = {"spin": 3.0}
+    twice = {("start",): given, ("start", "spin"): 5.0}
+    tree = parse_yaml("start: {tilt: 1}", "a file")
+    assert changed(tree, twice).value == {"start": {"spin": 5.0}}
+    assert given == {"spin": 3.0}
+
+
+@pytest.mark.parametrize(
+    "change", [{(): 1}, {(3,): 1}, {("a", 0): 1}, {("a",): {0: 1}}, {("a",): [{None: 1}]}]
+)
+def test_a_path_of_a_change_is_keys(change):
+    with pytest.raises(YamlError, match="a path is one key or more, and every key a text"):
+        changed(parse_yaml("a: {b: 1}", "a file"), change)
+
+
 def test_changed_leaves_the_document_alone():
     tree = parse_yaml("a: {b: 1}\nc: [1, {d: 2}]\ne: 3", "a file")
     new = changed(tree, {("a", "b"): 5, ("c", "1", "d"): 6, ("f", "g"): 7})
