@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 from springgym.extras import SOURCE
@@ -25,6 +26,8 @@ def run(name: str, arguments: Sequence[str]) -> int:
     ModuleNotFoundError
         If a package that the script needs is missing.
     """
+    if find_spec("stable_baselines3") is None:  # sooner than a package of which another extra would be told
+        raise ModuleNotFoundError(f"springgym {name} needs Stable-Baselines3")
     if str(AGENTS) not in sys.path:
         sys.path[:] = [str(AGENTS), *sys.path, os.getcwd()]
     return int(import_module(name).main(arguments, f"springgym {name}"))
