@@ -127,6 +127,10 @@ def any_lane(mask: Any) -> bool:
     return bool(np.any(mask))
 
 
+def filled(mask: Any, value: Any) -> Lanes:
+    return Lanes(np.where(mask, value.numbers, value.numbers[np.argmax(mask)]))
+
+
 def epsilon(value: Any) -> float:
     return float(np.finfo(value.numbers.dtype if isinstance(value, Lanes) else np.float64).eps)
 
