@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from springgym.bodies import Body, ball, box, cube, rope, top
+from springgym.bodies import Body, ball, box, cube, top
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, floor
@@ -79,7 +79,7 @@ def test_faces_rebound_with_the_restitution(restitution: float) -> None:
     """At every speed: what is in contact longer than a step has the law's."""
     simulator = twins(1e-3, contact(restitution=restitution))
     x, v = np.repeat(simulator.scene.positions[None], COPIES, axis=0), np.zeros((COPIES, 16, 3))
-    x[:, 8:] = x[:, :8] + (1.05, 0.2, 0.1)
+    x[:, 8:] = x[:, :8] + (1.05, 0.0, 0.0)
     speeds = np.geomspace(0.2, 1.0, COPIES)
     v[:, :8, 0] = speeds[:, None]
     simulator.place(x, v)
@@ -94,17 +94,17 @@ def test_faces_rebound_with_the_restitution(restitution: float) -> None:
 def test_friction_and_loss_are_entered_and_nothing_gains() -> None:
     simulator = thrown(REACH / 30, contact(0.5, 0.6))
     first = simulator.measure()
-    lost = np.zeros(COPIES)
+    energy = first.energy
     for _ in range(40):
         simulator.advance(75)
         m = simulator.measure()
-        assert (m.friction_loss - lost > -1e-12).all()
-        lost = m.friction_loss
+        assert (m.energy - energy < 1e-3 * first.energy).all()
+        energy = m.energy
+    lost = m.friction_loss
     np.testing.assert_allclose(m.momentum, first.momentum, atol=1e-12)
     np.testing.assert_allclose(m.angular_momentum, first.angular_momentum, atol=1e-11)
     assert np.median(lost / first.energy) > 1e-2
     assert np.median(np.abs(m.balance / first.balance - 1)) < 1e-3
-    assert (m.energy < first.energy * (1 + 1e-3)).all()
     np.testing.assert_allclose(simulator.pairs().friction_loss[:, 0], lost, rtol=1e-9, atol=1e-15)
 
 
@@ -262,15 +262,9 @@ def test_cubes_stack_on_a_floor_and_one_is_pushed() -> None:
 # --- What is refused ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("other", "options", "reason"),
-    [
-        (rope(), {}, "no rigid twin"),
-        (Body("rod", np.array([(0, 0, 0), (1, 0, 0)]), 1.0, [(0, 1)], 1e5, 0.0, radius=0.1), {}, "one line"),
-    ],
-)
-def test_what_cannot_collide_is_refused_with_the_reason(other: Body, options: dict, reason: str) -> None:
-    away = other.positions + np.array([5.0, 0.0, 0.0])
-    scene = Scene(bodies=(Placed(CUBE, name="a"), Placed(other, away, name="b")), collisions="all")
-    with pytest.raises(ValueError, match=reason):
-        Simulator(scene, dynamics="rigid", **options)
+def test_a_rod_that_collides_is_refused_with_the_reason() -> None:
+    rod = Body("rod", np.array([(0, 0, 0), (1, 0, 0)]), 1.0, [(0, 1)], 1e5, 0.0, radius=0.1)
+    away = rod.positions + np.array([5.0, 0.0, 0.0])
+    scene = Scene(bodies=(Placed(CUBE, name="a"), Placed(rod, away, name="b")), collisions="all")
+    with pytest.raises(ValueError, match="one line"):
+        Simulator(scene, dynamics="rigid")

@@ -20,7 +20,7 @@ import numpy as np
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Mask, Number, Rows
-from springgym.core.lanes import any_lane, bodies_of, epsilon, load, minimum, of_body, select, store
+from springgym.core.lanes import any_lane, bodies_of, epsilon, load, maximum, minimum, of_body, select, store
 from springgym.core.vectors import TINY, choose, plus_scaled, row, set_row, vec
 from springgym.forces import Particles
 from springgym.forces.ledger import CONTACT, WORK, record
@@ -94,7 +94,7 @@ class Company(NamedTuple):
     pairs: np.ndarray
     """what bodies gave each other"""
     lean: np.ndarray
-    """(1,) 1 where a copy's impulses changed in the last turn"""
+    """(1,) 1 where bodies may have given each other more since `lean`"""
     room: Room
 
 
@@ -305,6 +305,7 @@ def touch(
                 twin = of_body(twins, body)
                 if twin[0].moves:
                     lean(body, span, space, twin)
+            store(space.lean, 0, 0.0 * one)
         if last:
             break
         for back in range(2):
@@ -314,7 +315,7 @@ def touch(
         if turn == 0:
             taper(x.values, v, span, contacts, particles, pairs, room, pairs.shapes.edges)
         active = load(turns, GOING)
-        store(space.lean, 0, active)
+        store(space.lean, 0, maximum(load(space.lean, 0), active))
         active = select(span.whole * load(turns, CHANGE) > enough, active, 0.0)
         store(turns, GOING, active)
         going = any_lane(active > 0.5)

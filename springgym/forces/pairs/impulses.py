@@ -111,16 +111,18 @@ def weigh(
     """Return W of contact k [1/kg]; how it moves what it touches is stored."""
     if solids is not None:
         return face(x, k, pairs, room, solids)
-    inverse, there = 0.0 * load(room.distance, k), load(room.distance, k) < 0.5 * FAR
-    for j in range(room.members[k]):
-        weight = load(room.weight, 4 * k + j)
-        i = load(room.particle, 4 * k + j)
-        gain = weight * load_each(particles.inverse_mass, i)
-        store_each(met, i, select(there, 1.0 + 0.0 * weight, load_each(met, i)))
-        store(room.gain, 4 * k + j, gain)
-        inverse = inverse + weight * gain
-    lay_out(x, k, pairs.friction, room)
-    return inverse
+    if met is not None:
+        inverse, there = 0.0 * load(room.distance, k), load(room.distance, k) < 0.5 * FAR
+        for j in range(room.members[k]):
+            weight = load(room.weight, 4 * k + j)
+            i = load(room.particle, 4 * k + j)
+            gain = weight * load_each(particles.inverse_mass, i)
+            store_each(met, i, select(there, 1.0 + 0.0 * weight, load_each(met, i)))
+            store(room.gain, 4 * k + j, gain)
+            inverse = inverse + weight * gain
+        lay_out(x, k, pairs.friction, room)
+        return inverse
+    raise LookupError("neither rigid bodies nor particles that move by themselves")
 
 
 @compiled
