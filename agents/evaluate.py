@@ -17,7 +17,7 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -234,7 +234,10 @@ def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -
 def _compare(options: argparse.Namespace) -> int:
     agents = [named(agent) for agent in options.agents]
     env_id, env_kwargs = find_task(agents, options.env, options.overrides)
-    evaluations = [evaluate(agent, env_id, env_kwargs, options.episodes, options.seed) for agent in agents]
+    evaluations = [
+        replace(evaluate(agent, env_id, env_kwargs, options.episodes, options.seed), agent=name)
+        for name, agent in zip(options.agents, agents, strict=True)
+    ]
     print(f"{env_id}: {options.episodes} episodes, seeds from {options.seed}\n{table(evaluations)}")
     if options.json:
         write_json(options.json, evaluations)

@@ -94,7 +94,7 @@ def test_a_wheel_trains(clone: Path, tmp_path: Path) -> None:
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    assert "trained/SpringTop-v0" in springgym("evaluate", "SpringTop-v0", "--episodes", "2")
+    assert "\nSpringTop-v0  " in springgym("evaluate", "SpringTop-v0", "--episodes", "2")
     brief = ["n_envs=4", "n_steps=64", "batch_size=64", "total_timesteps=256"]
     assert "-ppo-0" in springgym("train", "SpringTop-v0", "--episodes", "2", "--set", *brief)
     run = folder / "runs" / "SpringTop-v0-ppo-0"
