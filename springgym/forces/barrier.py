@@ -121,8 +121,8 @@ def _mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
         own = kinds[0][0].shape[0]
         if k < own:
             n, square, start = first(k, begin, end, least, kinds)
-        else:
-            n, square, start = mean_gradient(k - own, begin, end, least, kinds[1:])
+            return 0.0 * begin + n, 0.0 * start + square, start
+        n, square, start = mean_gradient(k - own, begin, end, least, kinds[1:])
         return 0.0 * begin + n, 0.0 * start + square, start
 
     return of_one

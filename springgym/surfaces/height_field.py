@@ -220,7 +220,7 @@ class HeightField(Surface):
         low = np.array(self.corner)
         high = low + self._cells * self.spacing
         first, last = np.clip(middle[:2] - 1.5 * extent, low, high), np.clip(middle[:2] + 1.5 * extent, low, high)
-        axes = (np.linspace(first[n], last[n], 97) for n in range(2))
+        axes = (np.linspace(first[n], last[n], count) for n, count in enumerate((97, 145)))
         flat = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         return np.concatenate([flat, self._ground(flat)[0][..., None]], axis=-1)
 
