@@ -40,7 +40,7 @@ from springgym.forces.together import Bodies
 from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
 from springgym.scene import DriveActuator, Scene
-from springgym.surfaces import Contact, PaperContact, coupled, loss_of, scales
+from springgym.surfaces import Contact, PaperContact, Surface, coupled, loss_of, scales
 
 
 class Parameter(NamedTuple):
@@ -145,11 +145,6 @@ def _shared(scene: Scene, options: Options) -> Terms:
             own=tuple(own) or None,
         )
     friction = loss = law = None
-    kinds = tuple(
-        kind.packed([surface for surface in surfaces if type(surface) is kind])
-        for kind in dict.fromkeys(map(type, surfaces))
-    )
-    met = Surfaces(kinds, np.zeros(1), 0.0, None, coupled(surfaces) or None)
     if contact.friction > 0 or "friction" in varying:
         friction = options.parameter({"friction"}, np.array([contact.friction]))
     if isinstance(contact, PaperContact):
@@ -161,12 +156,21 @@ def _shared(scene: Scene, options: Options) -> Terms:
     return Terms(
         None,  # type: ignore[arg-type]
         gravity=gravity,
-        surfaces=met,
+        surfaces=surfaces_of(surfaces),
         friction=friction,
         loss=loss,
         paper_law=law,
         own=tuple(own) or None,
     )
+
+
+def surfaces_of(surfaces: tuple[Surface, ...]) -> Surfaces:
+    """Return surfaces as compiled functions take them, but for how a body meets them."""
+    kinds = tuple(
+        kind.packed([surface for surface in surfaces if type(surface) is kind])
+        for kind in dict.fromkeys(map(type, surfaces))
+    )
+    return Surfaces(kinds, np.zeros(1), 1.0, None, coupled(surfaces) or None)
 
 
 def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Options) -> Packed:

@@ -117,9 +117,7 @@ def lean(x: Rows, v: Rows, span: Any, found: Any, fresh: Any, last: Any, own: An
                 before = row(own.pairs, i)
                 by_bodies = before + more
                 now = row(own.soon, i) + by_bodies
-                given = lean_on(
-                    i, place, start, now, span, found, own.space.pushes, terms, terms.surfaces
-                )
+                given = lean_on(i, place, start, now, span, found, own.space.pushes, terms, terms.surfaces)
                 now = now + (given.change + given.rub)
                 set_row(own.pairs, i, choose(turns, by_bodies, before))
                 set_row(own.velocity, i, choose(turns, now, velocity))
@@ -187,9 +185,7 @@ def reached(
 
 
 @compiled
-def leans(
-    turn: int, count: Number, surfaces: Surfaces | None, friction: Numbers
-) -> bool:
+def leans(turn: int, count: Number, surfaces: Surfaces | None, friction: Numbers) -> bool:
     """Whether surfaces have a turn: the last one always, as it sums up, others if something changed."""
     last = turn == TURNS
     if surfaces is None:

@@ -13,7 +13,7 @@ from springgym.rendering.look import GREEN, Color, Look, Scenery
 from springgym.rendering.solids import circle, tangents
 
 if TYPE_CHECKING:
-    from springgym.surfaces import Surface
+    from springgym.surfaces.surface import Surface
 
 _SKY = np.array([[251, 252, 254], [222, 228, 237]], dtype=float)  # top and bottom
 _MATT = np.array([247, 250, 255], dtype=float)  # surfaces in full light

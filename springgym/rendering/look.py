@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
-    from springgym.surfaces import Surface
+    from springgym.surfaces.surface import Surface
 
 Color = tuple[int, int, int]
 Point = Sequence[float] | NDArray[np.float64]

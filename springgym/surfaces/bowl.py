@@ -53,7 +53,9 @@ class Bowl(Surface):
 
     @classmethod
     def packed(cls, surfaces: Sequence[Self]) -> Bowls:
-        return Bowls(np.array([bowl.centre for bowl in surfaces]), np.array([bowl.radius for bowl in surfaces]))
+        return Bowls(
+            np.array([bowl.centre for bowl in surfaces]), np.array([bowl.radius for bowl in surfaces])
+        )
 
     # --- Drawing: the part of the sphere that is near its lowest point ---------------------------------
 

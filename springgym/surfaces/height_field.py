@@ -109,7 +109,12 @@ def product(w: Any, c: Any) -> Any:
 def four(first: Number, own: Any) -> Any:
     """Return four coefficients one after another."""
     c = own.coefficients
-    return load_each(c, first), load_each(c, first + 1.0), load_each(c, first + 2.0), load_each(c, first + 3.0)
+    return (
+        load_each(c, first),
+        load_each(c, first + 1.0),
+        load_each(c, first + 2.0),
+        load_each(c, first + 3.0),
+    )
 
 
 @compiled
@@ -128,7 +133,12 @@ def ground(along_x: Any, along_y: Any, k: int, own: Any) -> Any:
         product(slope_across, c2),
         product(slope_across, c3),
     )
-    yy = product(bend_across, c0), product(bend_across, c1), product(bend_across, c2), product(bend_across, c3)
+    yy = (
+        product(bend_across, c0),
+        product(bend_across, c1),
+        product(bend_across, c2),
+        product(bend_across, c3),
+    )
     return (
         product(value, f),
         product(slope, f),
@@ -164,7 +174,9 @@ class HeightField(Surface):
         whole("number of heights of a height field", given.size, high=MOST)
         object.__setattr__(self, "heights", tuple(map(tuple, given.tolist())))
         object.__setattr__(self, "spacing", number("spacing of a height field", self.spacing, low=TINY))
-        object.__setattr__(self, "corner", tuple(array("corner of a height field", self.corner, (2,)).tolist()))
+        object.__setattr__(
+            self, "corner", tuple(array("corner of a height field", self.corner, (2,)).tolist())
+        )
 
     def __repr__(self) -> str:
         size = f"{len(self.heights)} × {len(self.heights[0])} heights {digest(np.array(self.heights))}"
@@ -219,7 +231,10 @@ class HeightField(Surface):
     def net(self, middle: np.ndarray, extent: float) -> np.ndarray:
         low = np.array(self.corner)
         high = low + self._cells * self.spacing
-        first, last = np.clip(middle[:2] - 1.5 * extent, low, high), np.clip(middle[:2] + 1.5 * extent, low, high)
+        first, last = (
+            np.clip(middle[:2] - 1.5 * extent, low, high),
+            np.clip(middle[:2] + 1.5 * extent, low, high),
+        )
         axes = (np.linspace(first[n], last[n], count) for n, count in enumerate((97, 145)))
         flat = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         return np.concatenate([flat, self._ground(flat)[0][..., None]], axis=-1)

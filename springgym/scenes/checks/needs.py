@@ -14,7 +14,7 @@ from springgym.bodies.precession import axial_moments, heavy_top
 from springgym.bodies.rotations import axes
 from springgym.rigid.shape import check_rigid
 from springgym.scenes.plan import Plan
-from springgym.surfaces import Bowl, Contact, Plane, scales
+from springgym.surfaces import Bowl, Contact, Pipe, Plane, scales
 
 Need = Callable[[Plan], None]
 """Raises `ValueError` if it is not met, saying by what."""
@@ -75,6 +75,13 @@ def _bowl(plan: Plan) -> None:
     _surface(plan)
     if not isinstance(plan.scene.surfaces[0], Bowl):
         raise ValueError("it has no bowl")
+
+
+def _level_pipe(plan: Plan) -> None:
+    _surface(plan)
+    pipe = plan.scene.surfaces[0]
+    if not isinstance(pipe, Pipe) or abs(pipe.axis[2]) > 1e-9:
+        raise ValueError("it has no level pipe")
 
 
 def _restitution(plan: Plan) -> None:
@@ -304,6 +311,7 @@ NEEDS: dict[str, tuple[Need, ...]] = {
     "impact": (_ground, _smooth, _falls, _gravity),
     "nutation": (_top,),
     "pendulum": (_pinned, _gravity),
+    "pipe_period": (_particle, _level_pipe, _gravity),
     "rest_height": (_level, _gravity),
     "resting_tip": (_surface, _on_tip, _friction, _moves, _gravity),
     "restitution": (_particle, _ground, _dropped, _restitution, _gravity),
