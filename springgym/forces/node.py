@@ -126,10 +126,9 @@ def impulses(
     """What surfaces and friction give particle ``i`` at a node (`Given`).
 
     Its way is from ``begin`` to ``free`` without them. It begins with the velocity ``speed``, which all else
-    changes by ``smooth``. What one
-    surface gives is all else to the others: they are taken in turn until they agree. Where a normal depends on
-    the end of the way, that is found in the same turns. Friction acts along what the surfaces that touch
-    leave free, so that it moves nothing towards one, and stops what it can stop.
+    changes by ``smooth``. What one surface gives is all else to the others: they are taken in turn until they
+    agree. Where a normal depends on the end of the way, that is found in the same turns. Friction acts along
+    what the surfaces that touch leave free, so that it moves nothing towards one, and stops what it can stop.
     """
     nothing = 0.0 * speed
     given, rub, force = nothing, nothing, nothing

@@ -1,12 +1,12 @@
 """Uneven ground z = f(x, y): height (z − f)/√(1 + |∇f|²).
 
 f is the natural bicubic spline through heights on a grid (de Boor, J. Math. Phys. 41 (1962) 212): a sum of
-products of B-splines, with two continuous derivatives everywhere. Beyond the grid it goes on with the slope of
-its edge. Its error is of fourth order in the spacing where it is not bent at the edges of the grid.
+products of B-splines, with two continuous derivatives everywhere. Beyond the grid it goes on with the slope
+of its edge. Its error is of fourth order in the spacing where it is not bent at the edges of the grid.
 
-The height is 0 on the ground. At a distance d from ground of curvature κ and slope tan θ it differs from d by
-κ d² tan² θ/2: of contact's d < Δ a share of κ Δ tan² θ/2 or less. Forces follow its own gradient, so that they
-keep their energy whatever that share is.
+The height is 0 on the ground. At a distance d from ground of curvature κ and slope tan θ it differs from d
+by κ d² tan² θ/2: of contact's d < Δ a share of κ Δ tan² θ/2 or less. Forces follow its own gradient, so that
+they keep their energy whatever that share is.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The inside of a round pipe: height R − |d|, the distance, where d leads from the axis straight to a place."""
+"""The inside of a round pipe: height R − |d|, the distance, where d leads from the axis to a place."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from springgym.forces import barrier
 from springgym.packing import surfaces_of
 from springgym.scene import Scene
 from springgym.surfaces import SURFACES, Bowl, HeightField, Pipe, Plane, Surface, floor, incline, waves
-from tests.forces.test_contact import BEAD, G, REACH, at_rest_height, beads, contact, state
+from tests.forces.test_contact import BEAD, REACH, G, at_rest_height, beads, contact, state
 
 PIPE = Pipe((0.1, 0.0, 0.5), (0.0, 2.0, 0.0), 1.0)
 HILLS = HeightField(np.random.default_rng(4).uniform(-0.1, 0.1, (7, 9)), 0.25, (-0.75, -1.0))
@@ -200,7 +200,7 @@ def test_a_height_differs_from_the_distance_as_its_module_says() -> None:
 )
 def test_surfaces_of_several_kinds_meet_a_bead_together(surfaces: tuple[Surface, ...]) -> None:
     draw = np.random.default_rng(3)
-    places = draw.uniform(-0.3, 0.3, (8, 3)) + [0.5, 0, 0.5]
+    places = np.array([0.5, 0, 0.5]) + draw.uniform(-0.3, 0.3, (8, 3))
     simulator = beads(places, draw.uniform(-2, 2, (8, 3)), surfaces=surfaces)
     low = -0.5 if surfaces[0] is PIPE else -0.1
     start = simulator.measure().energy - G * low

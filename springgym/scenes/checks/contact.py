@@ -39,8 +39,8 @@ STRAIGHT = 1e-9
 """Share of the body's size: round-off of 1e-16 of a way of ten sizes, in 1e6 steps."""
 
 SWUNG = 1e-3
-"""Share of the period in a bowl or a pipe: where the particle stands in the barrier changes by less than 1e-4 of the
-radius."""
+"""Share of the period in a bowl or a pipe: where the particle stands in the barrier changes by less than
+1e-4 of the radius."""
 
 STRUCK = 0.03
 """Share of contact time and of rebound: theory is linear in strains, of which rubber reaches 1.4e-2."""
