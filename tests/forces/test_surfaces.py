@@ -93,7 +93,7 @@ def test_a_bead_in_a_level_pipe_swings_as_a_pendulum_and_glides_along() -> None:
     x, v = state(simulator)
     expected = length * swing * math.cos(2 * math.pi * steps * 1e-3 / period)
     assert x[0, 0] - middle[0] == pytest.approx(expected, abs=1e-5)
-    assert x[0, 1] == pytest.approx(0.3e-3 * steps, abs=1e-12)
+    assert x[0, 1] == pytest.approx(0.3e-3 * steps, abs=1e-10)
     assert v[0, 1] == pytest.approx(0.3, abs=1e-12)
 
 
@@ -141,11 +141,14 @@ def test_friction_holds_a_bead_below_its_angle(surface: Surface) -> None:
 
 
 def test_a_bead_swings_in_a_trough_with_the_period_of_its_bend() -> None:
-    """ω² = g κ/(1 − κ h) for small swings at a height h over ground of curvature κ = a (2π/λ)²."""
+    """ω² = g κ (1 + κ h) for small swings at a height h over ground of curvature κ = a (2π/λ)².
+
+    That is the bend of z = f + h √(1 + f′²). Of a line at the distance h it would be κ/(1 − κ h): 0.6 % more.
+    """
     kappa, h = 0.1 * (2 * math.pi) ** 2, at_rest_height(G)
-    omega = math.sqrt(G * kappa / (1 - kappa * h))
-    swing = 1e-3
-    simulator = beads([[0.5 + swing, 0, -0.1 + h + 0.5 * swing**2 * kappa]], [[0, 0, 0]], surfaces=(TROUGH,))
+    omega = math.sqrt(G * kappa * (1 + kappa * h))
+    swing, fine = 1e-3, waves(0.1, 1.0, 1.0, 0.005)  # the bend of a spline errs in second order
+    simulator = beads([[0.5 + swing, 0, -0.1 + h + 0.5 * swing**2 * kappa]], [[0, 0, 0]], surfaces=(fine,))
     steps = round(10.25 * 2 * math.pi / omega / 1e-3)
     simulator.advance(steps)
     x, _ = state(simulator)

@@ -284,7 +284,7 @@ contact: {friction: 0.3, restitution: 0.5, reach: 0.03, paper_damping: 7}
 """
     )
     assert plan.scene.surfaces == (Plane((0, 0, -1)), Plane((-9, 0, 0), (1, 0, 0)))
-    assert plan.scene.contact == Contact(0.3, 0.5, 2.0, None, 0.03)
+    assert plan.scene.contact == Contact(0.3, 0.5, None, 0.03)
     assert plan.paper == PaperContact(0.3, 7.0, None, 0.03)
     assert load("bowl-ball").scene.surfaces == (Bowl((0, 0, 2), 2.0),)
     assert load("pipe-ball").scene.surfaces == (Pipe((0, 0, 2), (0, 1, 0), 2.0),)
