@@ -112,7 +112,7 @@ def _mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
         n = plus_scaled(n, missing / (dot(way, way) + least * least), way)
         return n, dot(n, n) + TINY, start
 
-    of_first = of_plane if getattr(kind, "flat", False) else of_way
+    of_first = of_plane if getattr(kind, "flat", bool)() else of_way
     if len(kinds) == 1:
         return of_first
     first = compiled(of_first)

@@ -25,7 +25,10 @@ class Planes(NamedTuple):
     offset: np.ndarray
     """(planes,) [m]"""
 
-    flat = True
+    @staticmethod
+    def flat() -> bool:
+        """Say that the gradient is a unit vector, and the same everywhere."""
+        return True
 
     @staticmethod
     @compiled

@@ -7,8 +7,9 @@ surface of the kind, of which the first says how many there are, and two static 
     height(place, k, own)    how high a place is above surface k [m]: smooth, 0 on it, its distance near it
     gradient(place, k, own)  of the height there: the normal, a unit vector where the height is the distance
 
-``flat = True`` says of a kind that its gradient is a unit vector, and the same everywhere. Contact needs no
-more: how it takes the normal of a way from them is said in `springgym.forces.barrier`.
+A kind that has a function ``flat`` which returns True says that its gradient is a unit vector, and the same
+everywhere. Contact needs no more: how it takes the normal of a way from them is said in
+`springgym.forces.barrier`.
 """
 
 from __future__ import annotations
