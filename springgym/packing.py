@@ -19,6 +19,7 @@ from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.barrier import Surfaces
 from springgym.forces.memory import HELD, memory
 from springgym.forces.node import Space
+from springgym.forces.pairs.solids import Solids
 from springgym.forces.pairs.terms import (
     ENERGY,
     ENTRIES,
@@ -39,6 +40,8 @@ from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.forces.together import Bodies
 from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
+from springgym.rigid.contact import ARRAYS
+from springgym.rigid.together import ROWS, Company
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Contact, PaperContact, Surface, coupled, loss_of, scales
 
@@ -266,11 +269,14 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
     )
 
 
-def workspaces(scene: Scene, method: Integrator, meets: Meets | None, dtype: Any, threads: int) -> list[Any]:
-    """What each thread computes in, on elements of ``dtype``."""
+def workspaces(
+    scene: Scene, method: Integrator, meets: Meets | None, twin: bool, dtype: Any, threads: int
+) -> list[Any]:
+    """What each thread computes in, on elements of ``dtype``, by springs or by their rigid ``twin``."""
     if meets is None:
         return [workspace(method, scene, dtype) for _ in range(threads)]
-    return [bodies_workspace(scene, meets.pairs, dtype) for _ in range(threads)]
+    make = solids_workspace if twin else bodies_workspace
+    return [make(scene, meets.pairs, dtype) for _ in range(threads)]
 
 
 def pack_room(scene: Scene, pairs: Pairs, dtype: Any) -> Room:
@@ -305,6 +311,38 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
         force=rows(),
         stirred=np.zeros(len(scene.bodies), bool),
         room=pack_room(scene, pairs, dtype),
+    )
+
+
+def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
+    """What a thread computes in where rigid bodies collide."""
+    count, rows = len(scene.bodies), pack_room(scene, pairs, dtype)
+    most = max(len(placed.body.masses) for placed in scene.bodies)
+
+    def lanes(*shape: int) -> np.ndarray:
+        return aligned_zeros(shape, dtype)
+
+    solids = Solids(
+        start=np.array([0, *(own.stop for own in scene.slices)]),
+        balls=np.array([len(placed.body.masses) == 1 for placed in scene.bodies]),
+        lightness=lanes(count),
+        turn=lanes(2 * count, 3),
+        point=lanes(count, 3),
+        arm=lanes(2 * len(rows.pair), 3),
+        turns=lanes(2),
+    )
+    return Company(
+        bodies=lanes(count, ROWS, 3),
+        loads=lanes(count, most, 3),
+        surfaces=lanes(count, ARRAYS * len(scene.surfaces), most, 3),
+        leaned=np.zeros(count, bool),
+        before=lanes(2 * count, 3),
+        soon=lanes(2 * count, 3),
+        velocity=lanes(2 * count, 3),
+        base=lanes(2 * count, 3),
+        pairs=lanes(2 * count, 3),
+        lean=lanes(1),
+        room=rows._replace(solids=solids),
     )
 
 

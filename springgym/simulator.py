@@ -199,7 +199,7 @@ class Simulator:
         options = Options(self.integrator, self.step, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
         self._workspace = packing.workspaces(
-            scene, self.integrator, self._terms.meets, self._x.dtype, len(shares)
+            scene, self.integrator, self._terms.meets, self._kind.rigid, self._x.dtype, len(shares)
         )
         self._varying = sorted(varying)
         self._actuators = self._actuated()

@@ -160,15 +160,22 @@ def choose_rows(rows: Any, own: Any, pairs: Any, shared: Any, out: Any) -> None:
     store_each(rows, load_each(pairs, (n, 1)), load_each(shared, n))
 
 
+@pytest.mark.parametrize("differ", [0, 1, None])
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("width", WIDTHS)
-def test_each_copy_has_a_row_of_its_own(width: int, dtype: Any) -> None:
-    """Of arrays of blocks it is the copy's own number; of shared ones, of any kind, the same for all."""
+def test_each_copy_has_a_row_of_its_own(width: int, dtype: Any, differ: int | None) -> None:
+    """Of arrays of blocks it is the copy's own number; of shared ones, of any kind, the same for all.
+
+    Rows may be the same in all copies, or in all but the last one.
+    """
     random, count = np.random.default_rng(width), 7
     rows, own, out = (
         aligned_zeros(shape, block_dtype(dtype, width)) for shape in ((count,), (count, 3), (count, 3))
     )
     n, lanes = random.integers(0, count, width), np.arange(width)
+    if differ is not None:
+        n[:] = 3
+        n[width - 1] += differ
     numbers(rows)[0] = n
     numbers(own)[:] = random.random(numbers(own).shape)
     pairs = random.integers(1, count, (count, 2)).astype(np.uint32)

@@ -40,9 +40,8 @@ LEAST = 1e-9
 ROUNDS = 60
 """The most rounds of Newton's method for a gap; it takes some ten where it need not halve its bracket."""
 
-EXACT, ROUGH = 1e-7, 1e-3
-"""Relative changes of a gap at which Newton's method, which squares the error each time, is exact to
-rounding; and at which it is good enough for what is found once more."""
+FOUND = 1e-7
+"""The relative change of a gap at which Newton's method, which squares the error each time, has it."""
 
 
 @compiled
@@ -86,15 +85,14 @@ def loss_factor(rate: Number, beta: Number) -> Any:
 
 @compiled
 def last_gap(
-    start: Number, free: Number, gain: Number, tau: Number, reach: Number, beta: Number, on: Mask, found: Any
+    start: Number, free: Number, gain: Number, tau: Number, reach: Number, beta: Number, on: Mask
 ) -> Any:
     """Return the gap h₁ [m] at which a step ends: the root of the equation at the head of this file.
 
-    ``start`` is h₀, ``free`` is a, ``gain`` is c G [m³]; ``found`` is the relative change at which the root
-    is found. Whether h₁ < h₀ is known from both sides at h₀. If not, h − a − G F̄ L is concave, as F̄ and L
-    are convex there; if so, (h − a)/(G F̄) − L is convex. So Newton's method, kept on its side of h₀, finds
-    the root of every step. It begins with L at the rate without loss, and the root that follows from it:
-    what neither enters nor loses is found by then.
+    ``start`` is h₀, ``free`` is a, ``gain`` is c G [m³]. Whether h₁ < h₀ is known from both sides at h₀. If
+    not, h − a − G F̄ L is concave, as F̄ and L are convex there; if so, (h − a)/(G F̄) − L is convex. So
+    Newton's method, kept on its side of h₀, finds the root of every step. It begins with L at the rate
+    without loss, and the root that follows from it: what neither enters nor loses is found by then.
     """
     flat, least = 1.0 / (reach * reach), least_gap(reach, free)
     inverse, pace, inside = 1.0 / start, 1.0 / tau, start < reach
@@ -116,7 +114,7 @@ def last_gap(
             if not any_lane(select(on, beta, 0.0) > 0.0):
                 break
             keep, _ = loss_factor((end - start) * pace, beta)
-    enough, finest, slow = found + 16 * epsilon(free), 4 * epsilon(free), SLOW * tau
+    enough, finest, slow = FOUND + 16 * epsilon(free), 4 * epsilon(free), SLOW * tau
     hard = select(inside, beta, 1.0) > 0.0
     active = select(on, select(hard, 1.0 + 0.0 * free, 0.0), 0.0)
     if any_lane(active > 0.5):
@@ -141,9 +139,7 @@ def last_gap(
 
 
 @compiled
-def meet(
-    start: Number, free: Number, span: Any, c: Number, reach: Number, beta: Number, on: Mask, found: Any
-) -> Any:
+def meet(start: Number, free: Number, span: Any, c: Number, reach: Number, beta: Number, on: Mask) -> Any:
     """Solve one contact for a step, where it is ``on``; elsewhere the numbers have no meaning.
 
     ``start`` is the gap h₀ [m] that the step begins with, ``free`` the gap a [m] that all else would end it
@@ -152,15 +148,14 @@ def meet(
 
     Returns
     -------
-    The change J L W of the gap's rate [m/s]; J W, without the loss [m/s]; the lost J V (1 − L) W [m²/s²]
+    J L W, the change of the gap's rate, and J W, what it would be without loss [m/s]
     """
     start = maximum(start, least_gap(reach, free))
-    end = last_gap(start, free, (span.out * span.whole) * c, span.whole, reach, beta, on, found)
+    end = last_gap(start, free, (span.out * span.whole) * c, span.whole, reach, beta, on)
     mean, _ = mean_force(start, end, reach, on)
-    rate = (end - start) / span.whole
-    keep, _ = loss_factor(rate, beta)
+    keep, _ = loss_factor((end - start) / span.whole, beta)
     push = span.whole * c * mean
-    return push * keep, push, push * rate * (1.0 - keep)
+    return push * keep, push
 
 
 @compiled

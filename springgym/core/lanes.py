@@ -307,6 +307,25 @@ def any_lane(typingctx: Any, mask: Any) -> Any:
 
 
 @intrinsic
+def filled(typingctx: Any, mask: Any, value: Any) -> Any:
+    """``value`` where the mask holds; in the other lanes, that of the first lane in which it does.
+
+    Rows of an array that differ in no lane that matters are the same in all: `load_each` has it easier.
+    """
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        if mask.width == 1:
+            return args[1]
+        bits = builder.bitcast(args[0], ir.IntType(mask.width))
+        lane = builder.cttz(bits, ir.Constant(ir.IntType(1), 0))  # the width if it holds in none: take any
+        lane = builder.and_(lane, ir.Constant(lane.type, mask.width - 1))
+        first = builder.extract_element(args[1], lane)
+        return builder.select(args[0], args[1], _in_all(builder, first, args[1]))
+
+    return value(mask, value) if isinstance(value, Lanes) else None, codegen
+
+
+@intrinsic
 def epsilon(typingctx: Any, value: Any) -> Any:
     """Distance of 1 from the next number of the kind that lanes hold: 2⁻⁵², or 2⁻²³ in single precision."""
     size = float(np.finfo(value.dtype.name).eps)
@@ -391,17 +410,18 @@ def _refuse(context: Any, builder: Any, when: str, left: Any, right: Any, text: 
         context.call_conv.return_user_exc(builder, IndexError, (message,))
 
 
-def _address(context: Any, builder: Any, sig: Any, args: Any) -> tuple[Any, int]:
-    """Pointer to ``array[index]`` of a C-contiguous array, and its alignment in bytes."""
-    array_type, index_type = sig.args[:2]
+def _indices(context: Any, builder: Any, index: Any, given: types.Type) -> list[Any]:
+    """Unpack an index that all lanes share into whole numbers, one an axis."""
+    several = isinstance(given, types.BaseTuple)
+    parts = cgutils.unpack_tuple(builder, index) if several else [index]
+    kinds = given if several else (given,)
+    return [context.cast(builder, part, kind, types.intp) for part, kind in zip(parts, kinds, strict=True)]
+
+
+def _address(context: Any, builder: Any, array_type: Any, value: Any, indices: list[Any]) -> tuple[Any, int]:
+    """Return the pointer to ``array[indices]`` of a C-contiguous array, and its alignment in bytes."""
     element = _element(array_type)
-    array = _unpacked(context, builder, array_type, args[0])
-    if isinstance(index_type, types.BaseTuple):
-        index = cgutils.unpack_tuple(builder, args[1])
-        given = tuple(index_type)
-    else:
-        index, given = [args[1]], (index_type,)
-    index = [context.cast(builder, i, integer, types.intp) for i, integer in zip(index, given, strict=True)]
+    array = _unpacked(context, builder, array_type, value)
     extents = array.shape.copy()
     if array_type.ndim == 2:
         three = ir.Constant(extents[1].type, 3)  # the second index is an axis: a constant offset
@@ -409,7 +429,7 @@ def _address(context: Any, builder: Any, sig: Any, args: Any) -> tuple[Any, int]
             _refuse(context, builder, "!=", extents[1], three, "rows of %lld numbers, not of %lld")
         extents[1] = three
     offset = ir.Constant(extents[0].type, 0)
-    for axis, (extent, i) in enumerate(zip(extents, index, strict=True)):
+    for axis, (extent, i) in enumerate(zip(extents, indices, strict=True)):
         check_index(context, builder, i, extent, axis)
         offset = builder.add(builder.mul(offset, extent), i)
     if isinstance(element, Lanes):
@@ -426,7 +446,8 @@ def load(typingctx: Any, array: Any, index: Any) -> Any:
     """
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer, alignment = _address(context, builder, sig, args)
+        indices = _indices(context, builder, args[1], sig.args[1])
+        pointer, alignment = _address(context, builder, sig.args[0], args[0], indices)
         return builder.load(pointer, align=alignment)
 
     return _element(array)(array, index), codegen
@@ -437,7 +458,8 @@ def store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
     """``array[index] = value`` for all copies of the block; a number is stored in every lane."""
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer, alignment = _address(context, builder, sig, args)
+        indices = _indices(context, builder, args[1], sig.args[1])
+        pointer, alignment = _address(context, builder, sig.args[0], args[0], indices)
         lanes = as_lanes(context, builder, args[2], sig.args[2], _element(sig.args[0]))
         builder.store(lanes, pointer, align=alignment)
         return context.get_dummy_value()
@@ -534,16 +556,34 @@ def _rows_of(array: Any, index: Any) -> Any:
     return lanes if fits and not (isinstance(element, Lanes) and element != lanes) else None
 
 
+def _same_row(context: Any, builder: Any, sig: Any, args: Any, lanes: Lanes) -> tuple[Any, Any]:
+    """Return whether all lanes ask for the same row of an array, and the address of that row."""
+    index, axes = args[1], []
+    if isinstance(sig.args[1], types.BaseTuple):
+        index, axis = cgutils.unpack_tuple(builder, index)
+        axes = [context.cast(builder, axis, sig.args[1][1], types.intp)]
+    first = builder.extract_element(index, ir.Constant(ir.IntType(32), 0))
+    equal = builder.fcmp_ordered("==", index, _in_all(builder, first, index))
+    bits = builder.bitcast(equal, ir.IntType(lanes.width))
+    same = builder.icmp_unsigned("==", bits, ir.Constant(bits.type, -1))
+    row = builder.fptosi(first, ir.IntType(64))
+    return same, _address(context, builder, sig.args[0], args[0], [row, *axes])
+
+
+def _is_of_blocks(array: types.Type, lanes: Lanes) -> bool:
+    return lanes.width > 1 and isinstance(_element(array), Lanes)
+
+
 @intrinsic
 def load_each(typingctx: Any, array: Any, index: Any) -> Any:
     """``array[index]`` where each copy has an index of its own: a whole number in each lane.
 
     ``array`` is as `load` takes it; of one of plain numbers, which all copies share, each copy gets its own
-    choice.
+    choice. Where all lanes ask for the same row of an array of blocks, it is loaded as by `load`.
     """
     lanes = _rows_of(array, index)
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def each(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         number = _number_of(_element(sig.args[0]))
         gathers = INTELS and lanes.width > 1 and number == lanes.dtype
         data, offset = _own_numbers(context, builder, sig, args, gathers)
@@ -560,6 +600,20 @@ def load_each(typingctx: Any, array: Any, index: Any) -> Any:
             vector = builder.insert_element(vector, value, ir.Constant(ir.IntType(32), lane))
         return vector
 
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        if not _is_of_blocks(sig.args[0], lanes):
+            return each(context, builder, sig, args)
+        same, (pointer, alignment) = _same_row(context, builder, sig, args, lanes)
+        with builder.if_else(same, likely=True) as (together, apart):
+            with together:
+                loaded, here = builder.load(pointer, align=alignment), builder.block
+            with apart:
+                collected, there = each(context, builder, sig, args), builder.block
+        result = builder.phi(loaded.type)
+        result.add_incoming(loaded, here)
+        result.add_incoming(collected, there)
+        return result
+
     return lanes and lanes(array, index), codegen
 
 
@@ -568,11 +622,22 @@ def store_each(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
     """``array[index] = value`` where each copy has an index of its own, in an array of blocks."""
     lanes = _rows_of(array, index)
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def each(context: Any, builder: Any, sig: Any, args: Any, values: Any) -> None:
         data, offset = _own_numbers(context, builder, sig, args, gathers=False)
-        values = as_lanes(context, builder, args[2], sig.args[2], lanes)
         for place, value in zip(offset, _each(builder, values), strict=True):
             builder.store(value, builder.gep(data, [place]))
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        values = as_lanes(context, builder, args[2], sig.args[2], lanes)
+        if _is_of_blocks(sig.args[0], lanes):
+            same, (pointer, alignment) = _same_row(context, builder, sig, args, lanes)
+            with builder.if_else(same, likely=True) as (together, apart):
+                with together:
+                    builder.store(values, pointer, align=alignment)
+                with apart:
+                    each(context, builder, sig, args, values)
+        else:
+            each(context, builder, sig, args, values)
         return context.get_dummy_value()
 
     return lanes and types.void(array, index, value), codegen

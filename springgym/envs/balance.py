@@ -37,7 +37,7 @@ RADIUS, HEIGHT = 0.5, 0.25  # of the plate, and of its upper side above the pinn
 PLATE_MASS, BALL_MASS = 1.0, 0.2  # [kg]
 BALL_RADIUS = 0.06  # [m]
 TORQUE, WEAK_TORQUE = 3.0, 1.5  # and what hard=True leaves of it [N·m]
-REACH, STRENGTH = 5e-3, 1.25e-3  # of the contact: Δ [m], c [N·m²]
+REACH, STRENGTH = 5e-3, 1e-4  # of the contact: Δ [m], c [N·m²]
 ORBIT = (0.05, 0.2)  # radius of the circle that the place moves on [m]
 RATE, HARD_RATE = (0.4, 1.2), (1.2, 2.0)  # its angular velocity [rad/s]
 FAR = 0.25  # where the ball starts, at most, from the axis [m]
@@ -280,8 +280,8 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
     - `observation`: above.
     - `restitution=0.8`: a ball that bounces more than the usual one (0.3).
     - `hard=True`: torques up to 1.5 N·m, and a place that goes at U(1.2, 2) rad/s.
-    - `integrator` ("verlet"), `step` (1.67e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (1.67e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
     - v0: first.

@@ -42,7 +42,7 @@ LARGEST = 1.6  # scale of tops that randomisation makes: it moves them apart, to
 SPINS = (22.0, 30.0)  # [rad/s], of either sign
 FORCE = 40.0  # on the crown [N]
 GRIP, REBOUND = 0.02, 0.2  # friction and restitution between both
-REACH, STRENGTH = 0.02, 0.8  # of all contacts: Δ [m], c [N·m²]
+REACH, STRENGTH = 0.02, 0.08  # of all contacts: Δ [m], c [N·m²]
 WAY_UNIT, TILT_UNIT, SPIN_UNIT, MOMENTUM_UNIT = 0.5, 0.2, 25.0, 6.0
 """What the compact observation shows as 1: ways [m], of the axis [1], spins [rad/s], momenta [kg·m²/s]."""
 SEEN = 11  # numbers that are observed of each top
@@ -427,8 +427,8 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     - `opponent` may be any function of what it observes, too: as `"frame"` (n, 22), in axes that are turned
       by half a turn, so that both players see the same duel; it returns actions (n, 2). Agents that are
       trained here with `observation="frame"` are such functions, see `springgym.envs.agent`.
-    - `integrator` ("verlet"), `step` (1e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (1e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     `springgym.envs.parallel("SpringDuel-v0")` is the same duel for two agents, as PettingZoo's `ParallelEnv`;
     `pettingzoo.make("parallel", "SpringDuel-v0")` makes it, too, where `pettingzoo` has a registry and was

@@ -326,8 +326,8 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
       home, and what is said above of the ball holds of each; `error` and `aside` are the larger ones. The
       other starts on its way up, with the height that is asked for.
     - `hard=True`: heights of U(0.4, 1) m are asked for.
-    - `integrator` ("verlet"), `step` (3.13e-4 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (3.13e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
     - v0: first.

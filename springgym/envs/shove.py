@@ -37,7 +37,7 @@ MASS = 1.0  # of each of both [kg]
 RADIUS = 0.1  # of the pusher [m]
 FORCE = 12.0  # on the pusher; friction takes 4 N of it, and another 4 N from the box [N]
 SLIPPERY = 0.2  # friction between both
-REACH, STRENGTH = 0.015, 0.03  # of all contacts: Δ [m], c [N·m²]
+REACH, STRENGTH = 0.015, 0.003  # of all contacts: Δ [m], c [N·m²]
 CLOSE = 0.08  # to its place, for success [m]
 ARENA = 1.8  # where an episode ends [m]
 WAY_UNIT, SPEED_UNIT, NEAR_UNIT, TURNING_UNIT = 0.5, 0.5, 0.3, 2.0
@@ -296,8 +296,8 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     - `observation`: above.
     - `friction=0.3`: of the floor, instead of 0.4.
     - `hard=True`: the box up to 1.2 m away, and turned any way.
-    - `integrator` ("verlet"), `step` (1.25e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
     - v0: first.

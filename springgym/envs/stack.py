@@ -295,8 +295,8 @@ class SpringStackEnv(SpringEnv, gym.Env):
 
     ## Arguments
     - `observation`: above.
-    - `integrator` ("verlet"), `step` (1.25e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
     - v0: first.

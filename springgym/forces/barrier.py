@@ -181,21 +181,21 @@ def lowest(place: Vector, surfaces: Surfaces) -> Any:
 
 
 @compiled
-def energy_at(position: Vector, surfaces: Surfaces) -> Any:
-    """Return the energy of a free particle in the barriers of all surfaces [J]."""
+def energy_at(position: Vector, surfaces: Surfaces | None) -> Any:
+    """Return the energy of a free particle in the barriers of all surfaces [J]; 0 without any."""
     energy = 0.0 * position[0]
-    for k in range(count(surfaces.kinds)):
-        gap = height(k, position, surfaces)
-        energy = energy + barrier_energy(gap, load(surfaces.strength, 0), surfaces.reach)
+    if surfaces is not None:
+        for k in range(count(surfaces.kinds)):
+            gap = height(k, position, surfaces)
+            energy = energy + barrier_energy(gap, load(surfaces.strength, 0), surfaces.reach)
     return energy
 
 
 @compiled
 def contact_energy(x: Numbers, particles: Particles, surfaces: Surfaces | None) -> Any:
-    """Return the energy of the particles in the barriers of all surfaces [J]; 0 without any."""
+    """Return the energy of the particles in the barriers of all surfaces [J]."""
     energy = 0.0 * load(x, (0, 0))
-    if surfaces is not None:
-        for i in range(particles.mass.size):
-            if particles.free[i]:
-                energy = energy + energy_at(row(x, i), surfaces)
+    for i in range(particles.mass.size):
+        if particles.free[i]:
+            energy = energy + energy_at(row(x, i), surfaces)
     return energy

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from springgym.contact.law import EXACT, meet
+from springgym.contact.law import meet
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt, store
@@ -119,7 +119,6 @@ def impulses(
     speed: Vector,
     smooth: Vector,
     span: Any,
-    found: Any,
     pushes: Numbers,
     terms: Terms,
 ) -> Any:
@@ -153,7 +152,7 @@ def impulses(
             touching = minimum(start, ahead) < reach
             gain, impulse = nothing[0], nothing[0]
             if any_lane(touching):
-                gain, impulse, _ = meet(start, ahead, span, c * square, reach, beta, touching, found)
+                gain, impulse = meet(start, ahead, span, c * square, reach, beta, touching)
                 gain, impulse = select(touching, gain, 0.0), select(touching, impulse, 0.0)
                 if terms.friction is not None:
                     one, length = select(touching, 1.0 + nothing[0], 0.0), sqrt(inverse_square)
@@ -401,7 +400,7 @@ def pass_node(
         start = row(v, i)
         begin = plus_scaled(place, -1.0 * span.lead, start)
         smooth = soon - start
-        change, rub, force = impulses(i, begin, end, start, smooth, span, EXACT, space.pushes, terms)
+        change, rub, force = impulses(i, begin, end, start, smooth, span, space.pushes, terms)
         total = change + rub
         after = soon + total
         mass = load(particles.mass, i)

@@ -1,9 +1,9 @@
 """The node of a step where bodies collide: all of them pass it together.
 
 As in `springgym.forces.node`, all impulses act at once, amid a step, and the state is read there. Here what
-bodies give each other acts, too. It is found once a node, from positions and the velocities before it; what
-it gives follows from all else, as for surfaces: once as if there were no dampers, so that these see the
-mean velocity, and once for good, beginning with what was given then. Surfaces and pairs are all else to each
+bodies give each other acts, too. Which contacts there are is found once a node, from positions and the
+velocities before it; what they give follows from all else, as for surfaces. Dampers must see the mean
+velocity: they act with half of what contact gave at the last node. Surfaces and pairs are all else to each
 other, and take turns: surfaces, the pairs there and back, surfaces again, friction between bodies there and
 back, each followed by the surfaces, which have the last word.
 
@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from springgym.contact.law import EXACT, ROUGH
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.lanes import Ragged, any_lane, bodies_of, load, of_body, select, store
@@ -94,15 +93,14 @@ class Bodies(NamedTuple):
 
 
 @compiled
-def lean(x: Rows, v: Rows, span: Any, found: Any, fresh: Any, last: Any, own: Any, terms: Terms) -> None:
+def lean(x: Rows, v: Rows, span: Any, fresh: Any, last: Any, own: Any, terms: Terms) -> None:
     """Let surfaces give a body's particles what follows from all else, and bodies' pushes among it.
 
-    For good all that are busy, before that those that bodies touch. After the ``fresh`` turn only those of
-    copies whose velocity changed since. Before the ``last`` one, they also wait where a surface gave nothing
-    and is not near.
+    After the ``fresh`` turn only those of copies whose velocity changed since. Before the ``last`` one, they
+    also wait where a surface gave nothing and is not near.
     """
     for i in range(x.shape[0]):
-        if not (own.busy[i] if found == EXACT else own.touched[i]):
+        if not own.busy[i]:
             continue
         velocity = row(own.velocity, i)
         more = velocity - row(own.base, i)
@@ -117,7 +115,7 @@ def lean(x: Rows, v: Rows, span: Any, found: Any, fresh: Any, last: Any, own: An
                 before = row(own.pairs, i)
                 by_bodies = before + more
                 now = row(own.soon, i) + by_bodies
-                given = lean_on(i, place, start, now, span, found, own.space.pushes, terms, terms.surfaces)
+                given = lean_on(i, place, start, now, span, own.space.pushes, terms, terms.surfaces)
                 now = now + (given.change + given.rub)
                 set_row(own.pairs, i, choose(turns, by_bodies, before))
                 set_row(own.velocity, i, choose(turns, now, velocity))
@@ -154,7 +152,6 @@ def lean_on(
     start: Vector,
     soon: Vector,
     span: Any,
-    found: Any,
     pushes: Numbers,
     terms: Terms,
     surfaces: Surfaces | None,
@@ -166,7 +163,7 @@ def lean_on(
         begin = plus_scaled(place, -1.0 * span.lead, start)
         end = plus_scaled(place, span.out, soon)
         if reached(i, begin, end, terms.particles, surfaces):
-            given = impulses(i, begin, end, start, soon - start, span, found, pushes, terms)
+            given = impulses(i, begin, end, start, soon - start, span, pushes, terms)
     return given
 
 
@@ -196,31 +193,27 @@ def leans(turn: int, count: Number, surfaces: Surfaces | None, friction: Numbers
 
 
 @compiled
-def touch(
-    x: Any, w: Any, span: Any, count: Number, last: Any, particles: Particles, work: Any, terms: Terms
-) -> None:
-    """Find what surfaces and bodies give at a node that is reached with velocities ``w``, for good at the
-    ``last`` time."""
+def touch(x: Any, w: Any, span: Any, count: Number, particles: Particles, work: Any, terms: Terms) -> None:
+    """Find what surfaces and bodies give at a node that is reached with velocities ``w``."""
     meets, room = terms.meets, work.room
     pairs = meets.pairs
-    found = EXACT if last else ROUGH
     v = work.velocity.values
     fresh = True
     for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
         if leans(turn, count, terms.surfaces, pairs.friction):
             for body in range(bodies_of(x)):
-                if last and not work.stirred[body]:
+                if not work.stirred[body]:
                     continue
                 own = of_body(work, body)
                 here, start, other = of_body(x, body), of_body(w, body), of_body(terms, body)
-                lean(here, start, span, found, fresh, turn == TURNS, own, other)
+                lean(here, start, span, fresh, turn == TURNS, own, other)
             fresh = False
         if turn < 2:
             sweep(v, span, count, turn == 1, pairs, room)
-        if turn == 1 and last:
+        if turn == 1:
             taper(x.values, v, span, count, particles, pairs, room, pairs.shapes.edges)
-        if 0 < turn <= SWEEPS or (last and turn > SWEEPS):
-            rub(w.values, v, turn - 1, count, pairs, pairs.friction, room, meets.tally)
+        if turn > 0:
+            rub(w.values, v, turn - 1, count, particles, pairs, pairs.friction, room, meets.tally)
 
 
 # --- The node -----------------------------------------------------------------------------------------
@@ -228,29 +221,13 @@ def touch(
 
 @compiled
 def arrive(contacts: Number, own: Any) -> None:
-    """Find which of a body's particles are in contacts, and let bodies have given nothing yet."""
+    """Find which of a body's particles are in contacts."""
     for i in range(own.busy.size):
         touched = False
         if contacts > 0:
             touched = any_lane(load(own.met, i) > 0.5)
             store(own.met, i, 0.0)
         own.touched[i] = touched
-        if touched or own.busy[i]:
-            set_row(own.pairs, i, vec(0.0, 0.0, 0.0))
-
-
-@compiled
-def foresee(v: Rows, span: Any, own: Any, terms: Terms) -> None:
-    """Expect a body's particles that others touch to leave as if there were no dampers.
-
-    Less what surfaces are foreseen to give, too, though it is not given yet: it is found again by what leans
-    on them, and blocks that slide together keep closer to their friction so (0.03 %; else 0.4 %).
-    """
-    for i in range(own.touched.size):
-        if own.touched[i]:
-            soon = expected(i, v, span, own, terms)
-            soon = plus_scaled(soon, span.whole, pushed(own.b, i, soon, terms.wrench, terms.thrust))
-            expect(i, soon, own)
 
 
 @compiled
@@ -279,22 +256,19 @@ def expected(i: int, v: Rows, span: Any, own: Any, terms: Terms) -> Any:
 
 @compiled
 def expect(i: int, soon: Vector, own: Any) -> None:
-    """Let contact begin with this velocity of a particle, and with what bodies gave it as far as is known."""
-    with_pairs = soon + row(own.pairs, i)
-    set_row(own.soon, i, soon)
-    set_row(own.velocity, i, with_pairs)
-    set_row(own.base, i, with_pairs)
+    """Let contact begin with this velocity of a particle, and with nothing given."""
+    for rows in (own.soon, own.velocity, own.base):
+        set_row(rows, i, soon)
+    set_row(own.pairs, i, vec(0.0, 0.0, 0.0))
 
 
 @compiled
 def give_half(own: Any) -> None:
-    """Give half of what contact is going to give, as far as is known, before dampers act: what surfaces gave
-    at the last node, and what bodies give as if there were no dampers."""
+    """Give half of what contact is going to give before dampers act: as far as it gave that at the last
+    node."""
     for i in range(own.busy.size):
-        if own.touched[i] or own.busy[i]:
-            half = row(own.space.given, i) + 0.5 * row(own.pairs, i)
-            set_row(own.space.given, i, half)
-            set_row(own.w, i, row(own.w, i) + half)
+        if own.busy[i]:
+            set_row(own.w, i, row(own.w, i) + row(own.space.given, i))
 
 
 @compiled
@@ -316,8 +290,6 @@ def go_on(x: Rows, v: Rows, span: Any, h: Number, last: Any, own: Any, terms: Te
         own.busy[i] = busy
         if busy:
             stirred = True
-            if not (was or own.touched[i]):
-                set_row(own.pairs, i, vec(0.0, 0.0, 0.0))
             expect(i, soon, own)
         else:
             soon = soon + vec(0.0, 0.0, 0.0)
@@ -390,7 +362,7 @@ def leave(
             set_row(x, i, place + h * after)
             set_row(v, i, after)
             if foreseen(terms.dampers):
-                set_row(own.space.given, i, share * (change + slowed))
+                set_row(own.space.given, i, share * total)
     record_stray(ledger, stray, terms.dampers)
     record(ledger, CONTACT, lost)
     record(ledger, FRICTION, rubbed)
@@ -470,7 +442,7 @@ def pass_together(
     span, meets, room = span_of(phase, h), terms.meets, work.room
     every = terms.particles
     particles = Particles(every.mass.values, every.inverse_mass.values, every.free.values)
-    count = bodies_of(x)
+    count, foresees = bodies_of(x), foreseen(terms.dampers)
     contacts = find(x.values, v.values, span, meets.pairs, room)
     if not goes:
         begin(phase, contacts, meets, room, terms.memory)
@@ -481,20 +453,15 @@ def pass_together(
     for body in range(count):
         if contacts > 0 or work.stirred[body]:
             arrive(contacts, of_body(work, body))
-    for part in range(2):
-        for body in range(count):
-            own, terms_of = of_body(work, body), of_body(terms, body)
-            if part == 1:
-                if foreseen(terms.dampers) and (contacts > 0 or work.stirred[body]):
-                    give_half(own)
-                direction, entries = own.space.direction, of_body(ledger, body)
-                act_and_damp(own.w, own.b, phase, span, direction, entries, terms_of)
-                here, velocities = of_body(x, body), of_body(v, body)
-                work.stirred[body] = go_on(here, velocities, span, h, last, own, terms_of)
-            elif foreseen(terms.dampers) and contacts > 0:
-                foresee(of_body(v, body), span, own, terms_of)
-        if part == 1 or (foreseen(terms.dampers) and contacts > 0):
-            touch(x, v, span, contacts, part == 1, particles, work, terms)
+    for body in range(count):
+        own, terms_of = of_body(work, body), of_body(terms, body)
+        if foresees and work.stirred[body]:
+            give_half(own)
+        direction, entries = own.space.direction, of_body(ledger, body)
+        act_and_damp(own.w, own.b, phase, span, direction, entries, terms_of)
+        here, velocities = of_body(x, body), of_body(v, body)
+        work.stirred[body] = go_on(here, velocities, span, h, last, own, terms_of)
+    touch(x, v, span, contacts, particles, work, terms)
     account(work.velocity.values, span, contacts, meets.pairs, room, meets.tally)
     if contacts > 0:
         enter(span, ledger, meets.pairs, room)

@@ -23,7 +23,9 @@ from springgym.rigid.shape import (
     principal_shape,
     settled,
     swing_rate,
+    turns,
 )
+from springgym.rigid.together import move_together
 from springgym.scene import Scene
 
 __all__ = [
@@ -50,7 +52,7 @@ LONGEST = 5e-3
 """and are no longer than this [s]: actuators, and other starts, may spin it up;"""
 
 LONGEST_TOUCHING = 1e-3
-"""or than this, where there are surfaces."""
+"""or than this, where there are surfaces, or bodies that collide."""
 
 
 class Method(NamedTuple):
@@ -73,6 +75,7 @@ def _method(name: str, order: int, limit: float, half: tuple[float, ...], citati
         negative_substeps=min(stages) < 0,
         workspace=LOADS + 1,
         citation=citation,
+        meets_bodies=min(stages) > 0,
         meets_surfaces=min(stages) > 0,
     )
     return Method(record, stages)
@@ -103,7 +106,7 @@ METHODS = {
 
 def default(scene: Scene) -> str:
     """The method for a scene if none is named: that of fourth order, unless contact rules it out."""
-    return "verlet" if scene.surfaces else "suzuki"
+    return "verlet" if scene.surfaces or scene.meetings else "suzuki"
 
 
 def integrator(name: str) -> Integrator:
@@ -120,12 +123,7 @@ def integrator(name: str) -> Integrator:
 
 
 def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> str | None:
-    """Why a method makes no sense in a scene, or None if it does."""
-    if scene.meetings:
-        return (
-            "rigid bodies do not collide: the impulses of a contact act on particles, which springs pass on; "
-            "use dynamics 'springs', or collisions=None to let bodies pass through each other"
-        )
+    """Refuse nothing: `check_rigid` refuses scenes without a twin, and methods that make no sense there."""
     return None
 
 
@@ -133,7 +131,7 @@ def advance_kernel(
     name: str, read: Callable[..., None], surfaces: bool = False, together: bool = False
 ) -> Callable[..., None]:
     """As `springgym.integrators.advance_kernel`; one for all methods."""
-    return kernel_reading(read)
+    return kernel_reading(read, move_together) if together else kernel_reading(read)
 
 
 def largest_step(scene: Scene, method: Integrator) -> float:
@@ -161,7 +159,7 @@ def automatic_step(scene: Scene, method: Integrator, period: float | None = None
     """
     check_rigid(scene, method)
     rate = highest_rate(scene)
-    longest = LONGEST_TOUCHING if scene.surfaces else LONGEST
+    longest = LONGEST_TOUCHING if scene.surfaces or scene.meetings else LONGEST
     step = min(longest, TURN / rate) if rate > 0 else longest
     return step if period is None else period / math.ceil(period / step - 1e-9)
 
@@ -194,6 +192,8 @@ def terms(
         triad=parameter(values["triad"]),
         markers=np.array(scene.body.markers, np.uint32),
         pivot=scene.pivot,
+        moves=bool(scene.free.any()),
+        turns=turns(scene),
         stages=np.array(METHODS[method.name].stages),
     )
     symmetric = "masses" not in varying and values["asymmetry"] == 0

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from springgym.contact.law import EXACT, meet
+from springgym.contact.law import meet
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Mask, Number, Rows, Vector
 from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, store
@@ -39,6 +39,7 @@ from springgym.rigid.kick import load_of_actuators, weight
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Thrust, Wrench
+    from springgym.forces.barrier import Surfaces
     from springgym.rigid.motion import Solid
 
 
@@ -254,7 +255,7 @@ def touch(
     none = 0.0 * u
     nothing = vec(none, none, none)
     beta, mu = coefficient(solid.terms.loss, none), coefficient(solid.terms.friction, none)
-    gain, impulse, _ = meet(start, ahead, span, strength * a, reach, beta, touching, EXACT)
+    gain, impulse = meet(start, ahead, span, strength * a, reach, beta, touching)
     push = choose(touching, 1.0 / a * vec(gain, impulse, none), nothing)
     others = pushed(others, arm, push[0] * n, solid)
     rub, others, slowed = stick(n, arm, rub, mu * maximum(push[0], 0.0), others, node, solid)
@@ -383,20 +384,28 @@ def record_losses(
 
 
 @compiled
+def shown_at(node: Node, end: State, solid: Solid, surfaces: Surfaces | None) -> Any:
+    """Where the body's point is shown: lifted off surfaces, if there are any, unless it is pinned."""
+    shown, terms = node.state.position, solid.terms
+    if surfaces is not None:
+        begun, ended = turned(solid.axes, node.begin.q), turned(solid.axes, end.q)
+        for i in range(terms.particles.mass.size):
+            if terms.particles.free[i]:
+                place = shown + combine(node.axes, row(solid.rigid.shape, i))
+                first, final = place_of(i, node.begin, begun, solid), place_of(i, end, ended, solid)
+                lift = lifted(place, first, final, terms)
+                shown = choose(solid.lightness + 0.0 * shown[0] > 0.0, shown + lift, shown)
+    return shown
+
+
+@compiled
 def read_node(node: Node, end: State, given: Vector, ledger: Ledger, solid: Solid) -> Any:
     """The state amid a node, where it is read; half of the node's entries are left in the ledger."""
     memory, terms = solid.terms.memory, solid.terms
     halve(ledger, memory)
     record(ledger, WORK, -0.125 * product_of(node.thrown, node.thrown, solid))
     held = 0.125 * product_of(given, sum_of(given, 2.0, node.thrown), solid)
-    state, shown = node.state, node.state.position
-    begun, ended = turned(solid.axes, node.begin.q), turned(solid.axes, end.q)
-    for i in range(terms.particles.mass.size):
-        if terms.particles.free[i]:
-            place = shown + combine(node.axes, row(solid.rigid.shape, i))
-            first, final = place_of(i, node.begin, begun, solid), place_of(i, end, ended, solid)
-            lift = lifted(place, first, final, terms)
-            shown = choose(solid.lightness + 0.0 * shown[0] > 0.0, shown + lift, shown)
+    state, shown = node.state, shown_at(node, end, solid, terms.surfaces)
     _, push = weight(state.q, 1.0, terms.gravity, solid)
     held = held + dot(push, shown - state.position)
     spin = 0.5 * (state.spin + (node.soon[1] + given[1]))

@@ -5,7 +5,8 @@ the particles to it; nothing else is kept, so whatever reads particles reads a r
 
 The step is a symmetric splitting: kick h/2, flight h, kick h/2. Kicks change the momenta by gravity and
 actuators (`springgym.rigid.kick`), flights are free (`springgym.rigid.flight`). Where there are surfaces it
-is flight h/2, node, flight h/2 (`springgym.rigid.contact`).
+is flight h/2, node, flight h/2 (`springgym.rigid.contact`), which bodies that collide take together
+(`springgym.rigid.together`).
 Higher orders compose such steps (`springgym.rigid.METHODS`).
 
 Source: Hairer, Lubich & Wanner, Geometric Numerical Integration, sec. V.3 and VII.5.
@@ -50,6 +51,10 @@ class Rigid(NamedTuple):
     """(3,) the particles of that triad"""
     pivot: int
     """the pinned particle, or −1"""
+    moves: bool
+    """whether any particle is free"""
+    turns: bool
+    """whether it does more than to move along: not so of a single particle"""
     stages: np.ndarray
     """(stages,) the composition: shares of the step that its second-order steps take"""
 
@@ -109,17 +114,31 @@ def move(
     terms: Terms,
 ) -> None:
     """Take the particles of one block through ``steps`` steps; none only makes them rigid."""
-    go_back(x, v, ledger, steps, terms.memory)
-    axes = orientation(x, rigid)
+    if rigid.moves:
+        go_back(x, v, ledger, steps, terms.memory)
+        state, solid = read_state(x, v, rigid, asymmetry, terms)
+        state = take(x, state, ledger, workspace, h, steps, solid, terms.memory)
+        set_particles(x, v, state, solid)
+
+
+@compiled
+def read_state(x: Rows, v: Rows, rigid: Rigid, asymmetry: Numbers, terms: Terms) -> Any:
+    """Return the `State` with the momenta of particles, where their triad is, and its `Solid`."""
     mass = terms.particles.mass
     zero = 0.0 * load(x, (0, 0))
+    nothing = vec(zero, zero, zero)
     if rigid.pivot >= 0:
         position = row(x, rigid.pivot)
-        velocity = vec(zero, zero, zero)
+        velocity = nothing
     else:
         position = mass_centre(x, mass)
         velocity = mass_centre(v, mass)
-    spin = components(axes, angular_momentum(x, v, mass, position))
+    if rigid.turns:
+        axes = orientation(x, rigid)
+        spin = components(axes, angular_momentum(x, v, mass, position))
+    else:
+        axes = (vec(1.0 + zero, zero, zero), vec(zero, 1.0 + zero, zero), vec(zero, zero, 1.0 + zero))
+        spin = nothing
     centre = mass_centre(rigid.shape, mass)
     total = load(mass, 0)
     for i in range(1, mass.size):
@@ -128,9 +147,7 @@ def move(
     if rigid.pivot >= 0:
         lightness = 0.0 * lightness
     solid = Solid(rigid, asymmetry, axes, centre, total, lightness, terms)
-    state = State((1.0 + zero, zero, zero, zero), spin, position, velocity)
-    state = take(x, state, ledger, workspace, h, steps, solid, terms.memory)
-    set_particles(x, v, state, solid)
+    return State((1.0 + zero, zero, zero, zero), spin, position, velocity), solid
 
 
 @compiled
@@ -198,11 +215,21 @@ def take_among_surfaces(
     return read
 
 
+@compiled
+def move_each(phase: Any, workspace: Any, h: Number, steps: int, settles: bool, terms: Any) -> None:
+    """Take each body through all steps, by itself, if it ``settles``."""
+    if settles:
+        for body in range(bodies_of(phase.x)):
+            x, v, ledger = of_body(phase, body)
+            rigid, asymmetry, own = of_body(terms, body)
+            move(x, v, ledger, workspace, h, steps, rigid, asymmetry, own)
+
+
 @cache
-def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
+def kernel_reading(read: Callable[..., None], take: Callable[..., None] = move_each) -> Callable[..., None]:
     """As the kernels of springs; ``terms`` are `Rigid`, the asymmetry, and the scene's `Terms`.
 
-    If ``settles``, the particles are put onto the rigid shape and then take their steps, be it none;
+    If ``settles``, the particles are put onto the rigid shape and then ``take`` their steps, be it none;
     else they are left as they are, and only read off.
     """
 
@@ -221,11 +248,8 @@ def kernel_reading(read: Callable[..., None]) -> Callable[..., None]:
     ) -> None:
         for block in range(blocks[0], blocks[1]):
             here, all_terms = at(phase, block), at(terms, block)
+            take(here, workspace, h, steps, settles, all_terms)
             if settles:
-                for body in range(bodies_of(here.x)):
-                    x, v, ledger = of_body(here, body)
-                    rigid, asymmetry, own = of_body(all_terms, body)
-                    move(x, v, ledger, workspace, h, steps, rigid, asymmetry, own)
                 tick(clock, block, steps)
             if reads:
                 read(block, here, reading, all_terms[2])

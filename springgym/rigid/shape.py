@@ -16,6 +16,9 @@ from springgym.surfaces import PaperContact
 ROUND_OFF = 1e-12
 """Moments closer than this share of them are taken as equal."""
 
+NEVER = 1e30
+"""Moment of what does not turn [kg·m²]: of a single particle, and of a body that is pinned altogether."""
+
 
 class Shape(NamedTuple):
     """What mass distribution and pin make of a body."""
@@ -27,7 +30,14 @@ class Shape(NamedTuple):
 
     def triad(self, markers: tuple[int, int, int]) -> np.ndarray:
         """(3, 3) the body's triad in principal axes, its rows."""
+        if self.moments[0] == NEVER:
+            return np.eye(3)
         return np.ascontiguousarray(axes(self.positions, markers).T)
+
+
+def turns(scene: Scene) -> bool:
+    """Tell whether a scene's body can do more than to move along."""
+    return len(scene.body.masses) > 1 and bool(scene.free.any())
 
 
 def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
@@ -46,6 +56,8 @@ def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
         If rounding leaves a principal moment nothing.
     """
     body = scene.body if masses is None else scene.body.with_(masses=masses)
+    if not turns(scene):
+        return Shape(body.positions - body.centre, np.full(3, NEVER))
     about = body.positions[scene.pivot] if scene.pinned else body.centre
     moments, principal = body.principal(about)
     if not moments[0] > ROUND_OFF * moments[2]:
@@ -81,6 +93,8 @@ def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.
     ValueError
         If the markers tell no orientation.
     """
+    if not turns(scene):
+        return positions
     i, j, k = scene.body.markers
     third, sideways = positions[:, j] - positions[:, i], positions[:, k] - positions[:, i]
     across = np.linalg.norm(np.cross(third, sideways), axis=1)
@@ -119,17 +133,29 @@ def check_rigid(scene: Scene, method: Integrator) -> None:
     Raises
     ------
     ValueError
-        With the reason: a floppy body, particles on one line, several pins, a drive, surfaces with a
-        method that steps back in time or with the paper's contact, or what rigid dynamics knows nothing of.
+        With the reason: a body that moves and is floppy, has its particles on one line or several pinned but
+        not all; a drive; surfaces or collisions with a method that steps back in time, surfaces with the
+        paper's contact; or what rigid dynamics knows nothing of.
     """
+    if scene.meetings and not method.meets_bodies:
+        raise ValueError(
+            f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
+            "node of that kind; use verlet, or say collisions=None to let bodies pass through each other"
+        )
     for part in scene.parts:
-        _check_part(part, method)
+        _check_body(part)
+        _check_rest(part, method)
 
 
-def _check_part(scene: Scene, method: Integrator) -> None:
+def _check_body(scene: Scene) -> None:
+    """Refuse a body that moves and would not hold its shape, or has no inertia or orientation."""
     body = scene.body
+    if not scene.free.any():
+        return
     if body.floppy:
         raise ValueError(f"body {body.name!r} is meant to change shape: it has no rigid twin")
+    if not turns(scene):
+        return
     if _rank(body.positions) < 2:
         raise ValueError(
             f"the particles of body {body.name!r} lie on one line: as a rigid body it has no moment of "
@@ -142,8 +168,13 @@ def _check_part(scene: Scene, method: Integrator) -> None:
         )
     if len(scene.pinned) > 1:
         raise ValueError(
-            f"particles {scene.pinned} are pinned; a rigid body turns about one point: pin one particle"
+            f"particles {scene.pinned} are pinned; a rigid body turns about one point: pin one particle, or "
+            "all of them"
         )
+
+
+def _check_rest(scene: Scene, method: Integrator) -> None:
+    """Refuse what a rigid body does not take, or a method makes no sense with."""
     if scene.drive:
         raise ValueError("a rigid body takes no drive: the pin that it turns about must stay at rest")
     if scene.surfaces:
@@ -178,6 +209,8 @@ def highest_rate(scene: Scene) -> float:
 
 def _spin(part: Scene) -> float:
     """Angular speed [rad/s] of the rigid body with the angular momentum of the start."""
+    if not turns(part):
+        return 0.0
     body = part.body.with_(positions=part.positions)
     about = body.positions[part.pivot] if part.pinned else body.centre
     momentum = body.masses @ np.cross(body.positions - about, part.velocities)
@@ -196,7 +229,7 @@ def swing_rate(scene: Scene) -> float:
 
 def _swing_rate(part: Scene) -> float:
     body = part.body
-    if not part.pinned or part.gravity is None:
+    if not (turns(part) and part.pinned) or part.gravity is None:
         return 0.0
     pin = body.positions[part.pivot]
     moments, _ = body.principal(pin)

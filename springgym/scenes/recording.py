@@ -189,7 +189,13 @@ def _simulator(plan: Plan, dynamics: str) -> Simulator:
 
 
 def rigid_twin(recording: Recording) -> Recording | None:
-    """The same plan with the body rigid, at the same times; None where a body or scene has no rigid twin."""
+    """Simulate the same plan with the body rigid, at the same times.
+
+    None where a body or scene has no rigid twin, or where bodies collide: after some impacts the paths of
+    springs and twin say nothing of each other.
+    """
+    if recording.plan.scene.meetings:
+        return None
     interval = float(recording.times[1]) if len(recording.times) > 1 else recording.plan.interval
     plan = replace(recording.plan, interval=interval, duration=float(recording.times[-1]))
     try:

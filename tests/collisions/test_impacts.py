@@ -75,7 +75,7 @@ def collided(
 
 EACH_PAIR = pytest.mark.parametrize(
     ("first", "second", "median", "most"),
-    [(CUBE, CUBE, 1.5e-5, 2e-3), (TOP, TOP, 3e-5, 6e-3)],
+    [(CUBE, CUBE, 1.5e-5, 6e-3), (TOP, TOP, 3e-5, 6e-3)],
     ids=["cubes", "tops"],
 )
 
@@ -87,7 +87,7 @@ def test_random_impacts(first: Body, second: Body, median: float, most: float) -
     assert found.hits > 200
     assert found.moved < ROUND_OFF * first.mass
     assert (found.misses, found.inside, found.fast) == (0, 0, 0)
-    assert found.least > 0.5
+    assert found.least > 0.2
     size = np.abs(found.gained)
     assert np.median(size) < median
     assert np.quantile(size, 0.99) < most

@@ -17,7 +17,7 @@ from springgym.scene import Placed, Scene
 from springgym.scenes import load
 from springgym.simulator import Simulator
 from springgym.strict_yaml import YamlError
-from springgym.surfaces import Contact, PaperContact
+from springgym.surfaces import Contact, PaperContact, derived_strength
 
 CUBE = cube()
 BALL = Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.2)
@@ -39,7 +39,7 @@ def test_defaults() -> None:
     assert (met.first, met.second) == (0, 1)
     assert met.contact.friction == 0.3
     assert met.reach == 0.01 * small.swept
-    assert met.strength == 0.5 * 3e4 * met.reach**3
+    assert met.strength == derived_strength(3e4, 0.5, met.reach)  # masses of 1 kg each
     assert beside(small, collisions=None).meetings == ()
     (met,) = beside(small, collisions=Contact(friction=0.7, reach=2e-3)).meetings
     assert (met.contact.friction, met.reach) == (0.7, 2e-3)
@@ -167,7 +167,7 @@ def test_starts_of_copies() -> None:
     [
         ({"integrator": "rk4"}, "rk4 has no node"),
         ({"integrator": "pefrl"}, "pefrl has no node"),
-        ({"dynamics": "rigid"}, "rigid bodies do not collide"),
+        ({"dynamics": "rigid", "integrator": "suzuki"}, "suzuki has no node"),
     ],
 )
 def test_methods_that_cannot(options: dict[str, Any], text: str) -> None:

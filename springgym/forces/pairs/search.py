@@ -1,9 +1,21 @@
 """Which features of the bodies are near each other: by boxes around bodies, then between two bodies.
 
-Boxes are found anew at each node, so that bodies may change shape; how fast bodies move says how much farther
-than Δ to look. What is left of a pair is what lies in the slab between both along the line of their centres.
-It is listed copy by copy (`springgym.forces.pairs.terms.Room`): copies of a block that touch in different
-places have as many rows of candidates, and of contacts, as the one that has most. Every test is made for all
+Broad phase. Bodies whose boxes are near each other have those features listed that lie in the slab between
+both, along the line of their centres, and near the other's box; and of these, which vertices are near which
+triangles, and which edges near which: the candidates.
+
+Lists are kept as molecular dynamics keeps those of neighbours (Verlet 1967, doi:10.1103/PhysRev.159.98).
+They reach farther than contacts are looked for, by a margin. No two points of two bodies come nearer to each
+other than by the sum of what the farthest vertex of either moved: as long as this leaves of the margin
+anything, whatever may touch is in the lists. Where vertices were then is kept with the lists. So it does not
+matter whose lists they are, nor how vertices came to be where they are.
+
+Narrow phase. At each node candidates are compared (`springgym.forces.pairs.features`), and those that are
+near enough make contacts: the same, to the bit, however much more is listed. How far to look follows from how
+fast bodies move.
+
+All is listed copy by copy (`springgym.forces.pairs.terms.Room`): copies of a block that touch in different
+places have as many rows of features, and of contacts, as the one that has most. Every test is made for all
 copies of a block, and none knows of another.
 """
 
@@ -13,7 +25,7 @@ from typing import Any
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Rows, Vector
-from springgym.core.lanes import any_lane, load, maximum, minimum, select, sqrt, store
+from springgym.core.lanes import any_lane, filled, load, load_each, maximum, minimum, select, sqrt, store
 from springgym.core.vectors import (
     TINY,
     choose,
@@ -28,12 +40,10 @@ from springgym.core.vectors import (
 from springgym.forces.pairs.features import (
     ball_ball,
     begin,
-    corners,
     crossing,
     edge_edge,
     enlist,
     grown,
-    tips,
     vertex_faces,
     vertex_rods,
 )
@@ -45,8 +55,20 @@ SPARE = 1.05
 FARTHEST = 4.0
 """But not by more than so many Δ."""
 
-MARGIN = 1.001
-"""Features are kept a little farther than contacts are looked for: rounding decides nothing."""
+ROUNDING = 1.001
+"""Features are listed a little farther than contacts are looked for: rounding decides nothing."""
+
+MARGIN = 1.0
+"""And, to be kept, farther by so many Δ, if that lasts for"""
+
+LASTING = 3.0
+"""so many steps."""
+
+SKEW = 1e-3
+"""sin² of the angle between edges beyond which it is known how far apart their lines are."""
+
+VERTICES, TRIANGLES, EDGES, CANDIDATES = range(4)
+"""What is listed."""
 
 
 @compiled
@@ -60,48 +82,16 @@ def smaller(u: Vector, w: Vector) -> Any:
 
 
 @compiled
-def surround(x: Rows, shapes: Any, room: Any) -> None:
-    """Find the boxes around all bodies."""
-    for body in range(shapes.radius.size):
-        first, last = shapes.start[0, body], shapes.start[0, body + 1]
-        low = row(x, shapes.vertices[first])
-        high = low
-        for k in range(first + 1, last):
-            place = row(x, shapes.vertices[k])
-            low, high = smaller(low, place), larger(high, place)
-        set_row(room.low, body, low)
-        set_row(room.high, body, high)
-
-
-@compiled
-def outside(low: Vector, high: Vector, body: Any, room: Any) -> Any:
-    """How far a box is outside that of a body, along the axis of its largest gap."""
-    gap = larger(low - row(room.high, body), row(room.low, body) - high)
+def box_gap(low: Vector, high: Vector, other_low: Vector, other_high: Vector) -> Any:
+    """How far two boxes are from each other, along the axis of their largest gap."""
+    gap = larger(low - other_high, other_low - high)
     return maximum(maximum(gap[0], gap[1]), gap[2])
 
 
 @compiled
-def closing(w: Rows, a: Number, b: Number, shapes: Any) -> Any:
-    """A bound on how fast particles of two bodies come nearer: both move, and what they are of turns."""
-    first, turning = motion(w, a, shapes)
-    second, other = motion(w, b, shapes)
-    apart = first - second
-    return sqrt(dot(apart, apart)) + turning + other
-
-
-@compiled
-def motion(w: Rows, body: Number, shapes: Any) -> Any:
-    """The mean velocity of a body's vertices, and the largest difference from it."""
-    first, last = shapes.start[0, body], shapes.start[0, body + 1]
-    mean = row(w, shapes.vertices[first])
-    for k in range(first + 1, last):
-        mean = mean + row(w, shapes.vertices[k])
-    mean = 1.0 / (last - first) * mean
-    fastest = 0.0 * mean[0]
-    for k in range(first, last):
-        own = row(w, shapes.vertices[k]) - mean
-        fastest = maximum(fastest, dot(own, own))
-    return mean, sqrt(fastest)
+def outside(low: Vector, high: Vector, body: Any, room: Any) -> Any:
+    """How far a box is outside that of a body."""
+    return box_gap(low, high, row(room.low, body), row(room.high, body))
 
 
 @compiled
@@ -111,185 +101,349 @@ def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> int:
     ``span`` is the time of the node, a `springgym.forces.node.Span`.
     """
     shapes, seen = pairs.shapes, Search(x, w, pairs, room)
-    surround(x, shapes, room)
+    measure_moved(x, shapes, room)
+    anew = not lists_hold(w, span, pairs, room)
+    if anew:
+        begin_lists(x, pairs, room)
     store(room.have, 0, 0.0)
     count = 0
     for p in range(pairs.first.size):
         store(room.left_out, p, 0.0)
-        a, b = pairs.first[p], pairs.second[p]
-        reach, radius = pairs.reach[p], shapes.radius[a] + shapes.radius[b]
-        between = outside(row(room.low, a), row(room.high, a), b, room)
-        if any_lane(between < (SPARE + FARTHEST) * reach + radius):
-            way = minimum(span.out * closing(w, a, b, shapes), FARTHEST * reach)
-            near = Near(p, (a, b), span.lead, SPARE * reach + way + radius, radius)
-            if any_lane(between < near.reach):
-                last, first = slab(x, a, b, shapes, room)
-                if any_lane(first - last < near.reach):
-                    collect(last, first, near, seen, shapes.triangles, shapes.edges)
-                    count = compare(count, near, seen, shapes.triangles, shapes.edges)
+        if room.close[p]:
+            a, b = pairs.first[p], pairs.second[p]
+            near = Near(p, (a, b), span.lead, load(room.reach, p), shapes.radius[a] + shapes.radius[b])
+            brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
+            if is_listed(VERTICES, p, room) or is_listed(EDGES, p, room):
+                locate(p, seen, shapes.triangles, shapes.edges)
+                if anew:
+                    list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
+                count = compare(count, near, seen, shapes.triangles, shapes.edges)
     return count
 
 
 @compiled
-def slab(x: Rows, a: Number, b: Number, shapes: Any, room: Any) -> Any:
-    """Place the vertices of two bodies along the line of the middles of their boxes.
+def is_listed(kind: int, p: int, room: Any) -> bool:
+    """Whether features of a kind are listed of a pair."""
+    return room.ends[p, kind, 0] < room.ends[p, kind, 2]
 
-    Returns
-    -------
-    the last place of the first body's, the first place of the second's
+
+# --- Lists that last ----------------------------------------------------------------------------------
+
+
+@compiled
+def measure_moved(x: Rows, shapes: Any, room: Any) -> None:
+    """Find how far the vertices of each body are from where they were when features were listed."""
+    for body in range(shapes.radius.size):
+        farthest = 0.0 * load(x, (0, 0))
+        for k in range(shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]):
+            i = shapes.vertices[k, 0]
+            way = row(x, i) - row(room.origin, i)
+            farthest = maximum(dot(way, way), farthest)
+        store(room.moved, body, sqrt(farthest))
+
+
+@compiled
+def lists_hold(w: Rows, span: Any, pairs: Any, room: Any) -> bool:
+    """Whether all that may touch is in the lists; how far to look is found of pairs that are close."""
+    shapes, hold, known = pairs.shapes, room.kept[0], False
+    for p in range(pairs.first.size):
+        a, b = pairs.first[p], pairs.second[p]
+        reach, radius = pairs.reach[p], shapes.radius[a] + shapes.radius[b]
+        left = load(room.listed, p) - (load(room.moved, a) + load(room.moved, b))
+        room.close[p] = any_lane(left <= ROUNDING * ((SPARE + FARTHEST) * reach + radius))
+        if room.close[p]:
+            if not known:
+                measure_motion(w, shapes, room)
+                known = True
+            way = minimum(span.out * closing(a, b, room), FARTHEST * reach)
+            far = SPARE * reach + way + radius
+            store(room.reach, p, far)
+            if any_lane(left <= ROUNDING * far):
+                hold = False
+    return hold
+
+
+@compiled
+def measure_motion(w: Rows, shapes: Any, room: Any) -> None:
+    """Find the mean velocity of each body's vertices, and the largest difference from it."""
+    for body in range(shapes.radius.size):
+        first, behind = shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]
+        mean = row(w, shapes.vertices[first, 0])
+        for k in range(first + 1, behind):
+            mean = mean + row(w, shapes.vertices[k, 0])
+        mean = 1.0 / (behind - first) * mean
+        fastest = 0.0 * mean[0]
+        for k in range(first, behind):
+            own = row(w, shapes.vertices[k, 0]) - mean
+            fastest = maximum(fastest, dot(own, own))
+        set_row(room.mean, body, mean)
+        store(room.turning, body, sqrt(fastest))
+
+
+@compiled
+def closing(a: Number, b: Number, room: Any) -> Any:
+    """A bound on how fast particles of two bodies come nearer: both move, and what they are of turns."""
+    apart = row(room.mean, a) - row(room.mean, b)
+    return sqrt(dot(apart, apart)) + load(room.turning, a) + load(room.turning, b)
+
+
+# --- Lists --------------------------------------------------------------------------------------------
+
+
+@compiled
+def begin_lists(x: Rows, pairs: Any, room: Any) -> None:
+    """Empty all lists, remember where vertices are, and find the boxes around all bodies.
+
+    A pair that is not close is as far apart as it was, less by what its bodies moved. A place that is no
+    number is remembered as one that is far from all that may follow it.
     """
-    middle = row(room.low, b) + row(room.high, b)
-    axis = middle - (row(room.low, a) + row(room.high, a))
-    axis = unit(axis)
+    shapes = pairs.shapes
+    room.kept[0] = True
+    empty(room)
+    for p in range(pairs.first.size):
+        for kind in range(3):
+            for side in range(3):
+                room.ends[p, kind, side] = 0
+        moved = load(room.moved, pairs.first[p]) + load(room.moved, pairs.second[p])
+        store(room.listed, p, load(room.listed, p) - moved)
+    for body in range(shapes.radius.size):
+        low = row(x, shapes.vertices[shapes.start[VERTICES, body], 0])
+        high, farthest = low, 0.0 * low + vec(FAR, FAR, FAR)
+        for k in range(shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]):
+            i = shapes.vertices[k, 0]
+            place = row(x, i)
+            low, high = smaller(low, place), larger(high, place)
+            set_row(room.origin, i, smaller(larger(place, -farthest), farthest))
+        set_row(room.low, body, low)
+        set_row(room.high, body, high)
+
+
+@compiled
+def empty(room: Any) -> None:
+    """Let lists begin with their first rows; of candidates, behind those that are all there are."""
+    for kind in range(3):
+        room.used[kind] = 0
+    room.used[CANDIDATES] = max(room.triangle.size, room.edge.size)
+
+
+@compiled
+def list_features(near: Near, span: Any, seen: Search, triangles: Any, edges: Any) -> bool:
+    """List what of two bodies is near the other; whether it is for this node alone.
+
+    It is where the margin would not last: then it is cheaper to have none.
+    """
+    x, room, shapes, p = seen.x, seen.room, seen.pairs.shapes, near.pair
+    a, b = near.bodies
+    margin = MARGIN * seen.pairs.reach[p]
+    wide = ROUNDING * near.reach + margin
+    gap, brief = outside(row(room.low, a), row(room.high, a), b, room), False
+    if any_lane(gap < wide):
+        gap = maximum(measure_slab(x, a, b, shapes, room), gap)
+        way = LASTING * 2.0 * span.out * closing(a, b, room)
+        brief = any_lane(select(gap < wide, way, 0.0) > margin)
+        wide = wide - (margin if brief else 0.0)
+        if any_lane(gap < wide):
+            make_space(a, b, shapes, room)
+            for side in range(2):
+                body, other = (a, b) if side == 0 else (b, a)
+                list_kind(VERTICES, side, body, other, wide, near, seen, shapes.vertices)
+                list_kind(TRIANGLES, side, body, other, wide, near, seen, triangles)
+                list_kind(EDGES, side, body, other, wide, near, seen, edges)
+    store(room.listed, p, minimum(maximum(gap, wide), 0.5 * FAR))
+    return brief
+
+
+@compiled
+def measure_slab(x: Rows, a: Number, b: Number, shapes: Any, room: Any) -> Any:
+    """Find how far vertices of two bodies are from the other, along the line of the middles of their boxes;
+    and how far apart the bodies are."""
+    axis = unit(row(room.low, b) + row(room.high, b) - (row(room.low, a) + row(room.high, a)))
     last, first = -FAR + 0.0 * axis[0], FAR + 0.0 * axis[0]
-    for k in range(shapes.start[0, a], shapes.start[0, a + 1]):
-        i = shapes.vertices[k]
+    for k in range(shapes.start[VERTICES, a], shapes.start[VERTICES, a + 1]):
+        last = maximum(last, dot(axis, row(x, shapes.vertices[k, 0])))
+    for k in range(shapes.start[VERTICES, b], shapes.start[VERTICES, b + 1]):
+        i = shapes.vertices[k, 0]
         place = dot(axis, row(x, i))
-        store(room.along, i, place)
-        last = maximum(last, place)
-    for k in range(shapes.start[0, b], shapes.start[0, b + 1]):
-        i = shapes.vertices[k]
-        place = dot(axis, row(x, i))
-        store(room.along, i, place)
         first = minimum(first, place)
-    return last, first
+        store(room.along, i, place - last)
+    for k in range(shapes.start[VERTICES, a], shapes.start[VERTICES, a + 1]):
+        i = shapes.vertices[k, 0]
+        store(room.along, i, first - dot(axis, row(x, i)))
+    return first - last
 
 
 @compiled
-def collect(last: Number, first: Number, near: Near, seen: Search, triangles: Any, edges: Any) -> None:
-    """List what of two bodies is in the slab and the other's box, and find where it is."""
-    room = seen.room
-    vs = ts = es = 0
-    for side in range(2):
-        body = near.bodies[0] if side == 0 else near.bodies[1]
-        other = near.bodies[1] if side == 0 else near.bodies[0]
-        room.ends[0, side], room.ends[1, side], room.ends[2, side] = vs, ts, es
-        vs += list_vertices(vs, side, body, other, last if side == 1 else first, near, seen)
-        ts += list_triangles(ts, body, other, near, seen, triangles)
-        es += list_edges(es, body, other, near, seen, edges)
-    room.ends[0, 2], room.ends[1, 2], room.ends[2, 2] = vs, ts, es
+def make_space(a: Number, b: Number, shapes: Any, room: Any) -> None:
+    """Begin all lists anew if those of two bodies may not fit behind the others, which do not last then."""
+    sizes, fits = (room.vertex.size, room.triangle.size, room.edge.size), True
+    for kind in range(3):
+        start = shapes.start
+        count = start[kind, a + 1] - start[kind, a] + (start[kind, b + 1] - start[kind, b])
+        fits = fits and room.used[kind] + count <= sizes[kind]
+    if not fits:
+        room.kept[0] = False
+        empty(room)
 
 
 @compiled
-def list_vertices(
-    first: Number, side: Any, body: Number, other: Any, end: Number, near: Near, seen: Search
-) -> Any:
-    """List the vertices of a body from row ``first`` on; ``end`` of the other body along the slab's axis."""
-    x, room, shapes = seen.x, seen.room, seen.pairs.shapes
-    reach = MARGIN * near.reach
-    have, rows = 0.0 * reach, 0
-    for k in range(shapes.start[0, body], shapes.start[0, body + 1]):
-        i = shapes.vertices[k]
-        place = load(room.along, i)
-        gap = end - place if side == 0 else place - end
-        store(room.along, i, gap)
-        if any_lane(gap < reach):
-            wanted = maximum(gap, outside(row(x, i), row(x, i), other, room)) < reach
-            if any_lane(wanted):
-                have = enlist(room.vertex, first, have, 1.0 * i, wanted)
-                rows = grown(rows, have)
-    for m in range(rows):
-        there = have > 1.0 * m
-        i = select(there, load(room.vertex, first + m), NONE)
-        store(room.vertex, first + m, i)
-        set_row(room.point, first + m, row_each(x, maximum(i, 0.0)))
-    return rows
-
-
-@compiled
-def list_triangles(first: Number, body: Number, other: Any, near: Near, seen: Search, triangles: Any) -> Any:
-    """List the triangles of a body from row ``first`` on."""
-    rows = 0
-    if triangles is not None:
-        x, room, shapes = seen.x, seen.room, seen.pairs.shapes
-        reach = MARGIN * near.reach
-        have = 0.0 * reach
-        for t in range(shapes.start[1, body], shapes.start[1, body + 1]):
-            i, j, m = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            gap = minimum(minimum(load(room.along, i), load(room.along, j)), load(room.along, m))
-            if any_lane(gap < reach):
-                a, b, c = row(x, i), row(x, j), row(x, m)
-                low, high = smaller(smaller(a, b), c), larger(larger(a, b), c)
-                wanted = maximum(gap, outside(low, high, other, room)) < reach
+def list_kind(
+    kind: Any, side: Any, body: Number, other: Any, wide: Number, near: Near, seen: Search, members: Any
+) -> None:
+    """List the features of a kind of a body that are near the ``other``'s box, and in the slab."""
+    x, room, start, p = seen.x, seen.room, seen.pairs.shapes.start, near.pair
+    first = room.used[kind]
+    room.ends[p, kind, side] = room.ends[p, kind, side + 1] = first
+    if members is not None:
+        of, particles = listed_as(kind, room)
+        have, rows, count = 0.0 * wide, 0, members.shape[1]
+        for n in range(start[kind, body], start[kind, body + 1]):
+            gap = load(room.along, members[n, 0])
+            for k in range(1, count):
+                gap = minimum(gap, load(room.along, members[n, k]))
+            if any_lane(gap < wide):
+                low = row(x, members[n, 0])
+                high = low
+                for k in range(1, count):
+                    low, high = smaller(low, row(x, members[n, k])), larger(high, row(x, members[n, k]))
+                wanted = maximum(gap, outside(low, high, other, room)) < wide
                 if any_lane(wanted):
-                    have = enlist(room.triangle, first, have, 1.0 * t, wanted)
+                    have = enlist(of, first, have, 1.0 * n, wanted)
                     rows = grown(rows, have)
-        for n in range(rows):
-            there = have > 1.0 * n
-            k = first + n
-            store(room.triangle, k, select(there, load(room.triangle, k), NONE))
-            i, j, m = corners(k + 0.0 * have, room, triangles)
-            corner = row_each(x, i)
-            u, q = row_each(x, j) - corner, row_each(x, m) - corner
+        for m in range(first, first + rows):
+            there, n = have > 1.0 * (m - first), load(of, m)
+            store(of, m, select(there, n, NONE))
+            n = filled(there, n)
+            for k in range(count):
+                store(particles, count * m + k, load_each(members, (n, k)))
+        room.used[kind] = room.ends[p, kind, side + 1] = first + rows
+
+
+@compiled
+def listed_as(kind: Any, room: Any) -> Any:
+    """The list of a kind of features, and of their particles."""
+    if kind == VERTICES:
+        return room.vertex, room.vertex_particle
+    if kind == TRIANGLES:
+        return room.triangle, room.triangle_particles
+    return room.edge, room.edge_particles
+
+
+@compiled
+def locate(p: int, seen: Search, triangles: Any, edges: Any) -> None:
+    """Find where what is listed of a pair is; what a copy has not is far from all else."""
+    x, room = seen.x, seen.room
+    far = FAR + 0.0 * load(room.reach, p)
+    for k in range(room.ends[p, VERTICES, 0], room.ends[p, VERTICES, 2]):
+        point = row_each(x, load(room.vertex_particle, k))
+        set_row(room.point, k, choose(load(room.vertex, k) < 0.0, vec(far, far, far), point))
+    if triangles is not None:
+        for k in range(room.ends[p, TRIANGLES, 0], room.ends[p, TRIANGLES, 2]):
+            corner = row_each(x, load(room.triangle_particles, 3 * k))
+            u = row_each(x, load(room.triangle_particles, 3 * k + 1)) - corner
+            q = row_each(x, load(room.triangle_particles, 3 * k + 2)) - corner
             across = cross(u, q)
             set_row(room.corner, k, corner)
             set_row(room.first, k, u)
             set_row(room.second, k, q)
             set_row(room.normal, k, across)
-            square = select(there, dot(across, across), NONE)
+            square = select(load(room.triangle, k) < 0.0, NONE, dot(across, across))
             store(room.square, k, square)
             uu, uw, ww = dot(u, u), dot(u, q), dot(q, q)
             third = uu - 2.0 * uw + ww
             inverse, of_sides = 1.0 / (square + TINY), 1.0 / (uu * ww * third + TINY)
-            set_row(room.products, k, (uu, uw, ww))
-            set_row(room.sizes, k, (inverse, of_sides, maximum(maximum(uu, ww), third)))
-    return rows
+            set_row(room.products, k, vec(uu, uw, ww))
+            set_row(room.sizes, k, vec(inverse, of_sides, maximum(maximum(uu, ww), third)))
+    if edges is not None:
+        for k in range(room.ends[p, EDGES, 0], room.ends[p, EDGES, 2]):
+            start = row_each(x, load(room.edge_particles, 2 * k))
+            way = row_each(x, load(room.edge_particles, 2 * k + 1)) - start
+            none, away = load(room.edge, k) < 0.0, (k + 1.0) * far  # no two of them in one place
+            set_row(room.start, k, choose(none, vec(away, away, away), start))
+            set_row(room.way, k, choose(none, 0.0 * way, way))
 
 
 @compiled
-def list_edges(first: Number, body: Number, other: Any, near: Near, seen: Search, edges: Any) -> Any:
-    """List the edges of a body from row ``first`` on."""
-    rows = 0
+def list_candidates(p: int, every: bool, seen: Search, triangles: Any, edges: Any) -> None:
+    """List which vertices and triangles, which edges and edges are near each other in any copy.
+
+    Where it is to be ``every`` one that is listed, or there is no space for more, all are.
+    """
+    room, wide = seen.room, load(seen.room.listed, p)
+    ends, used = room.ends, room.used[CANDIDATES]
+    if triangles is not None:
+        for side in range(2):
+            first, behind = ends[p, TRIANGLES, 1 - side], ends[p, TRIANGLES, 2 - side]
+            for m in range(ends[p, VERTICES, side], ends[p, VERTICES, side + 1]):
+                room.faces[m, 0], room.faces[m, 1] = first, behind
+                if not every and used + behind - first <= room.candidate.size:
+                    room.faces[m, 0] = used
+                    for n in range(first, behind):
+                        if face_is_near(m, n, wide, room):
+                            room.candidate[used] = n
+                            used += 1
+                    room.faces[m, 1] = used
     if edges is not None:
-        x, room, shapes = seen.x, seen.room, seen.pairs.shapes
-        reach = MARGIN * near.reach
-        have = 0.0 * reach
-        for e in range(shapes.start[2, body], shapes.start[2, body + 1]):
-            i, j = edges[e, 0], edges[e, 1]
-            gap = minimum(load(room.along, i), load(room.along, j))
-            if any_lane(gap < reach):
-                here, there = row(x, i), row(x, j)
-                wanted = maximum(gap, outside(smaller(here, there), larger(here, there), other, room)) < reach
-                if any_lane(wanted):
-                    have = enlist(room.edge, first, have, 1.0 * e, wanted)
-                    rows = grown(rows, have)
-        for n in range(rows):
-            listed = have > 1.0 * n
-            k = first + n
-            store(room.edge, k, select(listed, load(room.edge, k), NONE))
-            i, j = tips(k + 0.0 * have, room, edges)
-            start = row_each(x, i)
-            way = row_each(x, j) - start
-            far = FAR + 0.0 * have
-            set_row(room.start, k, choose(listed, start, vec(far, far, far)))
-            set_row(room.way, k, choose(listed, way, 0.0 * way))
-    return rows
+        first, behind = ends[p, EDGES, 1], ends[p, EDGES, 2]
+        for m in range(ends[p, EDGES, 0], ends[p, EDGES, 1]):
+            room.partners[m, 0], room.partners[m, 1] = first, behind
+            if not every and used + behind - first <= room.candidate.size:
+                room.partners[m, 0] = used
+                for n in range(first, behind):
+                    if edge_is_near(m, n, wide, room):
+                        room.candidate[used] = n
+                        used += 1
+                room.partners[m, 1] = used
+    room.used[CANDIDATES] = used
+
+
+@compiled
+def face_is_near(m: int, n: int, wide: Number, room: Any) -> bool:
+    """Whether a vertex may be near a triangle in any copy: near its plane and its box."""
+    r, u, q = row(room.point, m) - row(room.corner, n), row(room.first, n), row(room.second, n)
+    none, height = 0.0 * u, dot(row(room.normal, n), r)  # times |normal|
+    gap = box_gap(r, r, smaller(smaller(u, q), none), larger(larger(u, q), none))
+    return any_lane(select(height * height <= wide * wide * load(room.square, n), gap, FAR) < wide)
+
+
+@compiled
+def edge_is_near(m: int, n: int, wide: Number, room: Any) -> bool:
+    """Whether two edges may be near each other in any copy: their lines, if not parallel, and their boxes."""
+    a, b, r = row(room.way, m), row(room.way, n), row(room.start, m) - row(room.start, n)
+    none, across = 0.0 * a, cross(a, b)
+    square, h = dot(across, across), dot(r, across)
+    gap = box_gap(smaller(r, r + a), larger(r, r + a), smaller(none, b), larger(none, b))
+    skew = square > SKEW * (dot(a, a) * dot(b, b))
+    return any_lane(select(select(skew, h * h, 0.0) > wide * wide * square, FAR, gap) < wide)
+
+
+# --- Contacts -----------------------------------------------------------------------------------------
 
 
 @compiled
 def compare(count: Number, near: Near, seen: Search, triangles: Any, edges: Any) -> int:
     """List the contacts of a pair behind ``count`` others."""
-    pairs, room = seen.pairs, seen.room
-    shapes, ends = pairs.shapes, room.ends
-    rods, balls = shapes.rods, shapes.balls
+    room, shapes, p = seen.room, seen.pairs.shapes, near.pair
+    ends, rods, balls = room.ends, shapes.rods, shapes.balls
     begin(room)
     first = count
-    for side in range(2):
-        for m in range(ends[0, side], ends[0, side + 1]):
-            count = vertex_faces(count, first, m, 1 - side, near, seen, triangles)
+    if triangles is not None:
+        for m in range(ends[p, VERTICES, 0], ends[p, VERTICES, 2]):
+            if room.faces[m, 1] > room.faces[m, 0]:
+                count = vertex_faces(count, first, m, near, seen)
     if edges is not None:
-        for k in range(crossing(near, seen)):
-            count = edge_edge(count, first, k, near, seen, edges)
+        rows, have = crossing(near, seen)
+        for k in range(rows):
+            count = edge_edge(count, first, k, have, near, seen)
     if rods is not None:
         begin(room)
         first = count
         for side in range(2):
             if is_of(near.bodies[1 - side], rods):
-                for m in range(ends[0, side], ends[0, side + 1]):
+                for m in range(ends[p, VERTICES, side], ends[p, VERTICES, side + 1]):
                     count = vertex_rods(count, first, m, 1 - side, near, seen, edges, rods)
     if is_of(near.bodies[0], balls) and is_of(near.bodies[1], balls):
-        i = shapes.vertices[shapes.start[0, near.bodies[0]]]
-        j = shapes.vertices[shapes.start[0, near.bodies[1]]]
+        i = shapes.vertices[shapes.start[VERTICES, near.bodies[0]], 0]
+        j = shapes.vertices[shapes.start[VERTICES, near.bodies[1]], 0]
         begin(room)
         count = ball_ball(count, count, i, j, near, seen, balls)
     return count

@@ -19,6 +19,10 @@ FAR = 1e9
 MOST_CONTACTS = 64
 """Contacts of a copy, for each of its bodies: beyond, they are counted and left out."""
 
+LISTED, CANDIDATES = 16, 8
+"""Rows of features that lists have room for, in all of the scene's features: more are listed anew at each
+node; and candidates for each row, or all are."""
+
 PARALLEL = 2.0
 """σ of edges, the sine of the angle from which they count in full: this times Δ over the longest edge."""
 
@@ -29,7 +33,7 @@ class Shapes(NamedTuple):
     """Features of all bodies, one body after another, by the numbers of the scene's particles."""
 
     vertices: np.ndarray
-    """(V,)"""
+    """(V, 1)"""
     triangles: np.ndarray | None
     """(T, 3)"""
     edges: np.ndarray | None
@@ -68,48 +72,80 @@ class Room(NamedTuple):
     """What a thread finds contacts in.
 
     Rows of lists hold something of each copy, its own: row r of a list the r-th of each. A copy that has
-    less than others has `NONE` there. So a list is as long as the longest of a copy, and what a copy has, and
-    in which order, does not depend on the others.
+    less than others has `NONE` there, and the particles of another. So a list is as long as the longest of a
+    copy, and what a copy has, and in which order, does not depend on the others.
+
+    Lists of features stay from node to node, one pair's behind another's.
     """
 
+    origin: np.ndarray
+    """(particles, 3) where vertices were when features were listed [m]"""
+    moved: np.ndarray
+    """(bodies,) the farthest that a vertex is from there [m]"""
+    mean: np.ndarray
+    """(bodies, 3) the mean velocity of vertices [m/s]"""
+    turning: np.ndarray
+    """(bodies,) the largest difference from it [m/s]"""
     low: np.ndarray
-    """(bodies, 3) boxes around the bodies [m]"""
+    """(bodies, 3) boxes around the bodies, when features were listed [m]"""
     high: np.ndarray
     along: np.ndarray
-    """(particles,) places along the line of a pair's centres; then how far from the slab between both [m]"""
+    """(particles,) how far from the slab between both bodies of a pair, likewise [m]"""
+    listed: np.ndarray
+    """(pairs,) nearer than this all features of a pair were listed then; 0 before [m]"""
+    reach: np.ndarray
+    """(pairs,) how far to look for contacts at this node [m]"""
+    close: np.ndarray
+    """(pairs,) whether there may be any in some copy"""
+    kept: np.ndarray
+    """(1,) whether the lists of all pairs are there"""
+    used: np.ndarray
+    """(4,) how many rows of vertices, triangles, edges and candidates are in use"""
+    ends: np.ndarray
+    """(pairs, 3, 3) where vertices, triangles and edges begin of the first body, of the second, and end"""
     vertex: np.ndarray
-    """(V + 1,) list: vertices of a pair that lie between the two bodies, the first's before"""
+    """(V,) list: vertices of a pair that lie between the two bodies, the first's before"""
+    vertex_particle: np.ndarray
+    """(V,) which particles they are"""
     point: np.ndarray
-    """(V + 1, 3) where they are [m]"""
+    """(V, 3) where they are [m]"""
     triangle: np.ndarray
-    """(T + 1,) list: triangles likewise"""
+    """(T,) list: triangles likewise"""
+    triangle_particles: np.ndarray
+    """(3 T,)"""
     corner: np.ndarray
-    """(T + 1, 3) their first corner [m]"""
+    """(T, 3) their first corner [m]"""
     first: np.ndarray
-    """(T + 1, 3) from there to the second [m]"""
+    """(T, 3) from there to the second [m]"""
     second: np.ndarray
-    """(T + 1, 3) and to the third"""
+    """(T, 3) and to the third"""
     normal: np.ndarray
-    """(T + 1, 3) their product, as long as twice the area [m²]"""
+    """(T, 3) their product, as long as twice the area [m²]"""
     square: np.ndarray
-    """(T + 1,) the square of that length [m⁴]; −1 where there is none"""
+    """(T,) the square of that length [m⁴]; −1 where there is none"""
     products: np.ndarray
-    """(T + 1, 3) of the sides from the first corner: |u|², u·w and |w|² [m²]"""
+    """(T, 3) of the sides from the first corner: |u|², u·w and |w|² [m²]"""
     sizes: np.ndarray
-    """(T + 1, 3) 1 over ``square`` [m⁻⁴], 1 over the product of all sides' squares [m⁻⁶], the largest of
+    """(T, 3) 1 over ``square`` [m⁻⁴], 1 over the product of all sides' squares [m⁻⁶], the largest of
     these [m²]"""
     edge: np.ndarray
-    """(E + 1,) list: edges likewise"""
+    """(E,) list: edges likewise"""
+    edge_particles: np.ndarray
+    """(2 E,)"""
     start: np.ndarray
-    """(E + 1, 3) where they begin [m]"""
+    """(E, 3) where they begin [m]"""
     way: np.ndarray
-    """(E + 1, 3) from there to the end; 0 where there is none"""
-    ends: np.ndarray
-    """(3, 3) where vertices, triangles and edges begin of the first body, of the second, and end"""
+    """(E, 3) from there to the end; 0 where there is none"""
+    candidate: np.ndarray
+    """rows of triangles and edges: first all of them, in turn; then those near a vertex or an edge"""
+    faces: np.ndarray
+    """(V, 2) where the candidates of a vertex begin there, and end: triangles of the other body"""
+    partners: np.ndarray
+    """(E, 2) and those of an edge of the first body: edges of the second"""
     crossed: np.ndarray
-    """(most + 1,) list: edges that meet others, by their rows,"""
+    """(most,) list: edges that meet others, by their rows,"""
     crossing: np.ndarray
-    """(most + 1,) and these"""
+    """(most,) and these"""
     have: np.ndarray
     """(2,) contacts of each copy: in all, and of this pair"""
     left_out: np.ndarray
@@ -136,22 +172,16 @@ class Room(NamedTuple):
     """(rows,) W [1/kg]"""
     push: np.ndarray
     """(rows,) J [N·s]"""
-    lost: np.ndarray
-    """(rows,) energy lost to the damping [J]"""
     rub: np.ndarray
     """(rows, 3) the impulse of friction [N·s]"""
-    apart: np.ndarray
-    """(rows, 3) D [m]"""
-    mass: np.ndarray
-    """(4 rows,) m, of pinned particles 0 [kg]"""
-    arm: np.ndarray
-    """(4 rows, 3) x − x_c [m]"""
-    lever: np.ndarray
-    """(4 rows, 3) m (x − x_c), of a pinned particle less their sum [kg·m]"""
-    turn: np.ndarray
-    """(2 rows, 3) I⁻¹: xx, yy, zz; xy, xz, yz [1/(kg·m²)]"""
+    tilt: np.ndarray
+    """(2 rows, 3) G and H; of a rod, G and the direction along it: see `springgym.forces.pairs.friction`"""
+    rubs: np.ndarray
+    """(rows,) 1 where friction acts, else 0"""
     spent: np.ndarray
     """(pairs, 3) energy lost to damping, and to friction, and given by the barriers, at this node [J]"""
+    solids: Any = None
+    """the `springgym.forces.pairs.solids.Solids` of rigid bodies; None where particles move by themselves"""
 
 
 NONE = -1.0
@@ -258,7 +288,7 @@ def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
     rods = np.array([not len(shape.triangles) and len(shape.edges) > 0 for shape in shapes])
     balls = np.array([not len(shape.triangles) and not len(shape.edges) for shape in shapes])
     return Shapes(
-        vertices,
+        vertices[:, None],
         triangles if len(triangles) else None,
         edges if len(edges) else None,
         start,
@@ -289,10 +319,13 @@ def most_contacts(meetings: Sequence[Meeting], shapes: Sequence[Shape]) -> tuple
 def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
     """What a thread finds contacts in, on elements of ``dtype``; ``rows`` is the most a block can have."""
     shapes = pairs.shapes
-    bodies = len(shapes.radius)
-    vertices = len(shapes.vertices) + 1  # the last row of a list takes what is not to be listed
-    triangles = 1 if shapes.triangles is None else len(shapes.triangles) + 1
-    edges = 1 if shapes.edges is None else len(shapes.edges) + 1
+    bodies, count = len(shapes.radius), len(pairs.first)
+    features = np.diff(shapes.start, axis=1)
+    of_pairs = features[:, pairs.first] + features[:, pairs.second]
+    # lists of all pairs, unless that is absurd; at least those of any one
+    most = np.maximum(of_pairs.max(axis=1), np.minimum(of_pairs.sum(axis=1), LISTED * features.sum(axis=1)))
+    vertices, triangles, edges = (int(n) + 1 for n in most)
+    candidates = max(triangles, edges) + CANDIDATES * (vertices + edges)
     width = np.dtype(dtype)["lanes"].shape[0]
     rows = min(rows, pairs.most * width) + 1
     rubbing = 1 if pairs.friction is None else rows
@@ -301,12 +334,24 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         return aligned_zeros(shape, dtype)
 
     return Room(
+        origin=lanes(particles, 3),
+        moved=lanes(bodies),
+        mean=lanes(bodies, 3),
+        turning=lanes(bodies),
         low=lanes(bodies, 3),
         high=lanes(bodies, 3),
         along=lanes(particles),
+        listed=lanes(count),
+        reach=lanes(count),
+        close=np.zeros(count, np.bool_),
+        kept=np.zeros(1, np.bool_),
+        used=np.zeros(4, np.int64),
+        ends=np.zeros((count, 3, 3), np.int64),
         vertex=lanes(vertices),
+        vertex_particle=lanes(vertices),
         point=lanes(vertices, 3),
         triangle=lanes(triangles),
+        triangle_particles=lanes(3 * triangles),
         corner=lanes(triangles, 3),
         first=lanes(triangles, 3),
         second=lanes(triangles, 3),
@@ -315,13 +360,16 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         products=lanes(triangles, 3),
         sizes=lanes(triangles, 3),
         edge=lanes(edges),
+        edge_particles=lanes(2 * edges),
         start=lanes(edges, 3),
         way=lanes(edges, 3),
-        ends=np.zeros((3, 3), np.int64),
-        crossed=lanes(pairs.most + 1),
-        crossing=lanes(pairs.most + 1),
+        candidate=np.arange(candidates),
+        faces=np.zeros((vertices, 2), np.int64),
+        partners=np.zeros((edges, 2), np.int64),
+        crossed=lanes(pairs.most),
+        crossing=lanes(pairs.most),
         have=lanes(2),
-        left_out=lanes(len(pairs.first)),
+        left_out=lanes(count),
         pair=np.zeros(rows, np.int32),
         members=np.zeros(rows, np.int32),
         particle=lanes(4 * rows),
@@ -333,12 +381,8 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         gain=lanes(4 * rows),
         inverse=lanes(rows),
         push=lanes(rows),
-        lost=lanes(rows),
         rub=lanes(rows, 3),
-        apart=lanes(rubbing, 3),
-        mass=lanes(4 * rubbing),
-        arm=lanes(4 * rubbing, 3),
-        lever=lanes(4 * rubbing, 3),
-        turn=lanes(2 * rubbing, 3),
-        spent=lanes(len(pairs.first), 3),
+        tilt=lanes(2 * rubbing, 3),
+        rubs=lanes(rubbing),
+        spent=lanes(count, 3),
     )

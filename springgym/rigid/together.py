@@ -1,0 +1,460 @@
+"""The node of a step where rigid bodies collide: all of them pass it together.
+
+All impulses of a step act at once, at its node, as where springs hold bodies together
+(`springgym.forces.together`): contacts are found in the same way, from the particles of the bodies, follow
+the same law and are told of alike. What differs is what they move (`springgym.forces.pairs.solids`).
+
+Contacts of a rigid body all act on each other. They are taken in turns, surfaces first, then pairs of bodies
+there and back with their friction, until the speeds of those between bodies agree (Gauss and Seidel);
+surfaces have the last word.
+
+Each step begins with the particles: position, attitude and momenta are read off them where the node is
+reached. So calls of any length take the same steps, to the bit.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Mask, Number, Rows
+from springgym.core.lanes import any_lane, bodies_of, epsilon, load, minimum, of_body, select, store
+from springgym.core.vectors import TINY, choose, plus_scaled, row, set_row, vec
+from springgym.forces import Particles
+from springgym.forces.ledger import CONTACT, WORK, record
+from springgym.forces.memory import HELD, PHASE, halve, remember, resume, share_actions
+from springgym.forces.node import span_of
+from springgym.forces.pairs.friction import SWEEPS, rub
+from springgym.forces.pairs.impulses import account, prepare, sweep, taper
+from springgym.forces.pairs.search import find
+from springgym.forces.pairs.solids import CHANGE, GOING
+from springgym.forces.pairs.terms import Room
+from springgym.forces.together import (
+    begin,
+    enter,
+    halve_tally,
+    hold,
+    remember_tally,
+    resume_tally,
+)
+from springgym.rigid.contact import (
+    Node,
+    clearance,
+    leave,
+    meet_surfaces,
+    product_of,
+    reach_node,
+    read_node,
+    record_losses,
+    set_loads,
+    sum_of,
+)
+from springgym.rigid.flight import State, combine, components, fly
+from springgym.rigid.motion import Solid, read_state, set_particles
+
+if TYPE_CHECKING:
+    from springgym.forces.barrier import Surfaces
+
+
+TURNS = 40
+"""How often surfaces and pairs are taken in turn, at the most. Where that is too seldom, the next step goes
+on from there: what stays in touch finds its balance over some steps."""
+
+AGREED = 1e-9
+"""Change of the ways of contacts by the last turn, as a share of Δ, at which the impulses are found."""
+
+AXES, SPIN, POSITION, VELOCITY, CENTRE, MASS, GIVEN, TURNED, NEAR = 0, 3, 4, 5, 6, 7, 8, 9, 10
+"""Rows of a body at the node: its `State` and `Solid`, with 1 over its mass behind the mass; the change of
+motion by surfaces; and its clearance half a step before, and 1 where surfaces were near in any turn."""
+
+ROWS = 11
+
+
+class Company(NamedTuple):
+    """What a thread computes in; two rows a body of velocity and angular momentum, in world coordinates."""
+
+    bodies: np.ndarray
+    """(bodies, `ROWS`, 3)"""
+    loads: np.ndarray
+    """(bodies, N, 3) of `springgym.rigid.contact.set_loads`"""
+    surfaces: np.ndarray
+    """(bodies, arrays, N, 3) what surfaces give, as `springgym.rigid.contact` keeps it"""
+    leaned: np.ndarray
+    """(bodies,) whether surfaces gave a body anything at this node"""
+    before: np.ndarray
+    """(2 bodies, 3) with which the node is reached"""
+    soon: np.ndarray
+    """behind the node, but for contact"""
+    velocity: np.ndarray
+    """with as much of contact as is known"""
+    base: np.ndarray
+    """before bodies gave each other more"""
+    pairs: np.ndarray
+    """what bodies gave each other"""
+    lean: np.ndarray
+    """(1,) 1 where a copy's impulses changed in the last turn"""
+    room: Room
+
+
+# --- A body ---------------------------------------------------------------------------------------------
+
+
+@compiled
+def keep_state(state: State, solid: Solid, rows: Rows) -> None:
+    """Keep where a body is at the node and how it moves."""
+    for n in range(3):
+        set_row(rows, AXES + n, solid.axes[n])
+    set_row(rows, SPIN, state.spin)
+    set_row(rows, POSITION, state.position)
+    set_row(rows, VELOCITY, state.velocity)
+    set_row(rows, CENTRE, solid.centre)
+    set_row(rows, MASS, vec(solid.total, solid.lightness, 0.0 * solid.total))
+
+
+@compiled
+def kept_state(rows: Rows, twin: Any) -> Any:
+    """Return the `State` of a body at the node, and its `Solid`; ``twin`` is what kernels take of a body."""
+    rigid, asymmetry, terms = twin
+    mass = row(rows, MASS)
+    zero = 0.0 * mass[0]
+    axes = (row(rows, AXES), row(rows, AXES + 1), row(rows, AXES + 2))
+    solid = Solid(rigid, asymmetry, axes, row(rows, CENTRE), mass[0], mass[1], terms)
+    q = (1.0 + zero, zero, zero, zero)
+    return State(q, row(rows, SPIN), row(rows, POSITION), row(rows, VELOCITY)), solid
+
+
+@compiled
+def half_a_step_before(state: State, span: Any, solid: Solid, surfaces: Surfaces | None) -> Any:
+    """Where the way of a body to the node began; surfaces alone ask for it."""
+    if surfaces is not None:
+        return fly(state, -1.0 * span.lead, solid.rigid, solid.asymmetry)
+    return state
+
+
+@compiled
+def node_of(body: int, span: Any, space: Company, twin: Any) -> Any:
+    """Return the `Node` of a body without contact, and its `Solid`."""
+    state, solid = kept_state(space.bodies[body], twin)
+    first = half_a_step_before(state, span, solid, solid.terms.surfaces)
+    return reach_node(first, state, span, space.loads[body], solid), solid
+
+
+@compiled
+def pushed_by_pairs(node: Node, body: int, space: Company) -> Any:
+    """Return a node with what bodies give each other as a part of all that surfaces do not, and that part."""
+    by_bodies = (
+        components(node.axes, row(space.pairs, 2 * body)),
+        components(node.axes, row(space.pairs, 2 * body + 1)),
+    )
+    falling = node.falling + row(space.pairs, 2 * body)
+    soon = sum_of(node.soon, 1.0, by_bodies)
+    span, first, state, axes, before, rate, thrown, _, _ = node
+    return Node(span, first, state, axes, before, rate, thrown, soon, falling), by_bodies
+
+
+@compiled
+def near_surfaces(state: State, solid: Solid, surfaces: Surfaces | None) -> Any:
+    """Return the `clearance` of a body, or 1 without surfaces."""
+    if surfaces is not None:
+        return clearance(state, solid)
+    return 1.0 + 0.0 * state.q[0]
+
+
+@compiled
+def arrive(
+    body: int,
+    x: Rows,
+    v: Rows,
+    phase: Number,
+    span: Any,
+    first: Any,
+    last: Any,
+    ledger: Ledger,
+    space: Company,
+    twin: Any,
+) -> None:
+    """Read off how a body reaches the node, and find what all but contact gives it there."""
+    rigid, asymmetry, terms = twin
+    rows, b, solids = space.bodies[body], space.loads[body], space.room.solids
+    zero = 0.0 * phase
+    nothing = vec(zero, zero, zero)
+    space.leaned[body] = False
+    if not rigid.moves:
+        set_row(space.velocity, 2 * body, nothing)
+        set_row(space.velocity, 2 * body + 1, nothing)
+        if last:
+            remember(x, b, 1.0 + zero, ledger, terms.memory, terms.memory.pushed)
+        return
+    state, seen = read_state(x, v, rigid, asymmetry, terms)
+    keep_state(state, seen, rows)
+    set_loads(b, state.q, seen, terms.wrench, terms.thrust)
+    if first:
+        share_actions(b, phase, terms.memory, terms.memory.pushed, None)
+    if last:
+        remember(x, b, 1.0 + zero, ledger, terms.memory, terms.memory.pushed)
+    node, solid = node_of(body, span, space, twin)
+    set_row(solids.point, body, state.position)
+    store(solids.lightness, body, solid.lightness)
+    turn = inverse_inertia(solid)
+    set_row(solids.turn, 2 * body, turn[0])
+    set_row(solids.turn, 2 * body + 1, turn[1])
+    set_row(space.before, 2 * body, state.velocity)
+    set_row(space.before, 2 * body + 1, combine(solid.axes, state.spin))
+    velocity = node.falling + combine(solid.axes, node.thrown[0])
+    spin = combine(solid.axes, node.soon[1])
+    for part in range(2):
+        soon = velocity if part == 0 else spin
+        set_row(space.soon, 2 * body + part, soon)
+        set_row(space.velocity, 2 * body + part, soon)
+        set_row(space.base, 2 * body + part, soon)
+        set_row(space.pairs, 2 * body + part, nothing)
+        set_row(rows, GIVEN + part, nothing)
+    ahead = near_surfaces(node.begin, solid, terms.surfaces)
+    set_row(rows, NEAR, vec(ahead, zero, zero))
+
+
+@compiled
+def inverse_inertia(solid: Solid) -> Any:
+    """Return I⁻¹ of a body, in world coordinates: xx, yy, zz; xy, xz, yz. It is 0 of what cannot turn."""
+    zero = 0.0 * solid.total
+    diagonal, across = vec(zero, zero, zero), vec(zero, zero, zero)
+    if solid.rigid.turns:
+        for n in range(3):
+            e, inverse = solid.axes[n], 1.0 / load(solid.rigid.moments, n)
+            diagonal = plus_scaled(diagonal, inverse, vec(e[0] * e[0], e[1] * e[1], e[2] * e[2]))
+            across = plus_scaled(across, inverse, vec(e[0] * e[1], e[0] * e[2], e[1] * e[2]))
+    return diagonal, across
+
+
+# --- Contact --------------------------------------------------------------------------------------------
+
+
+@compiled
+def lean(body: int, span: Any, space: Company, twin: Any) -> None:
+    """Let surfaces give a body what follows from all else, bodies' pushes among it."""
+    going = load(space.lean, 0) > 0.5
+    for n in range(2 * body, 2 * body + 2):
+        given = row(space.pairs, n) + (row(space.velocity, n) - row(space.base, n))
+        set_row(space.pairs, n, choose(going, given, row(space.pairs, n)))
+    lean_on(body, span, going, space, twin, twin[2].surfaces)
+    for n in range(2 * body, 2 * body + 2):
+        set_row(space.base, n, row(space.velocity, n))
+
+
+@compiled
+def lean_on(
+    body: int,
+    span: Any,
+    going: Mask,
+    space: Company,
+    twin: Any,
+    surfaces: Surfaces | None,
+) -> None:
+    """Find what surfaces, if there are any, give a body in the copies that are ``going``."""
+    if surfaces is not None:
+        free, solid = node_of(body, span, space, twin)
+        node, _ = pushed_by_pairs(free, body, space)
+        rows, none = space.bodies[body], 0.0 * span.out
+        nothing = 0.0 * node.before[0]
+        ahead = near_surfaces(leave(node, (nothing, nothing), solid), solid, surfaces)
+        near = row(rows, NEAR)
+        close = select(minimum(near[0], ahead) < 0.0, 1.0 + none, near[1])
+        set_row(rows, NEAR, vec(near[0], select(going, close, near[1]), none))
+        active = select(going, close, 0.0)
+        if any_lane(active > 0.5):
+            known = active > (-1.0 if space.leaned[body] else 2.0)
+            given = meet_surfaces(node, known, active, space.surfaces[body], solid)
+            space.leaned[body] = True
+            for part in range(2):
+                new, old = given[part], row(rows, GIVEN + part)
+                set_row(rows, GIVEN + part, choose(going, new, old))
+        for part in range(2):
+            n = 2 * body + part
+            by_surfaces = combine(node.axes, row(rows, GIVEN + part))
+            now = (row(space.soon, n) + row(space.pairs, n)) + by_surfaces
+            set_row(space.velocity, n, choose(going, now, row(space.velocity, n)))
+
+
+@compiled
+def takes_turns(contacts: Number, turn: int, surfaces: Surfaces | None) -> bool:
+    """Return whether surfaces have a turn before the last one."""
+    return surfaces is not None and contacts > 0 and turn < TURNS
+
+
+@compiled
+def touch(
+    x: Any, span: Any, contacts: Number, meets: Any, particles: Particles, space: Company, twins: Any
+) -> None:
+    """Find what surfaces and bodies give at a node."""
+    room, pairs, v = space.room, meets.pairs, space.velocity
+    turns, terms = room.solids.turns, twins[2]
+    one = 1.0 + 0.0 * span.out
+    enough = AGREED + 64 * epsilon(one)
+    store(turns, GOING, one)
+    store(space.lean, 0, one)
+    going, turn = contacts > 0, 0
+    while True:
+        last = not going or turn == TURNS
+        if last or takes_turns(contacts, turn, terms.surfaces):
+            for body in range(space.leaned.size):
+                twin = of_body(twins, body)
+                if twin[0].moves:
+                    lean(body, span, space, twin)
+        if last:
+            break
+        for back in range(2):
+            store(turns, CHANGE, 0.0 * one)
+            sweep(v, span, contacts, back == 1, pairs, room)
+            rub(space.before, v, back, contacts, particles, pairs, pairs.friction, room, meets.tally)
+        if turn == 0:
+            taper(x.values, v, span, contacts, particles, pairs, room, pairs.shapes.edges)
+        active = load(turns, GOING)
+        store(space.lean, 0, active)
+        active = select(span.whole * load(turns, CHANGE) > enough, active, 0.0)
+        store(turns, GOING, active)
+        going = any_lane(active > 0.5)
+        turn += 1
+    if contacts > 0:
+        store(turns, GOING, one)
+        rub(space.before, v, SWEEPS, contacts, particles, pairs, pairs.friction, room, meets.tally)
+
+
+# --- The node -------------------------------------------------------------------------------------------
+
+
+@compiled
+def go_on(
+    body: int, x: Rows, v: Rows, span: Any, last: Any, ledger: Ledger, space: Company, twin: Any
+) -> None:
+    """Let a body go on to the next node, and enter what it lost; or, at the ``last``, read it."""
+    rigid, _, terms = twin
+    if not rigid.moves:
+        if last:
+            halve(ledger, terms.memory)
+            store(terms.memory.marks, HELD, 0.0)
+            for i in range(x.shape[0]):
+                set_row(terms.memory.arrived, i, row(v, i))
+        return
+    free, solid = node_of(body, span, space, twin)
+    node, by_bodies = pushed_by_pairs(free, body, space)
+    given = (row(space.bodies[body], GIVEN), row(space.bodies[body], TURNED))
+    end = leave(node, given, solid)
+    middle = sum_of(sum_of(node.before, span.lead, node.rate), 0.5, node.thrown)
+    middle = sum_of(sum_of(middle, 0.5, by_bodies), 0.5, given)
+    record(ledger, WORK, product_of(node.thrown, middle, solid))
+    if space.leaned[body]:
+        record_lean(node, given, middle, ledger, space.surfaces[body], solid, terms.surfaces)
+    enter_start(node, by_bodies, middle, ledger, solid)
+    if last:
+        for i in range(x.shape[0]):
+            set_row(terms.memory.arrived, i, row(v, i))
+        read = read_node(free, end, sum_of(by_bodies, 1.0, given), ledger, solid)
+        set_particles(x, v, read, solid)
+    else:
+        state = fly(end, span.out, solid.rigid, solid.asymmetry)
+        set_particles(x, v, state, solid)
+
+
+@compiled
+def record_lean(
+    node: Node,
+    given: Any,
+    middle: Any,
+    ledger: Ledger,
+    rows: np.ndarray,
+    solid: Solid,
+    surfaces: Surfaces | None,
+) -> None:
+    """Enter what surfaces took, if there are any."""
+    if surfaces is not None:
+        record_losses(node, given, middle, ledger, rows, solid)
+
+
+@compiled
+def enter_start(node: Node, by_bodies: Any, middle: Any, ledger: Ledger, solid: Solid) -> None:
+    """Enter, of the half node of a fresh copy, what bodies took from one body; what its barriers gave is
+    entered for the pair.
+
+    There they push against gravity before it acts, see `springgym.forces.node.begun_in_touch`.
+    """
+    late = 0.5 * (node.span.out - node.span.lead)
+    fallen, met = product_of(node.rate, by_bodies, solid), product_of(by_bodies, by_bodies, solid)
+    rests = 2.0 * late * late * fallen * fallen / (met + TINY)
+    lost = rests - product_of(by_bodies, middle, solid)
+    record(ledger, CONTACT, select(late > 0.0, lost, 0.0))
+
+
+@compiled
+def pass_together(
+    x: Any,
+    v: Any,
+    phase: Number,
+    h: Number,
+    first: Any,
+    last: Any,
+    goes: Any,
+    ledger: Any,
+    space: Company,
+    twins: Any,
+) -> None:
+    """Let all act on all bodies at a node; if nothing ``goes`` on, only tell which touch in fresh copies."""
+    span, terms, room = span_of(phase, h), twins[2], space.room
+    meets, every = terms.meets, terms.particles
+    particles = Particles(every.mass.values, every.inverse_mass.values, every.free.values)
+    count = bodies_of(x)
+    contacts = find(x.values, v.values, span, meets.pairs, room)
+    if not goes:
+        begin(phase, contacts, meets, room, terms.memory)
+        return
+    for body in range(count):
+        here, velocities, entries = of_body(x, body), of_body(v, body), of_body(ledger, body)
+        arrive(body, here, velocities, phase, span, first, last, entries, space, of_body(twins, body))
+    if last:
+        remember_tally(meets)
+    prepare(x.values, space.before, span, contacts, particles, meets.pairs, room, meets.tally, None)
+    touch(x, span, contacts, meets, particles, space, twins)
+    account(space.velocity, span, contacts, meets.pairs, room, meets.tally)
+    if contacts > 0:
+        enter(span, ledger, meets.pairs, room)
+    for body in range(count):
+        here, velocities, entries = of_body(x, body), of_body(v, body), of_body(ledger, body)
+        go_on(body, here, velocities, span, last, entries, space, of_body(twins, body))
+    if last:
+        hold(meets.pairs, meets.tally, terms.memory, 0.5)
+
+
+@compiled
+def move_together(phase: Any, space: Company, h: Number, steps: int, settles: bool, twins: Any) -> None:
+    """Take all bodies through the steps together; the last node is made anew by the next call.
+
+    None only makes them rigid, if it ``settles``; as many as `springgym.forces.together.START` tell which
+    bodies of fresh copies touch.
+    """
+    x, v, ledger = phase
+    if steps == 0:
+        if settles:
+            for body in range(bodies_of(x)):
+                settle(of_body(x, body), of_body(v, body), of_body(twins, body))
+    else:
+        memory, meets = twins[2].memory, twins[2].meets
+        fresh, goes = load(of_body(memory, 0).marks, PHASE), steps > 0
+        if goes:
+            for body in range(bodies_of(x)):
+                resume(of_body(x, body), of_body(v, body), of_body(ledger, body), of_body(memory, body))
+            resume_tally(fresh, meets)
+        for n in range(steps + 1 if goes else 1):
+            mark = fresh if n == 0 else 1.0 + 0.0 * fresh
+            pass_together(x, v, mark, h, n == 0, n == steps, goes, ledger, space, twins)
+        if goes:
+            halve_tally(meets)
+
+
+@compiled
+def settle(x: Rows, v: Rows, twin: Any) -> None:
+    """Put the particles of a body onto its rigid shape; their momenta stay."""
+    rigid, asymmetry, terms = twin
+    if rigid.moves:
+        state, solid = read_state(x, v, rigid, asymmetry, terms)
+        set_particles(x, v, state, solid)

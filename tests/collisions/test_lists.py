@@ -1,0 +1,119 @@
+"""Lists of what may touch: kept while bodies move a little, and never to be seen in what is found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from springgym.bodies import ball, cube, rope
+from springgym.core.blocks import block_array, numbers, set_all
+from springgym.forces.pairs import terms
+from springgym.packing import pack_room
+from springgym.scene import Placed, Scene
+from springgym.simulator import Simulator
+from springgym.surfaces import Contact
+from tests.collisions.test_rows import found
+
+COPIES, REACH = 16, 0.02
+CUBE, ROPE, BALL = cube(), rope(5, radius=0.02), ball(0.1, 0.2)
+CENTRED = [body.positions - body.positions.mean(axis=0) for body in (CUBE, CUBE, ROPE, BALL)]
+PLACES = np.array([[0, 0, 0], [0, 0, 1.02], [0, -0.6, 0.5], [0.62, 0, 0.2]])
+SCENE = Scene(
+    bodies=tuple(
+        Placed(body, centred + place, name=name)
+        for body, centred, place, name in zip(
+            (CUBE, CUBE, ROPE, BALL), CENTRED, 2 * PLACES, "abcd", strict=True
+        )
+    ),
+    collisions=Contact(strength=1e-2, reach=REACH),
+)
+
+
+class Blocks:
+    """A block of copies, what it is searched in, and what was found in it."""
+
+    def __init__(self) -> None:
+        meets = Simulator(SCENE, copies=COPIES)._terms.meets
+        assert meets is not None
+        self.pairs = meets.pairs
+        self.x, self.v = (block_array(COPIES, (len(SCENE.positions), 3), float) for _ in range(2))
+        self.kept = self.empty()
+
+    def empty(self) -> Any:
+        return pack_room(SCENE, self.pairs, self.x.dtype)
+
+    def search(self, x: np.ndarray, v: np.ndarray, room: Any) -> list[Any]:
+        """All contacts of each copy."""
+        set_all(self.x, x)
+        set_all(self.v, v)
+        rows = found(self.x, self.v, self.pairs, room)
+        there = numbers(room.distance)[:rows] < 0.5 * terms.FAR
+        several = {"particle": 4, "weight": 4, "toward": 1, "distance": 1, "share": 1}
+        told = [numbers(room.left_out).copy(), room.pair[:rows].copy(), room.members[:rows].copy(), there]
+        for name, each in several.items():
+            values = numbers(getattr(room, name))[: each * rows].reshape(rows, -1, COPIES)
+            told.append(np.where(there[:, None], values, 0.0))
+        return told
+
+    def compare(self, x: np.ndarray, v: np.ndarray) -> tuple[int, bool]:
+        """How many contacts there are, and whether lists lasted, of which nothing is to be seen."""
+        kept, anew = self.search(x, v, self.kept), self.search(x, v, self.empty())
+        for one, other in zip(kept, anew, strict=True):
+            assert np.array_equal(one, other)
+        return int(anew[3].sum()), not np.array_equal(numbers(self.kept.origin)[0], numbers(self.x)[0, 0])
+
+
+def small_turns(random: np.random.Generator, angle: float) -> np.ndarray:
+    """Rotations (copies, bodies, 3, 3) by about that angle [rad]."""
+    q, r = np.linalg.qr(np.eye(3) + np.cross(np.eye(3), angle * random.standard_normal((COPIES, 4, 1, 3))))
+    return np.asarray(q * np.sign(np.einsum("...ii->...i", r))[..., None, :])
+
+
+def walk(steps: int, stride: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Positions and velocities (copies, N, 3) of bodies that wander, turn and are bent beside each other."""
+    random = np.random.default_rng(1)
+    turns = small_turns(random, 0.2)
+    turns[::2, :2] = np.eye(3)  # face on face
+    places = np.repeat(PLACES[None], COPIES, axis=0)
+    for _ in range(steps):
+        bodies = [CENTRED[n] @ np.swapaxes(turns[:, n], 1, 2) + places[:, n, None] for n in range(4)]
+        x = np.concatenate(bodies, axis=1)
+        yield x + 0.2 * stride * random.standard_normal(x.shape), random.standard_normal(x.shape)
+        places = places + stride * random.standard_normal(places.shape)
+        turns = turns @ small_turns(random, stride)
+
+
+@pytest.mark.parametrize(("stride", "lasting"), [(1e-4, 0.8), (1e-3, 0.3), (1e-2, 0.0)])
+def test_nothing_is_to_be_seen_of_them(stride: float, lasting: float) -> None:
+    blocks = Blocks()
+    counts, lasted = zip(*(blocks.compare(x, v) for x, v in walk(60, stride)), strict=True)
+    assert min(counts) > 20
+    assert not lasted[0]
+    assert lasting <= np.mean(lasted[1:])
+
+
+@pytest.mark.parametrize("few", ["LISTED", "CANDIDATES"])
+def test_where_there_is_no_space_for_more(few: str) -> None:
+    """Lists of one pair always have space: those of others are made anew then."""
+    with mock.patch.object(terms, few, 0):
+        blocks = Blocks()
+        lasted = [blocks.compare(x, v)[1] for x, v in walk(10, 1e-4)]
+    assert any(lasted) == (few == "CANDIDATES")
+
+
+@pytest.mark.parametrize("lost", [np.nan, np.inf, 1e200])
+def test_what_is_no_number_is_forgotten(lost: float) -> None:
+    """A copy that had no positions, be it of one particle, is searched anew when it has."""
+    for particle in (0, slice(None)):
+        blocks = Blocks()
+        start, *others = walk(5, 1e-5)
+        blocks.compare(*start)
+        for x, v in others:
+            gone = x.copy()
+            gone[3, particle] = lost
+            blocks.search(gone, v, blocks.kept)
+            assert not blocks.compare(x, v)[1]
