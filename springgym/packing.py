@@ -169,10 +169,10 @@ def _shared(scene: Scene, options: Options) -> Terms:
 
 def surfaces_of(surfaces: tuple[Surface, ...]) -> Surfaces:
     """Return surfaces as compiled functions take them, but for how a body meets them."""
-    kinds = tuple(
-        kind.packed([surface for surface in surfaces if type(surface) is kind])
-        for kind in dict.fromkeys(map(type, surfaces))
-    )
+    each: dict[type[Surface], list[Surface]] = {}
+    for surface in surfaces:
+        each.setdefault(type(surface), []).append(surface)
+    kinds = tuple(kind.packed(of_kind) for kind, of_kind in each.items())
     return Surfaces(kinds, np.zeros(1), 1.0, None, coupled(surfaces) or None)
 
 

@@ -49,13 +49,13 @@ def _plane(plan: Plan) -> None:
 
 def _level(plan: Plan) -> None:
     _plane(plan)
-    if plan.scene.surfaces[0].normal != (0.0, 0.0, 1.0):  # type: ignore[union-attr]
+    if plan.scene.surfaces[0].normal != (0.0, 0.0, 1.0):  # type: ignore[attr-defined]
         raise ValueError("its first surface is not level")
 
 
 def _ground(plan: Plan) -> None:
     _level(plan)
-    if plan.scene.surfaces[0].offset != 0:  # type: ignore[union-attr]
+    if plan.scene.surfaces[0].offset != 0:  # type: ignore[attr-defined]
         raise ValueError("its floor is not at height 0")
 
 
@@ -67,7 +67,7 @@ def _dropped(plan: Plan) -> None:
 
 def _slope(plan: Plan) -> None:
     _plane(plan)
-    if not abs(plan.scene.surfaces[0].normal[2]) < 1:  # type: ignore[union-attr]
+    if not abs(plan.scene.surfaces[0].normal[2]) < 1:  # type: ignore[attr-defined]
         raise ValueError("its first surface is level, no slope")
 
 
