@@ -284,6 +284,7 @@ def waves(
     spacing = number("spacing", spacing, low=TINY, high=length / 8)
     edge = (math.ceil(2 * size / length - 0.5) + 0.5) * length / 2
     count = math.ceil(edge / spacing)
+    whole("number of heights by size and spacing", (2 * count + 1) ** 2, high=MOST)
     x = np.linspace(-edge, edge, 2 * count + 1)
     row = level + amplitude * np.cos(2 * math.pi * x / length)
     return HeightField(
