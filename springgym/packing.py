@@ -16,7 +16,7 @@ from springgym.core.kinds import Ragged
 from springgym.core.ragged import share, stacked
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
-from springgym.forces.barrier import HollowSphere, Planes
+from springgym.forces.barrier import Surfaces
 from springgym.forces.memory import HELD, memory
 from springgym.forces.node import Space
 from springgym.forces.pairs.solids import Solids
@@ -43,7 +43,7 @@ from springgym.own_forces import OfBody, to_compiled
 from springgym.rigid.contact import ARRAYS
 from springgym.rigid.together import ROWS, Company
 from springgym.scene import DriveActuator, Scene
-from springgym.surfaces import Bowl, Contact, PaperContact, Plane, loss_of, oblique, scales
+from springgym.surfaces import Contact, PaperContact, Surface, coupled, loss_of, scales
 
 
 class Parameter(NamedTuple):
@@ -70,7 +70,7 @@ PARAMETERS = {
     "gravity": Parameter(-HUGE, HUGE, "axes", lambda terms: terms.gravity),
     "friction": Parameter(0.0, HUGE, "scene", lambda terms: terms.friction),
     "restitution": Parameter(0.0, 1.0, "scene", lambda terms: terms.loss),
-    "strength": Parameter(TINY, HUGE, "bodies", lambda terms: _of(terms.planes or terms.bowl, "strength")),
+    "strength": Parameter(TINY, HUGE, "bodies", lambda terms: _of(terms.surfaces, "strength")),
 }
 """Parameters by name. Where each is stored is said here alone; what follows from some is set by `vary`."""
 
@@ -147,15 +147,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
             loss=kept.get("restitution"),
             own=tuple(own) or None,
         )
-    planes = bowl = friction = loss = law = None
-    nothing = np.zeros(1)
-    if isinstance(surfaces[0], Bowl):
-        bowl = HollowSphere(np.array(surfaces[0].centre), surfaces[0].radius, nothing, 0.0)
-    else:
-        flat = [surface for surface in surfaces if isinstance(surface, Plane)]
-        normals = np.array([plane.normal for plane in flat])
-        offsets = np.array([plane.offset for plane in flat])
-        planes = Planes(normals, offsets, nothing, 0.0, oblique(surfaces) or None)
+    friction = loss = law = None
     if contact.friction > 0 or "friction" in varying:
         friction = options.parameter({"friction"}, np.array([contact.friction]))
     if isinstance(contact, PaperContact):
@@ -167,13 +159,21 @@ def _shared(scene: Scene, options: Options) -> Terms:
     return Terms(
         None,  # type: ignore[arg-type]
         gravity=gravity,
-        planes=planes,
-        bowl=bowl,
+        surfaces=surfaces_of(surfaces),
         friction=friction,
         loss=loss,
         paper_law=law,
         own=tuple(own) or None,
     )
+
+
+def surfaces_of(surfaces: tuple[Surface, ...]) -> Surfaces:
+    """Return surfaces as compiled functions take them, but for how a body meets them."""
+    each: dict[type[Surface], list[Surface]] = {}
+    for surface in surfaces:
+        each.setdefault(type(surface), []).append(surface)
+    kinds = tuple(kind.packed(of_kind) for kind, of_kind in each.items())
+    return Surfaces(kinds, np.zeros(1), 1.0, None, coupled(surfaces) or None)
 
 
 def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Options) -> Packed:
@@ -195,15 +195,15 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
             for decaying in decays(part, order, options.step, body.damping, body.masses)
         )
         dampers = Dampers(parameter({"damping"}, body.damping[order]), half, whole, paired=body.floppy)
-    planes, bowl = shared.planes, shared.bowl
-    if part.surfaces:
+    surfaces = shared.surfaces
+    if surfaces is not None:
         c, reach = scales(part.contact, body)
-        strength = parameter({"strength"}, np.array([c]))
-        planes = planes and planes._replace(strength=strength, reach=reach)
-        bowl = bowl and bowl._replace(strength=strength, reach=reach)
-        if any(of.body.radius > 0 for of in scene.bodies):  # balls and rods meet surfaces at their own
-            planes = planes and planes._replace(offset=planes.offset + body.radius)
-            bowl = bowl and bowl._replace(radius=bowl.radius - body.radius)
+        round_bodies = any(of.body.radius > 0 for of in scene.bodies)
+        surfaces = surfaces._replace(
+            strength=parameter({"strength"}, np.array([c])),
+            reach=reach,
+            radius=float(body.radius) if round_bodies else None,
+        )
     actuators = _actuators(part, scene, options.blocks)
     kept = None
     if options.method.meets_surfaces and (part.surfaces or scene.meetings):
@@ -222,8 +222,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
             parameter({"stiffness"}, body.stiffness[order]),
         ),
         dampers=dampers,
-        planes=planes,
-        bowl=bowl,
+        surfaces=surfaces,
         memory=kept,
         **actuators,
     )

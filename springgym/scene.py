@@ -17,16 +17,7 @@ from springgym.collisions.meeting import ALL, Named
 from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
-from springgym.surfaces import (
-    Bowl,
-    Contact,
-    PaperContact,
-    Plane,
-    Surface,
-    check_heights,
-    check_surfaces,
-    scales,
-)
+from springgym.surfaces import Contact, PaperContact, Surface, check_heights, check_surfaces, scales
 
 GRAVITY = (0.0, 0.0, -9.81)
 
@@ -217,7 +208,7 @@ class Scene(ReadOnly):
     gravity : (3,) or None
         [m/s²]
     surfaces
-        What bounds where the free particles may be: planes, or a bowl.
+        What bounds where the free particles may be, see `springgym.surfaces`.
     contact
         How bodies meet them.
     bodies
@@ -345,7 +336,7 @@ class Scene(ReadOnly):
             raise TypeError(f"surfaces is {shown(self.surfaces)}; it must be a tuple of surfaces")
         if len(self.surfaces) > MOST_SURFACES:
             raise ValueError(f"surfaces are {len(self.surfaces)}; there must be at most {MOST_SURFACES}")
-        made = [instance(f"surfaces[{n}]", surface, Plane, Bowl) for n, surface in enumerate(self.surfaces)]
+        made = [instance(f"surfaces[{n}]", surface, Surface) for n, surface in enumerate(self.surfaces)]
         object.__setattr__(self, "surfaces", tuple(made))
         instance("contact", self.contact, Contact, PaperContact)
         if self.surfaces:

@@ -12,7 +12,7 @@ from springgym.bodies.motion import InitialState
 from springgym.contact.law import SLOW
 from springgym.scene import Scene
 from springgym.simulator import Simulator
-from springgym.surfaces import Bowl, Contact, PaperContact, Plane, floor
+from springgym.surfaces import Bowl, Contact, PaperContact, Pipe, Plane, floor, waves
 from springgym.theory import contact as theory
 from tests.forces.test_contact import VARYING
 
@@ -130,11 +130,19 @@ def test_nothing_gets_through_at_20_m_per_s_and_100_rad_per_s_in_a_corner_of_thr
     assert (simulator.measure().energy < 1.1 * first).all()
 
 
-def test_energy_is_kept_in_a_bowl_at_either_step() -> None:
-    bowl = (Bowl((0, 0, 1.5), 1.5),)
+@pytest.mark.parametrize(
+    "surfaces",
+    [
+        (Bowl((0, 0, 1.5), 1.5),),
+        (Pipe((0, 0, 1.5), (0, 1, 0), 1.5), Plane((0, -2, 0), (0, 1, 0))),
+        (waves(0.1, 2.0, 3.0, 0.1, level=-0.1),),
+    ],
+    ids=["bowl", "pipe with an end", "waves"],
+)
+def test_energy_is_kept_on_curved_surfaces_at_either_step(surfaces: tuple) -> None:
     began = thrown(8, 3.0, 1.0)
-    coarse, low = worst_balance(throw(began, contact(), 1e-3, bowl), 2.0)
-    fine, _ = worst_balance(throw(began, contact(), 2.5e-4, bowl), 2.0)
+    coarse, low = worst_balance(throw(began, contact(), 1e-3, surfaces), 2.0)
+    fine, _ = worst_balance(throw(began, contact(), 2.5e-4, surfaces), 2.0)
     assert (low > 0).all()
     assert (low < REACH / 2).all()
     assert coarse.max() < 1e-6  # what is left is how far the sweeps agree

@@ -322,7 +322,7 @@ class SpringDuel(Task):
         return Camera.framing((0, 0, 0.25), 3.0, elevation=0.6)
 
     def scenery(self) -> Scenery:
-        return Scenery(bowl=((0.0, 0.0, BOWL), BOWL))
+        return Scenery(surfaces=(Bowl((0.0, 0.0, BOWL), BOWL),))
 
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
         crown = x[self.body.particle("crown")]

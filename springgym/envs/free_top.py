@@ -191,7 +191,7 @@ class SpringFreeTop(Task):
 
     def scenery(self) -> Scenery:
         if self.surface == "bowl":
-            return Scenery(bowl=((0.0, 0.0, BOWL), BOWL))
+            return Scenery(surfaces=(Bowl((0.0, 0.0, BOWL), BOWL),))
         return Scenery(floor=0.0)
 
     def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:

@@ -27,7 +27,7 @@ from springgym.forces.actuators import (
     record_holding,
     set_actuation,
 )
-from springgym.forces.barrier import HollowSphere, Planes, contact_energy
+from springgym.forces.barrier import Surfaces, contact_energy
 from springgym.forces.memory import Memory
 from springgym.forces.pairs.terms import Meets
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
@@ -57,8 +57,7 @@ class Terms(NamedTuple):
     wrench: Wrench | None = None
     thrust: Thrust | None = None
     drive: Drive | None = None
-    planes: Planes | None = None
-    bowl: HollowSphere | None = None
+    surfaces: Surfaces | None = None
     friction: np.ndarray | None = None
     """μ of the surfaces [1], (1,)"""
     loss: np.ndarray | None = None
@@ -113,9 +112,7 @@ def derivative(x: Rows, v: Rows, a: Rows, b: Rows, weight: Number, ledger: Ledge
     add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
     add_own_forces(x, a, terms.own, terms.body)
     record_holding(v, a, terms.drive, ledger, weight)
-    add_paper_forces(
-        x, v, a, particles, terms.planes, terms.bowl, terms.friction, terms.paper_law, ledger, weight
-    )
+    add_paper_forces(x, v, a, particles, terms.surfaces, terms.friction, terms.paper_law, ledger, weight)
     divide_by_mass(a, particles)
     add_actuation(x, v, a, b, particles, terms.wrench, terms.thrust, ledger, weight)
     drive_on(v, a, terms.drive)
@@ -206,14 +203,14 @@ def drift(x: Rows, v: Rows, tau: Number) -> None:
 @compiled
 def settle(x: Rows, v: Rows, terms: Terms) -> None:
     """What methods that split nothing do after a step: the paper's clamp."""
-    clamp(x, v, terms.particles, terms.planes, terms.bowl, terms.paper_law)
+    clamp(x, v, terms.particles, terms.surfaces, terms.paper_law)
 
 
 @compiled
 def potential_energy(x: Numbers, terms: Terms) -> Number:
     """Energies [J] of gravity (0 at the origin), springs and contact, and the largest |L/L₀ − 1|²."""
     weight, elastic, strain = stored_energy(x, terms)
-    return weight, elastic, contact_energy(x, terms.particles, terms.planes, terms.bowl), strain
+    return weight, elastic, contact_energy(x, terms.particles, terms.surfaces), strain
 
 
 @compiled

@@ -8,43 +8,34 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numba.extending import overload
 
 from springgym.contact.law import barrier_energy
-from springgym.core.compiling import compiled
+from springgym.core.compiling import OPTIONS, compiled
 from springgym.core.kinds import Number, Numbers, Vector
-from springgym.core.lanes import load, minimum, sqrt
-from springgym.core.vectors import TINY, dot, row, vector
+from springgym.core.lanes import epsilon, load, minimum, sqrt
+from springgym.core.vectors import TINY, dot, plus_scaled, row
 
 if TYPE_CHECKING:
     from springgym.forces import Particles
 
+INLINE = {**OPTIONS, "forceinline": True}
+"""Options of functions that differ by the kinds of surfaces: they are compiled into what calls them."""
 
-class Planes(NamedTuple):
-    """Planes that bound where particles may be; any two meet at a right angle or a wider one."""
 
-    normal: np.ndarray
-    """(planes, 3) unit vectors"""
-    offset: np.ndarray
-    """(planes,) [m]: the height of x is normal · x − offset"""
+class Surfaces(NamedTuple):
+    """Surfaces of any kinds, and how a body meets them."""
+
+    kinds: tuple[Any, ...]
+    """all surfaces of each kind, see `springgym.surfaces.surface`"""
     strength: np.ndarray
     """c [N·m²], (1,)"""
     reach: float
     """Δ [m]"""
-    oblique: bool | None
-    """True if two of them meet at another than a right angle; else None, so that no turns are compiled"""
-
-
-class HollowSphere(NamedTuple):
-    """The inside of a sphere."""
-
-    centre: np.ndarray
-    """(3,) [m]"""
-    radius: float
-    """[m]: the height of x is radius − |x − centre|"""
-    strength: np.ndarray
-    """c [N·m²], (1,)"""
-    reach: float
-    """Δ [m]"""
+    radius: float | None
+    """[m] of balls and rods, whose gaps count from their skin; None if all bodies are made of points"""
+    coupled: bool | None
+    """True if `springgym.surfaces.coupled`; else None, so that no turns are compiled"""
 
 
 @compiled
@@ -64,75 +55,147 @@ def coefficient(of: Numbers, none: Number) -> Any:
 # --- Surfaces -----------------------------------------------------------------------------------------
 
 
-@compiled
-def height(position: Vector, planes: Planes, k: int) -> Any:
-    """Height above a plane [m]."""
-    return dot(row(planes.normal, k), position) - load(planes.offset, k)
+def count(kinds: Any) -> Any:
+    """Return how many surfaces there are of some kinds; for compiled code."""
 
 
-@compiled
-def surfaces(planes: Planes | None, bowl: HollowSphere | None) -> int:
-    """How many there are: planes or a bowl."""
-    count = 0
-    if planes is not None:
-        count += planes.offset.size
-    if bowl is not None:
-        count += 1
-    return count
+@overload(count, jit_options=INLINE)
+def _count(kinds: Any) -> Any:
+    def of_first(kinds: Any) -> Any:
+        return kinds[0][0].shape[0]
+
+    def of_all(kinds: Any) -> Any:
+        return kinds[0][0].shape[0] + count(kinds[1:])
+
+    return of_first if len(kinds) == 1 else of_all
 
 
-@compiled
-def strength_and_reach(planes: Planes | None, bowl: HollowSphere | None) -> Any:
-    """c [N·m²] and Δ [m] of all surfaces."""
-    if planes is not None:
-        return load(planes.strength, 0), planes.reach
-    if bowl is not None:
-        return load(bowl.strength, 0), bowl.reach
-    raise LookupError("no surfaces")
+def distance(k: Any, place: Any, kinds: Any) -> Any:
+    """Return the height [m] of a place above surface ``k`` of some kinds; for compiled code."""
 
 
-@compiled
-def facing(k: int, begin: Vector, end: Vector, planes: Planes | None, bowl: HollowSphere | None) -> Any:
-    """The normal n̄ of surface ``k`` for a way, and the height at which that begins.
+@overload(distance, jit_options=INLINE)
+def _distance(k: Any, place: Any, kinds: Any) -> Any:
+    height = kinds[0].instance_class.height
 
-    n̄ · (end − begin) is exactly the difference of both heights: in a bowl, with d from its centre and r =
-    |d|, n̄ = −(d₀ + d₁)/(r₀ + r₁).
+    def of_first(k: Any, place: Any, kinds: Any) -> Any:
+        return height(place, k, kinds[0])
+
+    def of_one(k: Any, place: Any, kinds: Any) -> Any:
+        own = kinds[0][0].shape[0]
+        if k < own:
+            return height(place, k, kinds[0])
+        return distance(k - own, place, kinds[1:])
+
+    return of_first if len(kinds) == 1 else of_one
+
+
+def mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
+    """Return n̄ of surface ``k`` for a way, its square, and the height [m] where the way begins.
+
+    For compiled code. Of a way shorter than ``least`` [m] rounding would be all that is corrected.
     """
-    if planes is not None:
-        return row(planes.normal, k), height(begin, planes, k)
-    if bowl is not None:
-        first, last = begin - vector(bowl.centre), end - vector(bowl.centre)
-        near, far = sqrt(dot(first, first) + TINY), sqrt(dot(last, last) + TINY)
-        return -1.0 / (near + far) * (first + last), bowl.radius - near
-    raise LookupError("no surfaces")
+
+
+@overload(mean_gradient, jit_options=INLINE)
+def _mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
+    kind = kinds[0].instance_class
+    height, gradient = kind.height, kind.gradient
+
+    def of_plane(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
+        return gradient(begin, k, kinds[0]), 1.0, height(begin, k, kinds[0])
+
+    def of_way(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
+        way, start = end - begin, height(begin, k, kinds[0])
+        n = gradient(plus_scaled(begin, 0.5, way), k, kinds[0])
+        missing = height(end, k, kinds[0]) - start - dot(n, way)
+        n = plus_scaled(n, missing / (dot(way, way) + least * least), way)
+        return n, dot(n, n) + TINY, start
+
+    of_first = of_plane if getattr(kind, "flat", bool)() else of_way
+    if len(kinds) == 1:
+        return of_first
+    first = compiled(of_first)
+
+    def of_one(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
+        own = kinds[0][0].shape[0]
+        if k < own:
+            n, square, start = first(k, begin, end, least, kinds)
+            return 0.0 * begin + n, 0.0 * start + square, start
+        n, square, start = mean_gradient(k - own, begin, end, least, kinds[1:])
+        return 0.0 * begin + n, 0.0 * start + square, start
+
+    return of_one
 
 
 @compiled
-def standing(k: int, position: Any, planes: Planes | None, bowl: HollowSphere | None) -> Any:
-    """The normal of surface ``k`` at a position, and the height there."""
-    return facing(k, position, position, planes, bowl)
+def strength_and_reach(surfaces: Surfaces) -> Any:
+    """Return c [N·m²] and Δ [m] of all surfaces."""
+    return load(surfaces.strength, 0), surfaces.reach
 
 
 @compiled
-def energy_at(position: Vector, planes: Planes | None, bowl: HollowSphere | None) -> Any:
-    """Energy of a free particle in the barriers of all surfaces [J]."""
+def from_skin(distance: Number, radius: float | None) -> Any:
+    """Return the gap [m] at a distance of a ball's centre, or of a point."""
+    if radius is not None:
+        distance = distance - radius
+    return distance
+
+
+@compiled
+def height(k: int, place: Vector, surfaces: Surfaces) -> Any:
+    """Return the gap [m] between a particle at a place and surface ``k``."""
+    return from_skin(distance(k, place, surfaces.kinds), surfaces.radius)
+
+
+@compiled
+def facing(k: int, begin: Vector, end: Vector, surfaces: Surfaces) -> Any:
+    """Return the normal n̄ of surface ``k`` for a way, its square, and the gap [m] where the way begins.
+
+    n̄ · (end − begin) is the difference of both gaps: n̄ is the discrete gradient of the height h (Gonzalez,
+    J. Nonlinear Sci. 6 (1996) 449, doi:10.1007/BF02440162),
+
+        n̄ = ∇h(m) + (h(end) − h(begin) − ∇h(m) · d)/|d|² d,    m = (begin + end)/2,    d = end − begin.
+
+    Of planes it is their normal. In a way shorter than 1e-5 Δ, whose second term is less than what rounding
+    makes of it, that is left out.
+    """
+    least = sqrt(1e-10 + 100.0 * epsilon(begin[0])) * surfaces.reach
+    n, square, start = mean_gradient(k, begin, end, least, surfaces.kinds)
+    return n, square, from_skin(start, surfaces.radius)
+
+
+@compiled
+def standing(k: int, place: Vector, surfaces: Surfaces) -> Any:
+    """Return the normal of surface ``k`` at a place, its square, and the gap there [m]."""
+    return facing(k, place, place, surfaces)
+
+
+@compiled
+def lowest(place: Vector, surfaces: Surfaces) -> Any:
+    """Return the least gap [m] between a particle at a place and any surface."""
+    least = height(0, place, surfaces)
+    for k in range(1, count(surfaces.kinds)):
+        least = minimum(least, height(k, place, surfaces))
+    return least
+
+
+@compiled
+def energy_at(position: Vector, surfaces: Surfaces | None) -> Any:
+    """Return the energy of a free particle in the barriers of all surfaces [J]; 0 without any."""
     energy = 0.0 * position[0]
-    if planes is not None:
-        for k in range(planes.offset.size):
-            h = height(position, planes, k)
-            energy = energy + barrier_energy(h, load(planes.strength, 0), planes.reach)
-    if bowl is not None:
-        from_centre = position - vector(bowl.centre)
-        h = bowl.radius - sqrt(dot(from_centre, from_centre))
-        energy = energy + barrier_energy(h, load(bowl.strength, 0), bowl.reach)
+    if surfaces is not None:
+        for k in range(count(surfaces.kinds)):
+            gap = height(k, position, surfaces)
+            energy = energy + barrier_energy(gap, load(surfaces.strength, 0), surfaces.reach)
     return energy
 
 
 @compiled
-def contact_energy(x: Numbers, particles: Particles, planes: Planes | None, bowl: HollowSphere | None) -> Any:
-    """Energy of the particles in the barriers of all surfaces [J]."""
+def contact_energy(x: Numbers, particles: Particles, surfaces: Surfaces | None) -> Any:
+    """Return the energy of the particles in the barriers of all surfaces [J]."""
     energy = 0.0 * load(x, (0, 0))
     for i in range(particles.mass.size):
         if particles.free[i]:
-            energy = energy + energy_at(row(x, i), planes, bowl)
+            energy = energy + energy_at(row(x, i), surfaces)
     return energy

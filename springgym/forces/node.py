@@ -25,13 +25,14 @@ from springgym.forces import stored_energy
 from springgym.forces.actuators import push
 from springgym.forces.barrier import (
     coefficient,
+    count,
     energy_at,
     facing,
     height,
+    lowest,
     slowed,
     standing,
     strength_and_reach,
-    surfaces,
 )
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
 from springgym.forces.memory import HELD, halve, turn_drive
@@ -40,7 +41,7 @@ from springgym.forces.springs import damp
 if TYPE_CHECKING:
     from springgym.forces import Terms
     from springgym.forces.actuators import Thrust, Wrench
-    from springgym.forces.barrier import HollowSphere, Planes
+    from springgym.forces.barrier import Surfaces
     from springgym.forces.springs import Dampers
 
 
@@ -54,6 +55,10 @@ AGREED = 1e-9
 ALMOST = 1.1
 """Share of Δ below which a surface is near: where a way ends out of it, the next begins out of Δ, whatever is
 rounded."""
+
+
+LIFTS = 4
+"""Newton's steps that lift a node: of ground that is bent, as much as Δ, they leave 1e-9 of it."""
 
 
 class Span(NamedTuple):
@@ -75,7 +80,7 @@ class Space(NamedTuple):
     given: Any
     """(N, 3) half of what surfaces are going to give, as far as is known before dampers act [m/s]"""
     pushes: Any
-    """(surfaces, 3) change of speed [m/s] by each surface that touches a particle, in the first column"""
+    """(surfaces, 3) change of velocity [m/s] of a particle by each surface, where these are coupled"""
 
 
 class Given(NamedTuple):
@@ -93,63 +98,17 @@ class Given(NamedTuple):
 
 
 @compiled
-def strangers(planes: Planes | None) -> bool:
-    """Whether no surface knows of another, as at right angles, so that one turn finds what they give."""
-    if planes is not None:
-        return planes.oblique is None
-    return False
+def in_last_turn(turn: int, k: int, nothing: Vector, pushes: Numbers, surfaces: Surfaces) -> Any:
+    """Return the change of velocity by surface ``k`` in the last turn: ``nothing`` where one turn is all."""
+    if surfaces.coupled is None or turn == 0:
+        return nothing
+    return row(pushes, k)
 
 
 @compiled
-def in_last_turn(turn: Any, k: int, none: Any, pushes: Numbers, bowl: HollowSphere | None) -> Any:
-    """Change of speed by surface ``k`` in the last turn, of which `kept` begins."""
-    if bowl is not None:
-        return none
-    if turn == 0:
-        return none
-    return load(pushes, (k, 0))
-
-
-@compiled
-def squared(n: Vector, one: Number, bowl: HollowSphere | None) -> Any:
-    """The square of a normal, and 1 over it: ``one`` of planes."""
-    square, inverse = one, one
-    if bowl is not None:
-        square = dot(n, n) + TINY
-        inverse = 1.0 / square
-    return square, inverse
-
-
-@compiled
-def upright(n: Vector, inverse_square: Number, bowl: HollowSphere | None) -> Any:
-    """A normal as a unit vector, which those of planes are."""
-    if bowl is not None:
-        return sqrt(inverse_square) * n
-    return n
-
-
-@compiled
-def kept(given: Vector, bowl: HollowSphere | None) -> Any:
-    """What a turn begins with: in a bowl, of which the normal changes, with nothing."""
-    if bowl is not None:
-        return 0.0 * given
-    return given
-
-
-@compiled
-def near(begin: Vector, free: Vector, planes: Planes | None, bowl: HollowSphere | None) -> Any:
+def near(begin: Vector, free: Vector, surfaces: Surfaces) -> Any:
     """Where a way begins or ends within reach of a surface, or almost: by `ALMOST`."""
-    close = begin[0] < begin[0]
-    if planes is not None:
-        lowest = minimum(height(begin, planes, 0), height(free, planes, 0))
-        for k in range(1, planes.offset.size):
-            lowest = minimum(lowest, minimum(height(begin, planes, k), height(free, planes, k)))
-        close = lowest < ALMOST * planes.reach
-    if bowl is not None:
-        first, last = begin - vector(bowl.centre), free - vector(bowl.centre)
-        inner = bowl.radius - ALMOST * bowl.reach
-        close = maximum(dot(first, first), dot(last, last)) > inner * inner
-    return close
+    return minimum(lowest(begin, surfaces), lowest(free, surfaces)) < ALMOST * surfaces.reach
 
 
 @compiled
@@ -166,28 +125,28 @@ def impulses(
     """What surfaces and friction give particle ``i`` at a node (`Given`).
 
     Its way is from ``begin`` to ``free`` without them. It begins with the velocity ``speed``, which all else
-    changes by ``smooth``. What one
-    surface gives is all else to the others: they are taken in turn until they agree. In a bowl the normal
-    depends on the end of the way, which is found in the same turns. Friction acts along what the surfaces
-    that touch leave free, so that it moves nothing towards one, and stops what it can stop.
+    changes by ``smooth``. What one surface gives is all else to the others: they are taken in turn until they
+    agree. Where a normal depends on the end of the way, that is found in the same turns. Friction acts along
+    what the surfaces that touch leave free, so that it moves nothing towards one, and stops what it can stop.
     """
     nothing = 0.0 * speed
     given, rub, force = nothing, nothing, nothing
-    strength, reach = strength_and_reach(terms.planes, terms.bowl)
+    strength, reach = strength_and_reach(terms.surfaces)
     c = strength * load(terms.particles.inverse_mass, i)
     mu, beta = coefficient(terms.friction, nothing[0]), coefficient(terms.loss, nothing[0])
     enough = (AGREED + 64 * epsilon(speed[0])) * reach
-    active = select(near(begin, free, terms.planes, terms.bowl), 1.0 + nothing[0], 0.0)
+    active = select(near(begin, free, terms.surfaces), 1.0 + nothing[0], 0.0)
     for turn in range(TURNS):
-        now, pressing = kept(given, terms.bowl), nothing
+        now, pressing = given, nothing
         left, first = speed + smooth, nothing
         pressed, touched = nothing[0], nothing[0]
         end = plus_scaled(free, span.out, given + rub)
-        for k in range(surfaces(terms.planes, terms.bowl)):
-            n, start = facing(k, begin, end, terms.planes, terms.bowl)
-            square, inverse_square = squared(n, 1.0 + nothing[0], terms.bowl)
-            own = in_last_turn(turn, k, nothing[0], pushes, terms.bowl)
-            others = smooth + (plus_scaled(now, -1.0 * own, n) + rub)
+        for k in range(count(terms.surfaces.kinds)):
+            n, square, start = facing(k, begin, end, terms.surfaces)
+            inverse_square = 1.0 / square
+            own = in_last_turn(turn, k, nothing, pushes, terms.surfaces)
+            by_others = now - own
+            others = smooth + (by_others + rub)
             u, s = dot(n, speed), dot(n, others)
             ahead = start + (span.whole * u + span.out * s)
             touching = minimum(start, ahead) < reach
@@ -196,24 +155,23 @@ def impulses(
                 gain, impulse = meet(start, ahead, span, c * square, reach, beta, touching)
                 gain, impulse = select(touching, gain, 0.0), select(touching, impulse, 0.0)
                 if terms.friction is not None:
-                    one = select(touching, 1.0 + nothing[0], 0.0)
-                    across = nothing + upright(n, inverse_square, terms.bowl)
+                    one, length = select(touching, 1.0 + nothing[0], 0.0), sqrt(inverse_square)
+                    across = nothing + length * n
                     if k > 0:
                         across = unit(across - dot(across, first) * first)
                     left = left - one * dot(across, left) * across
                     first = choose(touched > 0.0, first, one * across)
                     touched = touched + one
-                    pressed = pressed + maximum(gain, 0.0)
-            now = plus_scaled(now, (gain - own) * inverse_square, n)
+                    pressed = pressed + length * maximum(gain, 0.0)
+            if terms.surfaces.coupled is not None:
+                set_row(pushes, k, choose(active > 0.5, gain * inverse_square * n, own))
+            now = plus_scaled(by_others, gain * inverse_square, n)
             pressing = plus_scaled(pressing, impulse * inverse_square, n)
-            if not strangers(terms.planes):
-                going = active > 0.5
-                store(pushes, (k, 0), select(going, gain, own))
         rubbing = nothing
         if terms.friction is not None:
             left = choose(touched > 2.0, nothing, left)
             rubbing = -1.0 * slowed(left, mu * pressed)
-        if strangers(terms.planes):
+        if terms.surfaces.coupled is None:
             return Given(now, rubbing, pressing)
         going = active > 0.5
         more = now - given
@@ -231,16 +189,17 @@ def lifted(place: Vector, first: Any, last: Any, terms: Terms) -> Any:
     """How far a node is lifted [m] to be read: to half of the lower of the heights around it, or of Δ.
 
     Where a step is too coarse for an impact, the node is behind the surface though no way begins or ends
-    there.
+    there. From a curved one it is lifted by Newton's method.
     """
-    lift = 0.0 * place
-    _, reach = strength_and_reach(terms.planes, terms.bowl)
-    for k in range(surfaces(terms.planes, terms.bowl)):
-        _, early = standing(k, first, terms.planes, terms.bowl)
-        _, late = standing(k, last, terms.planes, terms.bowl)
-        n, here = standing(k, place + lift, terms.planes, terms.bowl)
-        short = 0.5 * minimum(minimum(early, late), reach) - here
-        lift = plus_scaled(lift, maximum(short, 0.0), n)
+    lift, surfaces = 0.0 * place, terms.surfaces
+    for k in range(count(surfaces.kinds)):
+        lowest_end = minimum(height(k, first, surfaces), height(k, last, surfaces))
+        for _ in range(1 if surfaces.coupled is None else LIFTS):
+            n, square, here = standing(k, place + lift, surfaces)
+            short = maximum(0.5 * minimum(lowest_end, surfaces.reach) - here, 0.0)
+            if not any_lane(short > 0.0):
+                break
+            lift = plus_scaled(lift, short / square, n)
     return lift
 
 
@@ -431,7 +390,7 @@ def pass_node(
         begin = end
         if among[0] <= i < among[1]:
             begin = plus_scaled(place, -1.0 * span.lead, row(v, i))
-        if not (particles.free[i] and any_lane(near(begin, end, terms.planes, terms.bowl))):
+        if not (particles.free[i] and any_lane(near(begin, end, terms.surfaces))):
             set_row(v, i, soon)
             set_row(x, i, place + tau * soon)
             continue
@@ -493,9 +452,9 @@ def read_amid(x: Rows, v: Rows, w: Rows, a: Rows, b: Rows, span: Span, ledger: L
             begin = plus_scaled(place, -1.0 * span.lead, start)
             finish = plus_scaled(place, span.out, after)
             lift = lifted(place, begin, finish, terms)
-            held = held + 0.5 * energy_at(begin, terms.planes, terms.bowl)
-            held = held + 0.5 * energy_at(finish, terms.planes, terms.bowl)
-            held = held - energy_at(place + lift, terms.planes, terms.bowl)
+            held = held + 0.5 * energy_at(begin, terms.surfaces)
+            held = held + 0.5 * energy_at(finish, terms.surfaces)
+            held = held - energy_at(place + lift, terms.surfaces)
             if any_lane(dot(lift, lift) > 0.0):
                 raised = True
             set_row(x, i, place + lift)

@@ -13,15 +13,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
+from springgym.core.kinds import Ledger, Number, Numbers, Rows
 from springgym.core.lanes import load, maximum, minimum, select, sqrt
-from springgym.core.vectors import TINY, add_row, dot, row, set_row, unit, vector
-from springgym.forces.barrier import height
+from springgym.core.vectors import TINY, add_row, dot, row, set_row
+from springgym.forces.barrier import count, standing
 from springgym.forces.ledger import CONTACT, FRICTION, record
 
 if TYPE_CHECKING:
     from springgym.forces import Particles
-    from springgym.forces.barrier import HollowSphere, Planes
+    from springgym.forces.barrier import Surfaces
 
 
 CLAMP = 0.1
@@ -43,8 +43,7 @@ def add_paper_forces(
     v: Rows,
     force: Rows,
     particles: Particles,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
+    surfaces: Surfaces | None,
     friction: Numbers,
     law: Any,
     ledger: Ledger,
@@ -54,50 +53,38 @@ def add_paper_forces(
 
     ``weight`` [s] times the power that they lose goes to the ledger.
     """
-    if law is not None:
+    if law is not None and surfaces is not None:
         for i in range(particles.mass.size):
             if particles.free[i]:
-                if planes is not None:
-                    for k in range(planes.offset.size):
-                        n = row(planes.normal, k)
-                        h = height(row(x, i), planes, k)
-                        add_paper_force(i, n, h, v, force, particles, planes, friction, law, ledger, weight)
-                if bowl is not None:
-                    n, h = above_bowl(row(x, i), bowl)
-                    add_paper_force(i, n, h, v, force, particles, bowl, friction, law, ledger, weight)
-
-
-@compiled
-def above_bowl(position: Vector, bowl: HollowSphere) -> Any:
-    """The normal towards a position in a bowl, and its height."""
-    to_centre = vector(bowl.centre) - position
-    return unit(to_centre), bowl.radius - sqrt(dot(to_centre, to_centre) + TINY)
+                for k in range(count(surfaces.kinds)):
+                    above = standing(k, row(x, i), surfaces)
+                    add_paper_force(i, above, v, force, particles, surfaces, friction, law, ledger, weight)
 
 
 @compiled
 def add_paper_force(
     i: int,
-    n: Vector,
-    h: Number,
+    above: Any,
     v: Rows,
     force: Rows,
     particles: Particles,
-    surface: Any,
+    surfaces: Surfaces,
     friction: Numbers,
     law: Any,
     ledger: Ledger,
     weight: Number,
 ) -> None:
-    """Add the force on particle ``i`` at height ``h`` along the normal ``n`` of a surface."""
-    c, velocity = load(surface.strength, 0), row(v, i)
-    push = maximum(c / (h * h) - c / (surface.reach * surface.reach), 0.0)
-    push = select(h < surface.reach, push, 0.0)
+    """Add the force on particle ``i`` that is ``above`` a surface: `springgym.forces.barrier.standing`."""
+    n, square, h = above
+    c, velocity = load(surfaces.strength, 0), row(v, i)
+    push = maximum(c / (h * h) - c / (surfaces.reach * surfaces.reach), 0.0)
+    push = select(h < surfaces.reach, push, 0.0)
     rate = dot(n, velocity)
     total = select(push > 0.0, maximum(push - law.damping * rate, 0.0), 0.0)
     add_row(force, i, total * n)
     record(ledger, CONTACT, weight * (push - total) * rate)
     if friction is not None:
-        slip = velocity - rate * n
+        slip = velocity - rate / square * n
         speed = sqrt(dot(slip, slip) + TINY)
         rub = minimum(load(friction, 0) * push, load(particles.mass, i) * speed / (2.0 * law.step))
         add_row(force, i, -rub / speed * slip)
@@ -105,24 +92,14 @@ def add_paper_force(
 
 
 @compiled
-def clamp(
-    x: Rows, v: Rows, particles: Particles, planes: Planes | None, bowl: HollowSphere | None, law: Any
-) -> None:
+def clamp(x: Rows, v: Rows, particles: Particles, surfaces: Surfaces | None, law: Any) -> None:
     """Put particles that are too near a surface back to the least height, and stop them along its normal."""
-    if law is not None:
+    if law is not None and surfaces is not None:
         for i in range(particles.mass.size):
             if particles.free[i]:
-                if planes is not None:
-                    for k in range(planes.offset.size):
-                        n = row(planes.normal, k)
-                        clamp_one(x, v, i, n, CLAMP * planes.reach - height(row(x, i), planes, k))
-                if bowl is not None:
-                    n, h = above_bowl(row(x, i), bowl)
-                    clamp_one(x, v, i, n, CLAMP * bowl.reach - h)
-
-
-@compiled
-def clamp_one(x: Rows, v: Rows, i: int, n: Vector, missing: Number) -> None:
-    too_low = missing > 0.0
-    set_row(x, i, row(x, i) + select(too_low, missing, 0.0) * n)
-    set_row(v, i, row(v, i) - select(too_low, dot(n, row(v, i)), 0.0) * n)
+                for k in range(count(surfaces.kinds)):
+                    n, square, h = standing(k, row(x, i), surfaces)
+                    missing = CLAMP * surfaces.reach - h
+                    too_low = missing > 0.0
+                    set_row(x, i, row(x, i) + select(too_low, missing, 0.0) / square * n)
+                    set_row(v, i, row(v, i) - select(too_low, dot(n, row(v, i)), 0.0) / square * n)

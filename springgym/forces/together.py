@@ -49,7 +49,7 @@ from springgym.forces.pairs.terms import ENERGY, ENTRIES, IMPULSE, Room
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
-    from springgym.forces.barrier import HollowSphere, Planes
+    from springgym.forces.barrier import Surfaces
 
 
 START = -1
@@ -108,14 +108,14 @@ def lean(x: Rows, v: Rows, span: Any, fresh: Any, last: Any, own: Any, terms: Te
         if fresh or any_lane(moved > 0.5):
             place, start = row(x, i), row(v, i)
             if not (fresh or last):
-                calm = waiting(i, place, start, velocity, span, own, terms.planes, terms.bowl)
+                calm = waiting(i, place, start, velocity, span, own, terms.surfaces)
                 moved = select(calm > 0.5, 0.0, moved)
             turns = moved > (-1.0 if fresh else 0.5)
             if any_lane(turns):
                 before = row(own.pairs, i)
                 by_bodies = before + more
                 now = row(own.soon, i) + by_bodies
-                given = lean_on(i, place, start, now, span, own.space.pushes, terms, terms.planes, terms.bowl)
+                given = lean_on(i, place, start, now, span, own.space.pushes, terms, terms.surfaces)
                 now = now + (given.change + given.rub)
                 set_row(own.pairs, i, choose(turns, by_bodies, before))
                 set_row(own.velocity, i, choose(turns, now, velocity))
@@ -133,16 +133,15 @@ def waiting(
     velocity: Vector,
     span: Any,
     own: Any,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
+    surfaces: Surfaces | None,
 ) -> Any:
     """1 where surfaces gave particle ``i`` nothing and are not near, else 0."""
     change = row(own.change, i)
     calm = select(dot(change, change) > 0.0, 0.0, 1.0 + 0.0 * span.out)
-    if planes is not None or bowl is not None:
+    if surfaces is not None:
         begin = plus_scaled(place, -1.0 * span.lead, start)
         end = plus_scaled(place, span.out, velocity)
-        calm = select(near(begin, end, planes, bowl), 0.0, calm)
+        calm = select(near(begin, end, surfaces), 0.0, calm)
     return calm
 
 
@@ -155,16 +154,15 @@ def lean_on(
     span: Any,
     pushes: Numbers,
     terms: Terms,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
+    surfaces: Surfaces | None,
 ) -> Given:
     """What surfaces, if there are any, give particle ``i``; all else changes its velocity from ``start``
     to ``soon``."""
     given = nothing_given(start)
-    if planes is not None or bowl is not None:
+    if surfaces is not None:
         begin = plus_scaled(place, -1.0 * span.lead, start)
         end = plus_scaled(place, span.out, soon)
-        if reached(i, begin, end, terms.particles, planes, bowl):
+        if reached(i, begin, end, terms.particles, surfaces):
             given = impulses(i, begin, end, start, soon - start, span, pushes, terms)
     return given
 
@@ -175,22 +173,19 @@ def reached(
     begin: Vector,
     end: Vector,
     particles: Particles,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
+    surfaces: Surfaces | None,
 ) -> bool:
     """Whether surfaces, if there are any, are near the way of particle ``i`` in any copy."""
-    if planes is not None or bowl is not None:
-        return particles.free[i] and any_lane(near(begin, end, planes, bowl))
+    if surfaces is not None:
+        return particles.free[i] and any_lane(near(begin, end, surfaces))
     return False
 
 
 @compiled
-def leans(
-    turn: int, count: Number, planes: Planes | None, bowl: HollowSphere | None, friction: Numbers
-) -> bool:
+def leans(turn: int, count: Number, surfaces: Surfaces | None, friction: Numbers) -> bool:
     """Whether surfaces have a turn: the last one always, as it sums up, others if something changed."""
     last = turn == TURNS
-    if planes is None and bowl is None:
+    if surfaces is None:
         return last
     if friction is None and turn == SWEEPS:
         return False
@@ -205,7 +200,7 @@ def touch(x: Any, w: Any, span: Any, count: Number, particles: Particles, work: 
     v = work.velocity.values
     fresh = True
     for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
-        if leans(turn, count, terms.planes, terms.bowl, pairs.friction):
+        if leans(turn, count, terms.surfaces, pairs.friction):
             for body in range(bodies_of(x)):
                 if not work.stirred[body]:
                     continue
@@ -301,7 +296,7 @@ def go_on(x: Rows, v: Rows, span: Any, h: Number, last: Any, own: Any, terms: Te
         if was:
             begin = plus_scaled(place, -1.0 * span.lead, row(v, i))
         busy = last or own.touched[i] or (was and given_before(i, own, terms))
-        busy = busy or reached(i, begin, end, terms.particles, terms.planes, terms.bowl)
+        busy = busy or reached(i, begin, end, terms.particles, terms.surfaces)
         own.busy[i] = busy
         if busy:
             stirred = True
@@ -362,7 +357,7 @@ def leave(
                 held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
                 touched = touched + dot(total, total)
                 swing = swing + mass * swing_of(acceleration, terms.gravity)
-                more, lift = held_at(row(x, i), start, after, span, terms, terms.planes, terms.bowl)
+                more, lift = held_at(row(x, i), start, after, span, terms, terms.surfaces)
                 held = held + more
                 if any_lane(dot(lift, lift) > 0.0):
                     raised = True
@@ -398,17 +393,16 @@ def held_at(
     after: Vector,
     span: Any,
     terms: Terms,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
+    surfaces: Surfaces | None,
 ) -> Any:
     """What surfaces' barriers hold around a node beside what they hold where it is read, and its lift."""
     energy, lift = 0.0 * place[0], 0.0 * place
-    if planes is not None or bowl is not None:
+    if surfaces is not None:
         begin = plus_scaled(place, -1.0 * span.lead, start)
         finish = plus_scaled(place, span.out, after)
         lift = lifted(place, begin, finish, terms)
-        energy = 0.5 * (energy_at(begin, planes, bowl) + energy_at(finish, planes, bowl))
-        energy = energy - energy_at(place + lift, planes, bowl)
+        energy = 0.5 * (energy_at(begin, surfaces) + energy_at(finish, surfaces))
+        energy = energy - energy_at(place + lift, surfaces)
     return energy, lift
 
 

@@ -1,9 +1,9 @@
-"""What lies behind the body: sky, grids, bowl, target rings and the body's soft shadow."""
+"""What lies behind the body: sky, surfaces, target rings and the body's soft shadow."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike
 from springgym.rendering.canvas import OVERSAMPLE, Array, Canvas
 from springgym.rendering.look import GREEN, Color, Look, Scenery
 from springgym.rendering.solids import circle, tangents
+
+if TYPE_CHECKING:
+    from springgym.surfaces.surface import Surface
 
 _SKY = np.array([[251, 252, 254], [222, 228, 237]], dtype=float)  # top and bottom
 _MATT = np.array([247, 250, 255], dtype=float)  # surfaces in full light
@@ -59,60 +62,29 @@ def _planes(canvas: Canvas, scenery: Scenery) -> list[_Plane]:
     ]
 
 
-class _Bowl(NamedTuple):
-    """A bowl, the part of a sphere that is near its lowest point."""
-
-    center: Array
-    radius: float
-    rim: float  # polar angle from the lowest point, rad
-
-    def at(self, polar: ArrayLike, azimuth: ArrayLike) -> Array:
-        polar, azimuth = np.broadcast_arrays(polar, azimuth)
-        flat = np.sin(polar)
-        outwards = [flat * np.cos(azimuth), flat * np.sin(azimuth), -np.cos(polar)]
-        return self.center + self.radius * np.stack(outwards, axis=-1)
-
-    def fade(self, points: Array) -> Array:
-        """1 at the lowest point to 0 at the rim."""
-        polar = np.arccos(np.clip((self.center - points)[..., 2] / self.radius, -1.0, 1.0))
-        return np.maximum(1.0 - (polar / self.rim) ** 3, 0.0)
-
-    def behind(self, start: Array, direction: Array) -> Array:
-        """Where a ray of unit direction leaves the sphere; NaN if it misses."""
-        offset = start - self.center
-        b = (offset * direction).sum(-1)
-        root = np.sqrt(b**2 - (offset**2).sum(-1) + self.radius**2)
-        return start + direction * (root - b)[..., None]
-
-
-def _bowl(canvas: Canvas, scenery: Scenery) -> _Bowl | None:
-    if scenery.bowl is None:
-        return None
-    center, radius = scenery.bowl
-    return _Bowl(np.asarray(center, dtype=float), radius, min(1.25, 0.75 * canvas.extent / radius))
-
-
 def paint_background(canvas: Canvas, scenery: Scenery) -> None:
     """Sky and everything that neither moves nor hides the body."""
     width, height = canvas.picture_size
     rows = np.linspace(0.0, 1.0, height)[:, None, None] ** 1.3
     colors = np.broadcast_to(_SKY[0] + rows * (_SKY[1] - _SKY[0]), (height, width, 3))
     eye, rays = np.asarray(canvas.camera.eye), canvas.camera.rays(canvas.picture_size)
-    planes, bowl = _planes(canvas, scenery), _bowl(canvas, scenery)
+    planes, target = _planes(canvas, scenery), np.asarray(canvas.camera.target)
     for plane in planes:
         speed = rays @ plane.normal
         time = np.where(speed < 0.0, ((plane.point - eye) @ plane.normal) / speed, np.nan)
         cover = plane.fade(eye + time[..., None] * rays)
         colors = _cover(colors, np.nan_to_num(cover), float(plane.normal @ canvas.light))
-    if bowl is not None:
-        hit = bowl.behind(eye, rays)
-        slope = ((bowl.center - hit) / bowl.radius) @ canvas.light
-        colors = _cover(colors, np.nan_to_num(bowl.fade(hit)), np.nan_to_num(slope))
+    for surface in scenery.surfaces:
+        hit = surface.hit(eye, rays)
+        if hit is not None:
+            places, normals = hit
+            cover = surface.fade(places, target, canvas.extent)
+            colors = _cover(colors, np.nan_to_num(cover), np.nan_to_num(normals @ canvas.light))
     canvas.fill(colors)
     for plane in planes:
         _paint_grid(canvas, plane)
-    if bowl is not None:
-        _paint_net(canvas, bowl)
+    for surface in scenery.surfaces:
+        _paint_net(canvas, surface)
 
 
 def _cover(colors: Array, cover: Array, slope: ArrayLike) -> Array:
@@ -147,19 +119,16 @@ def _paint_grid(canvas: Canvas, plane: _Plane) -> None:
     _fading_paths(canvas, paths, lambda middles: 0.5 * plane.fade(middles))
 
 
-def _paint_net(canvas: Canvas, bowl: _Bowl) -> None:
-    """Meridians and parallels; the wall between the eye and the body is fainter."""
-    eye = np.asarray(canvas.camera.eye)
+def _paint_net(canvas: Canvas, surface: Surface) -> None:
+    """Paint rows and columns of a surface; where its back is towards the eye, they are fainter."""
+    eye, target = np.asarray(canvas.camera.eye), np.asarray(canvas.camera.target)
+    net = surface.net(target, canvas.extent)
 
     def fade(middles: Array) -> Array:
-        near = ((eye - middles) * (bowl.center - middles)).sum(-1) < 0.0
-        return bowl.fade(middles) * np.where(near, 0.15, 0.6)
+        back = surface.height(middles + 1e-3 * (eye - middles)) < surface.height(middles)
+        return surface.fade(middles, target, canvas.extent) * np.where(back, 0.15, 0.6)
 
-    around = np.linspace(0.0, 2.0 * np.pi, 145)
-    paths = [bowl.at(polar, around) for polar in np.linspace(0.0, bowl.rim, 9)[1:]]
-    for k, azimuth in enumerate(around[:-1:6]):
-        start = bowl.rim / 8.0 if k % 2 else 0.0
-        paths.append(bowl.at(np.linspace(start, bowl.rim, 33), azimuth))
+    paths = [*net[::4], *net[:, ::6].transpose(1, 0, 2)]
     _fading_paths(canvas, paths, fade)
 
 
@@ -184,9 +153,15 @@ def paint_shadows(canvas: Canvas, look: Look, x: Array, scenery: Scenery) -> Non
                 return p - light * (((p - plane.point) @ plane.normal) / slope)[..., None]
 
             _paint_shadow(canvas, look, x, on_plane)
-    bowl = _bowl(canvas, scenery)
-    if bowl is not None:
-        _paint_shadow(canvas, look, x, lambda p: bowl.behind(p, -light))
+    for surface in scenery.surfaces:
+        if surface.hit(np.asarray(canvas.camera.eye), -light) is not None:
+
+            def on_surface(p: Array, surface: Surface = surface) -> Array:
+                hit = surface.hit(p, -light)
+                assert hit is not None
+                return hit[0]
+
+            _paint_shadow(canvas, look, x, on_surface)
 
 
 def _paint_shadow(canvas: Canvas, look: Look, x: Array, cast: Callable[[Array], Array]) -> None:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from springgym.surfaces.surface import Surface
 
 Color = tuple[int, int, int]
 Point = Sequence[float] | NDArray[np.float64]
@@ -240,15 +243,15 @@ class Scenery:
         Height of a horizontal floor, m.
     planes : sequence of (point, normal)
         Further flat surfaces, walls or slopes: a point (m) and the normal into the free side.
-    bowl : (centre, radius), optional
-        Sphere (m) whose lower part is a bowl around the body.
+    surfaces : sequence of Surface
+        Curved surfaces around the body.
     vertical : (foot, height), optional
         Dashed reference line upwards from the point ``foot``, m.
     """
 
     floor: float | None = None
     planes: Sequence[tuple[Point, Point]] = ()
-    bowl: tuple[Point, float] | None = None
+    surfaces: Sequence[Surface] = ()
     vertical: tuple[Point, float] | None = None
 
 

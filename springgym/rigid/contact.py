@@ -25,11 +25,11 @@ from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sq
 from springgym.core.vectors import TINY, choose, cross, dot, plus_scaled, row, set_row, vec
 from springgym.forces.barrier import (
     coefficient,
+    count,
     energy_at,
     facing,
-    standing,
+    lowest,
     strength_and_reach,
-    surfaces,
 )
 from springgym.forces.ledger import CONTACT, FRICTION, WORK, record
 from springgym.forces.memory import HELD, halve
@@ -39,7 +39,7 @@ from springgym.rigid.kick import load_of_actuators, weight
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Thrust, Wrench
-    from springgym.forces.barrier import HollowSphere, Planes
+    from springgym.forces.barrier import Surfaces
     from springgym.rigid.motion import Solid
 
 
@@ -135,16 +135,13 @@ def place_of(i: int, state: State, axes: Any, solid: Solid) -> Any:
 @compiled
 def clearance(state: State, solid: Solid) -> Any:
     """The least height of a particle above a surface, less Δ [m]."""
-    particles, planes, bowl = solid.terms.particles, solid.terms.planes, solid.terms.bowl
-    _, reach = strength_and_reach(planes, bowl)
+    particles, surfaces = solid.terms.particles, solid.terms.surfaces
     axes = turned(solid.axes, state.q)
     least = 1.0 + 0.0 * state.q[0]
     for i in range(particles.mass.size):
         if particles.free[i]:
             place = place_of(i, state, axes, solid)
-            for k in range(surfaces(planes, bowl)):
-                _, h = standing(k, place, planes, bowl)
-                least = minimum(least, h - reach)
+            least = minimum(least, lowest(place, surfaces) - surfaces.reach)
     return least
 
 
@@ -157,7 +154,7 @@ def energy_in_barriers(state: State, solid: Solid) -> Any:
     for i in range(particles.mass.size):
         if particles.free[i]:
             place = place_of(i, state, axes, solid)
-            energy = energy + energy_at(place, solid.terms.planes, solid.terms.bowl)
+            energy = energy + energy_at(place, solid.terms.surfaces)
     return energy
 
 
@@ -165,7 +162,7 @@ def energy_in_barriers(state: State, solid: Solid) -> Any:
 def guessed(given: Vector, known: Mask, workspace: np.ndarray, solid: Solid) -> Any:
     """What the impulses of the node before change, where they are ``known``; there are none elsewhere."""
     nothing = 0.0 * given[0]
-    for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
+    for k in range(count(solid.terms.surfaces.kinds)):
         for i in range(solid.terms.particles.mass.size):
             impulse = select(known, row(workspace[ARRAYS * k + PUSH], i)[0], 0.0)
             held = choose(known, row(workspace[ARRAYS * k + RUB], i), nothing)
@@ -182,7 +179,7 @@ def guessed(given: Vector, known: Mask, workspace: np.ndarray, solid: Solid) -> 
 @compiled
 def meet_surfaces(node: Node, known: Mask, active: Number, workspace: np.ndarray, solid: Solid) -> Any:
     """What surfaces and friction change of the motion where ``active`` is 1."""
-    _, reach = strength_and_reach(solid.terms.planes, solid.terms.bowl)
+    _, reach = strength_and_reach(solid.terms.surfaces)
     nothing = 0.0 * node.before[0]
     given = guessed((nothing, nothing), known, workspace, solid)
     enough = (AGREED + 64 * epsilon(nothing[0])) * reach
@@ -191,7 +188,7 @@ def meet_surfaces(node: Node, known: Mask, active: Number, workspace: np.ndarray
         end = leave(node, given, solid)
         finish = turned(solid.axes, end.q)
         after, changed = sum_of(node.soon, 1.0, given), nothing[0]
-        for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
+        for k in range(count(solid.terms.surfaces.kinds)):
             for i in range(solid.terms.particles.mass.size):
                 if solid.terms.particles.free[i]:
                     way = (place_of(i, node.begin, start, solid), place_of(i, end, finish, solid))
@@ -229,9 +226,9 @@ def touch(
     ``after`` the motion that the second flight began with. Returns the change of motion, and that of the
     particle's way [m].
     """
-    planes, bowl, span = solid.terms.planes, solid.terms.bowl, node.span
-    strength, reach = strength_and_reach(planes, bowl)
-    normal, start = facing(k, way[0], way[1], planes, bowl)
+    span = node.span
+    strength, reach = strength_and_reach(solid.terms.surfaces)
+    normal, _, start = facing(k, way[0], way[1], solid.terms.surfaces)
     own, held = row(workspace[PUSH], i), row(workspace[RUB], i)
     gone = dot(normal, way[1] - way[0])
     near = minimum(minimum(start, start + gone) - reach, -1.0 * own[0])
@@ -364,7 +361,7 @@ def record_losses(
     late = 0.5 * (span.out - span.lead)
     # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
     lossy = select(span.lead > 0.0, coefficient(solid.terms.loss, none), 1.0) > 0.0
-    for k in range(surfaces(solid.terms.planes, solid.terms.bowl)):
+    for k in range(count(solid.terms.surfaces.kinds)):
         for i in range(solid.terms.particles.mass.size):
             push = row(workspace[ARRAYS * k + PUSH], i)
             impulse, force = push[0], push[1]
@@ -387,10 +384,10 @@ def record_losses(
 
 
 @compiled
-def shown_at(node: Node, end: State, solid: Solid, planes: Planes | None, bowl: HollowSphere | None) -> Any:
+def shown_at(node: Node, end: State, solid: Solid, surfaces: Surfaces | None) -> Any:
     """Where the body's point is shown: lifted off surfaces, if there are any, unless it is pinned."""
     shown, terms = node.state.position, solid.terms
-    if planes is not None or bowl is not None:
+    if surfaces is not None:
         begun, ended = turned(solid.axes, node.begin.q), turned(solid.axes, end.q)
         for i in range(terms.particles.mass.size):
             if terms.particles.free[i]:
@@ -408,7 +405,7 @@ def read_node(node: Node, end: State, given: Vector, ledger: Ledger, solid: Soli
     halve(ledger, memory)
     record(ledger, WORK, -0.125 * product_of(node.thrown, node.thrown, solid))
     held = 0.125 * product_of(given, sum_of(given, 2.0, node.thrown), solid)
-    state, shown = node.state, shown_at(node, end, solid, terms.planes, terms.bowl)
+    state, shown = node.state, shown_at(node, end, solid, terms.surfaces)
     _, push = weight(state.q, 1.0, terms.gravity, solid)
     held = held + dot(push, shown - state.position)
     spin = 0.5 * (state.spin + (node.soon[1] + given[1]))

@@ -55,7 +55,7 @@ from springgym.rigid.flight import State, combine, components, fly
 from springgym.rigid.motion import Solid, read_state, set_particles
 
 if TYPE_CHECKING:
-    from springgym.forces.barrier import HollowSphere, Planes
+    from springgym.forces.barrier import Surfaces
 
 
 TURNS = 40
@@ -126,11 +126,9 @@ def kept_state(rows: Rows, twin: Any) -> Any:
 
 
 @compiled
-def half_a_step_before(
-    state: State, span: Any, solid: Solid, planes: Planes | None, bowl: HollowSphere | None
-) -> Any:
+def half_a_step_before(state: State, span: Any, solid: Solid, surfaces: Surfaces | None) -> Any:
     """Where the way of a body to the node began; surfaces alone ask for it."""
-    if planes is not None or bowl is not None:
+    if surfaces is not None:
         return fly(state, -1.0 * span.lead, solid.rigid, solid.asymmetry)
     return state
 
@@ -139,7 +137,7 @@ def half_a_step_before(
 def node_of(body: int, span: Any, space: Company, twin: Any) -> Any:
     """Return the `Node` of a body without contact, and its `Solid`."""
     state, solid = kept_state(space.bodies[body], twin)
-    first = half_a_step_before(state, span, solid, solid.terms.planes, solid.terms.bowl)
+    first = half_a_step_before(state, span, solid, solid.terms.surfaces)
     return reach_node(first, state, span, space.loads[body], solid), solid
 
 
@@ -157,9 +155,9 @@ def pushed_by_pairs(node: Node, body: int, space: Company) -> Any:
 
 
 @compiled
-def near_surfaces(state: State, solid: Solid, planes: Planes | None, bowl: HollowSphere | None) -> Any:
+def near_surfaces(state: State, solid: Solid, surfaces: Surfaces | None) -> Any:
     """Return the `clearance` of a body, or 1 without surfaces."""
-    if planes is not None or bowl is not None:
+    if surfaces is not None:
         return clearance(state, solid)
     return 1.0 + 0.0 * state.q[0]
 
@@ -213,7 +211,7 @@ def arrive(
         set_row(space.base, 2 * body + part, soon)
         set_row(space.pairs, 2 * body + part, nothing)
         set_row(rows, GIVEN + part, nothing)
-    ahead = near_surfaces(node.begin, solid, terms.planes, terms.bowl)
+    ahead = near_surfaces(node.begin, solid, terms.surfaces)
     set_row(rows, NEAR, vec(ahead, zero, zero))
 
 
@@ -240,7 +238,7 @@ def lean(body: int, span: Any, space: Company, twin: Any) -> None:
     for n in range(2 * body, 2 * body + 2):
         given = row(space.pairs, n) + (row(space.velocity, n) - row(space.base, n))
         set_row(space.pairs, n, choose(going, given, row(space.pairs, n)))
-    lean_on(body, span, going, space, twin, twin[2].planes, twin[2].bowl)
+    lean_on(body, span, going, space, twin, twin[2].surfaces)
     for n in range(2 * body, 2 * body + 2):
         set_row(space.base, n, row(space.velocity, n))
 
@@ -252,16 +250,15 @@ def lean_on(
     going: Mask,
     space: Company,
     twin: Any,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
+    surfaces: Surfaces | None,
 ) -> None:
     """Find what surfaces, if there are any, give a body in the copies that are ``going``."""
-    if planes is not None or bowl is not None:
+    if surfaces is not None:
         free, solid = node_of(body, span, space, twin)
         node, _ = pushed_by_pairs(free, body, space)
         rows, none = space.bodies[body], 0.0 * span.out
         nothing = 0.0 * node.before[0]
-        ahead = near_surfaces(leave(node, (nothing, nothing), solid), solid, planes, bowl)
+        ahead = near_surfaces(leave(node, (nothing, nothing), solid), solid, surfaces)
         near = row(rows, NEAR)
         close = select(minimum(near[0], ahead) < 0.0, 1.0 + none, near[1])
         set_row(rows, NEAR, vec(near[0], select(going, close, near[1]), none))
@@ -281,9 +278,9 @@ def lean_on(
 
 
 @compiled
-def takes_turns(contacts: Number, turn: int, planes: Planes | None, bowl: HollowSphere | None) -> bool:
+def takes_turns(contacts: Number, turn: int, surfaces: Surfaces | None) -> bool:
     """Return whether surfaces have a turn before the last one."""
-    return (planes is not None or bowl is not None) and contacts > 0 and turn < TURNS
+    return surfaces is not None and contacts > 0 and turn < TURNS
 
 
 @compiled
@@ -300,7 +297,7 @@ def touch(
     going, turn = contacts > 0, 0
     while True:
         last = not going or turn == TURNS
-        if last or takes_turns(contacts, turn, terms.planes, terms.bowl):
+        if last or takes_turns(contacts, turn, terms.surfaces):
             for body in range(space.leaned.size):
                 twin = of_body(twins, body)
                 if twin[0].moves:
@@ -349,7 +346,7 @@ def go_on(
     middle = sum_of(sum_of(middle, 0.5, by_bodies), 0.5, given)
     record(ledger, WORK, product_of(node.thrown, middle, solid))
     if space.leaned[body]:
-        record_lean(node, given, middle, ledger, space.surfaces[body], solid, terms.planes, terms.bowl)
+        record_lean(node, given, middle, ledger, space.surfaces[body], solid, terms.surfaces)
     enter_start(node, by_bodies, middle, ledger, solid)
     if last:
         for i in range(x.shape[0]):
@@ -369,11 +366,10 @@ def record_lean(
     ledger: Ledger,
     rows: np.ndarray,
     solid: Solid,
-    planes: Planes | None,
-    bowl: HollowSphere | None,
+    surfaces: Surfaces | None,
 ) -> None:
     """Enter what surfaces took, if there are any."""
-    if planes is not None or bowl is not None:
+    if surfaces is not None:
         record_losses(node, given, middle, ledger, rows, solid)
 
 

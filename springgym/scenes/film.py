@@ -19,7 +19,7 @@ from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, ORANGE, STE
 from springgym.scene import Scene
 from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import Recording
-from springgym.surfaces import Bowl, Plane
+from springgym.surfaces import Plane
 
 SIZE = (640, 640)
 FPS = 50.0
@@ -160,8 +160,7 @@ def poses(recording: Recording, spacing: float = 0.9, most: int = 10, last: int 
 def surfaces(scene: Scene) -> Scenery:
     """The surfaces of a scene."""
     planes = tuple((s.point, s.normal) for s in scene.surfaces if isinstance(s, Plane))
-    bowls = [(s.centre, s.radius) for s in scene.surfaces if isinstance(s, Bowl)]
-    return Scenery(planes=planes, bowl=bowls[0] if bowls else None)
+    return Scenery(planes=planes, surfaces=[s for s in scene.surfaces if not isinstance(s, Plane)])
 
 
 def scenery(recording: Recording) -> Scenery:

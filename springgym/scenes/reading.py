@@ -40,7 +40,7 @@ from springgym.scene import GRAVITY, Placed, Scene
 from springgym.scenes.checks import CHECKS, of_all
 from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
-from springgym.surfaces import Bowl, Contact, PaperContact, Plane, Surface, floor, incline, scales
+from springgym.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, scales
 from springgym.theory.contact import rest_height
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
@@ -391,14 +391,6 @@ def _particles(tree: Tree, path: tuple[str, ...], body: Body, given: Sequence[st
 
 # --- Surfaces ---------------------------------------------------------------------------------------
 
-SURFACES: dict[str, Callable[..., Surface]] = {
-    "floor": floor,
-    "incline": incline,
-    "plane": Plane,
-    "bowl": Bowl,
-}
-"""Surfaces by the name a scene file gives them."""
-
 
 def _surfaces(tree: Tree) -> tuple[Surface, ...]:
     given = tree.value.get("surfaces")
@@ -532,7 +524,7 @@ def _lifted(
 ) -> np.ndarray:
     """Positions moved along the normal of a plane to a height of the lowest particle."""
     if not isinstance(surface, Plane):
-        raise ValueError("height is above a plane; give a position in a bowl")
+        raise ValueError("height is above a plane; give a position above other surfaces")
     heights = surface.height(positions) - body.radius
     if height == "rest":
         strength, reach = scales(contact, body)

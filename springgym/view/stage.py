@@ -132,8 +132,8 @@ class Stage:
                 position=foot,
                 wxyz=_turned(unit),
             )
-        if scenery.bowl is not None:
-            self._add_bowl(np.asarray(scenery.bowl[0], float), scenery.bowl[1], extent)
+        for n, surface in enumerate(scenery.surfaces):
+            self._add_net(n, surface.net(middle, 1.5 * extent))
         if scenery.vertical is not None:
             foot, height = scenery.vertical
             steps = np.linspace(0.0, height, 41)[:-1].reshape(-1, 2)
@@ -142,17 +142,14 @@ class Stage:
                 "/ground/vertical", points, GRAPHITE, thickness=1.6, thickness_units="screen"
             )
 
-    def _add_bowl(self, centre: np.ndarray, radius: float, extent: float) -> None:
-        rim = min(1.25, 1.1 * extent / radius)
-        polar, around = np.linspace(0.0, rim, 13), np.linspace(0.0, 2 * np.pi, 49)
-        flat = np.sin(polar)[:, None]
-        down = np.broadcast_to(-np.cos(polar)[:, None], (13, 49))
-        net = centre + radius * np.stack([flat * np.cos(around), flat * np.sin(around), down], axis=-1)
-        corners = np.arange(13 * 49).reshape(13, 49)
+    def _add_net(self, number: int, net: np.ndarray) -> None:
+        """Show a curved surface by points (m, n, 3) in rows and columns."""
+        rows, columns, _ = net.shape
+        corners = np.arange(rows * columns).reshape(rows, columns)
         a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
         faces = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
         self._scene.add_mesh_simple(
-            "/ground/bowl",
+            f"/ground/surface{number}",
             net.reshape(-1, 3).astype(np.float32),
             faces,
             color=(225, 232, 242),
@@ -160,14 +157,14 @@ class Stage:
             side="double",
             cast_shadow=False,
         )
-        lines = np.concatenate(
-            [
-                np.stack([net[1:, :-1], net[1:, 1:]], axis=2).reshape(-1, 2, 3),
-                np.stack([net[:-1, ::2], net[1:, ::2]], axis=2).reshape(-1, 2, 3),
-            ]
-        )
+        across, along = net[::4], net[:, ::6]
+        lines = [np.stack([across[:, :-1], across[:, 1:]], axis=2), np.stack([along[:-1], along[1:]], axis=2)]
         self._scene.add_line_segments(
-            "/ground/net", lines, (170, 181, 198), thickness=1.0, thickness_units="screen"
+            f"/ground/net{number}",
+            np.concatenate([of.reshape(-1, 2, 3) for of in lines]),
+            (170, 181, 198),
+            thickness=1.0,
+            thickness_units="screen",
         )
 
     def _add_body(self, motion: Motion, size: float) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from springgym.bodies import cube
 from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator, WrenchActuator
-from springgym.surfaces import Bowl, Contact, PaperContact, Plane, floor, incline
+from springgym.surfaces import Bowl, Contact, HeightField, PaperContact, Pipe, Plane, floor, incline, waves
 from tests.api.values import KINDS, NUMBERS, arguments, arrays, attempt, door
 
 CUBE = cube()
@@ -18,6 +18,9 @@ PLACE = CUBE.positions + np.eye(3)[2]
 DOORS = [
     door(Plane),
     door(Bowl, centre=(0.0, 0.0, 1.0), radius=1.0),
+    door(Pipe, point=(0.0, 0.0, 1.0), axis=(1.0, 0.0, 0.0), radius=1.0),
+    door(HeightField, heights=np.eye(3), spacing=0.5, corner=(0.0, 0.0)),
+    door(waves, amplitude=0.1, length=1.0, size=2.0, spacing=0.1, level=0.0),
     door(floor),
     door(incline, angle=0.3),
     door(Plane().height, positions=np.ones((4, 3))),
@@ -108,7 +111,7 @@ def test_an_argument_is_refused_by_name_or_right(number: int, argument: str) -> 
         values = values + arrays(np.shape(right[argument]))
     refused = 0
     for value in values:
-        names = [argument, *right, "particle", "spring", "a bowl"]
+        names = [argument, *right, "particle", "spring"]
         result = attempt(names, value, lambda value=value: call(**right | {argument: value}))
         refused += result is None
         if result is not None:
@@ -127,9 +130,8 @@ def check(result: Any) -> None:
         result = (result.positions, result.velocities)
     elif not isinstance(result, (np.ndarray, np.generic)):
         result = [value for value in vars(result).values() if value is not None]
-        result = [value for value in result if not isinstance(value, tuple)] + [
-            n for value in result if isinstance(value, tuple) for n in value
-        ]
+        while any(isinstance(value, tuple) for value in result):
+            result = [n for value in result for n in (value if isinstance(value, tuple) else (value,))]
         assert {type(value) for value in result} <= {int, float, bool}
     result = result if isinstance(result, (list, tuple)) else [result]
     assert all(np.isfinite(value).all() for value in result)

@@ -12,7 +12,7 @@ from springgym.bodies import Body
 from springgym.forces.paper_contact import CLAMP
 from springgym.scene import Scene
 from springgym.simulator import PAPER_STEP, Simulator
-from springgym.surfaces import Bowl, Contact, PaperContact, Surface, floor, incline
+from springgym.surfaces import Bowl, Contact, PaperContact, Pipe, Surface, floor, incline
 from springgym.theory import contact as theory
 from tests.forces.test_contact import beads as default_beads
 
@@ -58,10 +58,11 @@ def test_force_is_equation_8() -> None:
     assert accelerations(simulator)[:, 2] == pytest.approx(theory.force(HEIGHTS, C, REACH), rel=1e-6)
 
 
-def test_force_in_a_bowl_is_towards_its_centre() -> None:
+@pytest.mark.parametrize("surface", [Bowl((0, 0, 0), 1.0), Pipe((0, 0, 0), (0, 1, 0), 1.0)])
+def test_force_is_along_the_normal(surface: Surface) -> None:
     out = np.array([0.6, 0, -0.8])
     places = np.outer(1 - HEIGHTS, out)
-    simulator = beads(places, np.zeros((5, 3)), Bowl((0, 0, 0), 1.0), gravity=WEIGHTLESS, step=1e-9)
+    simulator = beads(places, np.zeros((5, 3)), surface, gravity=WEIGHTLESS, step=1e-9)
     expected = np.outer(theory.force(HEIGHTS, C, REACH), -out)
     assert accelerations(simulator) == pytest.approx(expected, rel=1e-6, abs=1e-6)
 

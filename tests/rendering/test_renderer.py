@@ -11,6 +11,7 @@ from springgym.bodies import box
 from springgym.rendering import Arrow, Camera, Look, Marks, Renderer, Scenery, two_tone
 from springgym.rendering.canvas import lamp, shade
 from springgym.rendering.renderer import CHORDS, _curve
+from springgym.surfaces import Bowl, Pipe, waves
 
 RED, GREEN, BLUE = (210, 30, 30), (30, 180, 60), (30, 60, 210)
 FRONT = Camera(eye=(0.0, -4.0, 0.0), target=(0.0, 0.0, 0.0), fov=2.0 * np.arctan(0.25))  # 2 m high
@@ -322,7 +323,9 @@ def test_a_vanishing_arrow_is_left_out():
     [
         Scenery(floor=-0.5),
         Scenery(planes=[((0, 1, 0), (0, -2, 0))]),
-        Scenery(bowl=((0, 0, 0.5), 1.0)),
+        Scenery(surfaces=[Bowl((0, 0, 0.5), 1.0)]),
+        Scenery(surfaces=[Pipe((0, 0, 0.5), (1, 0.5, 0), 1.0)]),
+        Scenery(surfaces=[waves(0.1, 1.0, 1.5, 0.1)]),
         Scenery(vertical=((0, 0, -0.5), 1.0)),
     ],
 )
@@ -372,7 +375,7 @@ def test_the_body_hides_the_vertical_behind_it():
 @pytest.mark.parametrize("lost", [np.nan, np.inf])
 def test_what_touches_a_lost_particle_is_left_out(tetrahedron, lost):
     camera = Camera.framing((0, 0, 0), 2.5)
-    scenery = Scenery(floor=-0.6, bowl=((0, 0, 0.5), 1.0))
+    scenery = Scenery(floor=-0.6, surfaces=[Bowl((0, 0, 0.5), 1.0)])
     chain = Look(radii=[0.2, 0.2], bars=[(0, 1)], springs=[(0, 1)])
     one = Look(radii=[0.0, 0.2], springs=[(0, 1)])
     positions = np.array([(lost, lost, 0.0), (0.3, 0.0, 0.0)])

@@ -5,7 +5,7 @@ from springgym.bodies.precession import heavy_top
 from springgym.materials import Grain, Material
 from springgym.scenes import load, names
 from springgym.strict_yaml import YamlError
-from springgym.surfaces import Bowl, Contact, PaperContact, Plane, scales
+from springgym.surfaces import Bowl, Contact, HeightField, PaperContact, Pipe, Plane, scales, waves
 from springgym.theory.contact import force
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
@@ -287,3 +287,7 @@ contact: {friction: 0.3, restitution: 0.5, reach: 0.03, paper_damping: 7}
     assert plan.scene.contact == Contact(0.3, 0.5, None, 0.03)
     assert plan.paper == PaperContact(0.3, 7.0, None, 0.03)
     assert load("bowl-ball").scene.surfaces == (Bowl((0, 0, 2), 2.0),)
+    assert load("pipe-ball").scene.surfaces == (Pipe((0, 0, 2), (0, 1, 0), 2.0),)
+    assert load("wavy-ground").scene.surfaces == (waves(0.1, 1, 2, 0.04),)
+    uneven = read(BOX + "surfaces: [{kind: height_field, heights: [[-1, -2], [-1, -2.5]], spacing: 9}]")
+    assert uneven.scene.surfaces == (HeightField([[-1, -2], [-1, -2.5]], 9.0),)

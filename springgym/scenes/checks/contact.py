@@ -1,4 +1,4 @@
-"""Floors, slopes and bowls against theory."""
+"""Floors, slopes, bowls and pipes against theory."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from springgym.bodies.body import rigidity_matrix
 from springgym.bodies.elasticity import spring_force_and_jacobian
@@ -16,7 +17,7 @@ from springgym.scenes.checks import needs
 from springgym.scenes.checks.basis import Check, applies, crossings, peaks, period, slack, spread, within
 from springgym.scenes.checks.tops import angles, mean_rate
 from springgym.scenes.recording import Recording, record
-from springgym.surfaces import Bowl, Contact, PaperContact, Plane, scales
+from springgym.surfaces import Bowl, Contact, PaperContact, Pipe, Plane, scales
 from springgym.theory import contact as theory
 from springgym.theory import impact as impacts
 from springgym.theory import pendulum
@@ -39,8 +40,8 @@ STRAIGHT = 1e-9
 """Share of the body's size: round-off of 1e-16 of a way of ten sizes, in 1e6 steps."""
 
 SWUNG = 1e-3
-"""Share of the period in a bowl: where the particle stands in the barrier changes by less than 1e-4 of the
-radius."""
+"""Share of the period in a bowl or a pipe: where the particle stands in the barrier changes by less than
+1e-4 of the radius."""
 
 STRUCK = 0.03
 """Share of contact time and of rebound: theory is linear in strains, of which rubber reaches 1.4e-2."""
@@ -184,19 +185,36 @@ def straight_fall(recording: Recording) -> list[Check]:
 
 @applies(needs.particle, needs.bowl, needs.gravity)
 def bowl_period(recording: Recording) -> list[Check]:
-    """Period of a particle sliding to and fro in a bowl: a pendulum whose rod reaches from its centre."""
-    _, c, reach, g = _met(recording)
+    """Compare the period of a particle that slides to and fro in a bowl with that of a pendulum."""
     bowl = recording.plan.scene.surfaces[0]
     assert isinstance(bowl, Bowl)
+    return [_sliding(recording, bowl.centre, bowl.radius, (1.0, 0.0, 0.0), "period in the bowl")]
+
+
+@applies(needs.particle, needs.level_pipe, needs.gravity)
+def pipe_period(recording: Recording) -> list[Check]:
+    """Compare the period of a particle that slides across a level pipe with that of a pendulum."""
+    pipe = recording.plan.scene.surfaces[0]
+    assert isinstance(pipe, Pipe)
+    across = np.cross(pipe.axis, (0.0, 0.0, 1.0))
+    return [_sliding(recording, pipe.point, pipe.radius, across, "period in the pipe")]
+
+
+def _sliding(recording: Recording, centre: ArrayLike, radius: float, across: ArrayLike, what: str) -> Check:
+    """Compare the period of a particle that slides to and fro with that of a pendulum.
+
+    Its rod reaches from the ``centre`` to where the particle is carried; it swings ``across``, a unit vector.
+    """
+    _, c, reach, g = _met(recording)
     weight = recording.plan.scene.body.mass * g
-    arm = recording.positions[:, 0] - np.array(bowl.centre)
-    angle = np.arctan2(arm[:, 0], -arm[:, 2])
+    arm = recording.positions[:, 0] - np.asarray(centre)
+    angle = np.arctan2(arm @ np.asarray(across), -arm[:, 2])
     amplitude = float(np.abs(angle[0]))
-    length = bowl.radius - theory.rest_height(weight, c, reach)
+    length = radius - theory.rest_height(weight, c, reach)
     expected = pendulum.period(length, g, amplitude)
     # swinging changes the load by less than 3 (1 − cos θ₀), and the height by less than its reach for that
     by = 3 * (1 - math.cos(amplitude)) * reach / length + (math.sqrt(g / length) * recording.step) ** 2
-    return [within(SWUNG, "period in the bowl", expected, period(recording.times, -angle), "s", by)]
+    return within(SWUNG, what, expected, period(recording.times, -angle), "s", by)
 
 
 @applies(needs.ground, needs.smooth, needs.falls, needs.gravity)

@@ -16,7 +16,7 @@ from springgym.bodies.precession import axial_moments, heavy_top
 from springgym.bodies.rotations import axes
 from springgym.rigid.shape import check_rigid
 from springgym.scenes.plan import Plan
-from springgym.surfaces import Bowl, Contact, Plane, scales
+from springgym.surfaces import Bowl, Contact, Pipe, Plane, scales
 
 TURNS_OVER = math.radians(45)
 """A body flips if its angular momentum comes this near to its middle axis: from there on it is nearer to
@@ -48,13 +48,13 @@ def plane(plan: Plan) -> None:
 
 def level(plan: Plan) -> None:
     plane(plan)
-    if plan.scene.surfaces[0].normal != (0.0, 0.0, 1.0):  # type: ignore[union-attr]
+    if plan.scene.surfaces[0].normal != (0.0, 0.0, 1.0):  # type: ignore[attr-defined]
         raise ValueError("its first surface is not level")
 
 
 def ground(plan: Plan) -> None:
     level(plan)
-    if plan.scene.surfaces[0].offset != 0:  # type: ignore[union-attr]
+    if plan.scene.surfaces[0].offset != 0:  # type: ignore[attr-defined]
         raise ValueError("its floor is not at height 0")
 
 
@@ -66,7 +66,7 @@ def dropped(plan: Plan) -> None:
 
 def slope(plan: Plan) -> None:
     plane(plan)
-    if not abs(plan.scene.surfaces[0].normal[2]) < 1:  # type: ignore[union-attr]
+    if not abs(plan.scene.surfaces[0].normal[2]) < 1:  # type: ignore[attr-defined]
         raise ValueError("its first surface is level, no slope")
 
 
@@ -74,6 +74,13 @@ def bowl(plan: Plan) -> None:
     surface(plan)
     if not isinstance(plan.scene.surfaces[0], Bowl):
         raise ValueError("it has no bowl")
+
+
+def level_pipe(plan: Plan) -> None:
+    surface(plan)
+    pipe = plan.scene.surfaces[0]
+    if not isinstance(pipe, Pipe) or abs(pipe.axis[2]) > 1e-9:
+        raise ValueError("it has no level pipe")
 
 
 def restitution(plan: Plan) -> None:

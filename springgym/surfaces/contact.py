@@ -1,4 +1,4 @@
-"""Surfaces that bound where particles may be, and how a body meets them. Frozen data, checked once."""
+"""How a body meets surfaces, and what surfaces can be together. Frozen data, checked once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from springgym.bodies import Body
-from springgym.checks import TINY, array, direction, number
+from springgym.checks import TINY, array, number
+from springgym.surfaces.plane import Plane
+from springgym.surfaces.surface import Surface
 
 REACH = 0.01
 """The default reach Δ of contact, as a share of `Body.swept`."""
@@ -24,61 +26,6 @@ barrier contact is 2 c/Δ³ stiff: a hundredth or a tenth of a spring, lest impa
 IMPACT = 10.0
 """Between these, the derived c is the least at which a corner of a block that strikes at this speed [m/s]
 stays a tenth of Δ away."""
-
-
-@dataclass(frozen=True)
-class Plane:
-    """A plane, with the free side where its normal points; normals of any length are made unit vectors."""
-
-    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "point", tuple(array("point of a plane", self.point, (3,)).tolist()))
-        object.__setattr__(self, "normal", tuple(direction("normal of a plane", self.normal).tolist()))
-
-    @property
-    def offset(self) -> float:
-        """normal · point [m]"""
-        return float(np.dot(self.normal, self.point))
-
-    def height(self, positions: np.ndarray) -> np.ndarray:
-        """Heights [m] (…) of positions (…, 3): negative behind the plane."""
-        return _points(positions) @ np.asarray(self.normal) - self.offset
-
-
-@dataclass(frozen=True)
-class Bowl:
-    """The inside of a sphere: a spherical bowl for what stays in its lower part."""
-
-    centre: tuple[float, float, float]
-    radius: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", tuple(array("centre of a bowl", self.centre, (3,)).tolist()))
-        object.__setattr__(self, "radius", number("radius of a bowl", self.radius, low=TINY))
-
-    def height(self, positions: np.ndarray) -> np.ndarray:
-        """Heights [m] (…) of positions (…, 3): negative outside the sphere."""
-        return self.radius - np.linalg.norm(_points(positions) - np.asarray(self.centre), axis=-1)
-
-
-def _points(positions: Any) -> np.ndarray:
-    return array("positions", positions, (3,), (None, 3), (None, None, 3))
-
-
-Surface = Plane | Bowl
-
-
-def floor(z: float = 0.0) -> Plane:
-    """The level plane at height z [m]."""
-    return Plane((0.0, 0.0, number("z", z)))
-
-
-def incline(angle: float, point: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Plane:
-    """A slope that rises towards +x by ``angle`` [rad], through a point."""
-    angle = number("angle", angle)
-    return Plane(point, (-math.sin(angle), 0.0, math.cos(angle)))
 
 
 @dataclass(frozen=True)
@@ -194,9 +141,13 @@ def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
     return strength, reach
 
 
-def oblique(surfaces: tuple[Surface, ...]) -> bool:
-    """Whether two planes meet at another than a right angle."""
-    return any(abs(dot) > 1e-12 and dot > -1 + 1e-12 for _, _, dot in _pairs(surfaces))
+def coupled(surfaces: tuple[Surface, ...]) -> bool:
+    """Tell whether what a surface gives depends on where others lead, or on where the way ends.
+
+    It does not where all are planes, any two of them at a right angle or parallel.
+    """
+    flat = all(isinstance(surface, Plane) for surface in surfaces)
+    return not flat or any(abs(dot) > 1e-12 and dot > -1 + 1e-12 for _, _, dot in _planes(surfaces))
 
 
 def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
@@ -205,12 +156,9 @@ def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
     Raises
     ------
     ValueError
-        If a bowl is not alone, planes meet in a notch sharper than a right angle, or opposite ones are
-        nearer than 4 Δ.
+        If planes meet in a notch sharper than a right angle, or opposite ones are nearer than 4 Δ.
     """
-    if len(surfaces) > 1 and any(isinstance(surface, Bowl) for surface in surfaces):
-        raise ValueError("a bowl must be the only surface of a scene")
-    for i, j, dot in _pairs(surfaces):
+    for i, j, dot in _planes(surfaces):
         first, second = surfaces[i], surfaces[j]
         assert isinstance(first, Plane)
         assert isinstance(second, Plane)
@@ -229,8 +177,8 @@ def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
             )
 
 
-def _pairs(surfaces: tuple[Surface, ...]) -> list[tuple[int, int, float]]:
-    """The planes i < j and the product of their normals."""
+def _planes(surfaces: tuple[Surface, ...]) -> list[tuple[int, int, float]]:
+    """Return the planes i < j and the product of their normals."""
     planes = [(n, surface.normal) for n, surface in enumerate(surfaces) if isinstance(surface, Plane)]
     return [(i, j, float(np.dot(a, b))) for i, a in planes for j, b in planes if i < j]
 

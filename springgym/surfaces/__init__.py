@@ -1,0 +1,41 @@
+"""Surfaces that bound where particles may be, and how a body meets them. Frozen data, checked once.
+
+Each kind of surface is one file, see `springgym.surfaces.surface`, and a line of `SURFACES`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from springgym.surfaces.bowl import Bowl as Bowl
+from springgym.surfaces.contact import IMPACT as IMPACT
+from springgym.surfaces.contact import NEAREST as NEAREST
+from springgym.surfaces.contact import REACH as REACH
+from springgym.surfaces.contact import SOFTEST as SOFTEST
+from springgym.surfaces.contact import STIFFEST as STIFFEST
+from springgym.surfaces.contact import Contact as Contact
+from springgym.surfaces.contact import PaperContact as PaperContact
+from springgym.surfaces.contact import check_heights as check_heights
+from springgym.surfaces.contact import check_surfaces as check_surfaces
+from springgym.surfaces.contact import coupled as coupled
+from springgym.surfaces.contact import derived_strength as derived_strength
+from springgym.surfaces.contact import loss_of as loss_of
+from springgym.surfaces.contact import scales as scales
+from springgym.surfaces.height_field import HeightField as HeightField
+from springgym.surfaces.height_field import waves as waves
+from springgym.surfaces.pipe import Pipe as Pipe
+from springgym.surfaces.plane import Plane as Plane
+from springgym.surfaces.plane import floor as floor
+from springgym.surfaces.plane import incline as incline
+from springgym.surfaces.surface import Surface as Surface
+
+SURFACES: dict[str, Callable[..., Surface]] = {
+    "floor": floor,
+    "incline": incline,
+    "plane": Plane,
+    "bowl": Bowl,
+    "pipe": Pipe,
+    "height_field": HeightField,
+    "waves": waves,
+}
+"""What makes a surface, by the name that a scene file gives it."""

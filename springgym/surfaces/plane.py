@@ -1,0 +1,89 @@
+"""Planes: height n · x − n · p, with the unit normal n and a point p."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from springgym.checks import array, direction, number
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Vector
+from springgym.core.lanes import load
+from springgym.core.vectors import dot, row
+from springgym.surfaces.surface import Surface, points
+
+
+class Planes(NamedTuple):
+    """Planes, for compiled code."""
+
+    normal: np.ndarray
+    """(planes, 3) unit vectors"""
+    offset: np.ndarray
+    """(planes,) [m]"""
+
+    @staticmethod
+    def flat() -> bool:
+        """Say that the gradient is a unit vector, and the same everywhere."""
+        return True
+
+    @staticmethod
+    @compiled
+    def height(place: Vector, k: int, own: Any) -> Any:
+        return dot(row(own.normal, k), place) - load(own.offset, k)
+
+    @staticmethod
+    @compiled
+    def gradient(place: Vector, k: int, own: Any) -> Any:
+        return row(own.normal, k)
+
+
+@dataclass(frozen=True)
+class Plane(Surface):
+    """A plane, with the free side where its normal points; normals of any length are made unit vectors."""
+
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", tuple(array("point of a plane", self.point, (3,)).tolist()))
+        object.__setattr__(self, "normal", tuple(direction("normal of a plane", self.normal).tolist()))
+
+    @property
+    def offset(self) -> float:
+        """normal · point [m]"""
+        return float(np.dot(self.normal, self.point))
+
+    def height(self, positions: np.ndarray) -> np.ndarray:
+        """Return the heights [m] (…) of positions (…, 3): negative behind the plane."""
+        return points(positions) @ np.asarray(self.normal) - self.offset
+
+    @classmethod
+    def packed(cls, surfaces: Sequence[Self]) -> Planes:
+        return Planes(
+            np.array([plane.normal for plane in surfaces]), np.array([plane.offset for plane in surfaces])
+        )
+
+    def net(self, middle: np.ndarray, extent: float) -> np.ndarray:
+        normal = np.asarray(self.normal)
+        foot = middle - normal * float(normal @ middle - self.offset)
+        first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+        first /= np.linalg.norm(first)
+        along = np.linspace(-extent, extent, 33)
+        return np.asarray(
+            foot + along[:, None, None] * first + along[None, :, None] * np.cross(normal, first)
+        )
+
+
+def floor(z: float = 0.0) -> Plane:
+    """Return the level plane at height z [m]."""
+    return Plane((0.0, 0.0, number("z", z)))
+
+
+def incline(angle: float, point: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Plane:
+    """Return a slope that rises towards +x by ``angle`` [rad], through a point."""
+    angle = number("angle", angle)
+    return Plane(point, (-math.sin(angle), 0.0, math.cos(angle)))

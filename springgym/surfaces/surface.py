@@ -1,0 +1,66 @@
+"""What a surface is: a height and, in compiled code, its gradient.
+
+A kind of surface is one file of this folder and one line of `springgym.surfaces.SURFACES`. The file has a
+frozen dataclass for users, a `Surface`, and a named tuple for compiled code: arrays with one row for each
+surface of the kind, of which the first says how many there are, and two static compiled functions,
+
+    height(place, k, own)    how high a place is above surface k [m]: smooth, 0 on it, its distance near it
+    gradient(place, k, own)  of the height there: the normal, a unit vector where the height is the distance
+
+A kind that has a function ``flat`` which returns True says that its gradient is a unit vector, and the same
+everywhere. Contact needs no more: how it takes the normal of a way from them is said in
+`springgym.forces.barrier`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any, Self
+
+import numpy as np
+
+from springgym.checks import array
+
+
+class Surface(ABC):
+    """Bounds where particles may be: they stay where its height is positive."""
+
+    @abstractmethod
+    def height(self, positions: np.ndarray) -> np.ndarray:
+        """Return the heights [m] (…) of positions (…, 3): negative behind the surface."""
+
+    @classmethod
+    @abstractmethod
+    def packed(cls, surfaces: Sequence[Self]) -> Any:
+        """Return the named tuple by which compiled code knows some surfaces of this kind."""
+
+    @abstractmethod
+    def net(self, middle: np.ndarray, extent: float) -> np.ndarray:
+        """Return points (m, n, 3) [m] of the surface in rows and columns, by which it is drawn.
+
+        A picture shows some ``extent`` [m] around the ``middle`` (3,) [m] of what happens.
+        """
+
+    def fade(self, points: np.ndarray, middle: np.ndarray, extent: float) -> np.ndarray:
+        """Return how clearly points (…, 3) of the surface are drawn: from 1 to 0, which is not at all."""
+        away = np.linalg.norm(points - middle, axis=-1) / (2.0 * extent)
+        return np.asarray(np.maximum(1.0 - away**2, 0.0))
+
+    def hit(self, start: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return where rays (…, 3) meet the surface from its free side, and its unit normals there.
+
+        Of rays that miss it both are NaN. Surfaces that return None are drawn as a net, without shade.
+        """
+        return None
+
+
+def points(positions: Any) -> np.ndarray:
+    """Return positions that a height is asked for as an array (…, 3).
+
+    Raises
+    ------
+    TypeError, ValueError
+        If they are no numbers, or have another shape than (3,), (N, 3) or (k, N, 3).
+    """
+    return array("positions", positions, (3,), (None, 3), (None, None, 3))

@@ -1,0 +1,274 @@
+"""Surfaces: heights and their gradients, and beads in pipes, on uneven ground and between surfaces."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from numba import njit
+
+from springgym.core.blocks import block_array, numbers
+from springgym.core.lanes import store
+from springgym.core.vectors import dot, row, set_row
+from springgym.forces import barrier
+from springgym.packing import surfaces_of
+from springgym.scene import Scene
+from springgym.surfaces import SURFACES, Bowl, HeightField, Pipe, Plane, Surface, floor, incline, waves
+from tests.forces.test_contact import BEAD, REACH, G, at_rest_height, beads, contact, state
+
+PIPE = Pipe((0.1, 0.0, 0.5), (0.0, 2.0, 0.0), 1.0)
+HILLS = HeightField(np.random.default_rng(4).uniform(-0.1, 0.1, (7, 9)), 0.25, (-0.75, -1.0))
+TROUGH = waves(0.1, 1.0, 2.0, 0.04)
+"""A trough's lowest line is at x = 1/2 m."""
+
+EACH = [
+    pytest.param((incline(0.3), floor()), id="planes"),
+    pytest.param((Bowl((0.1, 0.2, 0.5), 1.0),), id="bowl"),
+    pytest.param((Pipe((0.1, 0.0, 0.5), (1.0, 2.0, 0.3), 1.0),), id="pipe"),
+    pytest.param((HILLS,), id="height field"),
+    pytest.param((floor(), PIPE, Bowl((0, 0, 0), 1.2), incline(0.2)), id="several kinds"),
+]
+
+
+@njit(error_model="numpy")
+def evaluate(x: Any, found: Any, surfaces: Any) -> None:
+    for k in range(barrier.count(surfaces.kinds)):
+        begin, end = row(x, 0), row(x, 1)
+        n, square, start = barrier.facing(k, begin, end, surfaces)
+        set_row(found, 3 * k, n)
+        store(found, (3 * k + 1, 0), start)
+        store(found, (3 * k + 1, 1), barrier.height(k, end, surfaces))
+        store(found, (3 * k + 1, 2), square - dot(n, n))
+        normal, _, _ = barrier.standing(k, begin, surfaces)
+        set_row(found, 3 * k + 2, normal)
+
+
+@pytest.mark.parametrize("surfaces", EACH)
+def test_compiled_heights_and_gradients_are_those_of_the_surface(surfaces: tuple[Surface, ...]) -> None:
+    draw = np.random.default_rng(1)
+    ends = draw.uniform(-0.6, 0.6, (2, 16, 3))
+    ends[:, 0] += [5.0, -4.0, 0.0]  # beyond the grid
+    blocks = block_array(16, (2, 3), float)[0]
+    numbers(blocks)[:] = ends.transpose(0, 2, 1)
+    found = block_array(16, (3 * len(surfaces), 3), float)[0]
+    packed = surfaces_of(surfaces)._replace(reach=0.01)
+    evaluate(blocks, found, packed)
+    kinds = list(dict.fromkeys(map(type, surfaces)))
+    for k, surface in enumerate(sorted(surfaces, key=lambda one: kinds.index(type(one)))):
+        mean, (start, end, rest), normal = numbers(found)[3 * k : 3 * k + 3]
+        assert start == pytest.approx(surface.height(ends[0]), abs=1e-13)
+        assert end == pytest.approx(surface.height(ends[1]), abs=1e-13)
+        assert np.abs(rest).max() < 1e-15
+        way = (ends[1] - ends[0]).T
+        assert (mean * way).sum(axis=0) == pytest.approx(end - start, abs=1e-12)
+        for axis in range(3):
+            step = 1e-5 * np.eye(3)[axis]
+            rise = surface.height(ends[0] + step) - surface.height(ends[0] - step)
+            assert normal[axis] == pytest.approx(rise / 2e-5, abs=1e-8)
+
+
+def test_balls_meet_surfaces_with_their_skin() -> None:
+    packed = surfaces_of((floor(), PIPE))._replace(radius=0.1)
+    blocks, found = block_array(2, (2, 3), float)[0], block_array(2, (6, 3), float)[0]
+    evaluate(blocks, found, packed)
+    assert numbers(found)[[1, 4], 0, 0] == pytest.approx([-0.1, 1 - math.hypot(0.1, 0.5) - 0.1])
+
+
+# --- Pipes --------------------------------------------------------------------------------------------
+
+
+def test_a_bead_in_a_level_pipe_swings_as_a_pendulum_and_glides_along() -> None:
+    """On ice: period 2π √((R − h)/g) for small swings; along the axis nothing acts."""
+    length, swing = PIPE.radius - at_rest_height(G), 0.01
+    middle = np.array(PIPE.point)
+    start = middle + length * np.array([math.sin(swing), 0, -math.cos(swing)])
+    simulator = beads([start], [[0, 0.3, 0]], surfaces=(PIPE,))
+    period = 2 * math.pi * math.sqrt(length / G) * (1 + swing**2 / 16)
+    steps = round(10.25 * period / 1e-3)
+    simulator.advance(steps)
+    x, v = state(simulator)
+    expected = length * swing * math.cos(2 * math.pi * steps * 1e-3 / period)
+    assert x[0, 0] - middle[0] == pytest.approx(expected, abs=1e-5)
+    assert x[0, 1] == pytest.approx(0.3e-3 * steps, abs=1e-10)
+    assert v[0, 1] == pytest.approx(0.3, abs=1e-12)
+
+
+@pytest.mark.parametrize("surface", [PIPE, TROUGH], ids=["pipe", "waves"])
+def test_a_hundred_bounces_keep_the_energy(surface: Surface) -> None:
+    """And what slides keeps it; the level of the energy is that of where the bead may rest."""
+    places = np.array([[0.3, 0, -0.9], [0.5, 0, 0], [0.9, 0, 0], [0, 0.6, -0.6]]) + PIPE.point
+    velocities = np.array([[0, 1.0, 0], [0, 0, 0], [0, 3.0, 0], [2.0, 0, 0]])
+    if surface is TROUGH:
+        places = np.array([[0.5, 0, 0.2], [0.3, 0, 0.0], [0.45, 0.2, 0.0], [0.1, 0, 0.3]])
+        velocities = np.zeros((4, 3))
+    simulator = beads(places, velocities, surfaces=(surface,))
+    low = -0.5 if surface is PIPE else -0.1
+    start = simulator.measure().energy - G * low
+    bounces, last = np.zeros(4), np.ones(4)
+    for _ in range(2000):
+        simulator.advance(10, check=False)
+        energy = simulator.measure().energy - G * low
+        assert energy / start == pytest.approx(np.ones(4), abs=2e-3)
+        heights = surface.height(state(simulator)[0])
+        assert heights.min() > 0
+        inside = np.where(heights < 2 * REACH, -1.0, 1.0)
+        bounces += (inside > 0) & (last < 0)
+        last = inside
+    assert bounces.max() >= 30
+
+
+@pytest.mark.parametrize("surface", [PIPE, TROUGH], ids=["pipe", "waves"])
+def test_friction_holds_a_bead_below_its_angle(surface: Surface) -> None:
+    place = np.add(PIPE.point, [0.6, 0, -0.6]) if surface is PIPE else [0.3, 0, 0.1]
+    simulator = beads([place], [[0, 0, 0]], contact(friction=0.2, restitution=0.5), (surface,))
+    start = simulator.measure().balance[0]
+    simulator.advance(6000)
+    first, _ = state(simulator)
+    simulator.advance(4000)
+    last, _ = state(simulator)
+    assert np.abs(last - first).max() < 1e-7
+    step = 1e-5
+    rise = [surface.height(last[0] + d) - surface.height(last[0] - d) for d in step * np.eye(3)]
+    assert math.hypot(rise[0], rise[1]) / rise[2] < 0.2
+    assert simulator.measure().balance[0] == pytest.approx(start, abs=2e-3)
+
+
+# --- Height fields ------------------------------------------------------------------------------------
+
+
+def test_a_bead_swings_in_a_trough_with_the_period_of_its_bend() -> None:
+    """ω² = g κ (1 + κ h) for small swings at a height h over ground of curvature κ = a (2π/λ)².
+
+    That is the bend of z = f + h √(1 + f′²). Of a line at the distance h it would be κ/(1 − κ h): 0.6 % more.
+    """
+    kappa, h = 0.1 * (2 * math.pi) ** 2, at_rest_height(G)
+    omega = math.sqrt(G * kappa * (1 + kappa * h))
+    swing, fine = 1e-3, waves(0.1, 1.0, 1.0, 0.005)  # the bend of a spline errs in second order
+    simulator = beads([[0.5 + swing, 0, -0.1 + h + 0.5 * swing**2 * kappa]], [[0, 0, 0]], surfaces=(fine,))
+    steps = round(10.25 * 2 * math.pi / omega / 1e-3)
+    simulator.advance(steps)
+    x, _ = state(simulator)
+    assert x[0, 0] - 0.5 == pytest.approx(swing * math.cos(omega * steps * 1e-3), abs=0.02 * swing)
+
+
+def test_a_level_or_straight_field_is_a_plane() -> None:
+    x, y = np.meshgrid(np.arange(4.0), np.arange(5.0), indexing="ij")
+    field, plane = HeightField(0.2 * x - 0.1 * y, 1.0), Plane((0, 0, 0), (-0.2, 0.1, 1.0))
+    places = np.random.default_rng(2).uniform(-9, 9, (50, 3))
+    assert field.height(places) == pytest.approx(plane.height(places), abs=1e-12)
+    two = HeightField([[0.0, 1.0], [0.0, 1.0]], 0.5, (3.0, 0.0))
+    assert two.height(np.array([9.0, 2.0, 4.0])) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_height_field_goes_through_its_heights_and_errs_in_fourth_order() -> None:
+    x = np.array(HILLS.corner)[0] + 0.25 * np.arange(7)
+    y = np.array(HILLS.corner)[1] + 0.25 * np.arange(9)
+    grid = np.stack([*np.meshgrid(x, y, indexing="ij"), np.array(HILLS.heights)], axis=-1)
+    assert np.abs(HILLS.height(grid)).max() < 1e-15
+    errors = []
+    for spacing in (0.1, 0.05, 0.025):
+        ground = waves(0.1, 1.0, 1.5, spacing).net(np.zeros(3), 0.5)
+        errors.append(np.abs(ground[..., 2] - 0.1 * np.cos(2 * math.pi * ground[..., 0])).max())
+    assert errors[0] / errors[1] == pytest.approx(16, rel=0.2)
+    assert errors[1] / errors[2] == pytest.approx(16, rel=0.2)
+
+
+def test_a_height_differs_from_the_distance_as_its_module_says() -> None:
+    """κ d² tan² θ/2 at a distance d from ground of curvature κ and slope tan θ, to first order."""
+    x = 0.6
+    slope = 0.1 * 2 * math.pi * -math.sin(2 * math.pi * x)
+    bend = -0.1 * (2 * math.pi) ** 2 * math.cos(2 * math.pi * x)
+    cosine = 1 / math.sqrt(1 + slope**2)
+    fine = waves(0.1, 1.0, 1.0, 0.005)
+    d = 2e-3
+    place = np.array([x - d * slope * cosine, 0.0, 0.1 * math.cos(2 * math.pi * x) + d * cosine])
+    expected = 0.5 * bend * cosine**3 * d**2 * slope**2
+    assert fine.height(place) - d == pytest.approx(expected, rel=0.05)
+
+
+# --- Several ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "surfaces",
+    [
+        (PIPE, Plane((0, -0.5, 0), (0, 1, 0)), Plane((0, 0.5, 0), (0, -1, 0))),
+        (Bowl((0.1, 0, 0.5), 1.0), floor(-0.1), Plane((0.1, 0, 0), (1, 0, 0))),
+    ],
+    ids=["a pipe with ends", "half of a bowl with a level bottom"],
+)
+def test_surfaces_of_several_kinds_meet_a_bead_together(surfaces: tuple[Surface, ...]) -> None:
+    draw = np.random.default_rng(3)
+    places = np.array([0.5, 0, 0.5]) + draw.uniform(-0.3, 0.3, (8, 3))
+    simulator = beads(places, draw.uniform(-2, 2, (8, 3)), surfaces=surfaces)
+    low = -0.5 if surfaces[0] is PIPE else -0.1
+    start = simulator.measure().energy - G * low
+    for _ in range(200):
+        simulator.advance(50, check=False)
+        assert min(surface.height(state(simulator)[0]).min() for surface in surfaces) > 0
+        energy = simulator.measure().energy - G * low
+        assert energy / start == pytest.approx(np.ones(8), abs=0.01)
+
+
+# --- What scenes and pictures ask of them -----------------------------------------------------------------
+
+
+def test_scene_files_know_every_kind() -> None:
+    assert {Plane, Bowl, Pipe, HeightField} <= {kind for kind in SURFACES.values() if isinstance(kind, type)}
+
+
+@pytest.mark.parametrize("surface", [Bowl((0.1, 0.2, 0.5), 1.0), PIPE, HILLS, incline(0.3)])
+def test_nets_lie_on_surfaces_and_rays_hit_them(surface: Surface) -> None:
+    net = surface.net(np.array([0.1, 0.2, 0.0]), 0.8)
+    assert net.ndim == 3
+    assert np.abs(surface.height(net)).max() < 1e-12
+    eye, direction = np.array([0.1, 0.1, 0.6]), np.array([[0.6, 0, -0.8], [0, 0.6, -0.8], [0, 0, -1.0]])
+    hit = surface.hit(eye, direction)
+    if hit is not None:
+        places, normals = hit
+        assert np.abs(surface.height(places)).max() < 1e-12
+        assert np.cross(places - eye, direction) == pytest.approx(np.zeros((3, 3)), abs=1e-12)
+        assert surface.height(places + 1e-3 * normals) == pytest.approx(np.full(3, 1e-3))
+    assert pickle.loads(pickle.dumps(surface)) == surface
+
+
+def test_a_height_field_is_told_apart_by_its_heights() -> None:
+    other = dataclasses.replace(HILLS, heights=np.array(HILLS.heights) + 1e-9)
+    assert other != HILLS
+    assert repr(other) != repr(HILLS)
+    assert len(repr(HILLS)) < 100
+    scenes = [Scene(BEAD, [[0, 0, 1.0]], surfaces=(field,), contact=contact()) for field in (HILLS, other)]
+    assert scenes[0].identity != scenes[1].identity
+
+
+@pytest.mark.parametrize(
+    ("build", "error", "message"),
+    [
+        (lambda: Pipe((0, 0, 0), (0, 0, 0), 1.0), ValueError, "axis of a pipe"),
+        (lambda: Pipe((0, 0, 0), (0, 0, 1), -1.0), ValueError, "radius of a pipe is -1.0"),
+        (lambda: Pipe((0, 0, 0), (0, 0, 1), True), TypeError, "radius of a pipe is True"),
+        (lambda: Pipe((0, 0), (0, 0, 1), 1.0), ValueError, "point of a pipe"),
+        (lambda: HeightField([[0.0, 1.0]], 1.0), ValueError, "number of heights along x"),
+        (lambda: HeightField([0.0, 1.0], 1.0), ValueError, "heights of a height field"),
+        (lambda: HeightField([[0.0, math.nan], [0, 0]], 1.0), ValueError, "heights of a height field"),
+        (lambda: HeightField([[0.0, 1.0], [0, 0]], 0.0), ValueError, "spacing of a height field"),
+        (lambda: HeightField([[0.0, 1.0], [0, 0]], 1.0, (0, 0, 0)), ValueError, "corner of a height field"),
+        (lambda: HeightField([["a", 1.0], [0, 0]], 1.0), TypeError, "heights of a height field"),
+        (lambda: waves(0.1, 1.0, 2.0, 0.5), ValueError, "spacing is 0.5"),
+        (lambda: PIPE.height(np.zeros((2, 2))), ValueError, "positions"),
+        (lambda: scene_of(PIPE, z=-0.6), ValueError, "behind surface 0, Pipe"),
+        (lambda: scene_of(HILLS, z=-0.6), ValueError, "behind surface 0, HeightField"),
+        (lambda: scene_of((0.0, 0.0, 1.0)), TypeError, "must be Surface"),
+    ],
+)
+def test_what_cannot_be_is_refused(build: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        build()
+
+
+def scene_of(*surfaces: Any, z: float = 0.3) -> Scene:
+    return Scene(BEAD, [[0, 0, z]], surfaces=surfaces, contact=contact())
