@@ -20,6 +20,13 @@ DECAY = 1.0
 decays exactly, but one after the other: up to there slow motion of a rope, the worst, loses too little by
 0.55 % (λ h)², and beyond it ever less than c says, 70 % less at λ h = 28."""
 
+FINE_TURN = 1 / 40
+"""The turn in a step [rad] up to which a cycle of steps does no harm, see `damping_every`: beyond it, Verlet's
+own error is FINE_TURN²/24 a radian and more."""
+
+LONGEST_CYCLE = 10
+"""Most steps in a cycle."""
+
 
 def highest_frequency(scene: Scene) -> float:
     """ω_max = √λ_max(M⁻¹K) [rad/s] of the springs about the unstretched shape, pins held; of all bodies."""
@@ -72,6 +79,34 @@ def automatic_step(scene: Scene, integrator: Integrator, period: float | None = 
     if not math.isfinite(step):
         step = 1e-3
     return step if period is None else period / math.ceil(period / step - 1e-9)
+
+
+def damps_each_step(scene: Scene, integrator: Integrator) -> str:
+    """Why dampers and wrench act at every step of a scene; empty if they need not."""
+    bodies = [placed.body for placed in scene.bodies]
+    if not integrator.cycles:
+        return f"{integrator.name} knows no cycles"
+    if scene.surfaces or scene.meetings:
+        return "where bodies meet something, dampers act at each node"
+    if any(body.floppy for body in bodies):
+        return "dampers act on the motion of a floppy body, not on vibrations alone"
+    if not any(body.damping.any() for body in bodies):
+        return "the scene has no dampers"
+    return ""
+
+
+def damping_every(scene: Scene, step: float) -> int:
+    """Most steps after which dampers may act at once without an error to be seen: 1, or an even number.
+
+    Dampers act on how fast stretch changes. Of a body that turns at Ω, stretch changes at rates of Ω, and what
+    dampers do to it is a share (c/k) Ω of it, as C ≤ max(c/k) K. In cycles of n steps they do it by a share of
+    (n ω h)²/24 wrongly to what swings at ω. Verlet errs by (ω h)²/24 itself: the error of cycles stays
+    below it as long as n² (c/k) Ω ≤ 1, here for turns of up to `FINE_TURN` a step.
+    """
+    bodies = [placed.body for placed in scene.bodies]
+    slowest = max(float((body.damping / body.stiffness).max(initial=0.0)) for body in bodies)
+    longest = math.sqrt(step / (FINE_TURN * slowest)) if slowest > 0 else math.inf
+    return max(1, 2 * int(min(longest, LONGEST_CYCLE) / 2))
 
 
 def steps_in(period: float, step: float) -> int:

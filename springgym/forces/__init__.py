@@ -28,6 +28,7 @@ from springgym.forces.actuators import (
     set_actuation,
 )
 from springgym.forces.barrier import HollowSphere, Planes, contact_energy
+from springgym.forces.cycle import Cycle
 from springgym.forces.memory import Memory
 from springgym.forces.pairs.terms import Meets
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
@@ -67,6 +68,8 @@ class Terms(NamedTuple):
     """contact as the paper has it"""
     memory: Memory | None = None
     """what is kept of the last node, where there are surfaces or bodies that collide"""
+    cycle: Cycle | None = None
+    """what acts once in several steps; None if all acts at each"""
     meets: Meets | None = None
     """bodies that collide"""
     own: tuple[OfBody, ...] | None = None
@@ -160,6 +163,17 @@ def kick_and_drift(x: Rows, v: Rows, a: Rows, h: Number) -> None:
 
 
 @compiled
+def kick_through(x: Rows, v: Rows, force: Rows, before: Number, h: Number, particles: Particles) -> None:
+    """`divide_and_kick` for ``before`` seconds and `kick_and_drift` at once, to the bit."""
+    for i in range(x.shape[0]):
+        acceleration = load(particles.inverse_mass, i) * row(force, i)
+        halfway = plus_scaled(row(v, i), before, acceleration)
+        after = plus_scaled(halfway, 0.5 * h, acceleration)
+        set_row(v, i, after)
+        add_row(x, i, h * after)
+
+
+@compiled
 def actuate(x: Rows, b: Rows, terms: Terms) -> None:
     """Set ``b`` (N, 3) to the accelerations by actuators, if the scene has any.
 
@@ -183,17 +197,28 @@ def act(v: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
 
 
 @compiled
-def relax(v: Rows, direction: Rows, backward: bool, whole: bool, ledger: Ledger, terms: Terms) -> None:
-    """Let the dampers act for a ``whole`` step, or for half of one."""
-    damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward, whole)
+def acts_each_step(thrust: Thrust | None, drive: Drive | None) -> bool:
+    """Whether there is what would shake a body if it acted less often: what pushes single particles."""
+    return thrust is not None or drive is not None
 
 
 @compiled
-def paired(dampers: Dampers | None) -> bool:
-    """Whether the dampers, if there are any, take two sweeps a step."""
-    if dampers is None:
-        return True
-    return dampers.paired
+def actuate_each_step(x: Rows, b: Rows, terms: Terms) -> None:
+    """`actuate` without the wrench."""
+    set_actuation(x, b, terms.particles, terms.springs, None, terms.thrust, terms.drive)
+
+
+@compiled
+def act_each_step(v: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
+    """`act` without the wrench."""
+    push(v, b, tau, terms.particles, None, terms.thrust, ledger)
+    move_drive(v, b, tau, terms.drive, ledger)
+
+
+@compiled
+def relax(v: Rows, direction: Rows, backward: bool, whole: bool, ledger: Ledger, terms: Terms) -> None:
+    """Let the dampers act for a ``whole`` step, or for half of one."""
+    damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward, whole)
 
 
 @compiled

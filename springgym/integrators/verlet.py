@@ -8,16 +8,29 @@ import numpy as np
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
-from springgym.core.lanes import bodies_of, load, of_body
+from springgym.core.lanes import any_lane, bodies_of, load, of_body
 from springgym.forces import (
     act,
+    act_each_step,
+    acts_each_step,
     actuate,
+    actuate_each_step,
     divide_and_kick,
     divide_by_mass,
     kick_and_drift,
-    paired,
+    kick_through,
     relax,
     set_forces,
+)
+from springgym.forces.cycle import (
+    catch_up,
+    is_at,
+    keep_phase,
+    next_in_cycle,
+    pass_middle,
+    place_in,
+    remember_cycle,
+    resume_cycle,
 )
 from springgym.forces.memory import (
     PHASE,
@@ -56,6 +69,7 @@ RECORD = Integrator(
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
     meets_bodies=True,
     meets_surfaces=True,
+    cycles=True,
 )
 
 
@@ -67,24 +81,56 @@ def integrate(
 
     What loses or adds energy does so where velocities and positions are of the same time: half a kick
     later, spinning alone would look like stretching. All that depends on the positions x_n is found
-    once, when the step arrives there: ``steps`` steps take ``steps`` + 1 force evaluations. Between two steps
-    the damping of both is one sweep, its direction alternating, where the body allows it.
+    once, when the step arrives there: ``steps`` steps take ``steps`` + 1 force evaluations. Calls of a and b
+    steps are one of a + b, to the bit.
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
-    pair = paired(terms.dampers)
     for n in range(steps + 1):
         set_forces(x, a, direction, terms)
         actuate(x, b, terms)
-        inner = 0 < n < steps
-        whole = inner and not pair
         divide_and_kick(a, v, v, 0.5 * h if n > 0 else 0.0, terms.particles)
-        if n > 0 and (not whole or n % 2 == 1):
-            relax(v, direction, True, whole, ledger, terms)
-        act(v, b, h if inner else 0.5 * h, ledger, terms)
+        if n > 0:
+            relax(v, direction, True, False, ledger, terms)
+            act(v, b, 0.5 * h, ledger, terms)
         if n < steps:
-            if not whole or n % 2 == 0:
-                relax(v, direction, False, whole, ledger, terms)
+            act(v, b, 0.5 * h, ledger, terms)
+            relax(v, direction, False, False, ledger, terms)
             kick_and_drift(x, v, a, h)
+
+
+@compiled
+def integrate_in_cycles(
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+) -> None:
+    """The same, but dampers and wrench act in the middle of cycles alone, see `springgym.forces.cycle`."""
+    a, b, direction = workspace[0], workspace[1], workspace[2]
+    cycle, room = terms.cycle, workspace[3]
+    phase = resume_cycle(v, ledger, terms.wrench, cycle)
+    for n in range(steps + 1):
+        before, last, taken = 0.5 * h if n > 0 else 0.0, n == steps, place_in(phase, cycle)
+        damps = any_lane(taken > 0.0) if last else any_lane(is_at(taken, cycle.every // 2))
+        if damps:
+            set_forces(x, a, direction, terms)
+        else:
+            set_forces(x, a, None, terms)
+        if not (damps or last or acts_each_step(terms.thrust, terms.drive)):
+            kick_through(x, v, a, before, h, terms.particles)
+        else:
+            actuate_each_step(x, b, terms)
+            divide_and_kick(a, v, v, before, terms.particles)
+            if n > 0:
+                act_each_step(v, b, 0.5 * h, ledger, terms)
+            if not last:
+                if damps:
+                    pass_middle(x, v, room, direction, phase, h, ledger, terms)
+                act_each_step(v, b, 0.5 * h, ledger, terms)
+                kick_and_drift(x, v, a, h)
+            elif damps:
+                remember_cycle(v, ledger, terms.wrench, cycle)
+                catch_up(x, v, room, direction, phase, h, ledger, terms)
+        if not last:
+            phase = next_in_cycle(phase, cycle)
+    keep_phase(phase, cycle)
 
 
 @compiled
