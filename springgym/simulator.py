@@ -127,9 +127,9 @@ class Simulator:
         meant, and no `PrecisionWarning` tells of them; if not, it is `STRAIN_LIMIT`.
     damping_every
         Steps after which dampers and the wrench act for all of them at once, see `springgym.forces.cycle`: 1
-        or an even number. If not given, it is `springgym.stability.damping_every` of the scene, or 1 if
-        stiffness or damping vary. Where something acts at every step (surfaces, bodies that collide, floppy
-        bodies, other methods), and without dampers, it is 1.
+        or an even number of at most `springgym.stability.LONGEST_CYCLE`. If not given, it is
+        `springgym.stability.damping_every` of the scene, or 1 if masses, stiffness or damping vary. It must be 1
+        where `springgym.stability.damps_each_step` has a reason.
 
     Raises
     ------
@@ -935,8 +935,8 @@ class Simulator:
     def _checked_cycle(self, every: int | None, varying: Collection[str]) -> int:
         one = stability.damps_each_step(self.scene, self.integrator)
         if every is None:
-            unknown = one or self._kind.rigid or not {"stiffness", "damping"}.isdisjoint(varying)
-            return 1 if unknown else stability.damping_every(self.scene, self.step)
+            unknown = self._kind.rigid or not set(stability.VARIED).isdisjoint(varying)
+            return 1 if unknown else stability.damping_every(self.scene, self.integrator, self.step)
         every = checks.whole("damping_every", every, 1, stability.LONGEST_CYCLE)
         if every > 1 and every % 2:
             raise ValueError(f"damping_every is {every}; it must be 1 or even: a cycle has a middle")

@@ -197,25 +197,6 @@ def act(v: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
 
 
 @compiled
-def acts_each_step(thrust: Thrust | None, drive: Drive | None) -> bool:
-    """Whether there is what would shake a body if it acted less often: what pushes single particles."""
-    return thrust is not None or drive is not None
-
-
-@compiled
-def actuate_each_step(x: Rows, b: Rows, terms: Terms) -> None:
-    """`actuate` without the wrench."""
-    set_actuation(x, b, terms.particles, terms.springs, None, terms.thrust, terms.drive)
-
-
-@compiled
-def act_each_step(v: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
-    """`act` without the wrench."""
-    push(v, b, tau, terms.particles, None, terms.thrust, ledger)
-    move_drive(v, b, tau, terms.drive, ledger)
-
-
-@compiled
 def relax(v: Rows, direction: Rows, backward: bool, whole: bool, ledger: Ledger, terms: Terms) -> None:
     """Let the dampers act for a ``whole`` step, or for half of one."""
     damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward, whole)

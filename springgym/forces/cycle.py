@@ -1,10 +1,14 @@
-"""What acts once in a cycle of steps: dampers, and the wrench.
+"""What acts less often than at every step: dampers, and the wrench.
 
-A cycle is an even number of steps. In its middle, dampers and wrench act for all of its time at once; between
-two ends of cycles all of a step but they is velocity Verlet's. Copies are each in a cycle of their own. Where a
-state is read amid a cycle, they have acted there for the time since it began, neither more nor less, and the
+A cycle is an even number of steps of velocity Verlet. The wrench acts by Simpson's rule: for a sixth of a cycle
+at each of its ends, and for the rest in its middle. Once a cycle dampers act for all of its time, after the
+first step of one cycle and before the last of the next, so that no vibration is met at the same moment of its
+swing each time. Two cycles are their own mirror image, and so of second order. Copies are each in a cycle of
+their own.
+
+Where a state is read amid a cycle, both have acted for the time since it began, neither more nor less, and the
 next call goes on from before that: calls of a and b steps are one of a + b. Copies that were placed or varied
-begin a cycle, and so do those of which something else is asked than at the last step, if they are amid one.
+begin a cycle, and so do those amid one of which something else is asked than when they were read.
 """
 
 from __future__ import annotations
@@ -32,6 +36,12 @@ PHASE, BEFORE, ASKED = 0, 1, 1 + ENTRIES
 turns in direction; the ledger before the state was read; and what the wrench was asked for."""
 
 MARKS = ASKED + 9
+
+FIRST = 1
+"""Steps after which dampers act in the first of two cycles."""
+
+END, MIDDLE = 1 / 6, 2 / 3
+"""Simpson's rule: for which share of a cycle the wrench acts at each of its ends, and in its middle."""
 
 
 class Cycle(NamedTuple):
@@ -117,49 +127,78 @@ def remember_cycle(v: Rows, ledger: Ledger, wrench: Wrench | None, cycle: Cycle)
 
 
 @compiled
-def pass_middle(
-    x: Rows, v: Rows, b: Rows, direction: Rows, phase: Number, h: Number, ledger: Ledger, terms: Terms
-) -> None:
-    """Let dampers and wrench act for a whole cycle on the copies in the middle of one.
-
-    The sweep is before the wrench in one cycle, and after it, in the other direction, in the next: two
-    are the mirror image of themselves, and so of second order.
-    """
-    cycle, half = terms.cycle, terms.cycle.every // 2
-    first, second = is_at(phase, half), is_at(phase, half + cycle.every)
-    some = is_at(place_in(phase, cycle), half)
-    damp_some(v, direction, True, first, ledger, terms)
-    turn(x, v, b, select(some, cycle.every * h + 0.0 * phase, 0.0), ledger, terms)
-    damp_some(v, direction, False, second, ledger, terms)
+def acts_at(phase: Number, wrench: Wrench | None, cycle: Cycle) -> tuple[bool, bool]:
+    """Whether dampers act, and the wrench, in some copy before its next step."""
+    damps = any_lane(is_at(phase, FIRST)) or any_lane(is_at(phase, 2 * cycle.every - FIRST))
+    turns = False
+    if wrench is not None:
+        place = place_in(phase, cycle)
+        turns = any_lane(is_at(place, 0)) or any_lane(is_at(place, cycle.every // 2))
+    return damps, turns
 
 
 @compiled
-def damp_some(
-    v: Rows, direction: Rows, backward: bool, among: Mask, ledger: Ledger, terms: Terms
+def relax_in_turn(
+    v: Rows, direction: Rows, phase: Number, ledger: Ledger, terms: Terms
 ) -> None:
+    """Let dampers act on the copies whose turn it is: back after a first step, there before a last one."""
+    damp_some(v, direction, True, is_at(phase, FIRST), ledger, terms)
+    damp_some(v, direction, False, is_at(phase, 2 * terms.cycle.every - FIRST), ledger, terms)
+
+
+@compiled
+def damp_some(v: Rows, direction: Rows, backward: bool, among: Mask, ledger: Ledger, terms: Terms) -> None:
     """Let the dampers act for a whole cycle on some copies, if there are any."""
     if any_lane(among):
         damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward, True, among)
 
 
 @compiled
-def turn(x: Rows, v: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
-    """Let the wrench act for ``tau`` seconds; ``b`` is workspace."""
-    set_actuation(x, b, terms.particles, terms.springs, terms.wrench, None, None)
-    push(v, b, tau, terms.particles, terms.wrench, None, ledger)
+def turn_in_turn(
+    x: Rows, v: Rows, b: Rows, phase: Number, h: Number, before: bool, after: bool, ledger: Ledger, terms: Terms
+) -> None:
+    """Let the wrench act where cycles end and begin, ``before`` and ``after`` that, and amid them."""
+    if terms.wrench is not None:
+        cycle, place = terms.cycle, place_in(phase, terms.cycle)
+        time = cycle.every * h
+        turn(x, b, terms)
+        if before:
+            add_turn(v, b, is_at(place, 0), END * time, ledger, terms)
+        if after:
+            add_turn(v, b, is_at(place, 0), END * time, ledger, terms)
+            add_turn(v, b, is_at(place, cycle.every // 2), MIDDLE * time, ledger, terms)
+
+
+@compiled
+def turn(x: Rows, b: Rows, terms: Terms) -> None:
+    """Set ``b`` (N, 3) to the accelerations by the wrench."""
+    set_actuation(x, b, terms.particles, None, terms.wrench, None, None)
+
+
+@compiled
+def add_turn(v: Rows, b: Rows, among: Mask, tau: Number, ledger: Ledger, terms: Terms) -> None:
+    """Let the accelerations ``b`` by the wrench act on some copies for ``tau`` seconds."""
+    each = select(among, tau + 0.0 * load(terms.cycle.marks, PHASE), 0.0)
+    push(v, b, each, terms.particles, terms.wrench, None, ledger)
 
 
 @compiled
 def catch_up(
     x: Rows, v: Rows, b: Rows, direction: Rows, phase: Number, h: Number, ledger: Ledger, terms: Terms
 ) -> None:
-    """Let dampers and wrench have acted for the time since the cycle began, where a state is read amid it.
+    """Let dampers and wrench have acted for the time since two cycles began, where a state is read amid one.
 
-    Before its middle they have not acted yet; after it, for more than that: what is too much is taken back.
+    What they did too much is taken back.
     """
     cycle = terms.cycle
-    taken = place_in(phase, cycle)
-    share = taken * (1.0 / cycle.every)
-    share = select(2.0 * taken > cycle.every, share - 1.0, share)
+    time, last = cycle.every * h, 2 * cycle.every - FIRST
+    some = 0.0 * phase
+    done = select(phase > FIRST + 0.5, 1.0 + some, 0.0) + select(phase > last + 0.5, 1.0 + some, 0.0)
+    share = phase * (1.0 / cycle.every) - done
     damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, True, True, None, share)
-    turn(x, v, b, share * (cycle.every * h), ledger, terms)
+    if terms.wrench is not None:
+        place = place_in(phase, cycle)
+        done = select(place > cycle.every // 2 + 0.5, END + MIDDLE + some, END)
+        share = select(place > 0.0, place * (1.0 / cycle.every) - done, 0.0)
+        turn(x, b, terms)
+        push(v, b, share * time, terms.particles, terms.wrench, None, ledger)

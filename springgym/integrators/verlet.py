@@ -11,10 +11,7 @@ from springgym.core.kinds import Ledger, Number, Rows
 from springgym.core.lanes import any_lane, bodies_of, load, of_body
 from springgym.forces import (
     act,
-    act_each_step,
-    acts_each_step,
     actuate,
-    actuate_each_step,
     divide_and_kick,
     divide_by_mass,
     kick_and_drift,
@@ -23,14 +20,15 @@ from springgym.forces import (
     set_forces,
 )
 from springgym.forces.cycle import (
+    acts_at,
     catch_up,
-    is_at,
     keep_phase,
     next_in_cycle,
-    pass_middle,
     place_in,
+    relax_in_turn,
     remember_cycle,
     resume_cycle,
+    turn_in_turn,
 )
 from springgym.forces.memory import (
     PHASE,
@@ -102,32 +100,31 @@ def integrate(
 def integrate_in_cycles(
     x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
 ) -> None:
-    """The same, but dampers and wrench act in the middle of cycles alone, see `springgym.forces.cycle`."""
+    """The same, but dampers and wrench act in cycles of several steps, see `springgym.forces.cycle`."""
     a, b, direction = workspace[0], workspace[1], workspace[2]
-    cycle, room = terms.cycle, workspace[3]
+    cycle = terms.cycle
     phase = resume_cycle(v, ledger, terms.wrench, cycle)
     for n in range(steps + 1):
-        before, last, taken = 0.5 * h if n > 0 else 0.0, n == steps, place_in(phase, cycle)
-        damps = any_lane(taken > 0.0) if last else any_lane(is_at(taken, cycle.every // 2))
-        if damps:
+        before, last = 0.5 * h if n > 0 else 0.0, n == steps
+        amid = last and any_lane(place_in(phase, cycle) > 0.0)
+        damps, turns = acts_at(phase, terms.wrench, cycle)
+        if amid or (damps and not last):
             set_forces(x, a, direction, terms)
         else:
             set_forces(x, a, None, terms)
-        if not (damps or last or acts_each_step(terms.thrust, terms.drive)):
+        if not (damps or turns or last):
             kick_through(x, v, a, before, h, terms.particles)
         else:
-            actuate_each_step(x, b, terms)
             divide_and_kick(a, v, v, before, terms.particles)
-            if n > 0:
-                act_each_step(v, b, 0.5 * h, ledger, terms)
+            if turns:
+                turn_in_turn(x, v, b, phase, h, n > 0, not last, ledger, terms)
             if not last:
                 if damps:
-                    pass_middle(x, v, room, direction, phase, h, ledger, terms)
-                act_each_step(v, b, 0.5 * h, ledger, terms)
+                    relax_in_turn(v, direction, phase, ledger, terms)
                 kick_and_drift(x, v, a, h)
-            elif damps:
+            elif amid:
                 remember_cycle(v, ledger, terms.wrench, cycle)
-                catch_up(x, v, room, direction, phase, h, ledger, terms)
+                catch_up(x, v, b, direction, phase, h, ledger, terms)
         if not last:
             phase = next_in_cycle(phase, cycle)
     keep_phase(phase, cycle)
