@@ -382,7 +382,7 @@ def _asymmetric(twin: tuple[Any, ...], parts: list[Packed], options: Options) ->
 def decays(
     part: Scene, order: np.ndarray, time: float, damping: np.ndarray, masses: np.ndarray
 ) -> tuple[Decay, Decay]:
-    """In half of a time [s], and in all of it: that of a step or of a cycle; for damping (…, S) in the body's order and masses (…, N)."""
+    """In half of a time [s] and in all of it, for damping (…, S) in the body's order and masses (…, N)."""
     inverse = part.free / masses
     first, second = part.body.springs[order].T
     given = (damping[..., order], inverse[..., first], inverse[..., second])

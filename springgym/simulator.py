@@ -128,8 +128,8 @@ class Simulator:
     damping_every
         Steps after which dampers and the wrench act for all of them at once, see `springgym.forces.cycle`: 1
         or an even number of at most `springgym.stability.LONGEST_CYCLE`. If not given, it is
-        `springgym.stability.damping_every` of the scene, or 1 if masses, stiffness or damping vary. It must be 1
-        where `springgym.stability.damps_each_step` has a reason.
+        `springgym.stability.damping_every` of the scene, or 1 if masses, stiffness or damping vary. It must
+        be 1 where `springgym.stability.damps_each_step` has a reason.
 
     Raises
     ------
@@ -941,7 +941,9 @@ class Simulator:
         if every > 1 and every % 2:
             raise ValueError(f"damping_every is {every}; it must be 1 or even: a cycle has a middle")
         if every > 1 and (one or self._kind.rigid):
-            raise ValueError(f"damping_every is {every}; it must be 1: {one or 'rigid bodies have no dampers'}")
+            raise ValueError(
+                f"damping_every is {every}; it must be 1: {one or 'rigid bodies have no dampers'}"
+            )
         return every
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,8 +24,8 @@ decays exactly, but one after the other: up to there slow motion of a rope, the 
 0.55 % (λ h)², and beyond it ever less than c says, 70 % less at λ h = 28."""
 
 FINE_TURN = 1 / 40
-"""The turn in a step [rad] up to which a cycle of steps does no harm, see `damping_every`: beyond it, Verlet's
-own error is FINE_TURN²/24 a radian and more."""
+"""The turn in a step [rad] up to which cycles of steps do no harm, see `cycles_harmless`: Verlet's own error
+is FINE_TURN²/24 a radian there."""
 
 RINGING = 2.0
 """How much longer than the slowest of a body's vibrations any may last where dampers act in cycles."""
@@ -34,6 +35,9 @@ RIGID = 1e-9
 
 VARIED = ("masses", "stiffness", "damping")
 """Parameters on which the length of a cycle depends."""
+
+SAMPLE = 17
+"""How many frequencies stand for all that a vibration may have."""
 
 LONGEST_CYCLE = 10
 """Most steps in a cycle."""
@@ -113,9 +117,24 @@ def vibrations(scene: Scene) -> Vibrations:
         squares, modes = np.linalg.eigh(_weighted(part, part.body.stiffness))
         swings = squares > RIGID * squares[-1]
         modes = modes[:, swings]
-        found.append((np.sqrt(squares[swings]), ((_weighted(part, part.body.damping) @ modes) * modes).sum(0) / 2))
+        found.append(
+            (np.sqrt(squares[swings]), ((_weighted(part, part.body.damping) @ modes) * modes).sum(0) / 2)
+        )
     slowness = max(float((part.body.damping / part.body.stiffness).max(initial=0.0)) for part in scene.parts)
     return Vibrations(*map(np.concatenate, zip(*found, strict=True)), slowness)
+
+
+def varied(of: Vibrations, factors: Mapping[str, Sequence[float]]) -> Vibrations:
+    """Those of bodies whose `VARIED` are multiplied by factors (low, high), a sample of them all."""
+    masses, stiffness, damping = (np.array(factors.get(name, (1.0, 1.0))) for name in VARIED)
+    faster = np.unique(np.geomspace(*np.sqrt(stiffness / masses[::-1]), SAMPLE))
+    more = np.unique(damping / masses[::-1])
+    faster, more = (values.ravel() for values in np.meshgrid(faster, more))
+    return Vibrations(
+        np.outer(faster, of.frequency).ravel(),
+        np.outer(more, of.rate).ravel(),
+        of.slowness * damping[1] / stiffness[0],
+    )
 
 
 def damps_each_step(scene: Scene, integrator: Integrator) -> str:
@@ -134,17 +153,17 @@ def damps_each_step(scene: Scene, integrator: Integrator) -> str:
 
 
 def cycles_harmless(of: Vibrations, step: float, every: int) -> bool:
-    """Tell whether dampers may act once in ``every`` steps [s].
+    """Tell whether dampers may act once in ``every`` steps of ``step`` seconds.
 
     Dampers act on how fast stretch changes. In a body that turns at Ω it changes at rates of Ω, and dampers
-    change it by a share of (c/k) Ω at the most, as C ≤ max(c/k) K. In cycles of n steps they do so with an error
-    of (n Ω h)²/24 of that. Verlet's own is (Ω h)²/24 of the stretch itself, and the larger one as long as
-    n² (c/k) Ω ≤ 1, here for `FINE_TURN` a step.
+    change it by a share of (c/k) Ω at the most, as C ≤ max(c/k) K. In cycles of n steps they do so with an
+    error of (n Ω h)²/24 of that. Verlet's own is (Ω h)²/24 of the stretch itself, and the larger one as long
+    as n² (c/k) Ω ≤ 1, here for `FINE_TURN` a step.
 
     That bounds the error of bodies that turn, not of those that ring. A vibration of ω is turned by
-    2 arcsin(ω h/2) a step and squeezed where dampers act, see `springgym.forces.cycle`; of two cycles that is a
-    matrix, and what it leaves of the vibration is its spectral radius. None may last longer than `RINGING` ×
-    as long as the slowest does with dampers at every moment.
+    2 arcsin(ω h/2) a step and squeezed where dampers act, see `springgym.forces.cycle`; two cycles are a
+    matrix, and what they leave of the vibration is its spectral radius. None may last longer than `RINGING`
+    times as long as the slowest does where dampers act at every moment.
     """
     if every**2 * of.slowness * FINE_TURN > step:
         return False
@@ -172,25 +191,24 @@ def damping_every(scene: Scene, integrator: Integrator, step: float) -> int:
     return next((n for n in range(LONGEST_CYCLE, 1, -2) if cycles_harmless(of, step, n)), 1)
 
 
-def cycles_in(scene: Scene, integrator: Integrator, period: float, steps: int, exactly: bool) -> tuple[int, int]:
-    """Return in how many steps, of whole cycles, a period [s] goes by at the least cost, and those of its cycles.
+def cycles_in(of: Vibrations, period: float, steps: int, exactly: bool) -> tuple[int, int]:
+    """Return the steps of a period [s] of whole cycles that costs the least, and the steps of these.
 
-    They are at least ``steps``, or ``exactly`` as many. In periods of an odd number of cycles, copies that
-    began in different ones disagree on the direction of a sweep, and a block of them needs two.
+    Those of the period are at least ``steps``, or ``exactly`` as many. In periods of an odd number of cycles,
+    copies that began in different ones disagree on the direction of a sweep, and a block of them needs two.
     """
     cost = {(steps, 1): steps * (1 + SWEEP + TURN)}
-    if not damps_each_step(scene, integrator):
-        for every in range(2, LONGEST_CYCLE + 1, 2):
-            least = -(-steps // every)
-            for cycles in (least, least + 1):
-                if not exactly or cycles * every == steps:
-                    one = every + SWEEP * (1 + cycles % 2) + 2 * TURN
-                    cost[cycles * every, every] = cycles * one
-        of = vibrations(scene)
-    for count, every in sorted(cost, key=cost.__getitem__):
-        if every == 1 or cycles_harmless(of, period / count, every):
-            break
-    return count, every
+    for every in range(2, LONGEST_CYCLE + 1, 2):
+        least = -(-steps // every)
+        for cycles in (least, least + 1):
+            if not exactly or cycles * every == steps:
+                one = every + SWEEP * (1 + cycles % 2) + 2 * TURN
+                cost[cycles * every, every] = cycles * one
+    return next(
+        (count, every)
+        for count, every in sorted(cost, key=cost.__getitem__)
+        if every == 1 or cycles_harmless(of, period / count, every)
+    )
 
 
 def steps_in(period: float, step: float) -> int:

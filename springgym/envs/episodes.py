@@ -119,10 +119,10 @@ class Episodes:
         self.simulator = Simulator(scene, step=step, damping_every=every, **made)
         self.error = StepError(self.simulator, **made) if checks.flag("error", error) else None
         self.steps = steps_in(task.period, self.simulator.step)
-        if self.steps % self.simulator.damping_every:
+        if self.steps % every:
             raise ValueError(
-                f"damping_every is {self.simulator.damping_every}; it must be a whole part of the {self.steps} "
-                "steps in a control period, as actions change at its end"
+                f"damping_every is {every}; it must be a whole part of the {self.steps} steps in a control "
+                "period, as actions change at its end"
             )
         self.goal = np.zeros((copies, task.goal_size))
         self.strength = np.ones((copies, 1))
@@ -157,8 +157,7 @@ class Episodes:
     ) -> tuple[float, int]:
         """The step, and after how many dampers act: given, or automatic.
 
-        The step is that of the stiffest and lightest body of the randomisation. Where masses, stiffness or
-        damping are drawn, dampers act at each, as no cycle suits all of them.
+        The step is that of the stiffest and lightest body of the randomisation, and cycles suit all bodies.
 
         Raises
         ------
@@ -183,7 +182,8 @@ class Episodes:
         method = kind.integrator(kind.default(scene) if integrator is None else integrator)
         if reason := kind.refusal(method, scene, randomisation.varying(self.ranges, scene)):
             raise ValueError(reason)
-        cycles = not kind.rigid and self.ranges.keys().isdisjoint(stability.VARIED)
+        each = kind.rigid or stability.damps_each_step(scene, method)
+        vibrations = None if each else stability.varied(stability.vibrations(self.task.scene), self.ranges)
         ranges = f" with randomize={self.ranges}" if self.ranges else ""
         if step is not None:
             step = checks.number("step", step, TINY)
@@ -198,8 +198,8 @@ class Episodes:
                     f"there must be at most {MOST_STEPS:,}"
                 )
             steps = steps_in(period, step)
-            if every is None and cycles:
-                every = stability.cycles_in(scene, method, period, steps, exactly=True)[1]
+            if every is None and vibrations:
+                every = stability.cycles_in(vibrations, period, steps, exactly=True)[1]
             return step, 1 if every is None else every
         automatic = min(kind.automatic_step(scene, method), self.task.finest)
         if not period <= MOST_STEPS * automatic:
@@ -212,8 +212,8 @@ class Episodes:
         # different periods agree on it, and a block needs one sweep for all.
         if scene.surfaces and not kind.rigid:
             steps += steps % 2
-        if every is None and cycles:
-            steps, every = stability.cycles_in(scene, method, period, steps, exactly=False)
+        if every is None and vibrations:
+            steps, every = stability.cycles_in(vibrations, period, steps, exactly=False)
         elif every is not None:
             every = checks.whole("damping_every", every, 1, stability.LONGEST_CYCLE)
             steps += -steps % every

@@ -203,6 +203,14 @@ def relax(v: Rows, direction: Rows, backward: bool, whole: bool, ledger: Ledger,
 
 
 @compiled
+def paired(dampers: Dampers | None) -> bool:
+    """Whether the dampers, if there are any, take two sweeps a step."""
+    if dampers is None:
+        return True
+    return dampers.paired
+
+
+@compiled
 def drift(x: Rows, v: Rows, tau: Number) -> None:
     """Let the particles move for ``tau`` seconds, with nothing in their way."""
     for i in range(x.shape[0]):

@@ -1,14 +1,14 @@
 """What acts less often than at every step: dampers, and the wrench.
 
-A cycle is an even number of steps of velocity Verlet. The wrench acts by Simpson's rule: for a sixth of a cycle
-at each of its ends, and for the rest in its middle. Once a cycle dampers act for all of its time, after the
-first step of one cycle and before the last of the next, so that no vibration is met at the same moment of its
-swing each time. Two cycles are their own mirror image, and so of second order. Copies are each in a cycle of
-their own.
+A cycle is an even number of steps of velocity Verlet. The wrench acts by Simpson's rule: for a sixth of a
+cycle at each of its ends, and for the rest in its middle. Once a cycle dampers act for all of its time, after
+the first step of one cycle and before the last of the next, so that no vibration is met at the same moment of
+its swing each time. Two cycles are their own mirror image, and so of second order. Copies are each in a cycle
+of their own.
 
-Where a state is read amid a cycle, both have acted for the time since it began, neither more nor less, and the
-next call goes on from before that: calls of a and b steps are one of a + b. Copies that were placed or varied
-begin a cycle, and so do those amid one of which something else is asked than when they were read.
+Where a state is read amid a cycle, both have acted for the time since it began, neither more nor less, and
+the next call goes on from before that: calls of a and b steps are one of a + b. Copies that were placed or
+varied begin a cycle, and so do those amid one of which something else is asked than when they were read.
 """
 
 from __future__ import annotations
@@ -138,9 +138,7 @@ def acts_at(phase: Number, wrench: Wrench | None, cycle: Cycle) -> tuple[bool, b
 
 
 @compiled
-def relax_in_turn(
-    v: Rows, direction: Rows, phase: Number, ledger: Ledger, terms: Terms
-) -> None:
+def relax_in_turn(v: Rows, direction: Rows, phase: Number, ledger: Ledger, terms: Terms) -> None:
     """Let dampers act on the copies whose turn it is: back after a first step, there before a last one."""
     damp_some(v, direction, True, is_at(phase, FIRST), ledger, terms)
     damp_some(v, direction, False, is_at(phase, 2 * terms.cycle.every - FIRST), ledger, terms)
@@ -150,12 +148,20 @@ def relax_in_turn(
 def damp_some(v: Rows, direction: Rows, backward: bool, among: Mask, ledger: Ledger, terms: Terms) -> None:
     """Let the dampers act for a whole cycle on some copies, if there are any."""
     if any_lane(among):
-        damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, backward, True, among)
+        damp(v, direction, terms.springs, terms.dampers, None, ledger, backward, True, among)
 
 
 @compiled
 def turn_in_turn(
-    x: Rows, v: Rows, b: Rows, phase: Number, h: Number, before: bool, after: bool, ledger: Ledger, terms: Terms
+    x: Rows,
+    v: Rows,
+    b: Rows,
+    phase: Number,
+    h: Number,
+    before: bool,
+    after: bool,
+    ledger: Ledger,
+    terms: Terms,
 ) -> None:
     """Let the wrench act where cycles end and begin, ``before`` and ``after`` that, and amid them."""
     if terms.wrench is not None:
@@ -194,10 +200,10 @@ def catch_up(
     time, last = cycle.every * h, 2 * cycle.every - FIRST
     some = 0.0 * phase
     done = select(phase > FIRST + 0.5, 1.0 + some, 0.0) + select(phase > last + 0.5, 1.0 + some, 0.0)
-    share = phase * (1.0 / cycle.every) - done
-    damp(v, direction, terms.springs, terms.dampers, terms.drive, ledger, True, True, None, share)
+    place = place_in(phase, cycle)
+    share = select(place > 0.0, phase * (1.0 / cycle.every) - done, 0.0)
+    damp(v, direction, terms.springs, terms.dampers, None, ledger, True, True, None, share)
     if terms.wrench is not None:
-        place = place_in(phase, cycle)
         done = select(place > cycle.every // 2 + 0.5, END + MIDDLE + some, END)
         share = select(place > 0.0, place * (1.0 / cycle.every) - done, 0.0)
         turn(x, b, terms)

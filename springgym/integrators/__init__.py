@@ -113,8 +113,8 @@ def advance_kernel(
     """The compiled function that takes blocks of copies through a number of steps by a method.
 
     The one for scenes with ``surfaces``, or where something acts in ``cycles`` of steps, is another where
-    these take code that others should not wait for. Bodies that collide take each step ``together``, or look around at their `START`; others one after another
-    take all.
+    these take code that others should not wait for. Bodies that collide take each step ``together``, or look
+    around at their `START`; others one after another take all.
 
     If the kernel is called with ``reads``, it then reads them off by ``read``, a compiled function like
     `springgym.measures.read`, which takes ``reading``, a `springgym.measures.Reading`. Only kernels of rigid

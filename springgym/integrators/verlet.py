@@ -16,6 +16,7 @@ from springgym.forces import (
     divide_by_mass,
     kick_and_drift,
     kick_through,
+    paired,
     relax,
     set_forces,
 )
@@ -79,20 +80,23 @@ def integrate(
 
     What loses or adds energy does so where velocities and positions are of the same time: half a kick
     later, spinning alone would look like stretching. All that depends on the positions x_n is found
-    once, when the step arrives there: ``steps`` steps take ``steps`` + 1 force evaluations. Calls of a and b
-    steps are one of a + b, to the bit.
+    once, when the step arrives there: ``steps`` steps take ``steps`` + 1 force evaluations. Between two steps
+    the damping of both is one sweep, its direction alternating, where the body allows it.
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
+    pair = paired(terms.dampers)
     for n in range(steps + 1):
         set_forces(x, a, direction, terms)
         actuate(x, b, terms)
+        inner = 0 < n < steps
+        whole = inner and not pair
         divide_and_kick(a, v, v, 0.5 * h if n > 0 else 0.0, terms.particles)
-        if n > 0:
-            relax(v, direction, True, False, ledger, terms)
-            act(v, b, 0.5 * h, ledger, terms)
+        if n > 0 and (not whole or n % 2 == 1):
+            relax(v, direction, True, whole, ledger, terms)
+        act(v, b, h if inner else 0.5 * h, ledger, terms)
         if n < steps:
-            act(v, b, 0.5 * h, ledger, terms)
-            relax(v, direction, False, False, ledger, terms)
+            if not whole or n % 2 == 0:
+                relax(v, direction, False, whole, ledger, terms)
             kick_and_drift(x, v, a, h)
 
 
@@ -100,7 +104,10 @@ def integrate(
 def integrate_in_cycles(
     x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
 ) -> None:
-    """The same, but dampers and wrench act in cycles of several steps, see `springgym.forces.cycle`."""
+    """The same, but dampers and wrench act in cycles of several steps, see `springgym.forces.cycle`.
+
+    Calls of a and b steps are one of a + b, to the bit.
+    """
     a, b, direction = workspace[0], workspace[1], workspace[2]
     cycle = terms.cycle
     phase = resume_cycle(v, ledger, terms.wrench, cycle)
