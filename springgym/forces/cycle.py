@@ -138,15 +138,11 @@ def acts_at(phase: Number, wrench: Wrench | None, cycle: Cycle) -> tuple[bool, b
 
 
 @compiled
-def relax_in_turn(v: Rows, direction: Rows, phase: Number, ledger: Ledger, terms: Terms) -> None:
+def relax_in_turn(
+    v: Rows, direction: Rows, backward: bool, phase: Number, ledger: Ledger, terms: Terms
+) -> None:
     """Let dampers act on the copies whose turn it is: back after a first step, there before a last one."""
-    damp_some(v, direction, True, is_at(phase, FIRST), ledger, terms)
-    damp_some(v, direction, False, is_at(phase, 2 * terms.cycle.every - FIRST), ledger, terms)
-
-
-@compiled
-def damp_some(v: Rows, direction: Rows, backward: bool, among: Mask, ledger: Ledger, terms: Terms) -> None:
-    """Let the dampers act for a whole cycle on some copies, if there are any."""
+    among = is_at(phase, FIRST if backward else 2 * terms.cycle.every - FIRST)
     if any_lane(among):
         damp(v, direction, terms.springs, terms.dampers, None, ledger, backward, True, among)
 

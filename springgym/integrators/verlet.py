@@ -123,11 +123,13 @@ def integrate_in_cycles(
             kick_through(x, v, a, before, h, terms.particles)
         else:
             divide_and_kick(a, v, v, before, terms.particles)
+            if damps and not last:
+                relax_in_turn(v, direction, False, phase, ledger, terms)
             if turns:
                 turn_in_turn(x, v, b, phase, h, n > 0, not last, ledger, terms)
             if not last:
                 if damps:
-                    relax_in_turn(v, direction, phase, ledger, terms)
+                    relax_in_turn(v, direction, True, phase, ledger, terms)
                 kick_and_drift(x, v, a, h)
             elif amid:
                 remember_cycle(v, ledger, terms.wrench, cycle)
