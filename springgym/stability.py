@@ -112,16 +112,15 @@ class Vibrations(NamedTuple):
 
 def vibrations(scene: Scene) -> Vibrations:
     """Find the vibrations of all bodies. How dampers couple them is left out."""
-    found: list[tuple[np.ndarray, np.ndarray]] = []
+    frequencies, rates = [], []
     for part in scene.parts:
         squares, modes = np.linalg.eigh(_weighted(part, part.body.stiffness))
         swings = squares > RIGID * squares[-1]
         modes = modes[:, swings]
-        found.append(
-            (np.sqrt(squares[swings]), ((_weighted(part, part.body.damping) @ modes) * modes).sum(0) / 2)
-        )
+        frequencies.append(np.sqrt(squares[swings]))
+        rates.append(0.5 * ((_weighted(part, part.body.damping) @ modes) * modes).sum(axis=0))
     slowness = max(float((part.body.damping / part.body.stiffness).max(initial=0.0)) for part in scene.parts)
-    return Vibrations(*map(np.concatenate, zip(*found, strict=True)), slowness)
+    return Vibrations(np.concatenate(frequencies), np.concatenate(rates), slowness)
 
 
 def varied(of: Vibrations, factors: Mapping[str, Sequence[float]]) -> Vibrations:

@@ -41,8 +41,8 @@ class StepError:
                 f"error is True: that compares with steps of half the length, but {method.name} chooses its "
                 "steps itself. Take another integrator, or read the error off its tolerance"
             )
-        pace = {"step": simulator.step / FINER, "damping_every": simulator.damping_every}
-        self.finer = Simulator(simulator.scene, **pace, **made)
+        every = simulator.damping_every
+        self.finer = Simulator(simulator.scene, step=simulator.step / FINER, damping_every=every, **made)
         self._share = 1 / (1 - FINER**-method.order)
         self.last = np.zeros(simulator.copies)
         """largest distance of a particle after the last period, as a share of its body's size"""
