@@ -156,8 +156,8 @@ def cycles_harmless(of: Vibrations, step: float, every: int) -> bool:
 
     Dampers act on how fast stretch changes. In a body that turns at Ω it changes at rates of Ω, and dampers
     change it by a share of (c/k) Ω at the most, as C ≤ max(c/k) K. In cycles of n steps, two and two, they do
-    so with an error of (n Ω h)²/3 of that. Verlet's own is (Ω h)²/24 of the body's size, and the larger one as
-    long as 8 n² (c/k) Ω × strain ≤ 1: here for a turn of `FINE_TURN` a step, and strains of up to 1/8.
+    so with an error of (n Ω h)²/3 of that. Verlet's own is (Ω h)²/24 of the body's size, and the larger one
+    as long as 8 n² (c/k) Ω × strain ≤ 1: here for a turn of `FINE_TURN` a step, and strains of up to 1/8.
 
     That bounds the error of bodies that turn, not of those that ring. A vibration of ω is turned by
     2 arcsin(ω h/2) a step and squeezed where dampers act, see `springgym.forces.cycle`; two cycles are a
