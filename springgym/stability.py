@@ -126,7 +126,8 @@ def vibrations(scene: Scene) -> Vibrations:
 def varied(of: Vibrations, factors: Mapping[str, Sequence[float]]) -> Vibrations:
     """Those of bodies whose `VARIED` are multiplied by factors (low, high), a sample of them all."""
     masses, stiffness, damping = (np.array(factors.get(name, (1.0, 1.0))) for name in VARIED)
-    faster = np.unique(np.geomspace(*np.sqrt(stiffness / masses[::-1]), SAMPLE))
+    slowest, fastest = np.sqrt(stiffness / masses[::-1])
+    faster = np.unique(np.geomspace(slowest, fastest, SAMPLE))
     more = np.unique(damping / masses[::-1])
     faster, more = (values.ravel() for values in np.meshgrid(faster, more))
     return Vibrations(
