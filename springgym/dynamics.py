@@ -33,7 +33,7 @@ class Dynamics(NamedTuple):
     integrator: Callable[[str], Integrator]
     refusal: Callable[[Integrator, Scene, Collection[str]], str | None]
     """why a method makes no sense in a scene with what varies, or None if it does"""
-    advance_kernel: Callable[[str, Callable[..., None], bool, bool], Callable[..., None]]
+    advance_kernel: Callable[[str, Callable[..., None], bool, bool, bool], Callable[..., None]]
     largest_step: Callable[[Scene, Integrator], float]
     automatic_step: Callable[..., float]
     settled: Callable[[Packed, np.ndarray, np.ndarray], np.ndarray] | None

@@ -17,6 +17,7 @@ from springgym.core.ragged import share, stacked
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
 from springgym.forces.barrier import Surfaces
+from springgym.forces.cycle import cycle
 from springgym.forces.memory import HELD, memory
 from springgym.forces.node import Space
 from springgym.forces.pairs.solids import Solids
@@ -93,6 +94,8 @@ class Options(NamedTuple):
     method: Integrator
     step: float
     """[s]"""
+    every: int
+    """steps of a cycle, see `springgym.forces.cycle`; 1 without cycles"""
     varying: frozenset[str]
     """names of parameters that differ from copy to copy"""
     blocks: Callable[..., np.ndarray]
@@ -192,7 +195,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
     if any(of.body.damping.any() for of in scene.bodies) or "damping" in options.varying:
         half, whole = (
             Decay(*(parameter({"damping", "masses"}, value) for value in decaying))
-            for decaying in decays(part, order, options.step, body.damping, body.masses)
+            for decaying in decays(part, order, options.every * options.step, body.damping, body.masses)
         )
         dampers = Dampers(parameter({"damping"}, body.damping[order]), half, whole, paired=body.floppy)
     surfaces = shared.surfaces
@@ -224,6 +227,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         dampers=dampers,
         surfaces=surfaces,
         memory=kept,
+        cycle=cycle(options.every, count, options.blocks) if options.every > 1 else None,
         **actuators,
     )
     return Packed(part, order, terms, rigid_body)
@@ -408,13 +412,13 @@ def _asymmetric(twin: tuple[Any, ...], parts: list[Packed], options: Options) ->
 
 
 def decays(
-    part: Scene, order: np.ndarray, step: float, damping: np.ndarray, masses: np.ndarray
+    part: Scene, order: np.ndarray, time: float, damping: np.ndarray, masses: np.ndarray
 ) -> tuple[Decay, Decay]:
-    """Of half a step and of a step, for damping (…, S) in the body's order and masses (…, N)."""
+    """In half of a time [s] and in all of it, for damping (…, S) in the body's order and masses (…, N)."""
     inverse = part.free / masses
     first, second = part.body.springs[order].T
     given = (damping[..., order], inverse[..., first], inverse[..., second])
-    return decay(*given, step / 2), decay(*given, step)
+    return decay(*given, time / 2), decay(*given, time)
 
 
 def actuators(packed: Packed) -> dict[str, np.ndarray]:
@@ -463,6 +467,8 @@ def renew(packed: Packed, index: np.ndarray) -> None:
     """Let some copies (k,) begin anew from where they are and how they move."""
     if packed.terms.memory:
         set_copies(packed.terms.memory.marks, index, 0.0)
+    if packed.terms.cycle:
+        set_copies(packed.terms.cycle.marks, index, 0.0)
 
 
 def swing(packed: Packed, x: np.ndarray) -> np.ndarray:
@@ -501,12 +507,14 @@ def vary_pairs(meets: Meets | None, scene: Scene, index: np.ndarray, given: Mapp
 
 
 def vary(
-    packed: Packed, index: np.ndarray, step: float, given: Mapping[str, np.ndarray], shapes: Any
+    packed: Packed, index: np.ndarray, time: float, given: Mapping[str, np.ndarray], shapes: Any
 ) -> None:
     """Set parameters of some copies (k,), and what follows from them.
 
     Parameters
     ----------
+    time
+        For which dampers act at once [s].
     given
         Checked values by name, each (k, …).
     shapes
@@ -528,7 +536,7 @@ def vary(
             rigid.set_shapes(packed.twin, index, shapes)
     if terms.dampers and given.keys() & {"masses", "damping"}:
         damping, masses = values(packed, "damping", index), values(packed, "masses", index)
-        of = decays(packed.scene, packed.order, step, damping, masses)
+        of = decays(packed.scene, packed.order, time, damping, masses)
         for arrays, decaying in zip((terms.dampers.half, terms.dampers.whole), of, strict=True):
             for array, value in zip(arrays, decaying, strict=True):
                 set_copies(array, index, value)

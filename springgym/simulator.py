@@ -63,10 +63,10 @@ methods some seconds: Python serves Ctrl-C between the calls."""
 FEWEST = 64
 """Steps of one compiled call that are taken whatever they cost: a call begins and ends with half a step."""
 
-OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.memory")
+OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.memory", "terms.cycle")
 """Arrays of `Simulator._changing` that hold what happens in a step, or happened in the last."""
 
-GOES_FORWARD = ("integrator", "step", "tolerance")
+GOES_FORWARD = ("integrator", "step", "damping_every", "tolerance")
 """Names in which a simulator may differ from the one that it takes over from."""
 
 PAPER_STEP = 5e-4
@@ -125,6 +125,11 @@ class Simulator:
     strain_limit
         Largest |L/L₀ − 1| of a spring; a copy beyond it has diverged. If it is given, strains up to it are
         meant, and no `PrecisionWarning` tells of them; if not, it is `STRAIN_LIMIT`.
+    damping_every
+        Steps after which dampers and the wrench act for all of them at once, see `springgym.forces.cycle`: 1
+        or an even number of at most `springgym.stability.LONGEST_CYCLE`. If not given, it is
+        `springgym.stability.damping_every` of the scene, or 1 if masses, stiffness or damping vary. It must
+        be 1 where `springgym.stability.damps_each_step` has a reason.
 
     Raises
     ------
@@ -150,6 +155,7 @@ class Simulator:
         ledger: bool = True,
         tolerance: tuple[float, float] | None = None,
         strain_limit: float | None = None,
+        damping_every: int | None = None,
     ) -> None:
         self._guard = Guard()
         self.scene = checks.instance("scene", scene, Scene)
@@ -167,6 +173,8 @@ class Simulator:
         """stability limit [s]"""
         self.step = self._checked_step(step)
         particles = len(scene.positions)
+        self.damping_every = self._checked_cycle(damping_every, varying)
+        """steps after which dampers and the wrench act for all of them at once"""
         self.copies = checks.whole("copies", copies, 1, MOST_PARTICLES // particles)
         self.threads = checks.whole("threads", threads, 1, MOST_THREADS)
         self.dtype = _checked_dtype(dtype)
@@ -196,7 +204,7 @@ class Simulator:
             stacked([np.array(placed.body.markers, np.uint32) for placed in scene.bodies]),
         )
         self._busy = len(scene.springs) + len(scene.meetings)
-        options = Options(self.integrator, self.step, varying, self._blocks)
+        options = Options(self.integrator, self.step, self.damping_every, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
         self._workspace = packing.workspaces(
             scene, self.integrator, self._terms.meets, self._kind.rigid, self._x.dtype, len(shares)
@@ -241,7 +249,11 @@ class Simulator:
         read = measures.read if len(self.scene.bodies) == 1 else measures.read_bodies
         return SameTypes(
             self._kind.advance_kernel(
-                self.integrator.name, read, self._terms.memory is not None, self._terms.meets is not None
+                self.integrator.name,
+                read,
+                self._terms.memory is not None,
+                self._terms.meets is not None,
+                self._terms.cycle is not None,
             )
         )
 
@@ -459,7 +471,7 @@ class Simulator:
             for packed, own in zip(self._packed, given, strict=True)
         ]
         for packed, own, of in zip(self._packed, given, follows, strict=True):
-            packing.vary(packed, index, self.step, own, of)
+            packing.vary(packed, index, self.damping_every * self.step, own, of)
         packing.vary_pairs(self._terms.meets, self.scene, index, given[0])
         self._meet(index)
 
@@ -522,6 +534,7 @@ class Simulator:
             "dynamics": self.dynamics,
             "integrator": self.integrator.name,
             "step": self.step,
+            "damping_every": self.damping_every,
             "tolerance": [control.relative, control.absolute] if isinstance(control, Control) else None,
             "ledger": self._ledger is not None,
             "varying": self._varying,
@@ -869,7 +882,8 @@ class Simulator:
         return (
             f"Simulator({self.copies} × {self.scene!r}, {self.dynamics}, "
             f"ω_max {stability.highest_frequency(self.scene):.5g} rad/s, {self.integrator.name}, "
-            f"step {self.step:g} s of at most {self.largest_step:.5g} s, {self.dtype})"
+            f"step {self.step:g} s of at most {self.largest_step:.5g} s, "
+            f"damping every {self.damping_every}, {self.dtype})"
         )
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -916,6 +930,20 @@ class Simulator:
                 f"{self.largest_step:.4g} s. Take a smaller step, softer springs or heavier particles"
             )
         return step
+
+    def _checked_cycle(self, every: int | None, varying: Collection[str]) -> int:
+        one = stability.damps_each_step(self.scene, self.integrator)
+        if every is None:
+            unknown = self._kind.rigid or not set(stability.VARIED).isdisjoint(varying)
+            return 1 if unknown else stability.damping_every(self.scene, self.integrator, self.step)
+        every = checks.whole("damping_every", every, 1, stability.LONGEST_CYCLE)
+        if every > 1 and every % 2:
+            raise ValueError(f"damping_every is {every}; it must be 1 or even: a cycle has a middle")
+        if every > 1 and (one or self._kind.rigid):
+            raise ValueError(
+                f"damping_every is {every}; it must be 1: {one or 'rigid bodies have no dampers'}"
+            )
+        return every
 
 
 def _tell(what: str) -> None:

@@ -87,7 +87,8 @@ def terms(simulator: Simulator) -> Any:
 def set_dampers(simulator: Simulator, decaying: Callable[[float], Decay]) -> None:
     """Change what its dampers do in some time [s]."""
     dampers = terms(simulator).dampers
-    for arrays, time in ((dampers.half, simulator.step / 2), (dampers.whole, simulator.step)):
+    whole = simulator.damping_every * simulator.step
+    for arrays, time in ((dampers.half, whole / 2), (dampers.whole, whole)):
         for array, value in zip(arrays, decaying(time), strict=True):
             array[:] = value
 

@@ -57,6 +57,7 @@ class _Common(Stateful):
         *,
         integrator: str | None = None,
         step: float | None = None,
+        damping_every: int | None = None,
         dynamics: str = "springs",
         dtype: DTypeLike = "float64",
         threads: int = 1,
@@ -72,6 +73,7 @@ class _Common(Stateful):
             copies,
             integrator=integrator,
             step=step,
+            damping_every=damping_every,
             dynamics=dynamics,
             dtype=dtype,
             threads=threads,
@@ -199,8 +201,9 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
     ----------
     render_mode
         None, "rgb_array" or "human".
-    integrator, step, dynamics, dtype
-        See `springgym.simulator.Simulator`; the step must be a whole part of the control period.
+    integrator, step, damping_every, dynamics, dtype
+        See `springgym.simulator.Simulator`; the step must be a whole part of the control period, and so must
+        be as many steps as `damping_every` says.
     randomize
         Ranges (low, high) of factors drawn each episode, by name, out of
         `springgym.envs.randomisation.RANDOMIZABLE`.

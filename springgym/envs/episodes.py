@@ -11,7 +11,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import DTypeLike
 
-from springgym import checks, measures
+from springgym import checks, measures, stability
 from springgym.bodies import Body
 from springgym.checks import TINY, chosen, instance
 from springgym.core.compiling import SameTypes, is_kernel, kernel
@@ -85,6 +85,7 @@ class Episodes:
         *,
         integrator: str | None,
         step: float | None,
+        damping_every: int | None,
         dynamics: str,
         dtype: DTypeLike,
         threads: int,
@@ -112,9 +113,15 @@ class Episodes:
             "threads": threads,
             "varying": randomisation.varying(self.ranges, scene),
         }
-        self.simulator = Simulator(scene, step=self._step(scene, kind, integrator, step), **made)
+        step, every = self._pace(scene, kind, integrator, step, damping_every)
+        self.simulator = Simulator(scene, step=step, damping_every=every, **made)
         self.error = StepError(self.simulator, **made) if checks.flag("error", error) else None
         self.steps = steps_in(task.period, self.simulator.step)
+        if self.steps % every:
+            raise ValueError(
+                f"damping_every is {every}; it must be a whole part of the {self.steps} steps in a control "
+                "period, as actions change at its end"
+            )
         self.goal = np.zeros((copies, task.goal_size))
         self.strength = np.ones((copies, 1))
         self.factors = np.ones((copies, len(self.ranges)))
@@ -143,8 +150,12 @@ class Episodes:
             self.simulator.read()
             task.prepare(*self._whole[:2])
 
-    def _step(self, scene: Scene, kind: Dynamics, integrator: str | None, step: float | None) -> float:
-        """The step: given, or automatic, for the stiffest and lightest body of the randomisation.
+    def _pace(
+        self, scene: Scene, kind: Dynamics, integrator: str | None, step: float | None, every: int | None
+    ) -> tuple[float, int]:
+        """The step, and after how many dampers act: given, or automatic.
+
+        The step is that of the stiffest and lightest body of the randomisation, and cycles suit all bodies.
 
         Raises
         ------
@@ -169,6 +180,8 @@ class Episodes:
         method = kind.integrator(kind.default(scene) if integrator is None else integrator)
         if reason := kind.refusal(method, scene, randomisation.varying(self.ranges, scene)):
             raise ValueError(reason)
+        each = kind.rigid or stability.damps_each_step(scene, method)
+        vibrations = None if each else stability.varied(stability.vibrations(self.task.scene), self.ranges)
         ranges = f" with randomize={self.ranges}" if self.ranges else ""
         if step is not None:
             step = checks.number("step", step, TINY)
@@ -182,7 +195,10 @@ class Episodes:
                     f"step is {step:g} s, {period / step:.3g} to a control period of {period:g} s; "
                     f"there must be at most {MOST_STEPS:,}"
                 )
-            return step
+            steps = steps_in(period, step)
+            if every is None and vibrations:
+                every = stability.cycles_in(vibrations, period, steps, exactly=True)[1]
+            return step, 1 if every is None else every
         automatic = min(kind.automatic_step(scene, method), self.task.finest)
         if not period <= MOST_STEPS * automatic:
             raise ValueError(
@@ -194,7 +210,12 @@ class Episodes:
         # different periods agree on it, and a block needs one sweep for all.
         if scene.surfaces and not kind.rigid:
             steps += steps % 2
-        return period / steps
+        if every is None and vibrations:
+            steps, every = stability.cycles_in(vibrations, period, steps, exactly=False)
+        elif every is not None:
+            every = checks.whole("damping_every", every, 1, stability.LONGEST_CYCLE)
+            steps += -steps % every
+        return period / steps, 1 if every is None else every
 
     # --- Episodes ---------------------------------------------------------------------------------
 

@@ -26,7 +26,7 @@ class StepError:
     simulator
         Theirs.
     made
-        What it was made with but for its scene and step.
+        What it was made with but for its scene and pace.
 
     Raises
     ------
@@ -41,7 +41,8 @@ class StepError:
                 f"error is True: that compares with steps of half the length, but {method.name} chooses its "
                 "steps itself. Take another integrator, or read the error off its tolerance"
             )
-        self.finer = Simulator(simulator.scene, step=simulator.step / FINER, **made)
+        every = simulator.damping_every
+        self.finer = Simulator(simulator.scene, step=simulator.step / FINER, damping_every=every, **made)
         self._share = 1 / (1 - FINER**-method.order)
         self.last = np.zeros(simulator.copies)
         """largest distance of a particle after the last period, as a share of its body's size"""

@@ -28,6 +28,7 @@ from springgym.forces.actuators import (
     set_actuation,
 )
 from springgym.forces.barrier import Surfaces, contact_energy
+from springgym.forces.cycle import Cycle
 from springgym.forces.memory import Memory
 from springgym.forces.pairs.terms import Meets
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
@@ -66,6 +67,8 @@ class Terms(NamedTuple):
     """contact as the paper has it"""
     memory: Memory | None = None
     """what is kept of the last node, where there are surfaces or bodies that collide"""
+    cycle: Cycle | None = None
+    """what acts once in several steps; None if all acts at each"""
     meets: Meets | None = None
     """bodies that collide"""
     own: tuple[OfBody, ...] | None = None
@@ -152,6 +155,17 @@ def kick_and_drift(x: Rows, v: Rows, a: Rows, h: Number) -> None:
     """`kick` for h/2, then `drift` for h, at once."""
     for i in range(x.shape[0]):
         after = plus_scaled(row(v, i), 0.5 * h, row(a, i))
+        set_row(v, i, after)
+        add_row(x, i, h * after)
+
+
+@compiled
+def kick_through(x: Rows, v: Rows, force: Rows, before: Number, h: Number, particles: Particles) -> None:
+    """`divide_and_kick` for ``before`` seconds and `kick_and_drift` at once, to the bit."""
+    for i in range(x.shape[0]):
+        acceleration = load(particles.inverse_mass, i) * row(force, i)
+        halfway = plus_scaled(row(v, i), before, acceleration)
+        after = plus_scaled(halfway, 0.5 * h, acceleration)
         set_row(v, i, after)
         add_row(x, i, h * after)
 

@@ -42,7 +42,7 @@ class Dampers(NamedTuple):
     half: Decay
     """of half a step"""
     whole: Decay
-    """of a step"""
+    """of a step, or of a cycle of them"""
     paired: bool
     """whether a step takes two sweeps of half its time, there and back; or one, in alternating direction"""
 
@@ -217,10 +217,12 @@ def damp(
     backward: bool,
     whole: bool,
     among: Mask = None,
+    share: Number = None,
 ) -> None:
     """Let the relative speed along each spring decay, one after the other, for a ``whole`` step or for half.
 
-    Only ``among`` some copies, if that is given.
+    Only ``among`` some copies, if that is given, or by a ``share`` of it that each copy has, which may be
+    less than 0; with loss g' (1 − g' w/2) of the impulse g' = ``share`` × g, it is as exact.
 
     A sweep ``backward`` takes the springs in reverse order: it is the adjoint of the forward one, so that
     a pair around a step, or steps of alternating direction, are of second order. In bodies that hold their
@@ -237,7 +239,13 @@ def damp(
             speed = dot(row(v, j) - row(v, i), along)
             if among is not None:
                 speed = select(among, speed, 0.0)
-            energy = energy + load(decay.loss, s) * speed * speed
+            if share is None:
+                energy = energy + load(decay.loss, s) * speed * speed
+            else:
+                slowed = share * (load(decay.first, s) + load(decay.second, s))
+                impulse = share * load(decay.impulse, s)
+                energy = energy + impulse * (1.0 - 0.5 * slowed) * speed * speed
+                speed = share * speed
             if drive is not None:
                 impulse = load(decay.impulse, s) * speed
                 if i == drive.particle:

@@ -104,13 +104,17 @@ def _method(name: str, special: str = "") -> tuple[Integrator, Callable[..., Non
 
 
 def advance_kernel(
-    name: str, read: Callable[..., None], surfaces: bool = False, together: bool = False
+    name: str,
+    read: Callable[..., None],
+    surfaces: bool = False,
+    together: bool = False,
+    cycles: bool = False,
 ) -> Callable[..., None]:
     """The compiled function that takes blocks of copies through a number of steps by a method.
 
-    The one for scenes with ``surfaces`` is another where these take code that others should not wait for.
-    Bodies that collide take each step ``together``, or look around at their `START`; others one after another
-    take all.
+    The one for scenes with ``surfaces``, or where something acts in ``cycles`` of steps, is another where
+    these take code that others should not wait for. Bodies that collide take each step ``together``, or look
+    around at their `START`; others one after another take all.
 
     If the kernel is called with ``reads``, it then reads them off by ``read``, a compiled function like
     `springgym.measures.read`, which takes ``reading``, a `springgym.measures.Reading`. Only kernels of rigid
@@ -118,7 +122,8 @@ def advance_kernel(
     """
     if together:
         return _kernel(_method(name, "integrate_together")[1], at_once, read)
-    return _kernel(_method(name, "integrate_among_surfaces" if surfaces else "")[1], one_by_one, read)
+    special = "integrate_among_surfaces" if surfaces else "integrate_in_cycles" if cycles else ""
+    return _kernel(_method(name, special)[1], one_by_one, read)
 
 
 @compiled

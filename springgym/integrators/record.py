@@ -47,6 +47,8 @@ class Integrator:
     """passes the nodes of `springgym.forces.together` where bodies may meet"""
     meets_surfaces: bool = False
     """passes nodes, see `springgym.forces.node`, where there are surfaces"""
+    cycles: bool = False
+    """can let dampers and wrench act once in several steps, see `springgym.forces.cycle`"""
 
     def __post_init__(self) -> None:
         for own in fields(self):

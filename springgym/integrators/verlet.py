@@ -8,16 +8,28 @@ import numpy as np
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
-from springgym.core.lanes import bodies_of, load, of_body
+from springgym.core.lanes import any_lane, bodies_of, load, of_body
 from springgym.forces import (
     act,
     actuate,
     divide_and_kick,
     divide_by_mass,
     kick_and_drift,
+    kick_through,
     paired,
     relax,
     set_forces,
+)
+from springgym.forces.cycle import (
+    acts_at,
+    catch_up,
+    keep_phase,
+    next_in_cycle,
+    place_in,
+    relax_in_turn,
+    remember_cycle,
+    resume_cycle,
+    turn_in_turn,
 )
 from springgym.forces.memory import (
     PHASE,
@@ -55,6 +67,7 @@ RECORD = Integrator(
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
     meets_bodies=True,
     meets_surfaces=True,
+    cycles=True,
 )
 
 
@@ -84,6 +97,45 @@ def integrate(
             if not whole or n % 2 == 0:
                 relax(v, direction, False, whole, ledger, terms)
             kick_and_drift(x, v, a, h)
+
+
+@compiled
+def integrate_in_cycles(
+    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+) -> None:
+    """The same, but dampers and wrench act in cycles of several steps, see `springgym.forces.cycle`.
+
+    Calls of a and b steps are one of a + b, to the bit.
+    """
+    a, b, direction = workspace[0], workspace[1], workspace[2]
+    cycle = terms.cycle
+    phase = resume_cycle(v, ledger, terms.wrench, cycle)
+    for n in range(steps + 1):
+        before, last = 0.5 * h if n > 0 else 0.0, n == steps
+        amid = last and any_lane(place_in(phase, cycle) > 0.0)
+        damps, turns = acts_at(phase, terms.wrench, cycle)
+        if amid or (damps and not last):
+            set_forces(x, a, direction, terms)
+        else:
+            set_forces(x, a, None, terms)
+        if not (damps or turns or last):
+            kick_through(x, v, a, before, h, terms.particles)
+        else:
+            divide_and_kick(a, v, v, before, terms.particles)
+            if damps and not last:
+                relax_in_turn(v, direction, False, phase, ledger, terms)
+            if turns:
+                turn_in_turn(x, v, b, phase, h, n > 0, not last, ledger, terms)
+            if not last:
+                if damps:
+                    relax_in_turn(v, direction, True, phase, ledger, terms)
+                kick_and_drift(x, v, a, h)
+            elif amid:
+                remember_cycle(v, ledger, terms.wrench, cycle)
+                catch_up(x, v, b, direction, phase, h, ledger, terms)
+        if not last:
+            phase = next_in_cycle(phase, cycle)
+    keep_phase(phase, cycle)
 
 
 @compiled

@@ -128,7 +128,11 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
 
 
 def advance_kernel(
-    name: str, read: Callable[..., None], surfaces: bool = False, together: bool = False
+    name: str,
+    read: Callable[..., None],
+    surfaces: bool = False,
+    together: bool = False,
+    cycles: bool = False,
 ) -> Callable[..., None]:
     """As `springgym.integrators.advance_kernel`; one for all methods."""
     return kernel_reading(read, move_together) if together else kernel_reading(read)

@@ -63,7 +63,8 @@ def simulator(scene: Scene, name: str, step: float, **options: Any) -> Simulator
     made._control = made._control._replace(step=step) if isinstance(made._control, Control) else step
     (packed,) = made._packed
     if packed.terms.dampers:
-        of = decays(scene, packed.order, step, scene.body.damping, scene.body.masses)
+        time = made.damping_every * step
+        of = decays(scene, packed.order, time, scene.body.damping, scene.body.masses)
         for arrays, values in zip(packed.terms.dampers[1:3], of, strict=True):
             for array, value in zip(arrays, values, strict=True):
                 array[:] = value

@@ -1,0 +1,206 @@
+"""What acts less often than at every step: dampers, and the wrench.
+
+A cycle is an even number of steps of velocity Verlet. The wrench acts by Simpson's rule: for a sixth of a
+cycle at each of its ends, and for the rest in its middle. Once a cycle dampers act for all of its time, after
+the first step of one cycle and before the last of the next, so that no vibration is met at the same moment of
+its swing each time. Two cycles are their own mirror image, and so of second order. Copies are each in a cycle
+of their own.
+
+Where a state is read amid a cycle, both have acted for the time since it began, neither more nor less, and
+the next call goes on from before that: calls of a and b steps are one of a + b. Copies that were placed or
+varied begin a cycle, and so do those amid one of which something else is asked than when they were read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Mask, Number, Rows
+from springgym.core.lanes import any_lane, load, maximum, select, store
+from springgym.core.vectors import choose, row, set_row
+from springgym.forces.actuators import push, set_actuation
+from springgym.forces.ledger import ENTRIES
+from springgym.forces.springs import damp
+
+if TYPE_CHECKING:
+    from springgym.forces import Terms
+    from springgym.forces.actuators import Wrench
+
+
+PHASE, BEFORE, ASKED = 0, 1, 1 + ENTRIES
+"""Where in the marks are: the steps taken since the first of two cycles began, as the dampers' sweeps take
+turns in direction; the ledger before the state was read; and what the wrench was asked for."""
+
+MARKS = ASKED + 9
+
+FIRST = 1
+"""Steps after which dampers act in the first of two cycles."""
+
+END, MIDDLE = 1 / 6, 2 / 3
+"""Simpson's rule: for which share of a cycle the wrench acts at each of its ends, and in its middle."""
+
+
+class Cycle(NamedTuple):
+    """Where copies are in their cycles, and how those amid one move."""
+
+    every: int
+    """steps of a cycle, even"""
+    velocity: np.ndarray
+    """(N, 3) before dampers and wrench acted to be read [m/s]; of copies that are amid a cycle"""
+    marks: np.ndarray
+    """(`MARKS`,)"""
+
+
+def cycle(every: int, particles: int, blocks: Callable[..., np.ndarray]) -> Cycle:
+    """That of copies which begin one."""
+    return Cycle(every, blocks(particles, 3), blocks(MARKS))
+
+
+@compiled
+def place_in(phase: Number, cycle: Cycle) -> Any:
+    """The steps that each copy has taken of its cycle."""
+    return select(phase >= cycle.every, phase - cycle.every, phase)
+
+
+@compiled
+def next_in_cycle(phase: Number, cycle: Cycle) -> Any:
+    after = phase + 1.0
+    return select(after >= 2 * cycle.every, 0.0, after)
+
+
+@compiled
+def keep_phase(phase: Number, cycle: Cycle) -> None:
+    store(cycle.marks, PHASE, phase)
+
+
+@compiled
+def is_at(phase: Number, place: Any) -> Any:
+    """Whether a copy's phase is this one."""
+    off = phase - place
+    return off * off < 0.25
+
+
+@compiled
+def resume_cycle(v: Rows, ledger: Ledger, wrench: Wrench | None, cycle: Cycle) -> Any:
+    """Go back to before the state was read, amid cycles that go on. Returns the phase."""
+    phase = load(cycle.marks, PHASE)
+    if any_lane(place_in(phase, cycle) > 0.0):
+        phase = select(changed(wrench, cycle) > 0.0, 0.0, phase)
+        amid = place_in(phase, cycle) > 0.0
+        for i in range(v.shape[0]):
+            set_row(v, i, choose(amid, row(cycle.velocity, i), row(v, i)))
+        if ledger is not None:
+            for entry in range(ENTRIES):
+                before = load(cycle.marks, BEFORE + entry)
+                store(ledger, entry, select(amid, before, load(ledger, entry)))
+    return phase
+
+
+@compiled
+def changed(wrench: Wrench | None, cycle: Cycle) -> Any:
+    """Return by how much the wrench asks for something else at the most."""
+    most = 0.0 * load(cycle.marks, PHASE)
+    if wrench is not None:
+        for n in range(3):
+            for part, asked in enumerate((wrench.force, wrench.torque, wrench.body_torque)):
+                apart = load(asked, n) - load(cycle.marks, ASKED + 3 * part + n)
+                most = maximum(most, maximum(apart, -apart))
+    return most
+
+
+@compiled
+def remember_cycle(v: Rows, ledger: Ledger, wrench: Wrench | None, cycle: Cycle) -> None:
+    """Keep what the next call goes on from."""
+    for i in range(v.shape[0]):
+        set_row(cycle.velocity, i, row(v, i))
+    if ledger is not None:
+        for entry in range(ENTRIES):
+            store(cycle.marks, BEFORE + entry, load(ledger, entry))
+    if wrench is not None:
+        for n in range(3):
+            for part, asked in enumerate((wrench.force, wrench.torque, wrench.body_torque)):
+                store(cycle.marks, ASKED + 3 * part + n, load(asked, n))
+
+
+@compiled
+def acts_at(phase: Number, wrench: Wrench | None, cycle: Cycle) -> tuple[bool, bool]:
+    """Whether dampers act, and the wrench, in some copy before its next step."""
+    damps = any_lane(is_at(phase, FIRST)) or any_lane(is_at(phase, 2 * cycle.every - FIRST))
+    turns = False
+    if wrench is not None:
+        place = place_in(phase, cycle)
+        turns = any_lane(is_at(place, 0)) or any_lane(is_at(place, cycle.every // 2))
+    return damps, turns
+
+
+@compiled
+def relax_in_turn(
+    v: Rows, direction: Rows, backward: bool, phase: Number, ledger: Ledger, terms: Terms
+) -> None:
+    """Let dampers act on the copies whose turn it is: back after a first step, there before a last one."""
+    among = is_at(phase, FIRST if backward else 2 * terms.cycle.every - FIRST)
+    if any_lane(among):
+        damp(v, direction, terms.springs, terms.dampers, None, ledger, backward, True, among)
+
+
+@compiled
+def turn_in_turn(
+    x: Rows,
+    v: Rows,
+    b: Rows,
+    phase: Number,
+    h: Number,
+    before: bool,
+    after: bool,
+    ledger: Ledger,
+    terms: Terms,
+) -> None:
+    """Let the wrench act where cycles end and begin, ``before`` and ``after`` that, and amid them."""
+    if terms.wrench is not None:
+        cycle, place = terms.cycle, place_in(phase, terms.cycle)
+        time = cycle.every * h
+        turn(x, b, terms)
+        if before:
+            add_turn(v, b, is_at(place, 0), END * time, ledger, terms)
+        if after:
+            add_turn(v, b, is_at(place, 0), END * time, ledger, terms)
+            add_turn(v, b, is_at(place, cycle.every // 2), MIDDLE * time, ledger, terms)
+
+
+@compiled
+def turn(x: Rows, b: Rows, terms: Terms) -> None:
+    """Set ``b`` (N, 3) to the accelerations by the wrench."""
+    set_actuation(x, b, terms.particles, None, terms.wrench, None, None)
+
+
+@compiled
+def add_turn(v: Rows, b: Rows, among: Mask, tau: Number, ledger: Ledger, terms: Terms) -> None:
+    """Let the accelerations ``b`` by the wrench act on some copies for ``tau`` seconds."""
+    each = select(among, tau + 0.0 * load(terms.cycle.marks, PHASE), 0.0)
+    push(v, b, each, terms.particles, terms.wrench, None, ledger)
+
+
+@compiled
+def catch_up(
+    x: Rows, v: Rows, b: Rows, direction: Rows, phase: Number, h: Number, ledger: Ledger, terms: Terms
+) -> None:
+    """Let dampers and wrench have acted for the time since two cycles began, where a state is read amid one.
+
+    What they did too much is taken back.
+    """
+    cycle = terms.cycle
+    time, last = cycle.every * h, 2 * cycle.every - FIRST
+    some = 0.0 * phase
+    done = select(phase > FIRST + 0.5, 1.0 + some, 0.0) + select(phase > last + 0.5, 1.0 + some, 0.0)
+    place = place_in(phase, cycle)
+    share = select(place > 0.0, phase * (1.0 / cycle.every) - done, 0.0)
+    damp(v, direction, terms.springs, terms.dampers, None, ledger, True, True, None, share)
+    if terms.wrench is not None:
+        done = select(place > cycle.every // 2 + 0.5, END + MIDDLE + some, END)
+        share = select(place > 0.0, place * (1.0 / cycle.every) - done, 0.0)
+        turn(x, b, terms)
+        push(v, b, share * time, terms.particles, terms.wrench, None, ledger)

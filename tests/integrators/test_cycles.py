@@ -1,0 +1,264 @@
+"""Dampers and the wrench that act once in several steps: the same motion, however it is cut."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from springgym import stability
+from springgym.bodies import cube, rope, start, top
+from springgym.forces.cycle import PHASE
+from springgym.integrators import integrator
+from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
+from springgym.simulator import Simulator
+from springgym.surfaces import floor
+from tests.integrators.problems import error, oscillator, reference, simulator, tetrahedron
+
+EVERY, STEP = 6, 2e-3
+VERLET = integrator("verlet")
+
+
+def spun(every: int = EVERY, **options: Any) -> Simulator:
+    """A soft body that falls about its pin, and is turned."""
+    made = simulator(tetrahedron("verlet", 1.0), "verlet", STEP, damping_every=every, **options)
+    made.actuate(torque=[3.0, -2.0, 4.0], body_torque=[0.5, 1.0, -0.5])
+    return made
+
+
+def seen(made: Simulator) -> list[np.ndarray]:
+    """All that is read of a copy, first among several."""
+    measures = made.measure()
+    return [
+        made.positions[0],
+        made.velocities[0],
+        *(entry[0] for entry in (measures.work, measures.damping_loss, measures.energy)),
+    ]
+
+
+def assert_same(one: list[np.ndarray], other: list[np.ndarray]) -> None:
+    for mine, its in zip(one, other, strict=True):
+        np.testing.assert_array_equal(mine, its)
+
+
+@pytest.mark.parametrize("every", [2, EVERY])
+@pytest.mark.parametrize("cuts", [[1] * 40, [3, 3, 1, 5, 0, 28], [37, 3]])
+def test_calls_cut_anywhere_give_the_same_bits(every: int, cuts: list[int]) -> None:
+    whole, cut = spun(every), spun(every)
+    whole.advance(40)
+    for steps in cuts:
+        cut.advance(steps)
+        cut.actuate(torque=[3.0, -2.0, 4.0])  # as before
+    assert_same(seen(cut), seen(whole))
+    assert abs(seen(whole)[2]) > 0.1  # work
+    assert seen(whole)[3] > 1e-3  # and losses
+
+
+def test_copies_amid_different_cycles_are_as_alone() -> None:
+    batch = spun(copies=11)
+    begun = batch.positions[0], batch.velocities[0]
+    ages = {}
+    for copy, steps in ((2, 5), (7, 1), (9, EVERY), (4, 3)):
+        batch.advance(steps)
+        batch.place(*begun, copies=[copy])
+        ages = {other: age + steps for other, age in ages.items()} | {copy: 0}
+    batch.advance(25)
+    for copy, age in ages.items():
+        alone = spun()
+        alone.advance(age + 25)
+        assert_same([values[copy] for values in (batch.positions, batch.velocities)], seen(alone)[:2])
+        assert batch.measure().balance[copy] == alone.measure().balance[0]
+
+
+def test_a_state_amid_a_cycle_returns() -> None:
+    made = spun()
+    made.advance(4)
+    kept = made.state()
+    made.advance(11)
+    after = seen(made)
+    made.restore(kept)
+    made.advance(11)
+    assert_same(seen(made), after)
+    again = spun()
+    again.restore(kept)
+    again.advance(11)
+    assert_same(seen(again), after)
+    with pytest.raises(ValueError, match="damping_every"):
+        spun(2).restore(kept)
+
+
+def test_another_action_begins_a_cycle() -> None:
+    made, fresh = spun(), spun()
+    made.advance(EVERY + 2)
+    fresh.place(made.positions, made.velocities)
+    for each in (made, fresh):
+        each.actuate(torque=[-1.0, 0.0, 2.0])
+        each.advance(9)
+    assert_same(seen(made)[:2], seen(fresh)[:2])
+    assert numbers_of_steps(made) == 9
+
+
+def numbers_of_steps(made: Simulator) -> float:
+    """Steps since the first copy began a cycle, of two."""
+    return float(made._terms.cycle.marks["lanes"][0, PHASE, 0])
+
+
+@pytest.mark.parametrize("amid", [0, 1, 4])
+def test_order_stays_two(amid: int) -> None:
+    """Where cycles end, and amid them, where the state is read as if they did."""
+    counts = 240 * np.array([1, 2, 4])
+    duration = 0.6
+    errors = []
+    for count in counts.tolist():
+        made = simulator(tetrahedron("verlet", 1.0), "verlet", duration / (count + amid), damping_every=EVERY)
+        made.advance(count + amid)
+        assert (numbers_of_steps(made) - amid) % EVERY == 0
+        errors.append(error(made, reference(1.0, duration)))
+    assert errors[0] < 0.05
+    assert -np.polyfit(np.log(counts + amid), np.log(errors), 1)[0] == pytest.approx(2, abs=0.15)
+
+
+@pytest.mark.parametrize("amid", [0, 4])
+def test_ledger_closes(amid: int) -> None:
+    counts, gaps = 240 * np.array([1, 2, 4]), []
+    for count in counts.tolist():
+        made = simulator(tetrahedron("verlet", 1.0), "verlet", 0.6 / (count + amid), damping_every=EVERY)
+        made.actuate(torque=[[1.0, 4.0, 3.0]])
+        before = made.measure()
+        made.advance(count + amid)
+        after = made.measure()
+        gaps.append(abs(after.balance[0] - before.balance[0]))
+        assert abs(after.work[0]) > 1.0
+        assert after.damping_loss[0] > 0.5
+    assert -np.polyfit(np.log(counts + amid), np.log(gaps), 1)[0] > 1.85
+
+
+def test_strong_dampers_add_no_energy() -> None:
+    """Linear springs at 0.99 of the limit, dampers that stop all in one of the longest cycles."""
+    body = cube(stiffness=1e4, damping=1e3)
+    scene = Scene(body, body.positions * [1.02, 1.0, 0.98], gravity=None)
+    made = simulator(
+        scene, "verlet", 0.99 * stability.largest_step(scene, VERLET), damping_every=stability.LONGEST_CYCLE
+    )
+    energies = []
+    for _ in range(200):
+        made.advance(2 * stability.LONGEST_CYCLE, check=False)
+        energies.append(made.shadow_energy()[0])
+    assert max(energies) <= 1.001 * energies[0]
+    assert energies[-1] < 0.5 * energies[0]
+
+
+# --- How long a cycle is ------------------------------------------------------------------------------
+
+
+def tops(damping: float) -> Scene:
+    body = top(damping=damping)
+    tip = body.parts["tip"]
+    return Scene(body, *start(body, spin=50.0, pinned=tip), pinned=tip, wrench=WrenchActuator(axial=False))
+
+
+@pytest.mark.parametrize(("damping", "every"), [(1.0, 10), (100.0, 10), (500.0, 4), (1e4, 1)])
+def test_the_stronger_the_dampers_the_shorter_the_cycle(damping: float, every: int) -> None:
+    made = Simulator(tops(damping), step=5e-4)
+    assert made.damping_every <= every
+    assert f"damping every {made.damping_every}" in repr(made)
+    share = made.damping_every**2 * damping / 1e6 * stability.FINE_TURN / made.step
+    assert made.damping_every == 1 or share <= 1
+
+
+@pytest.mark.parametrize(("turn", "rings"), [(0.5, True), (0.46, False)])
+def test_no_vibration_lasts(turn: float, rings: bool) -> None:
+    """Dampers do nothing where a vibration has no speed when they act: at each quarter, to and fro."""
+    stiffness, damping = 200.0, 0.5
+    frequency = math.sqrt(2 * stiffness)
+    step = 2 * math.sin(turn * math.pi / 2) / frequency  # a step is this share of a half of its period
+    scene = oscillator("verlet", stiffness, damping, stretch=0.0, speed=0.01)
+    of = stability.vibrations(scene)
+    np.testing.assert_allclose([of.frequency, of.rate], [[frequency], [damping]], rtol=1e-12)
+    assert stability.cycles_harmless(of._replace(slowness=0.0), step, EVERY) is not rings
+    made = simulator(scene, "verlet", step, damping_every=EVERY)
+    began = made.shadow_energy()[0]
+    made.advance(20 * EVERY)
+    left = made.shadow_energy()[0] / began
+    exact = math.exp(-2 * damping * 20 * EVERY * step)
+    assert left == pytest.approx(1.0 if rings else exact, rel=0.3)
+    assert exact < 1e-3
+
+
+REASONS = {
+    "surface": (Scene(cube(), cube().positions + np.array([0, 0, 2.0]), surfaces=(floor(),)), {}),
+    "floppy": (Scene(rope(), pinned=(0,)), {}),
+    "undamped": (tops(0.0), {}),
+    "thrust": (Scene(cube(), thrust=ThrustActuator((0,))), {}),
+    "drive": (Scene(cube(), pinned=(0,), drive=DriveActuator(0, 1.0)), {}),
+    "method": (tops(100.0), {"integrator": "rk4"}),
+    "rigid": (tops(100.0), {"dynamics": "rigid"}),
+}
+
+
+@pytest.mark.parametrize("name", REASONS)
+def test_where_all_acts_at_every_step(name: str) -> None:
+    scene, options = REASONS[name]
+    assert Simulator(scene, **options).damping_every == 1
+    assert Simulator(scene, damping_every=1, **options).damping_every == 1
+    with pytest.raises(ValueError, match="damping_every is 2; it must be 1: "):
+        Simulator(scene, damping_every=2, **options)
+
+
+@pytest.mark.parametrize("name", stability.VARIED)
+def test_what_varies_has_no_cycle_but_a_given_one(name: str) -> None:
+    assert Simulator(tops(100.0), varying=[name]).damping_every == 1
+    made = Simulator(tops(100.0), varying=[name, "damping"], damping_every=4)
+    made.vary([0], damping=np.full(37, 50.0))
+    weaker = Simulator(tops(50.0), step=made.step, damping_every=4)
+    wanted = weaker._terms.dampers.whole.loss
+    np.testing.assert_allclose(numbers_of(made._terms.dampers.whole.loss), wanted, rtol=1e-14)
+
+
+def numbers_of(array: np.ndarray) -> np.ndarray:
+    return array["lanes"][0, :, 0]
+
+
+@pytest.mark.parametrize("every", [3, 0, -2, 12, True, 2.0, "4", math.nan, [2], np.array([2])])
+def test_wrong_cycles_are_refused(every: Any) -> None:
+    with pytest.raises((TypeError, ValueError), match="damping_every"):
+        Simulator(tops(100.0), damping_every=every)
+
+
+# --- Environments -------------------------------------------------------------------------------------
+
+
+def episodes(env_id: str = "SpringTop-v0", **options: Any) -> Any:
+    return gym.make(env_id, **options).unwrapped.episodes
+
+
+@pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringGyroscope-v0", "SpringPendulum-v0"])
+def test_a_control_period_is_of_whole_cycles(env_id: str) -> None:
+    at = episodes(env_id)
+    every, step = at.simulator.damping_every, at.simulator.step
+    assert every > 1
+    assert at.steps % every == 0
+    assert at.steps * step == pytest.approx(at.task.period)
+    assert stability.cycles_harmless(stability.vibrations(at.task.scene), step, every)
+    watched = episodes(env_id, error=True)
+    assert watched.error.finer.damping_every == every
+
+
+def test_a_given_pace_is_kept() -> None:
+    assert episodes(step=0.02 / 50).simulator.damping_every in (1, 2, 10)
+    assert episodes(damping_every=1).simulator.damping_every == 1
+    assert episodes(damping_every=6).steps == 42
+    drawn = episodes(randomize={"masses": (0.9, 1.1)})
+    of = stability.varied(stability.vibrations(drawn.task.scene), {"masses": (0.9, 1.1)})
+    assert of.frequency.min() < 0.96 * stability.vibrations(drawn.task.scene).frequency.min()
+    assert stability.cycles_harmless(of, drawn.simulator.step, drawn.simulator.damping_every)
+    assert episodes(randomize={"gravity": (0.9, 1.1)}).simulator.damping_every > 1
+    assert episodes(dynamics="rigid").simulator.damping_every == 1
+    with pytest.raises(ValueError, match="it must be a whole part of the 40 steps"):
+        episodes(step=5e-4, damping_every=6)
+    for every in (0, 3, True, "4"):
+        with pytest.raises((TypeError, ValueError), match="damping_every"):
+            episodes(damping_every=every)
