@@ -129,7 +129,7 @@ def test_calls_of_any_length_have_the_bits_of_one_and_a_state_restores_an_impact
 
 def test_every_copy_has_the_bits_of_a_single_one() -> None:
     batch = thrown(REACH / 30, contact(0.5, 0.6))
-    x, v = batch.positions, batch.velocities
+    x, v = impacts(CUBE, CUBE, 1.0, COPIES, np.random.default_rng(3))
     batch.advance(1500)
     hit = np.flatnonzero(batch.pairs().impulse[:, 0] > 0)
     single = twins(REACH / 30, contact(0.5, 0.6), copies=1)
