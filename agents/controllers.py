@@ -383,10 +383,10 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
 
     It is to be up for T = 2√(2h/g), and to come down on its vertical: it leaves with gT/2 upwards and −r/T
     sideways. A smooth paddle changes its velocity along the normal alone: the axis is to be along u = v' − v,
-    and the paddle to move at v·n + s, s = |u|/(1 + b), if a part b of the speed s at which they meet is left.
-    The paddle yields, and b = 2e − 1.05 − 0.03 s fits its bounces, e being the restitution. It comes on a
-    straight line within the last 0.15 s, by 400 (way) + 40 (speed) in force and torque. Of two balls, one
-    is to come half of T after the other: half of what it comes too early or late is added to T.
+    and the paddle to move at v·n + s, with the speed s = 1.07 |u|/(1 + e) at which they meet: e is the
+    restitution, and the paddle yields like a mass of 1/0.07 balls. It comes on a straight line within the last
+    0.15 s, by 400 (way) + 40 (speed) in force and torque. Of two balls, one is to come half of T after the
+    other: half of what it comes too early or late is added to T.
     """
     seen = task.seen(observations)
     rows, names = np.arange(len(observations)), ("", "other_")[: task.balls]
@@ -408,9 +408,7 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     change[:, 2] += G * left
     size = np.linalg.norm(change, axis=1)
     normal = change / size[:, None]
-    meeting = size / 1.7
-    for _ in range(3):
-        meeting = size / (2.0 * task.contact.restitution - 0.05 - 0.03 * meeting)
+    meeting = 1.07 * size / (1.0 + task.contact.restitution)
     speed = (_dot(leaving - change, normal) + meeting[:, None]) * normal
     axis = np.hstack([seen["axis"], np.sqrt(np.maximum(1.0 - _dot(seen["axis"], seen["axis"]), 0.0))])
     aside = np.column_stack([column, -_dot(column, normal[:, :2]) / normal[:, 2:]])

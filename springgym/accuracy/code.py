@@ -15,11 +15,11 @@ PACKAGE = Path(__file__).parents[1]
 
 CORE = (
     *("dynamics", "guard", "materials", "measures", "own_forces", "packing"),
-    *("scene", "simulator", "stability", "surfaces"),
+    *("scene", "simulator", "stability"),
 )
 
 PARTS: Mapping[str, tuple[str, ...]] = {
-    "core": ("core/*.py", *(f"{name}.py" for name in CORE)),
+    "core": ("core/*.py", "contact/*.py", "surfaces/*.py", *(f"{name}.py" for name in CORE)),
     **{
         name: (f"{name}/**/*.py",)
         for name in ("forces", "integrators", "rigid", "collisions", "bodies", "envs")

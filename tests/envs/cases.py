@@ -29,7 +29,7 @@ COLLIDING = [env_id for env_id in IDS if task_type(env_id)().scene.meetings]
 """Those whose bodies collide."""
 
 TWINLESS = [*FLOPPY, *COLLIDING]
-"""They have no rigid twin."""
+"""They have no rigid twin, or one whose kernel takes a minute to compile: a slow test plays it."""
 
 CASES = [
     (env_id, {"observation": observation, "action": action, "dynamics": dynamics})
