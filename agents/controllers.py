@@ -384,9 +384,9 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     It is to be up for T = 2√(2h/g), and to come down on its vertical: it leaves with gT/2 upwards and −r/T
     sideways. A smooth paddle changes its velocity along the normal alone: the axis is to be along u = v' − v,
     and the paddle to move at v·n + s, with the speed s = 1.07 |u|/(1 + e) at which they meet: e is the
-    restitution, and the paddle yields like a mass of 1/0.07 balls. It comes on a straight line within the last
-    0.15 s, by 400 (way) + 40 (speed) in force and torque. Of two balls, one is to come half of T after the
-    other: half of what it comes too early or late is added to T.
+    restitution, and the paddle yields like a mass of 1/0.07 balls. It comes on a straight line within the
+    last 0.15 s, by 400 (way) + 40 (speed) in force and torque. Of two balls, one is to come half of T after
+    the other: half of what it comes too early or late is added to T.
     """
     seen = task.seen(observations)
     rows, names = np.arange(len(observations)), ("", "other_")[: task.balls]

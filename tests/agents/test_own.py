@@ -27,6 +27,7 @@ def hover(tmp_path, monkeypatch):
     (tmp_path / "hover.py").write_text(blocks[0] + named, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
+    gym.registry.pop("HoverCube-v0", None)  # by pages that ran before
     return "hover:HoverCube-v0"
 
 
