@@ -210,9 +210,11 @@ def _range(what: str, low: float, high: float) -> str:
     """What a number must be."""
     if low == TINY:
         return f"a positive {what}, from {low:g} to {high:g}"
+    if what == "number":
+        return f"a number from {low:g} to {high:g}"
     if high in (MANY, math.inf):
         return f"a {what}, at least {low}"
-    return f"a {what} from {low:g} to {high:g}" if what == "number" else f"a {what} from {low} to {high}"
+    return f"a {what} from {low} to {high}"
 
 
 def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]) -> np.ndarray:

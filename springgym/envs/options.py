@@ -23,6 +23,7 @@ class SimulationOptions(TypedDict, total=False):
 
     integrator: str | None
     step: float | None
+    damping_every: int | None
     dynamics: Literal["springs", "rigid"]
     dtype: DTypeLike
     threads: int

@@ -391,7 +391,8 @@ def test_randomised_copy_is_another_scene(env_id: str) -> None:
     ranges, factor = answered(env_id), 1.1
     envs = make_vec(env_id, 2, "native", "Disabled", randomize=ranges)
     episodes = envs.unwrapped.episodes
-    task, step = episodes.task, episodes.simulator.step
+    task = episodes.task
+    pace: Any = {name: getattr(episodes.simulator, name) for name in ("step", "damping_every")}
     actions = np.random.default_rng(0).uniform(-1, 1, (40, *envs.single_action_space.shape))
     for name in ranges:
         ones = dict.fromkeys(ranges, 1.0)
@@ -401,7 +402,7 @@ def test_randomised_copy_is_another_scene(env_id: str) -> None:
         assert info["randomization"][name][1] == factor
         scene = with_own_floor(task.scene)
         scenes = (scene, SCALED[name](scene, factor))
-        own = [Simulator(scene, step=step) for scene in scenes]
+        own = [Simulator(scene, **pace) for scene in scenes]
         for n, simulator in enumerate(own):
             simulator.place(*(values[n] for values in episodes.particles))
         push = np.array([[1.0], [factor if name == "actuator" else 1.0]])
