@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -25,6 +24,25 @@ EXACT = 400
 
 PHYSICAL = ("positions", "masses", "springs", "stiffness", "damping", "lengths")
 """Fields of a `Body` that decide how it moves."""
+
+
+class Parts(Mapping[str, tuple[int, ...]]):
+    """Names of particles, which nobody can change; unlike a mapping proxy, Python copies and pickles them."""
+
+    def __init__(self, named: Mapping[str, tuple[int, ...]]) -> None:
+        self._named = dict(named)
+
+    def __getitem__(self, name: str) -> tuple[int, ...]:
+        return self._named[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._named)
+
+    def __len__(self) -> int:
+        return len(self._named)
+
+    def __repr__(self) -> str:
+        return repr(self._named)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +138,7 @@ class Body(ReadOnly):
             parts[name] = tuple(indices(f"{what}parts[{name!r}]", particles, count).tolist())
             if not parts[name]:
                 raise ValueError(f"{what}parts[{name!r}] has no particles")
-        object.__setattr__(self, "parts", MappingProxyType(parts))
+        object.__setattr__(self, "parts", Parts(parts))
         flag(what + "floppy", self.floppy)
         instance(what + "solid", self.solid, Elastic, Cable, type(None))
         object.__setattr__(self, "radius", number(what + "radius", self.radius, low=0.0))
@@ -130,12 +148,6 @@ class Body(ReadOnly):
                 "a body has one or the other"
             )
         self._check_shape()
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "parts": dict(self.parts)}  # Python copies and pickles no mapping proxy
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        super().__setstate__({**state, "parts": MappingProxyType(state["parts"])})
 
     def _distances(self) -> np.ndarray:
         """Distances [m] (S,) of the springs' ends in the unstretched shape."""

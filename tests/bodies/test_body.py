@@ -2,6 +2,7 @@ import copy
 import math
 import pickle
 import re
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -129,6 +130,7 @@ def test_a_body_cannot_be_changed():
         with pytest.raises(TypeError, match="does not support item assignment"):
             one.parts["tip"] = (1,)
         assert one.parts == {"tip": (0,)}
+    assert asdict(named)["parts"] == {"tip": (0,)}
     assert body.with_(masses=[4, 5, 6]).mass == 15
     assert body.mass == 6
 
