@@ -2,6 +2,7 @@
 
 python docs/baselines.py                                         # the page and its figure, from the rows
 python docs/baselines.py --rows runs/benchmark/baselines.json    # take these rows in first
+python docs/baselines.py --mark    # first mark the rows of tasks that have changed since
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ SEEDS, WIDE = 3, 5
 """Seeds of a task, and such tasks, that an algorithm has at the least if it is compared with others."""
 TIMES = HERE / "learning_time.json"
 """What ``agents/learning_time.py`` measured."""
+SAME = 1e-6
+"""By how much a task's probe may differ from that of a row if the task is the same [reward]."""
 CARDS = HERE.parent / "agents" / "trained"
 TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 TIERS = {
@@ -46,6 +49,10 @@ What algorithms make of the tasks. Each cell tells how many of 100 held-out epis
 over the seeds that the agent was trained from, then the lowest of the seeds in brackets and the number of
 seeds, if there are several. Below is the return per step, whose largest value is 1. Success is judged, and
 the return summed, without exploration.
+"""
+CHANGED = """Tasks marked † have changed since some of their rows were made, which tell of the task as it was:
+what the simulator makes of contact, or of a control period, is no longer the same. The mean reward of given
+actions from given starts has changed by {most:.1e} or less.
 """
 AGENTS = """## Trained agents
 
@@ -90,7 +97,8 @@ trained with those of its environment. All begin from nothing, but PPO of `Sprin
 
 The rows are in `docs/baselines.json`, each with the versions and the commit it was made with, a digest of
 its configuration (of classical control, a sum of what it does where given actions lead), and a probe of its
-task: the mean reward of given actions from given starts. A test holds them against the present ones. Seconds
+task: the mean reward of given actions from given starts. A test holds them against the present ones; a row
+of a task that has changed since has the present probe, too, until the benchmark is run again. Seconds
 are those of one processor core, so they do not depend on what else the machine does.
 
 The interquartile mean over these tasks and its 95 % intervals (a bootstrap, stratified by task) are those
@@ -127,7 +135,8 @@ def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
     for task in tasks:
         if any(name == task for name, _ in by_cell):
             results = " | ".join(shown(by_cell.get((task, name), [])) for name in present)
-            lines.append(f"| `{task}` | {results} |")
+            mark = " †" if any(row["task"] == task and "present_probe" in row for row in rows) else ""
+            lines.append(f"| `{task}`{mark} | {results} |")
     return lines
 
 
@@ -209,6 +218,9 @@ def by_task(runs: Sequence[dict[str, Any]]) -> list[np.ndarray]:
 def page(rows: Sequence[dict[str, Any]]) -> str:
     """The page of these rows."""
     lines = [INTRODUCTION]
+    changes = [abs(row["present_probe"] - row["probe"]) for row in rows if "present_probe" in row]
+    if changes:
+        lines.append(CHANGED.format(most=max(changes)))
     for tier, what in TIERS.items():
         lines += [f"## {tier.capitalize()}\n", what + "\n", *table_of(tier, rows), ""]
         variants = [
@@ -270,18 +282,32 @@ def read(path: Path) -> list[dict[str, Any]]:
     return list(json.loads(path.read_text(encoding="utf-8")))
 
 
+def mark(rows: Sequence[dict[str, Any]]) -> None:
+    """Give rows of a task that has changed since the present probe, and take it from all others."""
+    from benchmark import probe
+
+    present = {task: probe(task) for task in sorted({row["task"] for row in rows})}
+    for row in rows:
+        row.pop("present_probe", None)
+        if abs(row["probe"] - present[row["task"]]) > SAME:
+            row["present_probe"] = present[row["task"]]
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--rows", type=Path, nargs="+", default=[], help="rows to take in")
+    parser.add_argument("--mark", action="store_true", help="mark rows of tasks that have changed since")
     options = parser.parse_args()
     rows = {}
     for path in [*([ROWS] if ROWS.exists() else []), *options.rows]:
         rows |= {key(row): row for row in read(path)}
     known = {task.id for task in TASKS}
     kept = [rows[of] for of in sorted(rows) if of[0] in known]
+    if options.mark:
+        mark(kept)
     ROWS.write_text("[\n" + ",\n".join(map(json.dumps, kept)) + "\n]\n", encoding="utf-8")
     PAGE.write_text(page(kept), encoding="utf-8")
     draw(kept, FIGURE)

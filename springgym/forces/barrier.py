@@ -56,7 +56,8 @@ def coefficient(of: Numbers, none: Number) -> Any:
 
 
 def count(kinds: Any) -> Any:
-    """Return how many surfaces there are of some kinds; for compiled code."""
+    """Return how many surfaces there are of some kinds."""
+    return sum(kind[0].shape[0] for kind in kinds)
 
 
 @overload(count, jit_options=INLINE)
@@ -70,8 +71,19 @@ def _count(kinds: Any) -> Any:
     return of_first if len(kinds) == 1 else of_all
 
 
+def _found(k: int, kinds: Any) -> Any:
+    """Return the number of surface ``k`` among those of its kind, and that kind."""
+    for kind in kinds[:-1]:
+        if k < kind[0].shape[0]:
+            return k, kind
+        k -= kind[0].shape[0]
+    return k, kinds[-1]
+
+
 def distance(k: Any, place: Any, kinds: Any) -> Any:
-    """Return the height [m] of a place above surface ``k`` of some kinds; for compiled code."""
+    """Return the height [m] of a place above surface ``k`` of some kinds."""
+    k, kind = _found(k, kinds)
+    return kind.height(place, k, kind)
 
 
 @overload(distance, jit_options=INLINE)
@@ -93,13 +105,14 @@ def _distance(k: Any, place: Any, kinds: Any) -> Any:
 def mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
     """Return n̄ of surface ``k`` for a way, its square, and the height [m] where the way begins.
 
-    For compiled code. Of a way shorter than ``least`` [m] rounding would be all that is corrected.
+    Of a way shorter than ``least`` [m] rounding would be all that is corrected.
     """
+    k, kind = _found(k, kinds)
+    return _mean_gradient_of_first(type(kind))(k, begin, end, least, (kind,))
 
 
-@overload(mean_gradient, jit_options=INLINE)
-def _mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
-    kind = kinds[0].instance_class
+def _mean_gradient_of_first(kind: Any) -> Any:
+    """Make the function that does what `mean_gradient` does, for surfaces of the first kind."""
     height, gradient = kind.height, kind.gradient
 
     def of_plane(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
@@ -112,7 +125,12 @@ def _mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
         n = plus_scaled(n, missing / (dot(way, way) + least * least), way)
         return n, dot(n, n) + TINY, start
 
-    of_first = of_plane if getattr(kind, "flat", bool)() else of_way
+    return of_plane if getattr(kind, "flat", bool)() else of_way
+
+
+@overload(mean_gradient, jit_options=INLINE)
+def _mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
+    of_first = _mean_gradient_of_first(kinds[0].instance_class)
     if len(kinds) == 1:
         return of_first
     first = compiled(of_first)
