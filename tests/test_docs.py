@@ -71,29 +71,42 @@ def test_baselines_page_is_current() -> None:
     assert {row["task"] for row in rows} <= {task.id for task in writer.TASKS}
 
 
-def test_baselines_are_of_the_tasks_and_configurations_as_they_are() -> None:
-    """Rows of a task whose physics or reward has changed say nothing of it: benchmark anew, or mark them.
-
-    What classical control does changes with the task.
-    """
-    pytest.importorskip("torch")
+def outdated_rows() -> set[str]:
+    """Return tasks whose rows are marked as of another physics, or whose classical control acts otherwise."""
     writer = page_writer("baselines")  # it puts agents/ on the path
     benchmark = importlib.import_module("benchmark")
     plan = benchmark.Plan(Path(), benchmark.EPISODES, (), None)
     rows = writer.read(writer.ROWS)
     probes = {task: benchmark.probe(task) for task in sorted({row["task"] for row in rows})}
+    outdated = set()
     for row in rows:
         cell = benchmark.Cell(*writer.key(row))
         assert row["episodes"] == benchmark.EPISODES
         marked = "present_probe" in row
-        digest = benchmark.digest(cell, plan)
-        if cell.algorithm == "classical":  # a sum of what it does
-            assert marked or abs(float(row["config"]) - float(digest)) < 1e-3, f"{cell}: it has changed"
-        else:
-            assert row["config"] == digest, f"{cell}: its configuration has changed"
         present = row["present_probe"] if marked else row["probe"]
-        assert abs(present - probes[cell.task]) <= writer.SAME, f"{cell}: its task has changed"
+        assert abs(present - probes[cell.task]) <= writer.SAME, f"{cell}: its task has changed; see --mark"
         assert not marked or abs(row["probe"] - present) > writer.SAME, f"{cell}: its task has not changed"
+        same = row["config"] == benchmark.digest(cell, plan)
+        assert same or cell.algorithm == "classical", f"{cell}: its configuration has changed"
+        if marked or not same:
+            outdated.add(cell.task)
+    return outdated
+
+
+def test_baselines_are_of_the_tasks_and_configurations_as_they_are() -> None:
+    """Rows of a task whose physics or reward has changed say nothing of it, and are marked.
+
+    Not each change is followed by days of training, but each run of the tests says so.
+    """
+    pytest.importorskip("torch")
+    if outdated := outdated_rows():
+        pytest.xfail(f"to be made again before a release: rows of {', '.join(sorted(outdated))}")
+
+
+@pytest.mark.slow
+def test_a_release_has_baselines_of_its_own_tasks() -> None:
+    pytest.importorskip("torch")
+    assert outdated_rows() == set()
 
 
 def test_docstrings_have_gymnasiums_headings() -> None:
