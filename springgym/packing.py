@@ -10,7 +10,6 @@ import numpy as np
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
-from springgym.collisions import shape as shape_of
 from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies, to_copies
 from springgym.core.kinds import Ragged
 from springgym.core.ragged import share, stacked
@@ -31,6 +30,7 @@ from springgym.forces.pairs.terms import (
     PairReadings,
     Pairs,
     Room,
+    longest_edge,
     most_contacts,
     packed_shapes,
     parallel,
@@ -136,7 +136,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
     if scene.gravity is not None:
         gravity = options.parameter({"gravity"}, np.array(scene.gravity, float))
     if not surfaces:
-        of_pairs = {"friction", "restitution"} if any(_as_the_scene_says(scene)) else set()
+        of_pairs = {"friction", "restitution"} if _as_the_scene_says(scene).any() else set()
         if unused := varying & {"friction", "restitution", "strength"} - of_pairs:
             raise ValueError(
                 f"{sorted(unused)[0]!r} cannot vary: the scene has no surfaces"
@@ -244,32 +244,31 @@ def _meets(scene: Scene, options: Options) -> Meets | None:
     return meets
 
 
-def _as_the_scene_says(scene: Scene) -> list[bool]:
+def _as_the_scene_says(scene: Scene) -> np.ndarray:
     """Which pairs meet by the scene's contact, and vary with it."""
-    return [met.contact is scene.contact for met in scene.meetings]
+    return scene.meetings.by(scene.contact)
 
 
 def pack_pairs(scene: Scene, options: Options) -> Pairs:
     """The pairs of a scene's bodies that collide."""
     met = scene.meetings
-    bodies = [placed.body for placed in scene.bodies]
-    shapes = [shape_of(body) for body in bodies]
-    places = [body.positions for body in bodies]
-    frictions = np.array([of.contact.friction for of in met])
-    loss = loss_of([of.contact.restitution for of in met])
-    varying = options.varying if any(_as_the_scene_says(scene)) else frozenset()
+    frictions = met.of_contacts("friction")
+    restitutions = met.of_contacts("restitution")
+    varying = options.varying if _as_the_scene_says(scene).any() else frozenset()
     rubs = frictions.any() or "friction" in varying
-    loses = any(of.contact.restitution < 1 for of in met) or "restitution" in varying
+    loses = bool((restitutions < 1).any()) or "restitution" in varying
+    each = zip(scene.bodies, scene.shapes, strict=True)
+    longest = [longest_edge(placed.body, shape) for placed, shape in each]
     return Pairs(
-        first=np.array([of.first for of in met]),
-        second=np.array([of.second for of in met]),
-        reach=np.array([of.reach for of in met]),
-        parallel=np.array([parallel(of, shapes, places) for of in met]),
-        strength=np.array([of.strength for of in met]),
+        first=np.array(met.first),
+        second=np.array(met.second),
+        reach=np.array(met.reach),
+        parallel=parallel(met, longest),
+        strength=np.array(met.strength),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
-        loss=options.parameter({"restitution"} & varying, loss) if loses else None,
-        shapes=packed_shapes(shapes, [own.start for own in scene.slices]),
-        most=most_contacts(met, shapes)[0],
+        loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
+        shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
+        most=most_contacts(met, scene.shapes)[0],
     )
 
 
@@ -285,7 +284,7 @@ def workspaces(
 
 def pack_room(scene: Scene, pairs: Pairs, dtype: Any) -> Room:
     """What a thread finds contacts in, on elements of ``dtype``."""
-    rows = most_contacts(scene.meetings, [shape_of(placed.body) for placed in scene.bodies])[1]
+    rows = most_contacts(scene.meetings, scene.shapes)[1]
     return room(pairs, len(scene.positions), rows, dtype)
 
 
@@ -463,12 +462,12 @@ def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
     return found
 
 
-def renew(packed: Packed, index: np.ndarray) -> None:
-    """Let some copies (k,) begin anew from where they are and how they move."""
-    if packed.terms.memory:
-        set_copies(packed.terms.memory.marks, index, 0.0)
-    if packed.terms.cycle:
-        set_copies(packed.terms.cycle.marks, index, 0.0)
+def renew(terms: Terms, index: np.ndarray) -> None:
+    """Let some copies (k,) of one body or of all begin anew from where they are and how they move."""
+    for kept in (terms.memory, terms.cycle):
+        if kept is not None:
+            marks: Any = kept.marks
+            set_copies(marks.values if isinstance(marks, Ragged) else marks, index, 0.0)
 
 
 def swing(packed: Packed, x: np.ndarray) -> np.ndarray:
@@ -495,9 +494,9 @@ def swing(packed: Packed, x: np.ndarray) -> np.ndarray:
 def vary_pairs(meets: Meets | None, scene: Scene, index: np.ndarray, given: Mapping[str, np.ndarray]) -> None:
     """Set how bodies that meet as the scene's contact says do so in some copies (k,), from values (k,)."""
     contact = scene.contact
-    if meets is None or not isinstance(contact, Contact) or not any(_as_the_scene_says(scene)):
+    if meets is None or not isinstance(contact, Contact) or not _as_the_scene_says(scene).any():
         return
-    of = np.array(_as_the_scene_says(scene))
+    of = _as_the_scene_says(scene)
     for name, array in (("friction", meets.pairs.friction), ("restitution", meets.pairs.loss)):
         if name in given and array is not None:
             value = loss_of(given[name]) if name == "restitution" else given[name]
@@ -521,7 +520,7 @@ def vary(
         `rigid.shape_values` of each copy in rigid dynamics, if masses are given.
     """
     terms = packed.terms
-    renew(packed, index)
+    renew(terms, index)
     for name, value in given.items():
         if name == "restitution":
             value = loss_of(value)

@@ -366,8 +366,7 @@ class Simulator:
         set_copies(self._x, index, x)
         set_copies(self._v, index, v)
         self._settle(index)
-        for packed in self._packed:
-            packing.renew(packed, index)
+        packing.renew(self._terms, index)
         if self._terms.meets is not None:
             packing.empty_tally(self._terms.meets, index)
         if self._ledger is not None:
@@ -595,8 +594,7 @@ class Simulator:
         theirs = dict(other._changing())
         own = {name: array for name, array in self._changing() if not name.startswith(OF_A_STEP)}
         _set(own.values(), (theirs[name] for name in own))
-        for packed in self._packed:
-            packing.renew(packed, np.arange(self.copies))
+        packing.renew(self._terms, np.arange(self.copies))
         self._meet(np.arange(self.copies))
 
     def _lost(self, arrays: Iterable[np.ndarray]) -> np.ndarray:

@@ -141,7 +141,7 @@ class _Common(Stateful):
         if episodes.error is not None:
             always["step_error"] = episodes.error.last[copies]
         if task.scene.meetings:
-            met, reach = episodes.simulator.pairs(), [meeting.reach for meeting in task.scene.meetings]
+            met, reach = episodes.simulator.pairs(), task.scene.meetings.reach
             always["pairs_touching"] = met.touching[copies].sum(axis=-1, dtype=float)
             always["pairs_impulse"] = met.impulse[copies].sum(axis=-1)
             always["pairs_least_gap"] = np.minimum(met.least_gap[copies], reach).min(axis=-1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -101,8 +102,8 @@ def loss_of(restitution: Any) -> np.ndarray:
     return np.asarray((1.0 - square) / (1.0 + square))
 
 
-def derived_strength(stiffness: float, mass: float, reach: float) -> float:
-    """Return c [N·m²] where none is given.
+def derived_strength(stiffness: Any, mass: Any, reach: Any) -> np.ndarray:
+    """Return c [N·m²] where none is given, for numbers or arrays of one shape.
 
     A corner of a block counts as a quarter of its mass, or less; of ½ (m/4) v² = c (Δ − h)²/(h Δ²) and
     h = Δ/10 follows c = m v² Δ/64.8. It is kept between `SOFTEST` and `STIFFEST` of k Δ³.
@@ -116,8 +117,10 @@ def derived_strength(stiffness: float, mass: float, reach: float) -> float:
     reach
         Δ [m]
     """
-    edge = stiffness * reach**3
-    return min(max(mass * IMPACT**2 * reach / 64.8, SOFTEST * edge), STIFFEST * edge)
+    each, which = np.unique(reach, return_inverse=True)
+    cubes = np.array([one**3 for one in each.tolist()])  # NumPy's power may differ from this in the last bit
+    edge = stiffness * cubes[which]
+    return np.asarray(np.clip(mass * IMPACT**2 * reach / 64.8, SOFTEST * edge, STIFFEST * edge))
 
 
 def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
@@ -132,7 +135,7 @@ def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
     if reach is None:
         reach = REACH * body.swept
     if strength is None:
-        strength = derived_strength(float(body.stiffness.max(initial=0.0)), body.mass, reach)
+        strength = float(derived_strength(float(body.stiffness.max(initial=0.0)), body.mass, reach))
     if not (reach > 0 and strength > 0):
         raise ValueError(
             f"body {body.name!r} has no size or no springs to derive the contact from; "
@@ -185,42 +188,45 @@ def _planes(surfaces: tuple[Surface, ...]) -> list[tuple[int, int, float]]:
 
 def check_heights(
     surfaces: tuple[Surface, ...],
-    reach: float,
+    reach: Any,
     positions: np.ndarray,
     free: Any,
     copies: Any = None,
-    owner: str = "",
-    radius: float = 0.0,
+    called: Callable[[int], str] = "particle {}".format,
+    radius: Any = 0.0,
 ) -> None:
     """Refuse starts behind or too near a surface.
 
     Parameters
     ----------
+    reach : (N,) or a number
+        Δ of each particle's contact [m].
     positions : (N, 3) or (k, N, 3)
         [m]
     free : (N,)
         The particles that surfaces act on: those that are not pinned.
     copies : (k,), optional
         What the copies are called.
-    owner
-        What is said behind the particle's number: " of" its body, if there are several.
-    radius
-        Of the body's balls or rods [m]: heights count from their surface.
+    called
+        What errors call a particle.
+    radius : (N,) or a number
+        Of the balls or rods that particles are of [m]: heights count from their surface.
 
     Raises
     ------
     ValueError
         Naming the particle, the copy if there are several, and the surface.
     """
+    least = np.broadcast_to(NEAREST * np.asarray(reach), positions.shape[-2])
     for n, surface in enumerate(surfaces):
         heights = surface.height(np.asarray(positions, float)) - radius
-        wrong = (heights < NEAREST * reach) & free
+        wrong = (heights < least) & free
         if wrong.any():
             *row, particle = first = np.argwhere(wrong)[0].tolist()
             h = heights[tuple(first)]
             of = f" of copy {copies[row[0]]}" if row and copies is not None else ""
             where = f"{-h:g} m behind" if h < 0 else f"only {h:g} m above"
             raise ValueError(
-                f"particle {particle}{owner}{of} starts {where} surface {n}, {surface}; it must be at least "
-                f"{NEAREST * reach:g} m above, and is free of its force from {reach:g} m"
+                f"{called(particle)}{of} starts {where} surface {n}, {surface}; it must be at least "
+                f"{least[particle]:g} m above, and is free of its force from {least[particle] / NEAREST:g} m"
             )

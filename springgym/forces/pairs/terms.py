@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.collisions import Meeting, Shape
+from springgym.bodies import Body
+from springgym.collisions import Meetings, Shape
 from springgym.core.blocks import aligned_zeros
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers
@@ -308,21 +309,24 @@ def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
     )
 
 
-def parallel(meeting: Meeting, shapes: Sequence[Shape], positions: Sequence[np.ndarray]) -> float:
-    """σ² of the edges of a pair's bodies, which have positions (N, 3) in their own numbers."""
-    longest = 0.0
-    for n in (meeting.first, meeting.second):
-        ends = positions[n][shapes[n].edges]
-        longest = max(longest, float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max(initial=0.0)))
-    return min(PARALLEL * meeting.reach / longest, MOST_PARALLEL) ** 2 if longest else 1.0
+def longest_edge(body: Body, shape: Shape) -> float:
+    """The length [m] of the longest edge of a body that others meet; 0 if it has none."""
+    ends = body.positions[shape.edges]
+    return float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max(initial=0.0))
 
 
-def most_contacts(meetings: Sequence[Meeting], shapes: Sequence[Shape]) -> tuple[int, int]:
+def parallel(met: Meetings, longest: Sequence[float]) -> np.ndarray:
+    """σ² of the edges of each pair's bodies (pairs,), from the longest edge of each body [m]."""
+    both = np.maximum(np.array(longest)[met.first], np.array(longest)[met.second])
+    sine = np.full(len(both), 1.0)
+    np.divide(PARALLEL * met.reach, both, out=sine, where=both > 0)
+    return np.where(both > 0, np.minimum(sine, MOST_PARALLEL) ** 2, 1.0)
+
+
+def most_contacts(met: Meetings, shapes: Sequence[Shape]) -> tuple[int, int]:
     """Contacts that a copy may have, and rows of a list: of each vertex, and of each edge with each."""
-    found = 0
-    for met in meetings:
-        a, b = shapes[met.first], shapes[met.second]
-        found += len(a.vertices) + len(b.vertices) + len(a.edges) * len(b.edges)
+    vertices, edges = (np.array([len(getattr(of, name)) for of in shapes]) for name in ("vertices", "edges"))
+    found = int((vertices[met.first] + vertices[met.second] + edges[met.first] * edges[met.second]).sum())
     return min(found, MOST_CONTACTS * len(shapes)), found
 
 
