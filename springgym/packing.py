@@ -12,6 +12,7 @@ from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
 from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies, to_copies
 from springgym.core.kinds import Ragged
+from springgym.core.lanes import block_dtype
 from springgym.core.ragged import share, stacked
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
@@ -239,7 +240,8 @@ def _meets(scene: Scene, options: Options) -> Meets | None:
         return None
     pairs = pack_pairs(scene, options)
     tally, before = (options.blocks(len(scene.meetings) * ENTRIES) for _ in range(2))
-    meets = Meets(pairs, tally, before)
+    told = aligned_zeros((len(tally), 1 + len(scene.meetings)), block_dtype(np.int64, 1))
+    meets = Meets(pairs, tally, before, told)
     empty_tally(meets, slice(None))
     return meets
 

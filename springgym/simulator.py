@@ -15,8 +15,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from springgym import checks, measures, packing, stability
+from springgym import checks, contacts, measures, packing, stability
 from springgym.checks import FLOAT, HUGE, MANY, TINY, sum_of_squares
+from springgym.contacts import Contacts
 from springgym.core.blocks import (
     WIDTH,
     aligned_zeros,
@@ -32,7 +33,7 @@ from springgym.core.ragged import share, stacked
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
 from springgym.forces.pairs import PairReadings
-from springgym.forces.together import START
+from springgym.forces.together import LOOK, START
 from springgym.guard import Guard, guarded
 from springgym.identity import check_same
 from springgym.integrators.clock import Clock
@@ -59,6 +60,9 @@ pays."""
 AT_ONCE = 4_000_000
 """Springs and pairs of bodies × steps × blocks of one compiled call at the most, some 0.1 s, of implicit
 methods some seconds: Python serves Ctrl-C between the calls."""
+
+NEIGHBOURS = 6
+"""Pairs of a body that may be at work at once: what is far apart costs nothing."""
 
 FEWEST = 64
 """Steps of one compiled call that are taken whatever they cost: a call begins and ends with half a step."""
@@ -203,7 +207,7 @@ class Simulator:
             stacked([placed.pivot for placed in scene.bodies]),
             stacked([np.array(placed.body.markers, np.uint32) for placed in scene.bodies]),
         )
-        self._busy = len(scene.springs) + len(scene.meetings)
+        self._busy = len(scene.springs) + min(len(scene.meetings), NEIGHBOURS * bodies)
         options = Options(self.integrator, self.step, self.damping_every, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
         self._workspace = packing.workspaces(
@@ -784,6 +788,8 @@ class Simulator:
     def pairs(self, *, forget: bool = False) -> PairReadings:
         """What happened between the bodies that collide since the copies were placed, or were forgotten.
 
+        There is an entry for each pair, of 1000 bodies half a million; `contacts` tells of those that touch.
+
         Parameters
         ----------
         forget
@@ -799,6 +805,33 @@ class Simulator:
         if forget and self._terms.meets is not None:
             packing.forget_pairs(self._terms.meets)
         return found
+
+    @guarded
+    def contacts(self) -> Contacts:
+        """What touches what at the node where the state is read, and with which impulse.
+
+        That node is made anew to be looked at, in all copies: it takes about as long as a step. Nothing is
+        changed, and where nobody asks, nothing is spent. Copies that were placed and took no step since show
+        what the second half of a node would give, see `Contacts`.
+
+        Raises
+        ------
+        ValueError
+            If the method has no nodes, see `springgym.integrators`, or if the scene has surfaces and its
+            bodies are rigid, or are several that do not collide.
+        """
+        if reason := contacts.refusal(self.scene, self._kind.rigid, self._terms):
+            raise ValueError(reason)
+        blocks = [array for _, array in self._changing() if array.dtype.names]
+        before, found = [array.copy() for array in blocks], []
+        try:
+            for block in range(self._x.shape[0]) if contacts.any_possible(self.scene) else ():
+                self._run(0, block, block + 1, LOOK, settles=False, reads=False)
+                here = contacts.Here(block, self._x, self._v, self._workspace[0], self._terms, self.step)
+                found.append(contacts.of_block(self.scene, here))
+        finally:
+            _set(blocks, before)
+        return contacts.padded(found, self.copies)
 
     @guarded
     def read(self, copies: Any = None) -> None:

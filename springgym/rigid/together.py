@@ -30,8 +30,9 @@ from springgym.forces.pairs.friction import SWEEPS, rub
 from springgym.forces.pairs.impulses import account, prepare, sweep, taper
 from springgym.forces.pairs.search import find
 from springgym.forces.pairs.solids import CHANGE, GOING
-from springgym.forces.pairs.terms import Room
+from springgym.forces.pairs.terms import Room, note
 from springgym.forces.together import (
+    START,
     begin,
     enter,
     halve_tally,
@@ -414,16 +415,17 @@ def pass_together(
         arrive(body, here, velocities, phase, span, first, last, entries, space, of_body(twins, body))
     if last:
         remember_tally(meets)
+    note(room, meets.told)
     prepare(x.values, space.before, span, contacts, particles, meets.pairs, room, meets.tally, None)
     touch(x, span, contacts, meets, particles, space, twins)
-    account(space.velocity, span, contacts, meets.pairs, room, meets.tally)
+    account(space.velocity, span, contacts, meets.pairs, room, meets.tally, meets.told)
     if contacts > 0:
         enter(span, ledger, meets.pairs, room)
     for body in range(count):
         here, velocities, entries = of_body(x, body), of_body(v, body), of_body(ledger, body)
         go_on(body, here, velocities, span, last, entries, space, of_body(twins, body))
     if last:
-        hold(meets.pairs, meets.tally, terms.memory, 0.5)
+        hold(meets, terms.memory, 0.5)
 
 
 @compiled
@@ -431,7 +433,7 @@ def move_together(phase: Any, space: Company, h: Number, steps: int, settles: bo
     """Take all bodies through the steps together; the last node is made anew by the next call.
 
     None only makes them rigid, if it ``settles``; as many as `springgym.forces.together.START` tell which
-    bodies of fresh copies touch.
+    bodies of fresh copies touch, as many as `LOOK` make the last node anew.
     """
     x, v, ledger = phase
     if steps == 0:
@@ -440,14 +442,14 @@ def move_together(phase: Any, space: Company, h: Number, steps: int, settles: bo
                 settle(of_body(x, body), of_body(v, body), of_body(twins, body))
     else:
         memory, meets = twins[2].memory, twins[2].meets
-        fresh, goes = load(of_body(memory, 0).marks, PHASE), steps > 0
+        fresh, goes, end = load(of_body(memory, 0).marks, PHASE), steps != START, max(steps, 0)
         if goes:
             for body in range(bodies_of(x)):
                 resume(of_body(x, body), of_body(v, body), of_body(ledger, body), of_body(memory, body))
             resume_tally(fresh, meets)
-        for n in range(steps + 1 if goes else 1):
+        for n in range(end + 1):
             mark = fresh if n == 0 else 1.0 + 0.0 * fresh
-            pass_together(x, v, mark, h, n == 0, n == steps, goes, ledger, space, twins)
+            pass_together(x, v, mark, h, n == 0, n == end, goes, ledger, space, twins)
         if goes:
             halve_tally(meets)
 

@@ -106,8 +106,18 @@ class Room(NamedTuple):
     """(pairs,) nor are they nearer than this now [m]"""
     reach: np.ndarray
     """(pairs,) how far to look for contacts at this node [m]"""
+    watched: np.ndarray
+    """(pairs,) list: pairs of bodies that are not far apart in some copy, ascending"""
+    margin: np.ndarray
+    """(bodies,) how far a body may move before these are listed anew [m]"""
+    travelled: np.ndarray
+    """(bodies,) how far it moved since then, up to when features were listed, at the most [m]"""
     close: np.ndarray
-    """(pairs,) whether there may be any in some copy"""
+    """(pairs,) list: those of them that may touch at this node"""
+    met: np.ndarray
+    """(pairs,) list: those of them that have contacts"""
+    length: np.ndarray
+    """(4,) how many are `WATCHED`, `CLOSE` and `MET`; and how many rows of contacts that makes: `ROWS`"""
     kept: np.ndarray
     """(1,) whether the lists of all pairs are there"""
     used: np.ndarray
@@ -185,6 +195,8 @@ class Room(NamedTuple):
     """(rows,) J [N·s]"""
     rub: np.ndarray
     """(rows, 3) the impulse of friction [N·s]"""
+    slide: np.ndarray
+    """(rows, 3) the impulse of the gradient of Φ [N·s]"""
     tilt: np.ndarray
     """(2 rows, 3) G and H; of a rod, G and the direction along it: see `springgym.forces.pairs.friction`"""
     rubs: np.ndarray
@@ -194,6 +206,9 @@ class Room(NamedTuple):
     solids: Any = None
     """the `springgym.forces.pairs.solids.Solids` of rigid bodies; None where particles move by themselves"""
 
+
+WATCHED, CLOSE, MET, ROWS = range(4)
+"""Lists of pairs, and the rows of contacts."""
 
 NONE = -1.0
 """Of a list, in a copy that has less than others."""
@@ -272,6 +287,37 @@ class Meets(NamedTuple):
     """(pairs × `ENTRIES`,)"""
     before: np.ndarray
     """(pairs × `ENTRIES`,) the tally before the last node, which the next call makes anew"""
+    told: np.ndarray
+    """(1 + pairs,) list: how many pairs, and which, ascending, touch, or have a tally that is not ``before``;
+    all others have nothing to be told of"""
+
+
+@compiled
+def entry_of(told: np.ndarray, n: Any) -> Any:
+    """Return a number of a list that all copies of a block share."""
+    return told[n]["lanes"][0]
+
+
+@compiled
+def set_entry(told: np.ndarray, n: Any, value: Any) -> None:
+    """Set a number of a list that all copies of a block share."""
+    told[n]["lanes"][0] = value
+
+
+@compiled
+def note(room: Any, told: np.ndarray) -> None:
+    """Add the pairs that have contacts to those that there is something to be told of."""
+    count, at = entry_of(told, 0), 1
+    for n in range(room.length[MET]):
+        p = room.met[n]
+        while at <= count and entry_of(told, at) < p:
+            at += 1
+        if at > count or entry_of(told, at) != p:
+            for m in range(count, at - 1, -1):
+                set_entry(told, m + 1, entry_of(told, m))
+            set_entry(told, at, p)
+            count += 1
+    set_entry(told, 0, count)
 
 
 @compiled
@@ -362,7 +408,12 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         gap=lanes(count),
         nearest=lanes(count),
         reach=lanes(count),
-        close=np.zeros(count, np.bool_),
+        watched=np.zeros(count, np.int64),
+        margin=lanes(bodies),
+        travelled=lanes(bodies),
+        close=np.zeros(count, np.int64),
+        met=np.zeros(count, np.int64),
+        length=np.zeros(4, np.int64),
         kept=np.zeros(1, np.bool_),
         used=np.zeros(4, np.int64),
         ends=np.zeros((count, 3, 3), np.int64),
@@ -401,6 +452,7 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         inverse=lanes(rows),
         push=lanes(rows),
         rub=lanes(rows, 3),
+        slide=lanes(rows, 3),
         tilt=lanes(2 * rubbing, 3),
         rubs=lanes(rubbing),
         spent=lanes(count, 3),
