@@ -20,12 +20,17 @@ from springgym.forces.barrier import Surfaces
 from springgym.forces.cycle import cycle
 from springgym.forces.memory import HELD, memory
 from springgym.forces.node import Space
+from springgym.forces.pairs.shown import Outlines, outlines
 from springgym.forces.pairs.solids import Solids
 from springgym.forces.pairs.terms import (
     ENERGY,
     ENTRIES,
     FAR,
+    FASTEST,
     GAP,
+    MISSES,
+    OVERFLOW,
+    RESOLVED,
     TOUCHING,
     Meets,
     PairReadings,
@@ -264,6 +269,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         first=np.array([of.first for of in met]),
         second=np.array([of.second for of in met]),
         reach=np.array([of.reach for of in met]),
+        least_reach=min(of.reach for of in met),
         parallel=np.array([parallel(of, shapes, places) for of in met]),
         strength=np.array([of.strength for of in met]),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
@@ -313,6 +319,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
         change=rows(),
         rub=rows(),
         force=rows(),
+        shift=rows(),
         stirred=np.zeros(len(scene.bodies), bool),
         room=pack_room(scene, pairs, dtype),
     )
@@ -345,6 +352,7 @@ def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
         velocity=lanes(2 * count, 3),
         base=lanes(2 * count, 3),
         pairs=lanes(2 * count, 3),
+        shift=lanes(2 * count, 3),
         lean=lanes(1),
         room=rows._replace(solids=solids),
     )
@@ -363,6 +371,35 @@ def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
     )
 
 
+def resolved_speeds(meets: Meets, step: float) -> np.ndarray:
+    """The largest speed [m/s] of a contact that a step [s] resolves, of each pair (pairs,)."""
+    return RESOLVED / step * meets.pairs.reach
+
+
+def unresolved(meets: Meets, step: float, blocks: slice) -> np.ndarray:
+    """Whether bodies met in a way that a step [s] cannot resolve, (blocks, copies of a block)."""
+    tally = numbers(meets.tally)[blocks]
+    limit = resolved_speeds(meets, step)[:, None]
+    late, left_out = tally[:, MISSES::ENTRIES], tally[:, OVERFLOW::ENTRIES]
+    found = (late + left_out > 0.0) | (tally[:, FASTEST::ENTRIES] > limit)
+    return np.asarray(found.any(axis=1))
+
+
+def pack_outlines(scene: Scene) -> Outlines:
+    """What of bodies may be shown in others."""
+    shapes = [shape_of(placed.body) for placed in scene.bodies]
+    return outlines(shapes, [own.start for own in scene.slices], len(scene.positions))
+
+
+def count_shown(meets: Meets, first: int, found: np.ndarray) -> None:
+    """Count as a miss of each copy, from the ``first`` on, and pair that it is shown in each other."""
+    for array in (meets.tally, meets.before):
+        lanes = numbers(array)
+        for n, pair in np.argwhere(found).tolist():
+            block, lane = divmod(first + n, lanes.shape[-1])
+            lanes[block, pair * ENTRIES + MISSES, lane] += 1.0
+
+
 def forget_pairs(meets: Meets) -> None:
     """Empty the tally; of the last node, which the next call makes anew, half is left to be told."""
     tally, before = numbers(meets.tally), numbers(meets.before)
@@ -373,6 +410,7 @@ def forget_pairs(meets: Meets) -> None:
             tally[:, entry::ENTRIES] = 0.0
     for array in (tally, before):
         array[:, GAP::ENTRIES] = FAR
+        array[:, FASTEST::ENTRIES] = 0.0
 
 
 def empty_tally(meets: Meets, index: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -18,6 +19,7 @@ from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
 from springgym.surfaces import Contact, PaperContact, Surface, check_heights, check_surfaces, scales
+from springgym.surfaces.contact import faithful_speed, restitution_at_most
 
 GRAVITY = (0.0, 0.0, -9.81)
 
@@ -369,6 +371,34 @@ class Scene(ReadOnly):
                 copies,
             )
 
+    @cached_property
+    def faithful_speed(self) -> float:
+        """The speed [m/s] up to which all impacts rebound as asked, to about .02; infinite if nothing does.
+
+        It is that of the softest body, see `springgym.surfaces.contact.faithful_speed`. What is faster leaves
+        energy in vibrations; `restitution_at` tells what is to be had then.
+        """
+        found = [math.inf]
+        if self.surfaces and isinstance(self.contact, Contact) and self.contact.restitution > 0:
+            for placed in self.bodies:
+                found.append(faithful_speed(scales(self.contact, placed.body)[1], placed.body))
+        for met in self.meetings:
+            if met.contact.restitution > 0:
+                pair = [self.bodies[n] for n in met[:2]]
+                moving = [placed.body for placed in pair if placed.free.any()]
+                found.append(faithful_speed(met.reach, *moving))
+        return min(found)
+
+    def restitution_at(self, speed: float) -> float:
+        """Estimate the largest restitution to be had of the softest contact at a speed [m/s], to .07.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the speed is not a number, or negative.
+        """
+        return restitution_at_most(number("speed", speed, low=0.0), self.faithful_speed)
+
     def _of(self, placed: Placed) -> str:
         """What errors add to a particle's number: nothing if there is only one body."""
         return "" if len(self.bodies) == 1 else f" of {placed.name!r}"
@@ -502,6 +532,9 @@ class Scene(ReadOnly):
             "surfaces": ", ".join(map(repr, self.surfaces)),
             "contact": repr(self.contact) if self.surfaces else "",
             "collisions": ", ".join(f"{met.first}–{met.second}" for met in self.meetings),
+            "rebounds": "",
         }
+        if self.faithful_speed < math.inf:
+            parts["rebounds"] = f"as asked up to {self.faithful_speed:.3g} m/s"
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
         return f"Scene({' | '.join(map(repr, self.bodies))}{rest})"

@@ -31,7 +31,9 @@ from springgym.core.kinds import Ragged
 from springgym.core.ragged import share, stacked
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
-from springgym.forces.pairs import PairReadings
+from springgym.forces.pairs import Meets, PairReadings
+from springgym.forces.pairs.shown import tell_shown
+from springgym.forces.pairs.terms import RESOLVED
 from springgym.forces.together import START
 from springgym.guard import Guard, guarded
 from springgym.identity import check_same
@@ -83,8 +85,17 @@ class SimulationDivergedError(ArithmeticError):
     """A copy has left what the model means: not finite, or a spring beyond its limit."""
 
 
+class UnresolvedContactError(SimulationDivergedError):
+    """Bodies met in a way that a step cannot resolve: too fast, too deep in each other, or in too many
+    points."""
+
+
 class PrecisionWarning(UserWarning):
     """A simulation means less than it seems to, see `STRAINED` and `COARSE`; a simulator tells it once."""
+
+
+UNRESOLVED = ("raise", "count")
+"""What may be done where bodies meet in a way that a step cannot resolve."""
 
 
 class Simulator:
@@ -125,6 +136,9 @@ class Simulator:
     strain_limit
         Largest |L/L₀ − 1| of a spring; a copy beyond it has diverged. If it is given, strains up to it are
         meant, and no `PrecisionWarning` tells of them; if not, it is `STRAIN_LIMIT`.
+    unresolved
+        What `advance` does where bodies meet in a way that a step cannot resolve: "raise" an error, or
+        "count" it, for `pairs` and `unresolved` to tell.
     damping_every
         Steps after which dampers and the wrench act for all of them at once, see `springgym.forces.cycle`: 1
         or an even number of at most `springgym.stability.LONGEST_CYCLE`. If not given, it is
@@ -156,6 +170,7 @@ class Simulator:
         tolerance: tuple[float, float] | None = None,
         strain_limit: float | None = None,
         damping_every: int | None = None,
+        unresolved: str = "raise",
     ) -> None:
         self._guard = Guard()
         self.scene = checks.instance("scene", scene, Scene)
@@ -193,6 +208,10 @@ class Simulator:
         self._ledger = self._blocks(bodies * ENTRIES) if ledger else None
         shares = range(min(self.threads, self._x.shape[0]))
         self._control = self._controlled(tolerance)
+        self.unresolved = np.zeros(self.copies, bool)
+        """which copies had bodies meet in a way that a step cannot resolve, since they were placed or
+        forgotten, see `pairs`: found where they are read; of no use to write to"""
+        self._raises = checks.chosen("unresolved", unresolved, UNRESOLVED) == UNRESOLVED[0]
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
         each = rows[:, None] if bodies == 1 else np.zeros((self.copies, bodies, measures.SIZE))
         self.readout = Readout(rows, np.zeros(shape), np.zeros(shape), each)
@@ -209,6 +228,9 @@ class Simulator:
         self._workspace = packing.workspaces(
             scene, self.integrator, self._terms.meets, self._kind.rigid, self._x.dtype, len(shares)
         )
+        self._outlines = packing.pack_outlines(scene)
+        self._boxes = np.zeros((len(shares), bodies + 1, 2, 3))
+        self._shown = np.zeros((self.copies, len(scene.meetings)), bool)
         self._varying = sorted(varying)
         self._actuators = self._actuated()
         self._advance = self._kernel()
@@ -370,6 +392,7 @@ class Simulator:
             packing.renew(packed, index)
         if self._terms.meets is not None:
             packing.empty_tally(self._terms.meets, index)
+            self.unresolved[index] = False
         if self._ledger is not None:
             set_copies(self._ledger, index, 0.0)
         self._meet(index)
@@ -655,6 +678,9 @@ class Simulator:
             If ``steps`` is not a whole number, at least 0, or a flag no bool; nothing is changed.
         SimulationDivergedError
             If ``check`` and a copy has diverged. The other copies are not touched by it.
+        UnresolvedContactError
+            If ``check``, and bodies of a copy met in a way that a step cannot resolve since the copy was
+            placed, or `pairs` forgot; unless the simulator is to count that.
         """
         # Compiled code is given an int and a bool, and no other type: see `SameTypes`.
         if steps.__class__ is not int or not 0 <= steps <= MANY:
@@ -679,6 +705,8 @@ class Simulator:
                 f"copy {n} diverged before t = {self.time[n]:g} s: {what}; step {self.step:g} s, "
                 f"stability limit {self.largest_step:g} s"
             )
+        if self._raises and self.unresolved.any():
+            raise UnresolvedContactError(self._what_is_unresolved(int(np.argmax(self.unresolved))))
         if (strain > self._strained).any():
             n = int(np.argmax(strain > self._strained))
             self._strained = math.inf
@@ -689,6 +717,29 @@ class Simulator:
             )
         if self._far < math.inf:
             self._check_distance(self.readout.positions)
+
+    def _what_is_unresolved(self, copy: int) -> str:
+        """Say of a copy which bodies met in a way that a step cannot resolve, how, and what would help."""
+        meets = self._terms.meets
+        assert meets is not None
+        told = PairReadings(*(of[copy] for of in packing.read_pairs(meets, self.copies)))
+        resolved = packing.resolved_speeds(meets, self.step)
+        n = int(np.argmax((told.fastest > resolved) | (told.misses > 0) | (told.overflow > 0)))
+        met = self.scene.meetings[n]
+        names = " and ".join(repr(self.scene.bodies[body].name) for body in met[:2])
+        how = [
+            (told.fastest[n] > resolved[n], f"at {told.fastest[n]:.4g} m/s"),
+            (told.misses[n] > 0, f"{told.misses[n]:.0f} times found only in each other, or almost"),
+            (told.overflow[n] > 0, f"{told.overflow[n]:.0f} times in more points than there is room for"),
+        ]
+        finer = self.step * min(1.0, resolved[n] / max(told.fastest[n], TINY))
+        return (
+            f"bodies {names} of copy {copy} met before t = {self.time[copy]:g} s "
+            f"{' and '.join(what for wrong, what in how if wrong)}: a step of {self.step:g} s cannot resolve "
+            f"that. It resolves contacts of up to {resolved[n]:.4g} m/s, which move by {RESOLVED:g} of their "
+            f"reach of {met.reach:g} m. Take a step of less than {finer:.2g} s, a larger reach or stiffer "
+            'contact, or say unresolved="count" to go on'
+        )
 
     def _check_distance(self, positions: np.ndarray) -> None:
         """Warn if positions (copies, N, 3) are so far away that their rounding stretches springs."""
@@ -731,6 +782,19 @@ class Simulator:
             reads,
             self._clock,
         )
+        if reads and steps > 0 and self._terms.meets is not None:
+            self._tell_unresolved(self._terms.meets, thread, first, last)
+
+    def _tell_unresolved(self, meets: Meets, thread: int, first: int, last: int) -> None:
+        """Find in which copies of blocks, that were read, bodies met in a way that a step cannot resolve."""
+        start = first * self.width
+        copies = slice(start, min(last * self.width, self.copies))
+        shown = self._shown[copies]
+        place, pairs = self.readout.positions[copies], meets.pairs
+        if tell_shown(place, pairs.first, pairs.second, self._outlines, self._boxes[thread], shown):
+            packing.count_shown(meets, start, shown)
+        found = packing.unresolved(meets, self.step, slice(first, last)).ravel()
+        self.unresolved[copies] = found[: len(shown)]
 
     @guarded
     def counts(self) -> np.ndarray:

@@ -259,7 +259,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
     `error` e [m], `tilt` of the plate [rad], `gap` between ball and plate's plane [m], `energy` and
     `energy_drift` [J], `strain`.
     Of the pairs of bodies, since the episode began: `pairs_touching` now, `pairs_impulse` [N·s],
-    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`.
+    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`, `too_fast`.
 
     ## Arguments
     - `observation`: above.

@@ -146,6 +146,7 @@ class _Common(Stateful):
             always["pairs_impulse"] = met.impulse[copies].sum(axis=-1)
             always["pairs_least_gap"] = np.minimum(met.least_gap[copies], reach).min(axis=-1)
             always["pairs_missed"] = met.misses[copies].sum(axis=-1)
+            always["too_fast"] = met.too_fast[copies].sum(axis=-1)
         if episodes.ranges:
             drawn = episodes.factors[copies]
             always["randomization"] = {name: drawn[..., n] for n, name in enumerate(episodes.ranges)}

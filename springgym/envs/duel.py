@@ -400,7 +400,7 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     ## Information
     `tilt` θ [rad], `away` a [m], `other_away` b [m], `energy` and `energy_drift` [J], `strain`.
     Of the pairs of bodies, since the episode began: `pairs_touching` now, `pairs_impulse` [N·s],
-    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`.
+    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`, `too_fast`.
 
     ## Arguments
     - `observation`: above.

@@ -69,6 +69,8 @@ class Part(NamedTuple):
     held: np.ndarray
     elapsed: np.ndarray
     diverged: np.ndarray
+    unresolved: np.ndarray
+    """`springgym.simulator.Simulator.unresolved`"""
 
 
 STATE = ("goal", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
@@ -349,7 +351,8 @@ class Episodes:
             seen = None if seen is None else seen[share]
         self._evaluate(*own[:2], own.outcome)
         terms, wins, limit = self.rewarded, self.task.wins, self.max_episode_steps
-        self._finish(own.rows, own.out, terms, wins, own.held, own.elapsed, limit, own.diverged, result)
+        ends = (own.held, own.elapsed, limit, own.diverged, own.unresolved)
+        self._finish(own.rows, own.out, terms, wins, *ends, result)
         if seen is not None:
             self._look(own, seen)
 
@@ -407,6 +410,7 @@ class Episodes:
             self.held[copies],
             self.elapsed[copies],
             self.diverged[copies],
+            self.simulator.unresolved[copies],
         )
         if not self._trusts:  # a user's own functions see, and change nothing
             m, situation = Measures(*map(_locked, part.measures)), Situation(*map(_locked, part.situation))
@@ -610,9 +614,11 @@ def finish(
     elapsed: np.ndarray,
     limit: int,
     diverged: np.ndarray,
+    unresolved: np.ndarray,
     result: Step,
 ) -> None:
-    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0.
+    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0, and so does one
+    where bodies met in a way that a step cannot resolve, which counts as diverged.
 
     The terms of the reward are the first ``terms`` columns; if `SPARSE`, it is whether the aim is met. Who
     fails has not met it, unless the episode ``wins`` by its end.
@@ -622,7 +628,8 @@ def finish(
         total = 0.0
         for n in range(rows.shape[1]):
             total += rows[c, n]
-        diverged[c] = not (math.isfinite(total) and rows[c, measures.STRAIN] <= STRAIN_LIMIT)
+        sound = math.isfinite(total) and rows[c, measures.STRAIN] <= STRAIN_LIMIT
+        diverged[c] = unresolved[c] or not sound
         if diverged[c]:
             out[c, :] = 0.0
             out[c, failed] = 1.0

@@ -302,7 +302,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     ## Information
     `error` e [m], `aside` r [m], `tilt` of the paddle [rad], `energy` and `energy_drift` [J], `strain`.
     Of the pairs of bodies, since the episode began: `pairs_touching` now, `pairs_impulse` [N·s],
-    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`.
+    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`, `too_fast`.
 
     ## Arguments
     - `observation`: above.

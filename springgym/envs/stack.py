@@ -277,7 +277,7 @@ class SpringStackEnv(SpringEnv, gym.Env):
     ## Information
     `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`.
     Of the pairs of bodies, since the episode began: `pairs_touching` now, `pairs_impulse` [N·s],
-    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`.
+    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`, `too_fast`.
 
     ## Arguments
     - `observation`: above.

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from springgym.bodies import Body
+from springgym.bodies import Body, vibrations
 from springgym.checks import TINY, array, number
 from springgym.surfaces.plane import Plane
 from springgym.surfaces.surface import Surface
@@ -118,6 +119,33 @@ def derived_strength(stiffness: float, mass: float, reach: float) -> float:
     """
     edge = stiffness * reach**3
     return min(max(mass * IMPACT**2 * reach / 64.8, SOFTEST * edge), STIFFEST * edge)
+
+
+@lru_cache(maxsize=256)
+def slowest_vibration(body: Body) -> float:
+    """Return ω [rad/s] of a free body's slowest vibration; infinite of one that has none, or is floppy."""
+    if body.floppy or len(body.masses) < 2:
+        return math.inf
+    return float(vibrations(body)[0][0])
+
+
+def faithful_speed(reach: float, *bodies: Body) -> float:
+    """Return the speed [m/s] up to which bodies rebound as their restitution says, to about .02.
+
+    A body that is struck closes for as long as its slowest vibration ω takes, by some v/ω. That fits into the
+    reach Δ where v ≤ Δ ω/3; what is faster leaves energy in vibrations, whatever the strength of contact.
+    """
+    return reach * min(map(slowest_vibration, bodies)) / 3
+
+
+def restitution_at_most(speed: float, faithful: float) -> float:
+    """Estimate the restitution that is to be had at a speed, given the `faithful_speed`; both in m/s.
+
+    It is a curve through what was measured of stiff and soft cubes, face on face, to .07: 1 up to .8 of the
+    faithful speed, .75 at twice that, and half far beyond.
+    """
+    beyond = max(speed / faithful - 0.8, 0.0) / 1.3
+    return 0.5 + 0.5 / (1.0 + beyond**1.3)
 
 
 def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
