@@ -29,7 +29,8 @@ CONFIG_FOLDER = Path(__file__).resolve().parent.parent / "configs"
 
 @contextmanager
 def making(env_id: str) -> Iterator[None]:
-    """Where an environment is made: its complaint about its name or its arguments is a `ConfigError`."""
+    """Turn what an environment that is made here complains of, its name or its arguments, into a
+    `ConfigError`."""
     try:
         yield
     except (TypeError, ValueError, ArithmeticError, MemoryError, ImportError, gym.error.Error) as error:

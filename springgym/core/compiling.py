@@ -418,7 +418,8 @@ def cache_directory() -> Path | None:
 
 
 def _asked(found: Any, sig: Any) -> Any:
-    """What was found, under the types that were asked for: those of a script's own classes are made anew."""
+    """Return what was found, under the types that were asked for: those of a script's own classes are made
+    anew."""
     args, _ = sigutils.normalize_signature(sig)
     if found.signature.args == tuple(args):
         return found

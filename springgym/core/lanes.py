@@ -175,7 +175,7 @@ def sqrt(typingctx, value):
 
 
 def _intels() -> bool:
-    """Whether to compile for AVX-512 as Intel has it, with estimates of 1/√d and gathers that help.
+    """Tell whether to compile for AVX-512 as Intel has it, with estimates of 1/√d and gathers that help.
 
     On AMD's Zen roots are fast, too, and gathers slow.
     """
@@ -298,7 +298,7 @@ def select(typingctx, mask, true, false):
 
 @intrinsic
 def any_lane(typingctx, mask):
-    """Whether the mask holds in at least one lane."""
+    """Tell whether the mask holds in at least one lane."""
 
     def codegen(context, builder, sig, args):
         if mask.width == 1:
@@ -382,7 +382,7 @@ def _packed(context, builder, array_type, array: _Array):
 
 
 def _element(array: types.Array) -> types.Type:
-    """What `load` gives for an array: `Lanes` for an array of blocks, else its number."""
+    """Return what `load` gives for an array: `Lanes` for an array of blocks, else its number."""
     if isinstance(array.dtype, types.Record):
         lanes = array.dtype.typeof("lanes")
         return Lanes(lanes.dtype, lanes.shape[0])
@@ -480,7 +480,7 @@ def _in_all(builder, value, like):
 
 
 def _each(builder, value) -> list[Any]:
-    """What is in each lane."""
+    """Return what is in each lane."""
     if not isinstance(value.type, ir.VectorType):
         return [value]
     lanes = (ir.Constant(ir.IntType(32), lane) for lane in range(value.type.count))
@@ -488,12 +488,12 @@ def _each(builder, value) -> list[Any]:
 
 
 def _number_of(element: types.Type) -> types.Type:
-    """What a lane of an array's elements is."""
+    """Return what a lane of an array's elements is."""
     return element.dtype if isinstance(element, Lanes) else element
 
 
 def _own_numbers(context, builder, sig, args, gathers: bool):
-    """Where ``array[index]`` of a C-contiguous array is for each lane.
+    """Return where ``array[index]`` of a C-contiguous array is for each lane.
 
     Returns
     -------
@@ -746,7 +746,7 @@ def of_body(typingctx, term, body):
 
 @intrinsic
 def bodies_of(typingctx, term):
-    """How many bodies' values a `Ragged` holds; 1 if it is an array."""
+    """Return how many bodies' values a `Ragged` holds; 1 if it is an array."""
     several = _is_one_of(Ragged, term)
 
     def codegen(context, builder, sig, args):

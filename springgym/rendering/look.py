@@ -171,7 +171,7 @@ class Look:
 
     @cached_property
     def solids(self) -> NDArray[np.intp]:
-        """Which of the separate surfaces each triangle is of, (T,), from 0."""
+        """Return which of the separate surfaces each triangle is of, (T,), from 0."""
         triangles = np.asarray(self.triangles)
         of_particle = np.arange(int(triangles.max(initial=-1)) + 1)
         while len(triangles):
