@@ -58,7 +58,7 @@ def verdict(own: float, lost: float, error: float) -> Verdict:
 
 @dataclass(frozen=True)
 class Finding:
-    """What an agent earns in another simulation, held against its own."""
+    """The return of an agent in another simulation, compared with its own."""
 
     simulation: str
     return_per_step: float | None = None

@@ -65,7 +65,7 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """How every cell is run."""
+    """The plan by which every cell is run."""
 
     runs: Path
     episodes: int

@@ -58,7 +58,7 @@ def whole(low: int, high: int) -> Callable[[str], int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """What every algorithm needs. ``env_kwargs`` go to the environment, in evaluation too, where
+    """The settings that every algorithm needs. ``env_kwargs`` go to the environment, in evaluation too, where
     ``eval_env_kwargs`` are added."""
 
     total_timesteps: int
@@ -68,7 +68,7 @@ class Config:
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig(Config):
-    """What those of Stable-Baselines3 need. Rows of ``metrics.csv`` and checkpoints are written whenever
+    """The settings that algorithms of Stable-Baselines3 need. Rows of ``metrics.csv`` and checkpoints are written whenever
     ``log_every`` and ``checkpoint_every`` environment steps have passed."""
 
     n_envs: int

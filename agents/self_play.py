@@ -153,7 +153,7 @@ def learn(run: Run, every: int) -> None:
 
 
 class Duels(NamedTuple):
-    """What two players reached against each other: a point a duel won, half of one without a winner."""
+    """The score of two players against each other: a point a duel won, half of one without a winner."""
 
     first: int
     second: int

@@ -14,7 +14,7 @@ from springgym.scene import Scene
 
 
 class Pace(NamedTuple):
-    """How a simulator goes forward."""
+    """The method of a simulator, its step, and the largest step that is stable."""
 
     method: Integrator
     step: float

@@ -48,7 +48,7 @@ from springgym.surfaces import Contact, PaperContact, Surface, coupled, loss_of,
 
 
 class Parameter(NamedTuple):
-    """What may differ from copy to copy."""
+    """A parameter that may differ from copy to copy."""
 
     least: float
     most: float
@@ -89,7 +89,7 @@ class Packed(NamedTuple):
 
 
 class Options(NamedTuple):
-    """What a scene is packed for."""
+    """The method, the step and the varying parameters that a scene is packed for."""
 
     method: Integrator
     step: float
@@ -446,7 +446,7 @@ def varies(packed: Packed, name: str) -> bool:
 
 
 def shape(packed: Packed, name: str) -> tuple[int, ...]:
-    """Of a parameter's value, for one body."""
+    """Return the shape of a parameter's value, for one body."""
     body = packed.scene.body
     extents = {"particles": (len(body.masses),), "springs": (len(body.springs),), "axes": (3,)}
     return extents.get(PARAMETERS[name].extent, ())

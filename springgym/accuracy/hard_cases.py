@@ -34,7 +34,7 @@ NONE = (0.0, 0.0, 0.0)
 
 
 class Outcome(NamedTuple):
-    """What a case gave."""
+    """The outcome of a case."""
 
     measured: str
     passed: bool

@@ -80,7 +80,7 @@ COUNTS = 3
 
 
 class Phase(NamedTuple):
-    """Where copies are, how they move, and what became of their energy.
+    """The state of copies: positions, velocities, and the ledger of their energy.
 
     Of several bodies, each field is a `Ragged`.
     """
@@ -94,7 +94,7 @@ class Phase(NamedTuple):
 
 
 class Control(NamedTuple):
-    """What a method that controls its error is given in place of h.
+    """The tolerance and the bounds of steps, which a method that controls its error takes in place of h.
 
     An adaptive method keeps the error of each step, root mean squares over the particles, below
     ``absolute`` + ``relative`` × longest spring in position [m] and ``absolute`` + ``relative`` × speed in

@@ -43,7 +43,8 @@ class HeightFields(NamedTuple):
     first: np.ndarray
     """(fields,) index of the first coefficient of the field"""
     coefficients: np.ndarray
-    """coefficients of the B-splines of all fields [m]: (cells along x + 3)(cells along y + 3) of each, row by row"""
+    """coefficients of the B-splines of all fields [m]: (cells along x + 3)(cells along y + 3) of each, row by
+    row"""
 
     @staticmethod
     @compiled

@@ -49,7 +49,7 @@ class Rule(NamedTuple):
 
 
 class ElasticSolid(NamedTuple):
-    """What `elastic_solid` finds of a solid.
+    """The mass, the moments, the vibrations and the growth under spin of an elastic solid.
 
     `mass`, kg; `centre`, shape (3,), m; `second`, shape (3, 3), int rho r r^T about the centre, kg m^2;
     `frequencies`, shape (n,), rad/s, ascending, those of the free solid without rigid motion;

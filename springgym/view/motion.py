@@ -74,7 +74,7 @@ class Motion:
 
     @property
     def extent(self) -> float:
-        """Of the body in the picture, see `extent_of` [m]."""
+        """Return the extent of the body in the picture [m], see `extent_of`."""
         return extent_of(self.positions)
 
     @property

@@ -43,7 +43,7 @@ Changes = Mapping[tuple[str, ...], float]
 
 
 class Subject(NamedTuple):
-    """What a page is about."""
+    """A kind of thing that a page shows, scenes or environments."""
 
     kind: str
     """what is chosen"""

@@ -37,7 +37,7 @@ def fitting(plan: Plan) -> None:
 
 
 def check(recording: Recording) -> list[Check]:
-    """All that a scene file asks to check, of several bodies together and then one after another.
+    """Make the checks that a scene file asks for, of several bodies together and then one after another.
 
     Raises
     ------
