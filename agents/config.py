@@ -68,8 +68,11 @@ class Config:
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig(Config):
-    """The settings that algorithms of Stable-Baselines3 need. Rows of ``metrics.csv`` and checkpoints are written whenever
-    ``log_every`` and ``checkpoint_every`` environment steps have passed."""
+    """The settings that algorithms of Stable-Baselines3 need.
+
+    Rows of ``metrics.csv`` and checkpoints are written whenever ``log_every`` and ``checkpoint_every``
+    environment steps have passed.
+    """
 
     n_envs: int
     batch_size: int
