@@ -50,7 +50,7 @@ LAST_SEED = 2**31 - 1 - MOST_EPISODES
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What one agent did, episode by episode (the seeds run upwards from ``first_seed``)."""
+    """The episodes that one agent played (the seeds run upwards from ``first_seed``)."""
 
     agent: str
     first_seed: int

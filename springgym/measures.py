@@ -126,7 +126,7 @@ class Measures(NamedTuple):
 
 
 class Readout(NamedTuple):
-    """Where to write what is read off copies."""
+    """The arrays that measures of copies are written to."""
 
     rows: np.ndarray
     """(copies, `SIZE`) measures of all bodies together, see `view`"""
@@ -148,7 +148,7 @@ class Markers(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """How copies are read off: where to, and by what."""
+    """The function that measures copies, and the arrays that it writes to."""
 
     readout: Readout
     space: np.ndarray

@@ -48,7 +48,7 @@ from springgym.surfaces import Contact, PaperContact, Surface, coupled, loss_of,
 
 
 class Parameter(NamedTuple):
-    """What may differ from copy to copy."""
+    """A parameter that may differ from copy to copy."""
 
     least: float
     most: float
@@ -89,7 +89,7 @@ class Packed(NamedTuple):
 
 
 class Options(NamedTuple):
-    """What a scene is packed for."""
+    """The method, the step and the varying parameters that a scene is packed for."""
 
     method: Integrator
     step: float
@@ -129,7 +129,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
 
 
 def _shared(scene: Scene, options: Options) -> Terms:
-    """What acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
+    """Return what acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
     surfaces, contact, varying = scene.surfaces, scene.contact, options.varying
     own = [OfBody(n, to_compiled(force)) for n, placed in enumerate(scene.bodies) for force in placed.forces]
     gravity = None
@@ -245,7 +245,7 @@ def _meets(scene: Scene, options: Options) -> Meets | None:
 
 
 def _as_the_scene_says(scene: Scene) -> list[bool]:
-    """Which pairs meet by the scene's contact, and vary with it."""
+    """Return which pairs meet by the scene's contact, and vary with it."""
     return [met.contact is scene.contact for met in scene.meetings]
 
 
@@ -276,7 +276,8 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
 def workspaces(
     scene: Scene, method: Integrator, meets: Meets | None, twin: bool, dtype: Any, threads: int
 ) -> list[Any]:
-    """What each thread computes in, on elements of ``dtype``, by springs or by their rigid ``twin``."""
+    """Return what each thread computes in, on elements of ``dtype``, by springs or by their rigid
+    ``twin``."""
     if meets is None:
         return [workspace(method, scene, dtype) for _ in range(threads)]
     make = solids_workspace if twin else bodies_workspace
@@ -284,13 +285,13 @@ def workspaces(
 
 
 def pack_room(scene: Scene, pairs: Pairs, dtype: Any) -> Room:
-    """What a thread finds contacts in, on elements of ``dtype``."""
+    """Return what a thread finds contacts in, on elements of ``dtype``."""
     rows = most_contacts(scene.meetings, [shape_of(placed.body) for placed in scene.bodies])[1]
     return room(pairs, len(scene.positions), rows, dtype)
 
 
 def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
-    """What a thread computes in where bodies collide."""
+    """Return what a thread computes in where bodies collide."""
     particles = np.array([0, *(own.stop for own in scene.slices)])
     springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
     count = len(scene.positions)
@@ -319,7 +320,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
 
 
 def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
-    """What a thread computes in where rigid bodies collide."""
+    """Return what a thread computes in where rigid bodies collide."""
     count, rows = len(scene.bodies), pack_room(scene, pairs, dtype)
     most = max(len(placed.body.masses) for placed in scene.bodies)
 
@@ -351,7 +352,7 @@ def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
 
 
 def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
-    """What is told of the pairs."""
+    """Return what is told of the pairs."""
     if meets is None:
         return PairReadings(*np.zeros((ENTRIES, copies, 0)))
     found = to_copies(meets.tally, copies).reshape(copies, -1, ENTRIES).astype(float)
@@ -439,13 +440,13 @@ def actuators(packed: Packed) -> dict[str, np.ndarray]:
 
 
 def varies(packed: Packed, name: str) -> bool:
-    """Whether copies have values of their own of a parameter."""
+    """Tell whether copies have values of their own of a parameter."""
     place = PARAMETERS[name].stored(packed.terms)
     return place is not None and place.dtype.names is not None
 
 
 def shape(packed: Packed, name: str) -> tuple[int, ...]:
-    """Of a parameter's value, for one body."""
+    """Return the shape of a parameter's value, for one body."""
     body = packed.scene.body
     extents = {"particles": (len(body.masses),), "springs": (len(body.springs),), "axes": (3,)}
     return extents.get(PARAMETERS[name].extent, ())

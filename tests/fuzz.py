@@ -329,7 +329,7 @@ class Player:
         check(not too_much.any(), f"energy drift of copy {int(np.argmax(too_much))}: {drift[too_much][:1]} J")
 
     def see_misses(self) -> None:
-        """What moves no faster than contact is computed well for misses no contact."""
+        """Assert that what moves no faster than contact is computed well for misses no contact."""
         simulator = self.env.unwrapped.episodes.simulator
         if simulator.scene.meetings:
             pairs = simulator.pairs()

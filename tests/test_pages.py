@@ -81,7 +81,7 @@ def cases(pages: list[Path]) -> list[Any]:
 
 
 def run(code: str, name: str, line: int, namespace: dict[str, Any]) -> str:
-    """What code prints; errors name its page and line."""
+    """Return what code prints; errors name its page and line."""
     tree = ast.parse(code, name)
     ast.increment_lineno(tree, line - 1)
     printed = io.StringIO()
@@ -210,7 +210,7 @@ def test_names_of_a_page_are_there(page: Path) -> None:
 
 
 def counts() -> dict[str, int]:
-    """How many there are of what pages count."""
+    """Return how many there are of what pages count."""
     from springgym.accuracy.hard_cases import CASES
 
     return {"scenes": len(names()), "integrators": len(METHODS), "cases": len(CASES)}

@@ -47,7 +47,7 @@ APART = 0.042
 
 
 class End(NamedTuple):
-    """Where a curve ends, and its name."""
+    """The last point of a curve, and the name that stands there."""
 
     x: float
     y: float

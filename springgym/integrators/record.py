@@ -66,12 +66,12 @@ class Integrator:
 
     @property
     def splits_dampers(self) -> bool:
-        """Whether each damper decays exactly, one after the other."""
+        """Tell whether each damper decays exactly, one after the other."""
         return math.isinf(self.real_limit) and not self.implicit
 
     @property
     def controlled(self) -> bool:
-        """Whether it has a tolerance, and is given a `Control` in place of h."""
+        """Tell whether it has a tolerance, and is given a `Control` in place of h."""
         return self.adaptive or self.iterative
 
 
@@ -80,7 +80,7 @@ COUNTS = 3
 
 
 class Phase(NamedTuple):
-    """Where copies are, how they move, and what became of their energy.
+    """The state of copies: positions, velocities, and the ledger of their energy.
 
     Of several bodies, each field is a `Ragged`.
     """
@@ -94,7 +94,7 @@ class Phase(NamedTuple):
 
 
 class Control(NamedTuple):
-    """What a method that controls its error is given in place of h.
+    """The tolerance and the bounds of steps, which a method that controls its error takes in place of h.
 
     An adaptive method keeps the error of each step, root mean squares over the particles, below
     ``absolute`` + ``relative`` × longest spring in position [m] and ``absolute`` + ``relative`` × speed in
@@ -111,7 +111,8 @@ class Control(NamedTuple):
 
 
 def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Any:
-    """What a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's matrix."""
+    """Return what a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's
+    matrix."""
     bodies = [placed.body for placed in scene.bodies]
     rows = max(max(len(body.masses), len(body.springs), len(scene.surfaces)) for body in bodies)
     arrays = aligned_zeros((method.workspace, rows, 3), dtype)

@@ -68,7 +68,7 @@ def _colors(name: str, value: ArrayLike | None, default: Color, count: int) -> N
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """How to draw one body of N particles; built once, checked at construction.
+    """The look of one body of N particles; it is built once, and checked then.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ class Look:
 
     @cached_property
     def solids(self) -> NDArray[np.intp]:
-        """Which of the separate surfaces each triangle is of, (T,), from 0."""
+        """Return which of the separate surfaces each triangle is of, (T,), from 0."""
         triangles = np.asarray(self.triangles)
         of_particle = np.arange(int(triangles.max(initial=-1)) + 1)
         while len(triangles):
@@ -205,7 +205,7 @@ def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = N
         return np.concatenate([np.asarray(getattr(look, name)) for look in looks])
 
     def balls(name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-        """Of every particle: a look may have balls for none of its own."""
+        """Return a property of the balls of all particles: a look may give balls to none of its own."""
         filled = [np.zeros((count, *shape)) for count in counts]
         for look, table in zip(looks, filled, strict=True):
             table[: len(np.asarray(look.radii))] = getattr(look, name)
@@ -235,7 +235,7 @@ class Arrow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scenery:
-    """What stands still around the body. Surfaces receive the body's shadow.
+    """The still things around a body. Surfaces receive the shadow of the body.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ class Scenery:
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """What may change with every frame beside the body.
+    """The marks that may change with every frame beside the body.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -
 
 
 def told(pace: float) -> str:
-    """How fast a film is, in words: "1/8 of real time"."""
+    """Return how fast a film is, in words: "1/8 of real time"."""
     return f"{Fraction(pace)} {'of' if pace < 1 else '×'} real time"
 
 
@@ -182,7 +182,7 @@ def scenery(recording: Recording) -> Scenery:
 
 
 def look(scene: Scene, trace: int | None) -> Look:
-    """How bodies are drawn; ``trace`` is the particle, among all, that leaves a trace."""
+    """Return how bodies are drawn; ``trace`` is the particle, among all, that leaves a trace."""
     if len(scene.bodies) == 1:
         return _look(scene.body, trace)
     bodies = [placed.body for placed in scene.bodies]

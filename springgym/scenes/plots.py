@@ -228,7 +228,7 @@ def _legend(axes: Axes, below: bool = False) -> None:
 
 
 def _energies(recording: Recording, figure: Figure, place: SubplotSpec, change: bool = False) -> None:
-    """Where the energy is, and where it went; or how much of it moved since the start.
+    """Return where the energy is, and where it went; or how much of it moved since the start.
 
     Those of gravity and of the springs count from their least.
     """
@@ -469,7 +469,7 @@ def ringing(recording: Recording, figure: Figure) -> None:
 
 
 def _straight(recording: Recording) -> bool:
-    """Whether the particles of the body's triad lie on a line, so that it has a third axis alone."""
+    """Tell whether the particles of the body's triad lie on a line, so that it has a third axis alone."""
     return bool((np.linalg.norm(recording.measures.side, axis=1) < 0.5).any())
 
 

@@ -77,7 +77,7 @@ def load(scene: str, changes: Changes | None = None) -> Plan:
 
 
 def document(scene: str) -> Tree:
-    """What the file of a scene says, unchecked; see `load`."""
+    """Return what the file of a scene says, unchecked; see `load`."""
     with _file(scene) as path:
         return read_yaml(path)
 
@@ -424,7 +424,8 @@ def _met(
 
 
 def _collisions(tree: Tree) -> Collisions:
-    """Which bodies meet: "all", "none", how all do, or a list of pairs, each with its ``contact`` or not."""
+    """Return which bodies meet: "all", "none", how all do, or a list of pairs, each with its ``contact`` or
+    not."""
     given = tree.value.get("collisions", ALL)
     if given is None or given == "none":
         return None

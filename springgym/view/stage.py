@@ -371,7 +371,7 @@ def record(server: Any, stage: Stage, motion: Motion, fps: float, speed: float) 
 
 
 def look_from(server: Any, camera: Camera) -> None:
-    """Where clients look from when they come, and those that are there from now on."""
+    """Return where clients look from when they come, and those that are there from now on."""
     for view in (server.initial_camera, *(client.camera for client in server.get_clients().values())):
         view.fov = camera.fov
         view.position = np.array(camera.eye)

@@ -86,7 +86,7 @@ DOORS: list[Door] = [
 
 
 def wrong_for(right: Any) -> list[Any]:
-    """What an argument could be given in place of what is right."""
+    """Return what an argument could be given in place of what is right."""
     held = [CUBE, [CUBE], [CUBE, CUBE], (CUBE, LARGE), {0: 0.0}, {0: np.nan}, {99: 1.0}, {0.5: 1.0}]
     held += [{"tip": 3}, {"tip": ()}, {"tip": (9,)}, {"tip": (-1,)}, {3: (3,)}, {"tip": (0.5,)}]
     held += [(0, 1), (0, 0), (-1,), (99,), (0.5,), (True,), [True] * 4, [False] * 8]

@@ -327,7 +327,7 @@ def with_bodies(scene: Scene, name: str, factor: float) -> Scene:
 
 
 def answer(task: Task, simulator: Simulator, goal: np.ndarray) -> dict[str, np.ndarray]:
-    """What acts beside the actions on the one copy of a simulator."""
+    """Return what acts beside the actions on the one copy of a simulator."""
     simulator.read()
     rows, x, v, bodies = simulator.readout
     m = measures.view(bodies if len(simulator.scene.bodies) > 1 else rows)

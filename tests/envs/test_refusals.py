@@ -59,7 +59,7 @@ def lives(env: Any) -> None:
 
 
 def tried(call: Callable[[], Any], name: str) -> Iterator[Any]:
-    """What a call gives, unless it is refused by an error that names the argument."""
+    """Return what a call gives, unless it is refused by an error that names the argument."""
     try:
         result = call()
     except REFUSED as error:

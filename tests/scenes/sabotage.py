@@ -219,7 +219,7 @@ def changed(scene: str, change: Change, folder: Path) -> Plan:
 
 
 def after(scene: str, name: str, change: Change, folder: Path) -> list[Check]:
-    """What a check says of a scene with a change."""
+    """Return what a check says of a scene with a change."""
     plan = changed(scene, change, folder)
     parts = tuple(replace(part, checks=(name,)) for part in plan.parts)
     plan = (
@@ -232,7 +232,7 @@ def after(scene: str, name: str, change: Change, folder: Path) -> list[Check]:
 
 
 def notices(found: list[Check]) -> bool:
-    """Whether a check saw something, and does not pass."""
+    """Tell whether a check saw something, and does not pass."""
     return any(not result.passed and not np.isnan(result.measured) for result in found)
 
 

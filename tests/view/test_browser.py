@@ -103,18 +103,18 @@ def labelled(browser, label):
 
 
 def picture(browser):
-    """What the canvas shows, as numbers."""
+    """Return what the canvas shows, as numbers."""
     image = Image.open(io.BytesIO(browser.find_element(By.CSS_SELECTOR, "canvas").screenshot_as_png))
     return np.asarray(image.convert("RGB"), float)
 
 
 def changes(browser, before):
-    """Whether the canvas comes to show something else."""
+    """Tell whether the canvas comes to show something else."""
     until(lambda: np.abs(picture(browser) - before).mean() > 0.2)
 
 
 def settled(browser):
-    """What the canvas shows when nothing moves any more."""
+    """Return what the canvas shows when nothing moves any more."""
     before = picture(browser)
     for _ in range(60):
         time.sleep(0.5)
