@@ -22,6 +22,7 @@ from springgym.checks import chosen, flag, instance, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
 from springgym.envs.options import arguments
 from springgym.envs.task import MET, Task
+from springgym.envs.tolerance import SAFETY, Choice, chosen_for
 from springgym.guard import Guard, guarded
 from springgym.rendering import Renderer
 
@@ -49,6 +50,8 @@ class _Common(Stateful):
     _guard: Guard
     task_type: ClassVar[type[Task]]
     episodes: Episodes
+    chosen: Choice | None = None
+    """what a tolerance made of the method and the steps; None if none was given"""
     _spec: EnvSpec | None = None
 
     def _make(
@@ -65,19 +68,28 @@ class _Common(Stateful):
         sparse: bool = False,
         max_episode_steps: int | None = None,
         error: bool = False,
+        tolerance: float | None = None,
         **options: Any,
     ) -> None:
         self._guard = Guard()
+        task = self.task_type(**options)
+        made: dict[str, Any] = {
+            "dynamics": dynamics,
+            "dtype": dtype,
+            "threads": threads,
+            "randomize": randomize,
+        }
+        if tolerance is not None:
+            if step is not None:
+                raise ValueError("step and tolerance are both given; a tolerance chooses the step")
+            self.chosen = chosen_for(task, copies, tolerance, integrator, damping_every=damping_every, **made)
+            integrator, made["wanted_step"] = self.chosen.integrator, task.period / self.chosen.steps
         self.episodes = Episodes(
-            self.task_type(**options),
+            task,
             copies,
             integrator=integrator,
             step=step,
             damping_every=damping_every,
-            dynamics=dynamics,
-            dtype=dtype,
-            threads=threads,
-            randomize=randomize,
             sparse=sparse,
             max_episode_steps=max_episode_steps,
             error=error,
@@ -86,6 +98,7 @@ class _Common(Stateful):
                 for name, value in arguments(self.task_type, options).items()
                 if name not in ("body", "scene")  # what they are made of is compared
             },
+            **made,
         )
 
     @property
@@ -140,6 +153,8 @@ class _Common(Stateful):
         }
         if episodes.error is not None:
             always["step_error"] = episodes.error.last[copies]
+        if self.chosen is not None:
+            always["error_bound"] = np.full(episodes.copies, SAFETY * self.chosen.error)[copies]
         if task.scene.meetings:
             met, reach = episodes.simulator.pairs(), [meeting.reach for meeting in task.scene.meetings]
             always["pairs_touching"] = met.touching[copies].sum(axis=-1, dtype=float)
@@ -210,6 +225,10 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
     error
         Whether ``info["step_error"]`` says how far each control period is from the same in finer steps, see
         `springgym.envs.error`; it makes a step cost three times as much.
+    tolerance
+        The largest error of a control period that is wanted, as a share of the body's size: it chooses step
+        and, unless it is given, integrator, see `springgym.envs.tolerance`. They are tried when the
+        environment is made, which takes seconds. ``info["error_bound"]`` is what was found to hold.
     sparse
         Whether a step is rewarded with 1 where the aim is met, else with 0, in place of the reward that the
         task is shaped by. The terms of the latter stay in ``info``.

@@ -34,6 +34,9 @@ SPARSE = -1
 NOT_BEGUN, BROKEN_OFF = "no episode has begun", "the last step or reset broke off in the middle"
 """Why copies must be reset before they are stepped."""
 
+LONGEST = 0.9
+"""Share of the stability limit up to which a step may be wanted where bodies meet nothing."""
+
 MOST_STEPS = 100_000
 """Steps in a control period at the most: as many take a control period up to about 0.1 s."""
 
@@ -93,6 +96,7 @@ class Episodes:
         sparse: bool = False,
         max_episode_steps: int | None,
         error: bool = False,
+        wanted_step: float | None = None,
         arguments: Mapping[str, Any] | None = None,
     ) -> None:
         self.task = task
@@ -113,7 +117,7 @@ class Episodes:
             "threads": threads,
             "varying": randomisation.varying(self.ranges, scene),
         }
-        step, every = self._pace(scene, kind, integrator, step, damping_every)
+        step, every = self._pace(scene, kind, integrator, step, wanted_step, damping_every)
         self.simulator = Simulator(scene, step=step, damping_every=every, **made)
         self.error = StepError(self.simulator, **made) if checks.flag("error", error) else None
         self.steps = steps_in(task.period, self.simulator.step)
@@ -151,9 +155,15 @@ class Episodes:
             task.prepare(*self._whole[:2])
 
     def _pace(
-        self, scene: Scene, kind: Dynamics, integrator: str | None, step: float | None, every: int | None
+        self,
+        scene: Scene,
+        kind: Dynamics,
+        integrator: str | None,
+        step: float | None,
+        wanted: float | None,
+        every: int | None,
     ) -> tuple[float, int]:
-        """The step, and after how many dampers act: given, or automatic.
+        """Return the step, and after how many dampers act: given, automatic, or about as long as ``wanted``.
 
         The step is that of the stiffest and lightest body of the randomisation, and cycles suit all bodies.
 
@@ -200,6 +210,9 @@ class Episodes:
                 every = stability.cycles_in(vibrations, period, steps, exactly=True)[1]
             return step, 1 if every is None else every
         automatic = min(kind.automatic_step(scene, method), self.task.finest)
+        if wanted is not None:
+            touches = scene.surfaces or scene.meetings
+            automatic = min(wanted, automatic if touches else LONGEST * kind.largest_step(scene, method))
         if not period <= MOST_STEPS * automatic:
             raise ValueError(
                 f"{method.name} needs steps of {automatic:.3g} s on this body{ranges}, more than "
