@@ -505,7 +505,7 @@ class Episodes:
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
         self._trusts = is_kernel(self.task.evaluate)
-        self._apart = self.task.apart and len(self.simulator.scene.bodies) > 1
+        self._apart = len(self.simulator.scene.bodies) > 1
         self._whole = self._part(slice(None))
         compact = self.task.observation != "particles"
         observe = self.task.compact if compact else observation.observe_particles

@@ -22,7 +22,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Start, Task
-from springgym.measures import Measures
+from springgym.measures import Measures, MeasuresOfBodies
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene, WrenchActuator
 from springgym.scenes import film
@@ -30,8 +30,8 @@ from springgym.simulator import STRAIN_LIMIT
 
 WRENCH = ("force", "torque", "body_torque")
 LOUD = nullcontext()
-Reward = Callable[[Measures, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-Seeing = Callable[[Measures, np.ndarray, np.ndarray], np.ndarray]
+Reward = Callable[[MeasuresOfBodies, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+Seeing = Callable[[MeasuresOfBodies, np.ndarray, np.ndarray], np.ndarray]
 Starting = Callable[[Generator], tuple[np.ndarray, np.ndarray]]
 
 
@@ -93,8 +93,10 @@ def make_scene_env(
     scene
         A `Scene`, the name of a shipped one, or a YAML file; reading those needs the extra ``scenes``.
     reward
-        Takes the `Measures`, positions and velocities (n, N, 3) and clipped actions (n, A) of all copies
-        after a step; returns their rewards (n,). These arrays cannot be written to, and change with the next
+        Takes the measures, positions and velocities (n, N, 3) and clipped actions (n, A) of all copies
+        after a step; returns their rewards (n,). Of several bodies, ``m["box"].centre`` are the centres
+        (n, 3) of the one that is called "box"; of one body, ``m.centre`` will do: see
+        `springgym.measures.MeasuresOfBodies`. These arrays cannot be written to, and change with the next
         step: copy what is to be kept.
     actuators
         What the actions drive, and with how much at ±1: "force" [N], "torque", "body_torque" [N·m] on the
@@ -144,7 +146,7 @@ class SceneTask(Task):
     scene, reward, actuators
         See `make_scene_env`.
     failed, succeeded
-        Take `Measures`, positions and velocities of all copies; return bools (n,): whether the episode ends,
+        Take measures, positions and velocities of all copies; return bools (n,): whether the episode ends,
         and whether the aim is met now.
     hold
         Steps in a row that the aim must be met for ``info["is_success"]``.
@@ -168,7 +170,6 @@ class SceneTask(Task):
     terms = ("own",)
     metrics = ()
     entries: tuple[Entry, ...] = ()
-    apart = False
 
     def __init__(
         self,
@@ -249,9 +250,9 @@ class SceneTask(Task):
     def evaluate(self, m: Measures, s: Situation, out: np.ndarray) -> None:
         shape = (len(out),)
         with _hearing(m):
-            out["reward_own"] = _numbers("reward", self._reward(m, s.x, s.v, s.action), shape, m)
+            out["reward_own"] = _numbers("reward", self._reward(self._named(m), s.x, s.v, s.action), shape, m)
             for field, name, judge in self._judges:
-                given = np.zeros(shape, bool) if judge is None else judge(m, s.x, s.v)
+                given = np.zeros(shape, bool) if judge is None else judge(self._named(m), s.x, s.v)
                 out[field] = _of_shape(name, given, shape, "b", "bools")
 
     def compact(self, m: Measures, s: Situation, observation: np.ndarray) -> None:
@@ -262,10 +263,13 @@ class SceneTask(Task):
             size = self._seen(m, s, (len(s.x), None)).shape[1]
             self.entries = (Entry("own", size),)
 
+    def _named(self, m: Measures) -> MeasuresOfBodies:
+        return MeasuresOfBodies(m, [placed.name for placed in self._scene.bodies], self._scene.number)
+
     def _seen(self, m: Measures, s: Situation, shape: tuple[int | None, ...]) -> np.ndarray:
         assert self._observe is not None
         with _hearing(m):
-            return _numbers("observe", self._observe(m, s.x, s.v), shape, m)
+            return _numbers("observe", self._observe(self._named(m), s.x, s.v), shape, m)
 
     def look(self) -> Look:
         return film.look(self._scene, None)
@@ -295,12 +299,13 @@ def _callable(name: str, value: Any) -> Any:
 
 def _sound(m: Measures) -> np.ndarray:
     """Which copies have not diverged (n,): of the others, functions may say what they like."""
-    return np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)
+    sound = np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)  # of several bodies, of each
+    return sound.reshape(len(sound), -1).all(axis=1)
 
 
 def _hearing(m: Measures) -> AbstractContextManager[None]:
     """Where functions are called: warnings are not heard while a copy has diverged."""
-    quick = m.strain.dot(m.strain) < STRAIN_LIMIT**2  # then each is within its limit
+    quick = np.vdot(m.strain, m.strain) < STRAIN_LIMIT**2  # then each is within its limit
     return LOUD if quick or _sound(m).all() else np.errstate(all="ignore")
 
 

@@ -74,8 +74,6 @@ class Task:
     evaluate: ClassVar[Callable[..., None]]
     compact: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None
-    apart: ClassVar[bool] = True
-    """whether functions are given the measures of each of several bodies, not those of all together"""
 
     def __init__(self, observation: str = "particles", action: str = "torque") -> None:
         self.observation = chosen("observation", observation, self.observations)

@@ -15,7 +15,7 @@ from springgym.bodies import Body, cube, rope
 from springgym.envs.base import SpringEnv, SpringVectorEnv, _Common
 from springgym.envs.episodes import MOST_STEPS
 from springgym.envs.scene import SceneTask
-from springgym.measures import Measures
+from springgym.measures import Measures, MeasuresOfBodies
 from springgym.scene import Scene, ThrustActuator
 from springgym.simulator import STRAIN_LIMIT
 from springgym.surfaces import floor
@@ -278,8 +278,8 @@ def test_every_answer_of_a_users_function(name: str) -> None:
 
 
 def test_functions_cannot_write_to_what_they_see() -> None:
-    def meddling(m: Measures, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
-        for array in (*m, x, v, action):
+    def meddling(m: MeasuresOfBodies, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
+        for array in (*m[0], x, v, action):
             with pytest.raises(ValueError, match="read-only"):
                 array[:] = 0
         return np.zeros(len(x))

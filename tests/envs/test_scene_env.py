@@ -12,10 +12,10 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import springgym
-from springgym.bodies import cube
+from springgym.bodies import box, cube
 from springgym.envs.sb3 import make_sb3
-from springgym.measures import Measures
-from springgym.scene import Scene, ThrustActuator
+from springgym.measures import Measures, MeasuresOfBodies
+from springgym.scene import Placed, Scene, ThrustActuator
 
 
 def lifted(m: Measures, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
@@ -229,3 +229,73 @@ def test_camera_keeps_the_body_in_view() -> None:
     env.reset(seed=0)
     env.render()
     assert env.unwrapped._canvas.camera == env.unwrapped.episodes.task.camera()
+
+
+# --- Several bodies ------------------------------------------------------------------------------------
+
+
+def two(**options: Any) -> Any:
+    """A cube that turns, and a box beside it that is pushed; they pass through each other."""
+    turning = np.cross((0.0, 0.0, 2.0), cube().positions - cube().centre)
+    aside = box().positions + np.array([3.0, 0.0, 0.0])
+    scene = Scene(bodies=(Placed(cube(), None, turning), Placed(box(), aside)), gravity=None, collisions=None)
+    settings: dict[str, Any] = {"reward": lambda m, x, v, action: m["box"].centre[:, 0]}
+    return springgym.make_scene_env(scene, **(settings | {"actuators": {"box.force": 2.0}} | options))
+
+
+@pytest.mark.parametrize("copies", [None, 2])
+def test_functions_get_the_measures_of_each_body_by_name(copies: int | None) -> None:
+    def observe(m: MeasuresOfBodies, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        assert m.names == ("cube", "box")
+        for body, own in (("cube", slice(8)), ("box", slice(8, 16))):
+            np.testing.assert_allclose(m[body].centre_velocity, mean(v[:, own], body), atol=1e-12)
+        for name, by_name, by_number in zip(Measures._fields, m["box"], m[1], strict=True):
+            np.testing.assert_array_equal(by_name, by_number, err_msg=name)
+        np.testing.assert_allclose(np.linalg.norm(m["cube"].axis, axis=1), 1.0)
+        return np.column_stack([m["cube"].angular_velocity, m["box"].momentum])
+
+    def mean(values: np.ndarray, body: str) -> np.ndarray:
+        masses = {"cube": cube(), "box": box()}[body].masses
+        return np.einsum("i,nik->nk", masses, values) / masses.sum()
+
+    env = two(observe=observe, num_envs=copies)
+    env.reset(seed=0)
+    push = np.ones(3 if copies is None else (copies, 3), np.float32)
+    for n in range(1, 6):
+        seen, reward, *_ = env.step(push)
+        seen = np.atleast_2d(seen)[0]
+        np.testing.assert_allclose(seen[:3], [0, 0, 2], atol=1e-5)
+        np.testing.assert_allclose(seen[3:], np.full(3, 2.0 * 0.02 * n), rtol=1e-6)
+        assert np.atleast_1d(reward)[0] > 3.0
+
+
+@pytest.mark.parametrize(
+    ("ask", "error", "says"),
+    [
+        (
+            lambda m: m.axis,
+            AttributeError,
+            r"name one of them, as in m\['cube'\].axis. There are 'cube', 'box'",
+        ),
+        (lambda m: m.axes, AttributeError, "measures have no 'axes'; there are kinetic, gravity"),
+        (lambda m: m["bix"], ValueError, "body is 'bix'; it must be one of 'cube', 'box'"),
+        (lambda m: m[2], ValueError, "body is 2"),
+        (lambda m: m[-1], ValueError, "body is -1"),
+        (lambda m: m[True], TypeError, "body is True"),
+        (lambda m: m[0.0], TypeError, "body is 0.0"),
+        (lambda m: m[:, 0], TypeError, "body is "),
+        (lambda m: list(m), TypeError, "not iterable"),
+    ],
+)
+def test_what_is_asked_of_no_body_is_told(ask: Any, error: type[Exception], says: str) -> None:
+    env = two(reward=lambda m, x, v, action: ask(m))
+    env.reset(seed=0)
+    with pytest.raises(error, match=says):
+        env.step(np.zeros(3, np.float32))
+
+
+def test_one_body_has_a_name_too() -> None:
+    env = make(reward=lambda m, x, v, action: m["cube"].centre[:, 2] + m[0].centre[:, 2] - m.centre[:, 2])
+    env.reset(seed=0)
+    reward = env.step(np.ones(9, np.float32))[1]
+    assert reward == env.unwrapped.episodes.measures.centre[0, 2] != 0
