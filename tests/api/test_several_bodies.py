@@ -293,7 +293,7 @@ def test_an_environment_over_two_bodies_is_the_same_single_and_in_a_batch() -> N
     def made(**options):
         return springgym.make_scene_env(
             scene,
-            lambda m, x, v, action: 1 / (1 + (m["left"].kinetic + m["right"].kinetic) / 1e3),
+            lambda m, s: 1 / (1 + (m["left"].kinetic + m["right"].kinetic) / 1e3),
             actuators={"left.torque": 5.0, "right.thrust": 1.0, "right.force": 3.0},
             randomize={"masses": (0.9, 1.1), "scale": (0.9, 1.1)},
             **options,
@@ -328,4 +328,4 @@ def replace_actuators(scene: Scene) -> Scene:
 )
 def test_an_actuator_of_no_body_is_refused(actuators, says: str) -> None:
     with pytest.raises(ValueError, match=says):
-        springgym.make_scene_env(tops(TOP), lambda m, x, v, a: m.energy, actuators=actuators)
+        springgym.make_scene_env(tops(TOP), lambda m, s: m.energy, actuators=actuators)
