@@ -297,8 +297,9 @@ OWN_SCENES = """## A scene of one's own
 
 `springgym.make_scene_env(scene, reward, actuators={"force": 20.0, "torque": 2.0})` makes an environment
 over a `Scene`, or over a scene file by name (which needs the extra `scenes`); `num_envs` makes a native
-batch. Functions take the `Measures`, positions and velocities (n, N, 3) of all copies, and `reward` the
-actions, too:
+batch. Functions take the measures and the situation of all copies; of several bodies, measures are asked
+by name, `m["box"].centre`. Goals, memory, terms of the reward, marks and colours are the subject of
+[a tutorial](tutorials/task.md):
 
 ```python
 import gymnasium
@@ -311,7 +312,7 @@ from springgym.surfaces import floor
 scene = Scene(cube(), positions=cube().positions + [0, 0, 1.5], surfaces=(floor(),))
 
 
-def near_one_metre(m, x, v, action):
+def near_one_metre(m, s):
     return np.exp(-np.abs(m.centre[:, 2] - 1.0))
 
 
@@ -319,9 +320,9 @@ env = springgym.make_scene_env(
     scene,
     reward=near_one_metre,
     actuators={"force": 20.0},
-    observe=lambda m, x, v: np.concatenate([m.centre, m.centre_velocity], axis=1),
-    failed=lambda m, x, v: m.centre[:, 2] < 0.2,
-    succeeded=lambda m, x, v: np.abs(m.centre[:, 2] - 1.0) < 0.05,
+    observe=lambda m, s: np.concatenate([m.centre, m.centre_velocity], axis=1),
+    failed=lambda m, s: m.centre[:, 2] < 0.2,
+    succeeded=lambda m, s: np.abs(m.centre[:, 2] - 1.0) < 0.05,
     hold=50,
 )
 ```

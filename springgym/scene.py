@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import Any, Self
@@ -80,7 +81,8 @@ class Placed(ReadOnly):
     forces
         Forces of one's own, see `springgym.own_forces`; their particles are numbered as those of the body.
     name
-        What errors, plots and calls name it by in a scene of several bodies; the body's own if not given.
+        What errors, plots and calls name it by in a scene of several bodies. If not given, it is the body's
+        own name, with a number behind it where several bodies share that: "cube0", "cube1".
 
     Raises
     ------
@@ -183,6 +185,20 @@ class Placed(ReadOnly):
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
         called = f"{self.name}: " if self.name != self.body.name else ""
         return f"{called}{self.body!r}{rest}"
+
+
+def _numbered(bodies: tuple[Placed, ...]) -> tuple[Placed, ...]:
+    """Return several bodies with a number behind each name that comes from a `Body` and is not unique."""
+    kinds = [placed.body.name if placed.name == placed.body.name else None for placed in bodies]
+    shared = {kind for kind, count in Counter(kinds).items() if count > 1 or not kind} - {None}
+    numbers: Counter[str] = Counter()
+    named = []
+    for placed, kind in zip(bodies, kinds, strict=True):
+        if len(bodies) > 1 and kind is not None and kind in shared:
+            placed = replace(placed, name=f"{kind or 'body'}{numbers[kind]}")
+            numbers[kind] += 1
+        named.append(placed)
+    return tuple(named)
 
 
 OWN = ("body", "positions", "velocities", "pinned", "wrench", "thrust", "drive", "forces")
@@ -305,6 +321,7 @@ class Scene(ReadOnly):
         bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))
         if len(bodies) > MOST_BODIES:
             raise ValueError(f"bodies are {len(bodies)}; there must be at most {MOST_BODIES}")
+        bodies = _numbered(bodies)
         names = [placed.name for placed in bodies]
         for n, name in enumerate(names):
             if len(names) > 1 and (not name or "." in name):

@@ -165,7 +165,7 @@ def made(what: Round, copies: int | None) -> Any:
     batch = {} if copies is None else {"autoreset_mode": what.autoreset, "threads": what.threads}
     return springgym.make_scene_env(
         scene,
-        lambda m, x, v, action: 1 / (1 + np.square(m.centre).sum(axis=1)),
+        lambda m, s: 1 / (1 + np.square(m.centre).sum(axis=1)),
         actuators=actuators,
         num_envs=copies,
         max_episode_steps=100,

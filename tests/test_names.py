@@ -24,7 +24,14 @@ SOURCES = sorted(
 )
 STANDARD = {"copy", "dataclasses", "gymnasium", "numba", "numpy", "pettingzoo", "viser"}
 """Modules of others that are named."""
-OBJECTS = {"env": "SpringEnv", "envs": "SpringVectorEnv", "episodes": "Episodes", "simulator": "Simulator"}
+OBJECTS = {
+    "env": "SpringEnv",
+    "envs": "SpringVectorEnv",
+    "episodes": "Episodes",
+    "simulator": "Simulator",
+    "m": "Measures",
+    "s": "Situation",
+}
 """Of what class the objects are that pages name."""
 QUOTED = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
 NAME = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)(?:\(.*\))?")

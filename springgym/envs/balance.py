@@ -83,7 +83,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 @kernel
-def move(goal: np.ndarray) -> None:
+def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
     """The place goes on along its circle: x, y, z, its velocity x, y, and its angular velocity."""
     for c in range(goal.shape[0]):
         turn = goal[c, 5] * PERIOD
@@ -178,7 +178,7 @@ class SpringBalance(Task):
 
     def look(self) -> Look:
         radii = np.append(np.zeros(len(self.plate.masses)), BALL_RADIUS)
-        return replace(film.look(self.scene, None), radii=radii, ball_colors=ORANGE)
+        return replace(film.look(self.scene), radii=radii, ball_colors=ORANGE)
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.2), 1.3, elevation=0.6)
@@ -186,10 +186,10 @@ class SpringBalance(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=-0.3)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        error = math.hypot(m.centre[BALL, 0] - goal[0], m.centre[BALL, 1] - goal[1])
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        error = math.hypot(m.centre[BALL, 0] - s.goal[0], m.centre[BALL, 1] - s.goal[1])
         return Marks(
-            balls=[(goal[:3], 0.05)],
+            balls=[(s.goal[:3], 0.05)],
             lines=[((0.0, 0.0, -0.3), (0.0, 0.0, 0.0))],
             key=((GREEN, "keep the ball here"),),
             text=(f"off its place {100 * error:4.1f} cm",),

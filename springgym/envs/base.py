@@ -171,9 +171,7 @@ class _Common(Stateful):
         positions, _ = episodes.particles
         if not episodes.diverged[copy]:
             renderer.camera = renderer.camera.keeping(positions[copy], renderer.size)
-        m = episodes.measures_of(copy)
-        marks = episodes.task.marks(m, positions[copy], episodes.action[copy], episodes.goal[copy])
-        return renderer.draw(positions[copy], marks)
+        return renderer.draw(positions[copy], episodes.task.marks(*episodes.seen_of(copy)))
 
     def _restart(self, renderer: Renderer, copy: int) -> None:
         """Show the new episode of a copy."""

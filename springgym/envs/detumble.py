@@ -159,12 +159,12 @@ class SpringDetumble(Task):
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0), 1.6 * float(np.linalg.norm(SIDES)))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         arrows = []
         if self.action == "thrusters":
             triad = np.array([m.side, np.cross(m.axis, m.side), m.axis])
-            pushes = 0.4 * action[:, None] * (self._thrust @ triad)
-            arrows = [Arrow(x[corner], push) for (corner, _), push in zip(THRUSTERS, pushes, strict=True)]
+            pushes = 0.4 * s.action[:, None] * (self._thrust @ triad)
+            arrows = [Arrow(s.x[corner], push) for (corner, _), push in zip(THRUSTERS, pushes, strict=True)]
         return Marks(
             arrows=arrows,
             text=(f"turning {float(np.linalg.norm(m.angular_velocity)):4.2f} rad/s",),

@@ -324,13 +324,13 @@ class SpringDuel(Task):
     def scenery(self) -> Scenery:
         return Scenery(surfaces=(Bowl((0.0, 0.0, BOWL), BOWL),))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        crown = x[self.body.particle("crown")]
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        crown = s.x[self.body.particle("crown")]
         rim = (0.0, 0.0, BOWL - math.sqrt(BOWL**2 - RIM**2))
         away = np.hypot(m.centre[:, 0], m.centre[:, 1])
         return Marks(
             rings=[(rim, RIM)],
-            arrows=[Arrow(crown, (0.5 * action[0], 0.5 * action[1], 0.0))],
+            arrows=[Arrow(crown, (0.5 * s.action[0], 0.5 * s.action[1], 0.0))],
             key=((BLUE, "the agent's top, and its push"), (GREEN, "who leaves the ring loses")),
             text=(f"own {away[0]:4.2f} m, other {away[1]:4.2f} m from the middle",),
         )

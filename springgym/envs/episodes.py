@@ -74,7 +74,7 @@ class Part(NamedTuple):
     diverged: np.ndarray
 
 
-STATE = ("goal", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
+STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
 """Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
 
 
@@ -105,7 +105,7 @@ class Episodes:
         self.unready = NOT_BEGUN
         """why the copies must be reset before they are stepped; empty if they need not"""
         self.max_episode_steps = _checked_limit(max_episode_steps)
-        self.rewarded = SPARSE if checks.flag("sparse", sparse) else len(task.terms)
+        checks.flag("sparse", sparse)
         kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
         self.ranges = randomisation.checked_ranges(randomize, dynamics)
         scene = task.scene
@@ -127,15 +127,25 @@ class Episodes:
                 "period, as actions change at its end"
             )
         self.goal = np.zeros((copies, task.goal_size))
+        self.memory = np.zeros((copies, len(task.memory)))
         self.strength = np.ones((copies, 1))
         self.factors = np.ones((copies, len(self.ranges)))
         self.elapsed = np.zeros(copies, np.int64)
+        self.time = np.zeros(copies)
+        """since the episode began [s]; ``elapsed`` counts for the time limit, and may begin later"""
         self.held = np.zeros(copies, np.int64)
         self.balance = np.zeros(copies)
         """energy balance at the start of the episode [J]"""
         self.action = np.zeros((copies, task.action_space.shape[0]))
         """clipped to ±1"""
         self._given, self._driven = np.zeros_like(self.action), np.zeros_like(self.action)
+        self._apart = len(scene.bodies) > 1
+        functions = (task.evaluate, task.move, task.remember)
+        self._trusts = all(is_kernel(function) for function in functions if function is not None)
+        if task.prepare is not None:
+            self.simulator.read()
+            task.prepare(*self._seen_in(slice(None)))
+        self.rewarded = SPARSE if sparse else len(task.terms)
         self.out = np.zeros((copies, len(task.outcome)))
         """what `Task.evaluate` set last, a column for each name in `Task.outcome`"""
         self.diverged = np.zeros(copies, bool)
@@ -150,9 +160,6 @@ class Episodes:
         }
         """what a state belongs to, beside what the simulator was made of"""
         self._use_kernels()
-        if task.observation == "own":
-            self.simulator.read()
-            task.prepare(*self._whole[:2])
 
     def _pace(
         self,
@@ -273,7 +280,9 @@ class Episodes:
             self.unready = was
             raise
         self.goal[copies] = goals
+        self.memory[copies] = self.task.memory
         self.elapsed[copies] = 0
+        self.time[copies] = 0.0
         self.held[copies] = 0
         self.action[copies] = 0.0
         self.out[copies] = 0.0
@@ -283,6 +292,11 @@ class Episodes:
         self.simulator.read(copies)
         self.balance[copies] = self.measures.balance[copies]
         begun = self._seen_alone(copies)
+        if self._remember is not None:
+            memory = begun.part.situation.memory.copy()
+            self._remember(*begun.part[:2], memory)
+            self.memory[copies] = memory[begun.row]
+            begun = self._seen_alone(copies)
         if self.task.metrics:
             fresh = np.zeros_like(begun.part.out)
             self._evaluate(*begun.part[:2], self._named(fresh))
@@ -353,16 +367,18 @@ class Episodes:
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
         """Outcome, end and observation of the copies from ``first`` to the one before ``last``."""
-        own = self._whole
-        if self._move is not None:
-            self._move(self.goal[first:last])
+        own, share = self._whole, slice(first, last)
+        self._tick(self.time[share], float(self.task.period))
         if (first, last) != (0, self.copies):
-            share = slice(first, last)
             own, result = self._part(share), Step(*(values[share] for values in result))
             seen = None if seen is None else seen[share]
+        if self._move is not None:
+            self._move(*own[:2], self.goal[share])
         self._evaluate(*own[:2], own.outcome)
         terms, wins, limit = self.rewarded, self.task.wins, self.max_episode_steps
         self._finish(own.rows, own.out, terms, wins, own.held, own.elapsed, limit, own.diverged, result)
+        if self._remember is not None:
+            self._remember(*own[:2], self.memory[share])
         if seen is not None:
             self._look(own, seen)
 
@@ -409,22 +425,28 @@ class Episodes:
 
     def _part(self, copies: np.ndarray | slice) -> Part:
         """Some copies: views if they are a slice, else copies of their numbers."""
-        rows, x, v, bodies = (values[copies] for values in self.simulator.readout)
         out = self.out[copies]
-        part = Part(
-            measures.view(bodies if self._apart else rows),
-            Situation(x, v, self.action[copies], self.goal[copies], self.parameters),
-            rows,
+        return Part(
+            *self._seen_in(copies),
+            self.simulator.readout.rows[copies],
             out,
             self._named(out),
             self.held[copies],
             self.elapsed[copies],
             self.diverged[copies],
         )
+
+    def _seen_in(self, copies: np.ndarray | slice) -> tuple[Measures, Situation]:
+        """What functions see of some copies."""
+        rows, x, v, bodies = (values[copies] for values in self.simulator.readout)
+        m = measures.view(bodies if self._apart else rows)
+        action, goal, time, memory = (
+            values[copies] for values in (self.action, self.goal, self.time, self.memory)
+        )
+        situation = Situation(x, v, action, goal, time, memory, self.parameters)
         if not self._trusts:  # a user's own functions see, and change nothing
-            m, situation = Measures(*map(_locked, part.measures)), Situation(*map(_locked, part.situation))
-            part = part._replace(measures=m, situation=situation)
-        return part
+            return Measures(*map(_locked, m)), Situation(*map(_locked, situation))
+        return m, situation
 
     # --- Randomisation ----------------------------------------------------------------------------
 
@@ -498,7 +520,9 @@ class Episodes:
             checks.whole_array(what, values, own.shape)
         elif name == "action":
             checks.array(what, values, own.shape, low=-1.0, high=1.0)
-        elif name in ("goal", "balance", "factors"):
+        elif name == "time":
+            checks.array(what, values, own.shape, low=0.0)
+        elif name in ("goal", "memory", "balance", "factors"):
             checks.array(what, values, own.shape)
         if name == "goal" and (pointed := self._columns.pointed) >= 0:  # it is a particle
             last = len(self.simulator.scene.masses) - 1
@@ -517,8 +541,6 @@ class Episodes:
 
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
-        self._trusts = is_kernel(self.task.evaluate)
-        self._apart = self.task.apart and len(self.simulator.scene.bodies) > 1
         self._whole = self._part(slice(None))
         compact = self.task.observation != "particles"
         observe = self.task.compact if compact else observation.observe_particles
@@ -526,10 +548,12 @@ class Episodes:
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
         self._take = SameTypes(take)
+        self._tick = SameTypes(tick)
         self._evaluate = SameTypes(self.task.evaluate)
         self._finish = SameTypes(finish)
         self._observe = SameTypes(observe)
         self._move = None if self.task.move is None else SameTypes(self.task.move)
+        self._remember = None if self.task.remember is None else SameTypes(self.task.remember)
         self._bound = SameTypes(observation.bound)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -548,9 +572,11 @@ class Episodes:
         """What functions see of all copies, and the rows of their measures."""
         return self._whole[:3]
 
-    def measures_of(self, copy: int) -> Measures:
-        """What the task's functions are given of one copy."""
-        return Measures(*(values[copy] for values in self._whole.measures))
+    def seen_of(self, copy: int) -> tuple[Measures, Situation]:
+        """What functions see of one copy now: it does not change with the next step."""
+        m, situation = self._whole[:2]
+        own = (values[copy].copy() for values in situation[:-1])
+        return Measures(*(values[copy].copy() for values in m)), Situation._make((*own, situation.parameters))
 
     @property
     def particles(self) -> tuple[np.ndarray, np.ndarray]:
@@ -611,6 +637,13 @@ def take(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np
             action[c, n] = min(max(given[c, n], -1.0), 1.0)
             driven[c, n] = action[c, n] * strength[c, 0]
     return True
+
+
+@kernel
+def tick(time: np.ndarray, period: float) -> None:
+    """Let a control period pass; times stay whole multiples of it."""
+    for c in range(time.size):
+        time[c] = period * (math.floor(time[c] / period + 0.5) + 1.0)
 
 
 @kernel

@@ -194,12 +194,12 @@ class SpringFreeTop(Task):
             return Scenery(surfaces=(Bowl((0.0, 0.0, BOWL), BOWL),))
         return Scenery(floor=0.0)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         tilt, spin = angle_of.py_func(m.axis[2]), float(m.angular_velocity @ m.axis)
-        push = (0.5 * action[0], 0.5 * action[1], 0.0)
+        push = (0.5 * s.action[0], 0.5 * s.action[1], 0.0)
         return Marks(
             rings=[((0.0, 0.0, 0.0), INSIDE)],
-            arrows=[Arrow(x[self.body.particle("crown")], push)],
+            arrows=[Arrow(s.x[self.body.particle("crown")], push)],
             key=((GREEN, "stay in here"), (RED, "push on the crown")),
             text=(
                 f"tilt {math.degrees(tilt):4.1f}°",

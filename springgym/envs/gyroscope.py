@@ -154,13 +154,13 @@ class SpringGyroscope(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=-1.3 * float(np.linalg.norm(self.body.positions, axis=1).max()))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        centre = x[self.body.particle("centre")]
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        centre = s.x[self.body.particle("centre")]
         reach = float(np.linalg.norm(self.body.positions, axis=1).max())
-        angle = math.degrees(angle_of.py_func(m.axis @ goal))
+        angle = math.degrees(angle_of.py_func(m.axis @ s.goal))
         return Marks(
-            balls=[(centre + 1.4 * reach * goal, 0.06 * reach)],
-            arrows=[Arrow(centre, 1.3 * reach * goal, GREEN)],
+            balls=[(centre + 1.4 * reach * s.goal, 0.06 * reach)],
+            arrows=[Arrow(centre, 1.3 * reach * s.goal, GREEN)],
             key=((GREEN, "where the axle shall point"),),
             text=(f"off target {angle:5.1f}°", f"spin {float(m.angular_velocity @ m.axis):5.1f} rad/s"),
         )

@@ -213,7 +213,7 @@ class SpringJuggle(Task):
 
     def look(self) -> Look:
         radii = np.append(np.zeros(len(self.paddle.masses)), np.full(self.balls, BALL_RADIUS))
-        return replace(film.look(self.scene, None), radii=radii, ball_colors=ORANGE)
+        return replace(film.look(self.scene), radii=radii, ball_colors=ORANGE)
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.3), 1.5, elevation=0.2)
@@ -221,14 +221,14 @@ class SpringJuggle(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=-0.45)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        height = goal[0] + BALL_RADIUS
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        height = s.goal[0] + BALL_RADIUS
         apexes = apex_of.py_func(m.centre[BALL:, 2], m.centre_velocity[BALL:, 2])
         return Marks(
             rings=[((column, 0.0, height), 0.1) for column in self.columns],
-            arrows=[Arrow(m.centre[PADDLE], tuple((0.2 * action[:3]).tolist()))],
+            arrows=[Arrow(m.centre[PADDLE], tuple((0.2 * s.action[:3]).tolist()))],
             key=((GREEN, "bounce up to this ring"),),
-            text=tuple(f"{100 * (reached - goal[0]):+5.1f} cm off the height" for reached in apexes),
+            text=tuple(f"{100 * (reached - s.goal[0]):+5.1f} cm off the height" for reached in apexes),
         )
 
 

@@ -34,6 +34,10 @@ class Situation(NamedTuple):
     """(n, A) of the last step, clipped to ±1; 0 before the first"""
     goal: np.ndarray
     """(n, G) what the task wants"""
+    time: np.ndarray
+    """(n,) since the episode began [s]"""
+    memory: np.ndarray
+    """(n, K) what the task remembers of the episode, see `springgym.envs.task.Task`"""
     parameters: np.ndarray
     """the task's own numbers"""
 

@@ -138,14 +138,14 @@ class SpringPendulum(Task):
         length = float(self.body.lengths.max())
         return Scenery(floor=-1.25 * length, vertical=((0.0, 0.0, 0.0), 1.25 * length))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         tilt = math.degrees(angle_of.py_func(m.axis[2]))
         speed = float(np.linalg.norm(m.angular_velocity))
         top = (0.0, 0.0, float(self.body.lengths.max()))
         impulse = ((RED, "impulse"),) if self.action == "impulse" else ()
         return Marks(
             balls=[(top, 0.04)],
-            arrows=[Arrow(x[FAR], 0.4 * action)] if self.action == "impulse" else [],
+            arrows=[Arrow(s.x[FAR], 0.4 * s.action)] if self.action == "impulse" else [],
             text=(f"tilt {tilt:5.1f}°", f"turning {speed:4.1f} rad/s"),
             key=((GREEN, "where the far corner shall be"), *impulse),
         )

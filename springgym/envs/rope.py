@@ -151,14 +151,14 @@ class SpringRope(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=-1.2 * float(self.body.lengths.sum()))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         floor = -1.2 * float(self.body.lengths.sum())
-        target = (float(goal[0]), float(goal[1]), floor)
-        high = (float(goal[0]), float(goal[1]), float(x[-1, 2]))
-        error = math.hypot(x[-1, 0] - goal[0], x[-1, 1] - goal[1])
+        target = (float(s.goal[0]), float(s.goal[1]), floor)
+        high = (float(s.goal[0]), float(s.goal[1]), float(s.x[-1, 2]))
+        error = math.hypot(s.x[-1, 0] - s.goal[0], s.x[-1, 1] - s.goal[1])
         rails = [
-            ((x[0, 0] - 1.0, x[0, 1], 0.0), (x[0, 0] + 1.0, x[0, 1], 0.0)),
-            ((x[0, 0], x[0, 1] - 1.0, 0.0), (x[0, 0], x[0, 1] + 1.0, 0.0)),
+            ((s.x[0, 0] - 1.0, s.x[0, 1], 0.0), (s.x[0, 0] + 1.0, s.x[0, 1], 0.0)),
+            ((s.x[0, 0], s.x[0, 1] - 1.0, 0.0), (s.x[0, 0], s.x[0, 1] + 1.0, 0.0)),
         ]
         return Marks(
             rings=[(target, 0.3)],

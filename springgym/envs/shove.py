@@ -190,7 +190,7 @@ class SpringShove(Task):
 
     def look(self) -> Look:
         radii = np.append(RADIUS, np.zeros(len(self.box.masses)))
-        return replace(film.look(self.scene, None), radii=radii, ball_colors=ORANGE)
+        return replace(film.look(self.scene), radii=radii, ball_colors=ORANGE)
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.1), 2.0, elevation=0.9)
@@ -198,7 +198,7 @@ class SpringShove(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         error = math.hypot(m.centre[BOX, 0], m.centre[BOX, 1])
         heading = math.atan2(m.side[BOX, 1], m.side[BOX, 0])
         a, b = SIDES[0] / 2, SIDES[1] / 2
@@ -208,7 +208,9 @@ class SpringShove(Task):
         return Marks(
             lines=edges,
             arrows=[
-                Arrow(m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * action[0], 0.3 * action[1], 0.0)),
+                Arrow(
+                    m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * s.action[0], 0.3 * s.action[1], 0.0)
+                ),
                 Arrow(top, ahead, GREEN),
                 Arrow((0.0, 0.0, 0.0), (0.15, 0.0, 0.0), GREEN),
             ],

@@ -181,7 +181,7 @@ class SpringStack(Task):
         return {"pusher.thrust": FORCE * np.pad(action, ((0, 0), (0, 1)))[:, None]}
 
     def look(self) -> Look:
-        shown = film.look(self.scene, None)
+        shown = film.look(self.scene)
         colors, faces = np.array(shown.triangle_colors), len(self.box.triangles)
         colors[faces : 2 * faces] = colors[:faces]
         colors[faces : 2 * faces][(colors[:faces] == BLUE).all(axis=1)] = TEAL
@@ -195,13 +195,15 @@ class SpringStack(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         way = m.centre[BOX] - m.centre[BLOCK]
-        corners = x[9:13]
+        corners = s.x[9:13]
         return Marks(
             lines=[(corners[n], corners[n - 1]) for n in range(4)],
             arrows=[
-                Arrow(m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * action[0], 0.3 * action[1], 0.0)),
+                Arrow(
+                    m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * s.action[0], 0.3 * s.action[1], 0.0)
+                ),
                 Arrow(m.centre[BOX] + 0.14 * m.axis[BOX], 0.15 * m.side[BOX], GREEN),
             ],
             key=((GREEN, "bring this box onto the other, turned alike"), (RED, "push")),

@@ -48,7 +48,12 @@ class Task:
       for each name in `outcome`: the reward's terms, the metrics, whether the aim is met now, and whether the
       episode has failed;
     - ``compact(m, s, observation)``: the compact observation (n, D);
-    - ``move(goal)``, where there is one: what goals become from one control period to the next.
+    - ``move(m, s, goal)``, where there is one: sets the goals (n, G) of the next control period;
+    - ``remember(m, s, memory)``, where there is one: sets what is remembered (n, K).
+
+    After a step, ``move`` comes first, then ``evaluate``, which sees in ``s.memory`` what was remembered
+    before, then ``remember``, and the observation last. At the start of an episode, the memory is what
+    `memory` says, and ``remember`` is called once.
 
     Of several bodies, m holds the measures of each: scalars (n, bodies), vectors (n, bodies, 3).
     """
@@ -63,6 +68,8 @@ class Task:
     entries: tuple[Entry, ...]
     """what the numbers of the compact observation are, in their order"""
     goal_size: ClassVar[int] = 0
+    memory: ClassVar[Sequence[float]] = ()
+    """the K numbers of the memory before the first call of ``remember``"""
     period: ClassVar[float] = 0.02
     """control period [s]"""
     finest: ClassVar[float] = math.inf
@@ -74,8 +81,10 @@ class Task:
     evaluate: ClassVar[Callable[..., None]]
     compact: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None
-    apart: ClassVar[bool] = True
-    """whether functions are given the measures of each of several bodies, not those of all together"""
+    remember: ClassVar[Callable[..., None] | None] = None
+    prepare: ClassVar[Callable[..., None] | None] = None
+    """takes m and s of the scene as it is, once, before the first episode: it may find out `terms`, `metrics`
+    and `entries`"""
 
     def __init__(self, observation: str = "particles", action: str = "torque") -> None:
         self.observation = chosen("observation", observation, self.observations)
@@ -160,12 +169,9 @@ class Task:
         """What stands around it."""
         return Scenery()
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         """What else is drawn; the arguments are those of one copy."""
         raise NotImplementedError
-
-    def prepare(self, m: Measures, s: Situation) -> None:
-        """For an observation that is called "own": see the scene once, before the first episode."""
 
     @property
     def observation_space(self) -> spaces.Box:

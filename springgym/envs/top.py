@@ -163,11 +163,11 @@ class SpringTop(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0, vertical=((0.0, 0.0, 0.0), 1.2 * float(self.body.positions[:, 2].max())))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         tilt, spin = angle_of.py_func(m.axis[2]), float(m.angular_velocity @ m.axis)
         arrows = []
         if self.action == "impulse":
-            arrows = [Arrow(x[self.upper], 0.4 * action)]
+            arrows = [Arrow(s.x[self.upper], 0.4 * s.action)]
         return Marks(
             arrows=arrows,
             text=(f"tilt {math.degrees(tilt):4.1f}°", f"spin {spin:4.1f} rad/s"),

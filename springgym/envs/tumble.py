@@ -184,16 +184,16 @@ class SpringTumble(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        corner = int(goal[3])
-        error = math.hypot(m.centre[0] - goal[0], m.centre[1] - goal[1])
-        place = (float(goal[0]), float(goal[1]), 0.0)
-        arrows = [Arrow(m.centre, 0.4 * action[:3])]
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        corner = int(s.goal[3])
+        error = math.hypot(m.centre[0] - s.goal[0], m.centre[1] - s.goal[1])
+        place = (float(s.goal[0]), float(s.goal[1]), 0.0)
+        arrows = [Arrow(m.centre, 0.4 * s.action[:3])]
         if self.action == "impulses":
-            arrows = [Arrow(x[n], 0.2 * push) for n, push in enumerate(action.reshape(-1, 3))]
+            arrows = [Arrow(s.x[n], 0.2 * push) for n, push in enumerate(s.action.reshape(-1, 3))]
         return Marks(
             rings=[(place, 0.1), (place, 0.3)],
-            balls=[(x[corner], 0.05)],
+            balls=[(s.x[corner], 0.05)],
             arrows=arrows,
             text=(f"off target {error:4.2f} m",),
             key=((GREEN, "ring: here; ball: this corner up"), (RED, "push")),

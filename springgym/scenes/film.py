@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from springgym.bodies import Body
+from springgym.checks import instance, whole_array
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Renderer, Scenery, save_video, two_tone
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, ORANGE, STEEL, TEAL, Color, together
@@ -95,7 +96,7 @@ def camera(recording: Recording, size: tuple[int, int] = SIZE) -> Camera:
     along = way(recording)
     if along is not None:
         x = x - along[:, None]
-    radii = np.asarray(look(scene, None).radii)
+    radii = np.asarray(look(scene).radii)
     thick = float(radii.max()) if len(radii) else 0.0
     thick *= 1 if x.shape[1] > 1 else 3  # a ball alone would fill the picture
     corners = thick * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
@@ -181,12 +182,33 @@ def scenery(recording: Recording) -> Scenery:
     )
 
 
-def look(scene: Scene, trace: int | None) -> Look:
-    """Return how bodies are drawn; ``trace`` is the particle, among all, that leaves a trace."""
+def look(scene: Scene, trace: int | None = None, colors: Mapping[str, Color] | None = None) -> Look:
+    """Return how the bodies of a scene are drawn.
+
+    Parameters
+    ----------
+    trace
+        The particle, among all, that leaves a trace.
+    colors
+        Red, green and blue, 0 to 255, of bodies by name: they take the place of the blue that bodies have.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there is no such body, or a colour is none.
+    """
+    given = {
+        scene.number(instance("a name in colors", name, str)): tuple(
+            whole_array(f"colors[{name!r}]", color, (3,), high=255).tolist()
+        )
+        for name, color in ({} if colors is None else instance("colors", colors, Mapping)).items()
+    }
     if len(scene.bodies) == 1:
-        return _look(scene.body, trace)
+        return _look(scene.body, trace, given.get(0, BLUE))
     bodies = [placed.body for placed in scene.bodies]
-    looks = [_look(body, None, color) for body, color in zip(bodies, cycle(BALLS))]  # endless
+    usual = zip(range(len(bodies)), cycle(BALLS))  # endless
+    round_ = {n: color for n, color in usual if bodies[n].radius > 0}
+    looks = [_look(body, None, (round_ | given).get(n, BLUE)) for n, body in enumerate(bodies)]
     return together(looks, [len(body.masses) for body in bodies], trace)
 
 
@@ -197,7 +219,11 @@ def _look(body: Body, trace: int | None, color: Color = BLUE) -> Look:
         drawn = _faces if len(body.triangles) else _balls
     if body.radius > 0:
         drawn = partial(_round, color=color)
-    return Look(springs=body.springs, trace=trace, **drawn(body, size if size > 0 else 0.5))
+    shown = drawn(body, size if size > 0 else 0.5)
+    for name in shown.keys() & {"triangle_colors", "ball_colors"}:
+        table = np.asarray(shown[name])
+        shown[name] = np.where((table == BLUE).all(axis=-1, keepdims=True), color, table)
+    return Look(springs=body.springs, trace=trace, **shown)
 
 
 def _faces(body: Body, size: float) -> dict[str, Any]:

@@ -91,7 +91,7 @@ def test_state_of_a_scene_environment_returns() -> None:
     def make_own() -> Any:
         return springgym.make_scene_env(
             Scene(cube(), gravity=None),
-            lambda m, x, v, action: m.centre[:, 2],
+            lambda m, s: m.centre[:, 2],
             actuators={"torque": 1.0},
             max_episode_steps=LIMIT,
         )
