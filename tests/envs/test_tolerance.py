@@ -14,7 +14,7 @@ NATIVE = gym.VectorizeMode.VECTOR_ENTRY_POINT
 
 
 def errors_of(copies: int, periods: int, **options: Any) -> tuple[Any, np.ndarray]:
-    """Return a batch of SpringTop-v0, and the errors of its control periods from seeds that were not tried."""
+    """Return a batch of SpringTop-v0, and errors of its control periods from seeds that were not tried."""
     envs = gym.make_vec("SpringTop-v0", num_envs=copies, vectorization_mode=NATIVE, error=True, **options)
     envs.reset(seed=1000)
     rng, errors = np.random.default_rng(1000), []
