@@ -1,4 +1,4 @@
-"""Films, figures and checks of the site: of every scene, and of every environment under classical control.
+"""Films, figures and checks of the site: of every scene, and of the trained agent of every environment.
 
 What is there and newer than the package is kept; so the first build takes minutes, and the next ones do not.
 """
@@ -16,6 +16,7 @@ from tempfile import TemporaryDirectory
 import imageio_ffmpeg
 import numpy as np
 
+from springgym import load_agent
 from springgym.registration import ENVIRONMENTS
 from springgym.rendering import save_video
 from springgym.scenes import film, load, names
@@ -66,13 +67,15 @@ def rows(checks: Iterable[Check]) -> list[list[str]]:
 
 
 def environment(env_id: str, folder: Path) -> None:
-    """ID.mp4: an episode under the classical controller, in real time."""
+    """Write ID.mp4: an episode of the published agent, in real time."""
     sys.path.insert(0, str(HERE.parent / "agents"))
-    from watch import make_watched, play_episode
+    from watch import play_episode
 
-    env, control = make_watched("classical", env_id, {}, "rgb_array")
+    agent = load_agent(env_id)
+    env = agent.make(render_mode="rgb_array")
     rate = 1 / env.unwrapped.episodes.task.period  # type: ignore[attr-defined]
-    write(islice(play_episode(env, control, SEED), round(SECONDS * rate)), folder / f"{env_id}.mp4", rate)
+    pictures = play_episode(env, agent.policy(env), SEED)
+    write(islice(pictures, round(SECONDS * rate)), folder / f"{env_id}.mp4", rate)
     env.close()
 
 
