@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from base64 import b64encode
 from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
@@ -40,19 +41,41 @@ def make_all(folder: Path, newest: float) -> None:
         if not done.exists() or done.stat().st_mtime < newest:
             print(f"film of {name}", flush=True)
             make(name, folder)
-    save_viewer(folder / "view.html")
+    viewer(folder)
 
 
 def scene(name: str, folder: Path) -> None:
-    """NAME.png, its figure; NAME.json, its title and checks; NAME.viser, to turn; NAME.mp4, its film."""
+    """Write NAME.png, its figure; NAME.json, its checks; NAME.js, to turn it; NAME.mp4, its film."""
     plan = load(name)
     recording = record(plan)
     draw(recording).savefig(folder / f"{name}.png")
-    told = {"title": plan.title, "checks": rows(check(recording))}
+    told = {"checks": rows(check(recording))}
     (folder / f"{name}.json").write_text(json.dumps(told), encoding="utf-8")
-    save_page(recording, folder / f"{name}.viser")
+    with TemporaryDirectory() as temporary:
+        save_page(recording, page := Path(temporary) / "page.viser")
+        (folder / f"{name}.js").write_text(embedded(page), encoding="utf-8")
     frames = islice(film.frames(recording), round(SECONDS * film.FPS))
     write(frames, folder / f"{name}.mp4", film.FPS)
+
+
+def embedded(page: Path) -> str:
+    """Return what a viewer plays as a script: browsers load scripts from a folder, and nothing else."""
+    data = b64encode(page.read_bytes()).decode("ascii")
+    return f'window.__VISER_EMBED_DATA__="{data}";window.__VISER_EMBED_CONFIG__={{darkMode:false}};\n'
+
+
+LOAD = """<script>
+const scene = location.search.slice(1);
+if (/^[a-z0-9-]+$/.test(scene)) document.write('<script src="' + scene + '.js"></' + 'script>');
+</script>
+"""
+
+
+def viewer(folder: Path) -> None:
+    """Write view.html, which plays NAME.js at the address ``view.html?NAME``, with or without a server."""
+    save_viewer(path := folder / "view.html")
+    page = path.read_text(encoding="utf-8")
+    path.write_text(page.replace("</head>", LOAD + "</head>", 1), encoding="utf-8")
 
 
 def rows(checks: Iterable[Check]) -> list[list[str]]:
