@@ -61,6 +61,9 @@ POSTER = re.compile(r"(?:^|/)posters/([\w-]+)\.webp$")
 """The picture that pages show on GitHub of a scene, or of an environment."""
 
 
+LINKS = (nodes.reference, addnodes.pending_xref)
+
+
 def show_films(app: Sphinx, doctree: nodes.document) -> None:
     """Put films where pages show posters. What has no film yet keeps its poster.
 
@@ -69,24 +72,22 @@ def show_films(app: Sphinx, doctree: nodes.document) -> None:
     """
     static = "../" * app.env.docname.count("/") + "_static/"
     for paragraph in list(doctree.findall(nodes.paragraph)):
+        links = list(paragraph.findall(lambda node: isinstance(node, LINKS)))
         for image in list(paragraph.findall(nodes.image)):
             name = POSTER.search(image["uri"])
             if name is None:
                 continue
-            linked = isinstance(image.parent, nodes.reference | addnodes.pending_xref)
-            if linked:
+            filmed, caption = (MEDIA / f"{name[1]}.mp4").exists(), image["alt"]
+            if links:
                 paragraph["classes"] = ["films"]
-                image.parent.append(nodes.inline("", image["alt"]))
-            if not (MEDIA / f"{name[1]}.mp4").exists():
-                continue
-            if linked:
-                image.replace_self(nodes.raw("", film(static + name[1], image["alt"]), format="html"))
-            else:
-                told = MEDIA / f"{name[1]}.json"
-                shown = figure(static + name[1], image["alt"])
-                if told.exists():
-                    checks = json.loads(told.read_text(encoding="utf-8"))["checks"]
-                    shown = scene(name[1], static, image["alt"], checks)
+                image.parent.append(nodes.inline("", caption))
+                if filmed:
+                    image.replace_self(nodes.raw("", film(static + name[1], caption), format="html"))
+            elif filmed:
+                checks = MEDIA / f"{name[1]}.json"
+                shown = (
+                    scene(name[1], static, caption) if checks.exists() else figure(static + name[1], caption)
+                )
                 paragraph.replace_self(nodes.raw("", shown, format="html"))
 
 
@@ -104,9 +105,10 @@ def figure(path: str, caption: str) -> str:
     return f'<figure class="film">{shown}<figcaption>{html.escape(caption)}</figcaption></figure>\n'
 
 
-def scene(name: str, static: str, title: str, checks: list[list[str]]) -> str:
+def scene(name: str, static: str, title: str) -> str:
     """Return a scene as HTML: its film, theory beside measurement, the page that turns it, its figure."""
     path = static + name
+    checks = json.loads((MEDIA / f"{name}.json").read_text(encoding="utf-8"))["checks"]
     command = f"<code>springgym view {html.escape(name)}</code>"
     turn = f'<a href="{static}view.html?{html.escape(name)}" target="_blank">Turn it with the mouse</a>'
     told = f'<div class="measured">{table(checks)}<p>{turn}, or change it: {command}</p></div>'
