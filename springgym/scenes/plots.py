@@ -218,10 +218,10 @@ def _named(axes: Axes, x: float, y: float, text: str, color: Any, **options: Any
 def _legend(axes: Axes, below: bool = False) -> None:
     """Draw the legend between a panel and its title, or below the panel."""
     entries = len(axes.get_legend_handles_labels()[0])
-    columns = entries if entries <= 4 or below else 3
+    columns = entries if entries <= 4 else 3
     if below:
         rows: Any = axes.get_subplotspec()
-        place, spot = "upper center", (0.5, -0.3 if len(rows.rowspan) == 1 else -0.15)
+        place, spot = "upper center", (0.5, -0.36 if len(rows.rowspan) == 1 else -0.17)
     else:
         place, spot = "lower left", (-0.01, 0.985)
         axes.set_title(axes.get_title("left"), pad=5 + 1.5 * SMALL * -(-entries // max(columns, 1)))
