@@ -92,7 +92,7 @@ def show_films(app: Sphinx, doctree: nodes.document) -> None:
 
 
 def film(path: str, caption: str, attributes: str = 'preload="none"') -> str:
-    """Return a film as HTML; `films.js` plays it while it is in view."""
+    """Return a film as HTML; the script of the site plays it while it is in view."""
     return (
         f'<video src="{path}.mp4" poster="{path}.jpg" loop muted playsinline {attributes} '
         f'aria-label="{html.escape(caption)}"></video>'
