@@ -95,7 +95,7 @@ def move(goal: np.ndarray) -> None:
 
 
 class SpringBalance(Task):
-    """The MDP of `SpringBalanceEnv`, where it is described."""
+    """Define the MDP of `SpringBalanceEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 2}
     terms = ("near", "placed")
@@ -271,7 +271,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
 
     ## Version History
     - v0: first.
-"""
+    """
 
     task_type = SpringBalance
 
@@ -281,7 +281,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
 
 
 class SpringBalanceVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringBalanceEnv`."""
+    """Run a native batch of `SpringBalanceEnv`."""
 
     task_type = SpringBalance
 

@@ -74,7 +74,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringDetumble(Task):
-    """The MDP of `SpringDetumbleEnv`, where it is described."""
+    """Define the MDP of `SpringDetumbleEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "thrusters": len(THRUSTERS)}
     terms = ("still",)
@@ -239,7 +239,7 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
 
     ## Version History
     - v0: first.
-"""
+    """
 
     task_type = SpringDetumble
 
@@ -249,7 +249,7 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
 
 
 class SpringDetumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringDetumbleEnv`."""
+    """Run a native batch of `SpringDetumbleEnv`."""
 
     task_type = SpringDetumble
 

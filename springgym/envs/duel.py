@@ -175,7 +175,7 @@ OPPONENTS: dict[str, Opponent] = {
 
 
 class SpringDuel(Task):
-    """The MDP of `SpringDuelEnv`, where it is described."""
+    """Define the MDP of `SpringDuelEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
     terms = ("won", "driven")
@@ -423,7 +423,7 @@ class SpringDuelEnv(SpringEnv, gym.Env):
 
     ## Version History
     - v0: first.
-"""
+    """
 
     task_type = SpringDuel
 
@@ -433,7 +433,7 @@ class SpringDuelEnv(SpringEnv, gym.Env):
 
 
 class SpringDuelVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringDuelEnv`."""
+    """Run a native batch of `SpringDuelEnv`."""
 
     task_type = SpringDuel
 

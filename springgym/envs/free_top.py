@@ -74,7 +74,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringFreeTop(Task):
-    """The MDP of `SpringFreeTopEnv`, where it is described."""
+    """Define the MDP of `SpringFreeTopEnv`, which describes it."""
 
     actions: ClassVar = {"push": 3}
     terms = ("upright", "inside", "spin")
@@ -283,7 +283,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
 
     ## Version History
     - v0: first.
-"""
+    """
 
     task_type = SpringFreeTop
 
@@ -293,7 +293,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
 
 
 class SpringFreeTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringFreeTopEnv`."""
+    """Run a native batch of `SpringFreeTopEnv`."""
 
     task_type = SpringFreeTop
 

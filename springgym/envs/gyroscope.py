@@ -67,7 +67,7 @@ def turn_to(axis: np.ndarray) -> np.ndarray:
 
 
 class SpringGyroscope(Task):
-    """The MDP of `SpringGyroscopeEnv`, where it is described."""
+    """Define the MDP of `SpringGyroscopeEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("aligned", "calm")
@@ -231,7 +231,7 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
 
     ## Version History
     - v0: first.
-"""
+    """
 
     task_type = SpringGyroscope
 
@@ -241,7 +241,7 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
 
 
 class SpringGyroscopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringGyroscopeEnv`."""
+    """Run a native batch of `SpringGyroscopeEnv`."""
 
     task_type = SpringGyroscope
 

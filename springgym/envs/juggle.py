@@ -125,7 +125,7 @@ def ball_entries(which: str) -> tuple[Entry, ...]:
 
 
 class SpringJuggle(Task):
-    """The MDP of `SpringJuggleEnv`, where it is described."""
+    """Define the MDP of `SpringJuggleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 5}
     terms = ("high", "true")
@@ -318,7 +318,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
 
     ## Version History
     - v0: first.
-"""
+    """
 
     task_type = SpringJuggle
 
@@ -328,7 +328,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
 
 
 class SpringJuggleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringJuggleEnv`."""
+    """Run a native batch of `SpringJuggleEnv`."""
 
     task_type = SpringJuggle
 

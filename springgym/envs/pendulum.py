@@ -61,7 +61,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringPendulum(Task):
-    """The MDP of `SpringPendulumEnv`, where it is described."""
+    """Define the MDP of `SpringPendulumEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("raised", "held")
@@ -216,7 +216,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
 
     ## Version History
     - v0: first.
-"""
+    """
 
     task_type = SpringPendulum
 
@@ -226,7 +226,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
 
 
 class SpringPendulumVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringPendulumEnv`."""
+    """Run a native batch of `SpringPendulumEnv`."""
 
     task_type = SpringPendulum
 

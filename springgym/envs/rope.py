@@ -58,7 +58,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringRope(Task):
-    """The MDP of `SpringRopeEnv`, where it is described."""
+    """Define the MDP of `SpringRopeEnv`, which describes it."""
 
     actions: ClassVar = {"trolley": 2}
     terms = ("near", "still")
@@ -232,7 +232,7 @@ class SpringRopeEnv(SpringEnv, gym.Env):
 
     ## Version History
     - v0: first.
-"""
+    """
 
     task_type = SpringRope
 
@@ -242,7 +242,7 @@ class SpringRopeEnv(SpringEnv, gym.Env):
 
 
 class SpringRopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringRopeEnv`."""
+    """Run a native batch of `SpringRopeEnv`."""
 
     task_type = SpringRope
 

@@ -108,7 +108,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringShove(Task):
-    """The MDP of `SpringShoveEnv`, where it is described."""
+    """Define the MDP of `SpringShoveEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
     terms = ("approach", "near", "heading")
@@ -294,7 +294,7 @@ class SpringShoveEnv(SpringEnv, gym.Env):
 
     ## Version History
     - v0: first.
-"""
+    """
 
     task_type = SpringShove
 
@@ -304,7 +304,7 @@ class SpringShoveEnv(SpringEnv, gym.Env):
 
 
 class SpringShoveVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringShoveEnv`."""
+    """Run a native batch of `SpringShoveEnv`."""
 
     task_type = SpringShove
 

@@ -92,7 +92,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringStack(Task):
-    """The MDP of `SpringStackEnv`, where it is described."""
+    """Define the MDP of `SpringStackEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
     terms = ("approach", "near", "heading")
@@ -288,7 +288,7 @@ class SpringStackEnv(SpringEnv, gym.Env):
 
     ## Version History
     - v0: first.
-"""
+    """
 
     task_type = SpringStack
 
@@ -298,7 +298,7 @@ class SpringStackEnv(SpringEnv, gym.Env):
 
 
 class SpringStackVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringStackEnv`."""
+    """Run a native batch of `SpringStackEnv`."""
 
     task_type = SpringStack
 

@@ -71,7 +71,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringTop(Task):
-    """The MDP of `SpringTopEnv`, where it is described."""
+    """Define the MDP of `SpringTopEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("upright", "calm", "spin")
@@ -260,7 +260,7 @@ class SpringTopEnv(SpringEnv, gym.Env):
 
 
 class SpringTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringTopEnv`."""
+    """Run a native batch of `SpringTopEnv`."""
 
     task_type = SpringTop
 

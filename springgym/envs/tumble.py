@@ -92,7 +92,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringTumble(Task):
-    """The MDP of `SpringTumbleEnv`, where it is described."""
+    """Define the MDP of `SpringTumbleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 6, "impulses": 3 * len(CORNERS)}
     terms = ("near", "placed", "still")
@@ -276,7 +276,7 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
 
     ## Version History
     - v0: first.
-"""
+    """
 
     task_type = SpringTumble
 
@@ -286,7 +286,7 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
 
 
 class SpringTumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringTumbleEnv`."""
+    """Run a native batch of `SpringTumbleEnv`."""
 
     task_type = SpringTumble
 

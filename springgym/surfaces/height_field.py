@@ -32,7 +32,7 @@ MOST = 1_000_000
 
 
 class HeightFields(NamedTuple):
-    """Height fields, for compiled code."""
+    """Hold the height fields of a scene for compiled code."""
 
     corner: np.ndarray
     """(fields, 3) x and y of the first height [m], and 0"""
@@ -151,7 +151,7 @@ def ground(along_x: Any, along_y: Any, k: int, own: Any) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class HeightField(Surface):
-    """Uneven ground z = f(x, y), smooth through heights on a grid of square cells; what is above it is free.
+    """Describe uneven ground z = f(x, y), smooth through heights on a grid of square cells; above it is free.
 
     Parameters
     ----------
