@@ -83,7 +83,7 @@ def in_short(row: Row) -> list[str]:
     """Return the line that makes an environment, and a table of its spaces and its episode."""
     particles, frame = (environment(row, "")(observation=kind) for kind in ("particles", "frame"))
     observed = f'`{particles.observation_space}`; `{frame.observation_space}` with `observation="frame"`'
-    batch = f'gym.make_vec("{row.id}", num_envs=64, vectorization_mode="vector_entry_point")'
+    batch = f'gymnasium.make_vec("{row.id}", num_envs=64, vectorization_mode="vector_entry_point")'
     return [
         "```python",
         "import gymnasium as gym",
@@ -144,7 +144,8 @@ def shown(runs: Sequence[Report]) -> str:
     seeds = f" (≥ {min(success):.0f}, {len(runs)})" if len(runs) > 1 else ""
     earned = sum(run["mean_return"] for run in runs) / len(runs)
     digits = 3 if 0.0005 <= earned < 0.005 else 2  # where all is earned in the last step
-    return f"{sum(success) / len(runs):.0f} %{seeds}<br>{earned:.{digits}f}"
+    cell = f"{sum(success) / len(runs):.0f} %{seeds}<br>{earned:.{digits}f}"
+    return cell.replace(" ", "\N{NO-BREAK SPACE}")  # a phone scrolls sideways and shows whole cells
 
 
 def error(row: Row, report: Report) -> list[str]:
