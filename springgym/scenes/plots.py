@@ -219,6 +219,7 @@ def _legend(axes: Axes, below: bool = False) -> None:
     """Draw the legend between a panel and its title, or below the panel."""
     entries = len(axes.get_legend_handles_labels()[0])
     columns = entries if entries <= 4 else 3
+    place: Any
     if below:
         rows: Any = axes.get_subplotspec()
         place, spot = "upper center", (0.5, -0.36 if len(rows.rowspan) == 1 else -0.17)
