@@ -80,15 +80,15 @@ MOST_PARTICLES, MOST_THREADS = 10**8, 1024
 
 
 class SimulationDivergedError(ArithmeticError):
-    """A copy has left what the model means: not finite, or a spring beyond its limit."""
+    """Say that a copy has diverged: a number is not finite, or a spring is strained beyond its limit."""
 
 
 class PrecisionWarning(UserWarning):
-    """A simulation means less than it seems to, see `STRAINED` and `COARSE`; a simulator tells it once."""
+    """Warn that a simulation is less accurate than it seems, see `STRAINED` and `COARSE`; only once."""
 
 
 class Simulator:
-    """Steps copies of a scene through time. What it was made with is read, not set.
+    """Step copies of a scene through time. Attributes that the constructor sets are read-only.
 
     One thread at a time may use it: a call while another thread is in one raises a RuntimeError.
 
@@ -221,7 +221,7 @@ class Simulator:
 
     @classmethod
     def paper(cls, scene: Scene, **options: Any) -> Self:
-        """The paper's method as one: RK4 with h = 5e-4 s and, if there are surfaces, its contact.
+        """Make a simulator of the paper's method: RK4 with h = 5e-4 s and, on surfaces, its contact.
 
         Parameters
         ----------
@@ -321,18 +321,18 @@ class Simulator:
     @property
     @guarded
     def positions(self) -> np.ndarray:
-        """Positions of the particles [m], (copies, N, 3), a copy."""
+        """Return a copy of the positions of the particles [m], (copies, N, 3)."""
         return to_copies(self._x, self.copies)
 
     @property
     @guarded
     def velocities(self) -> np.ndarray:
-        """Velocities of the particles [m/s], (copies, N, 3), a copy."""
+        """Return a copy of the velocities of the particles [m/s], (copies, N, 3)."""
         return to_copies(self._v, self.copies)
 
     @property
     def width(self) -> int:
-        """Copies in a block."""
+        """Return the number of copies in a block."""
         return int(numbers(self._x).shape[-1])
 
     @guarded
@@ -517,7 +517,7 @@ class Simulator:
 
     @guarded
     def state(self) -> dict[str, Any]:
-        """All that changes, copied: give it to `restore`, of this simulator or one made the same way.
+        """Return a copy of all that changes, for `restore` of this simulator or of one made alike.
 
         Beside the arrays it says what it is of, and which copies ("lost") are not finite.
         """
@@ -526,7 +526,7 @@ class Simulator:
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """Plain data by name that tell what the simulator was made of; equal ones share their states."""
+        """Return plain data by name that describe the simulator; simulators with equal data share states."""
         control = self._control
         return {
             "copies": self.copies,
@@ -579,7 +579,7 @@ class Simulator:
 
     @guarded
     def take_over(self, other: Simulator) -> None:
-        """Be where another simulator of the same scene is, to go on from there by steps of one's own.
+        """Take over the state of another simulator of the same scene, and go on from there with own steps.
 
         All that changes is as there, to the bit, but what dampers do in a step: that is the own step's, and
         follows from `vary`. In scenes with surfaces the copies are fresh, as if they were placed.
@@ -734,7 +734,7 @@ class Simulator:
 
     @guarded
     def counts(self) -> np.ndarray:
-        """Steps taken, steps rejected and Newton iterations of each copy since it was made, (copies, 3).
+        """Return the steps taken, steps rejected and Newton iterations of each copy so far, (copies, 3).
 
         Raises
         ------
@@ -747,7 +747,7 @@ class Simulator:
 
     @guarded
     def measure(self, body: int | str | None = None) -> Measures:
-        """Energies, momenta, orientation and strain of all copies.
+        """Measure energies, momenta, orientation and strain of all copies.
 
         Parameters
         ----------
@@ -784,7 +784,7 @@ class Simulator:
 
     @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:
-        """What happened between the bodies that collide since the copies were placed, or were forgotten.
+        """Return what happened between colliding bodies since the copies were placed or forgotten.
 
         Parameters
         ----------

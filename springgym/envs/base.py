@@ -36,7 +36,7 @@ class Stateful:
         raise NotImplementedError
 
     def get_state(self) -> dict[str, Any]:
-        """The true state, with clocks and random generators: give it to `set_state`."""
+        """Return the true state, with clocks and random generators, for `set_state`."""
         raise NotImplementedError
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -45,7 +45,7 @@ class Stateful:
 
 
 class _Common(Stateful):
-    """What the single and the batch environment share. One thread at a time may use one, see `Guard`."""
+    """Share what the single and the batch environment have in common. One thread at a time, see `Guard`."""
 
     _guard: Guard
     task_type: ClassVar[type[Task]]
@@ -107,7 +107,7 @@ class _Common(Stateful):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """How `gymnasium.make` makes the environment again, in data that JSON can hold."""
+        """Return how `gymnasium.make` makes the environment again, in data that JSON can hold."""
         return self._spec
 
     @spec.setter
@@ -206,7 +206,7 @@ class _OneCopy(_Common):
 
 
 class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
-    """One environment.
+    """Run one environment.
 
     A concrete one names `gymnasium.Env` among its own bases: some libraries look there to tell what it is.
 
@@ -314,7 +314,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
 
     @guarded
     def get_state(self) -> dict[str, Any]:
-        """The true state, with clock and random generator: give it to `set_state`."""
+        """Return the true state, with clock and random generator, for `set_state`."""
         return {
             "episodes": self.episodes.state(),
             "rng": self.np_random.bit_generator.state,
@@ -347,7 +347,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
 
 
 class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Many copies stepped by one call, equal to the bit to as many single environments.
+    """Step many copies by one call; they equal as many single environments to the bit.
 
     A concrete one names `gymnasium.vector.VectorEnv` among its own bases, see `SpringEnv`.
 
@@ -516,7 +516,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     @guarded
     def render(self) -> tuple[Any, ...]:
-        """A picture of every copy."""
+        """Draw a picture of every copy."""
         if self.render_mode is None:
             raise ValueError('make the batch with render_mode="rgb_array" to draw it')
         self._check_ready("render")
@@ -531,7 +531,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     @property  # type: ignore[override]
     def np_random(self) -> tuple[np.random.Generator, ...]:
-        """The random generators of the copies, one each; seeded at random before the first reset."""
+        """Return the random generators of the copies, one each; seeded at random before the first reset."""
         if not self._generators:
             pairs = [seeding.np_random(None) for _ in range(self.num_envs)]
             self._generators, self._seeds = [rng for rng, _ in pairs], [seed for _, seed in pairs]
@@ -549,12 +549,12 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
-        """The seeds of `np_random`, −1 where the generator was set and not seeded."""
+        """Return the seeds of `np_random`, −1 where the generator was set and not seeded."""
         return tuple(self._seeds) if self.np_random else ()
 
     @guarded
     def get_state(self) -> dict[str, Any]:
-        """The true state of all copies, with clocks and random generators: give it to `set_state`."""
+        """Return the true state of all copies, with clocks and random generators, for `set_state`."""
         return {
             "episodes": self.episodes.state(),
             "rng": [generator.bit_generator.state for generator in self.np_random],
@@ -596,7 +596,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
 
 def get_state(env: object) -> dict[str, Any]:
-    """The true state of an environment, or of a native batch, as it was made.
+    """Return the true state of an environment or of a native batch.
 
     It holds positions and velocities, clocks, goals, factors, time limits and random generators, and what the
     monitor of `springgym.envs.sb3.make_sb3` counts. Wrappers of yours that remember something are not in it;
@@ -701,7 +701,7 @@ def _seed_of(name: str, seed: object) -> int:
 
 
 def frame_rate(task: Task | type[Task]) -> float:
-    """Pictures a second, one for each control period, that show a task in real time."""
+    """Return the pictures a second, one for each control period, that show a task in real time."""
     rate = 1 / task.period
     return round(rate) if abs(rate - round(rate)) < 1e-9 * rate else rate
 

@@ -79,7 +79,7 @@ STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "act
 
 
 class Episodes:
-    """Copies of a task, each in its own episode, stepped together."""
+    """Step copies of a task together, each in its own episode."""
 
     def __init__(
         self,
@@ -322,7 +322,7 @@ class Episodes:
             )
 
     def step(self, action: np.ndarray) -> tuple[Step, np.ndarray | None]:
-        """One control period of all copies, and what they observe then, for `observe`.
+        """Step all copies by one control period; `observe` returns what they observe then.
 
         ``action`` (n, A) is clipped to [−1, 1]. The copies are left `unready`, as by `begin`.
 
@@ -383,7 +383,7 @@ class Episodes:
             self._look(own, seen)
 
     def observe(self, seen: np.ndarray | None = None, begun: Begun | None = None) -> np.ndarray:
-        """The observations of all copies, (n, D), float32.
+        """Return the observations of all copies, (n, D), float32.
 
         Parameters
         ----------

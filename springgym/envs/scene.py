@@ -47,7 +47,7 @@ RESERVED_BEGINNINGS = ("reward_", "pairs_", "step_error", "_")
 
 
 class SceneOptions(RewardedOptions, total=False):
-    """What `make_scene_env` takes beside its own arguments."""
+    """List what `make_scene_env` takes beside its own arguments."""
 
     failed: Seeing | None
     succeeded: Seeing | None
@@ -164,7 +164,7 @@ def make_scene_env(
 
 
 class SceneTask(Task):
-    """A task over a given scene.
+    """Make a task of a given scene.
 
     Parameters
     ----------
@@ -583,12 +583,12 @@ def _acted_on(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
 
 
 class SceneEnv(SpringEnv, gym.Env):
-    """One environment over a scene: see `make_scene_env`."""
+    """Run one environment over a scene, see `make_scene_env`."""
 
     task_type = SceneTask
 
 
 class SceneVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch over a scene: see `make_scene_env`."""
+    """Run a native batch over a scene, see `make_scene_env`."""
 
     task_type = SceneTask

@@ -29,7 +29,7 @@ MET, FAILED = -2, -1
 
 
 class Start(NamedTuple):
-    """How an episode starts, or how several do: (k, …)."""
+    """Describe how an episode starts, or how several do: (k, …)."""
 
     positions: np.ndarray
     """(N, 3) [m]"""
@@ -40,7 +40,7 @@ class Start(NamedTuple):
 
 
 class Task:
-    """The MDP of an environment. A subclass states it; its instances are immutable.
+    """Define the MDP of an environment. A subclass states it; its instances are immutable.
 
     Compiled functions a subclass provides, over rows of copies:
 
@@ -92,36 +92,36 @@ class Task:
 
     @cached_property
     def reported(self) -> tuple[str, ...]:
-        """Names in ``info`` of the reward's terms and the metrics."""
+        """Return the names in ``info`` of the reward's terms and the metrics."""
         return (*(f"reward_{name}" for name in self.terms), *self.metrics)
 
     @cached_property
     def outcome(self) -> tuple[str, ...]:
-        """Names of all that ``evaluate`` sets: those in ``info``, "met" and "failed"."""
+        """Return the names of all that ``evaluate`` sets: those in ``info``, "met" and "failed"."""
         return (*self.reported, "met", "failed")
 
     @property
     def limits(self) -> np.ndarray:
-        """What the entries of an action do at 1, (A,), in the units that the docstring tells."""
+        """Return the effect of the entries of an action at 1, (A,), in the units that the docstring tells."""
         raise NotImplementedError
 
     def seen(self, observations: np.ndarray) -> dict[str, np.ndarray]:
-        """What compact observations (n, D) mean: by name of the entry, (n, size) in SI units."""
+        """Return the values that compact observations (n, D) encode, by entry, (n, size) in SI units."""
         return values(self.entries, observations)
 
     @property
     def parameters(self) -> np.ndarray:
-        """Numbers that ``evaluate`` and ``compact`` need."""
+        """Return the numbers that ``evaluate`` and ``compact`` need."""
         return np.zeros(0)
 
     @property
     def scene(self) -> Scene:
-        """What is simulated."""
+        """Return the scene."""
         raise NotImplementedError
 
     @property
     def particles(self) -> ObservedParticles:
-        """The "particles" observation."""
+        """Return the "particles" observation."""
         raise NotImplementedError
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
@@ -150,27 +150,27 @@ class Task:
         )
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        """What the actuators do, as `Simulator.actuate` takes it, for clipped actions (n, A)."""
+        """Return the values for `Simulator.actuate` that belong to clipped actions (n, A)."""
         raise NotImplementedError
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
-        """What else acts in all copies, as `Simulator.actuate` takes it: an opponent, who sees the state."""
+        """Return what else acts in all copies, for `Simulator.actuate`: an opponent, who sees the state."""
         return {}
 
     def look(self) -> Look:
-        """How the body is drawn."""
+        """Return how the body is drawn."""
         raise NotImplementedError
 
     def camera(self) -> Camera:
-        """Where it is seen from."""
+        """Return the camera."""
         raise NotImplementedError
 
     def scenery(self) -> Scenery:
-        """What stands around it."""
+        """Return the scenery around the body."""
         return Scenery()
 
     def marks(self, m: Measures, s: Situation) -> Marks:
-        """What else is drawn; the arguments are those of one copy."""
+        """Return the marks to draw; the arguments are those of one copy."""
         raise NotImplementedError
 
     @property

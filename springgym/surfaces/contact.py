@@ -30,7 +30,7 @@ stays a tenth of Δ away."""
 
 @dataclass(frozen=True)
 class Contact:
-    """How a body meets surfaces: by a barrier that keeps its energy, see `springgym.forces.barrier`.
+    """Describe how bodies meet surfaces: by a barrier that keeps energy, see `springgym.forces.barrier`.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class PaperContact:
-    """How the paper's bodies meet surfaces, see `springgym.forces.paper_contact`; for rk4 alone.
+    """Describe the paper's contact with surfaces, see `springgym.forces.paper_contact`; for rk4 only.
 
     Parameters
     ----------

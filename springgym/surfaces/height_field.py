@@ -32,7 +32,7 @@ MOST = 1_000_000
 
 
 class HeightFields(NamedTuple):
-    """Height fields, for compiled code."""
+    """Hold the height fields of a scene for compiled code."""
 
     corner: np.ndarray
     """(fields, 3) position of the corner of the grid where it begins, its z being 0 [m]"""
@@ -152,7 +152,7 @@ def ground(along_x: Any, along_y: Any, k: int, own: Any) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class HeightField(Surface):
-    """Uneven ground z = f(x, y), smooth through heights on a grid of square cells; what is above it is free.
+    """Describe uneven ground z = f(x, y), smooth through heights on a grid of square cells; above it is free.
 
     Parameters
     ----------
