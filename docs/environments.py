@@ -270,10 +270,17 @@ factors, actuators, the time limit, random generators, and what a monitor counts
 `springgym.set_state(env, state)`, in the same environment or in another one made alike, what follows is
 what followed, to the bit. A state of an environment that was made otherwise, be it by another friction,
 step or variant, is refused, and it is said what differs; only the time limit and `error` may be others.
-So is a mangled one. Either all of a state is set, or nothing. (`env.unwrapped.set_state` leaves the counter
-of `gymnasium.make`'s time limit as it is. That counter starts anew whenever Gymnasium's wrapper is asked to
-reset, even where the environment refuses: a state set back mends it.) `pickle` and `copy.deepcopy` take
-an environment in mid-episode with all its wrappers.
+So is a mangled one. Either all of a state is set, or nothing.
+
+Copies of a native batch can be chosen: `springgym.get_state(envs, copies)` gives the state of some, and
+`springgym.set_state(envs, state, copies)` sets it into as many, or that of one copy or of a single environment
+into all of them, as planning asks for. What follows in each is what would have followed
+where the state is from, to the bit, autoreset included: each has a random generator of its own in the state
+of the one there, so that copies of one state draw the same next episode. New seeds make them differ.
+
+`env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit as it is. That counter starts
+anew whenever Gymnasium's wrapper is asked to reset, even where the environment refuses: a state set back
+mends it. `pickle` and `copy.deepcopy` take an environment in mid-episode with all its wrappers.
 
 **Calls that break off.** If Ctrl-C, or a reward of your own that raises, ends a step or a reset in its
 middle, the next step asks for a reset; to set a state from before will do, too. `Simulator.advance` needs
