@@ -474,7 +474,7 @@ class Episodes:
         for name, values in given.items():
             getattr(self, name)[copies] = values
         if self.ranges:
-            drawn = [self._drawn(copy) for copy in copies]
+            drawn = [self._drawn(copy) for copy in copies.tolist()]
             self._note(copies, drawn)
             if self.error is not None and (parameters := self._parameters(drawn)):
                 self.error.finer.vary(copies, **parameters)
