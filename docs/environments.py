@@ -410,6 +410,12 @@ monitor. It works for what `gymnasium.make`, `gymnasium.make_vec`, `springgym.en
 `springgym.envs.sb3.make_sb3` make. `springgym.set_state(env, state)` goes back to it, in the same
 environment or in another one made alike. What follows then is the same, to the bit.
 
+You can choose copies of a batch. `springgym.get_state(envs, copies)` returns the state of some copies.
+`springgym.set_state(envs, state, copies)` sets it into as many copies; the state of one copy, or of a single
+environment, goes into all that you name, as planning needs. Each of these copies then continues as its
+original would, to the bit, resets included: it has a random generator of its own, in the state of the
+original's. So copies of one state draw the same next episode; new seeds make them differ.
+
 - A state of an environment made differently, say with another friction, step or variant, is refused with a
   message that names the difference. Only the time limit and `error` may differ. A damaged state is refused,
   too.

@@ -25,7 +25,7 @@ from springgym.envs.task import FAILED, MET, Task
 from springgym.identity import check_same
 from springgym.measures import Measures
 from springgym.scene import Scene
-from springgym.simulator import STRAIN_LIMIT, Simulator
+from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
 from springgym.stability import steps_in
 
 SPARSE = -1
@@ -476,54 +476,74 @@ class Episodes:
 
     # --- State ------------------------------------------------------------------------------------
 
-    def state(self) -> dict[str, Any]:
-        """All that changes, copied, and what it belongs to."""
-        arrays = {name: getattr(self, name).copy() for name in STATE}
-        return {"of": dict(self._of), **arrays, "simulator": self.simulator.state()}
+    def state(self, copies: np.ndarray | None = None) -> dict[str, Any]:
+        """All that changes of some copies (k,) or all, copied, and what it belongs to."""
+        own = slice(None) if copies is None else copies
+        arrays = {name: getattr(self, name)[own].copy() for name in STATE}
+        return {"of": dict(self._of), **arrays, "simulator": self.simulator.state(copies)}
 
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any], copies: np.ndarray | None = None) -> None:
         """Return to what `state` gave, to the bit. The copies are left `unready`, as by `begin`.
+
+        Parameters
+        ----------
+        state
+            Of as many copies as there are here.
+        copies
+            (k,) which are set, if not all: the state is of as many or of one, see `Simulator.restore`.
 
         Raises
         ------
         TypeError, ValueError
             If it belongs to something else, or is mangled. Nothing is changed then.
         """
-        if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
-            raise ValueError("state is not one of an environment of springgym")
-        check_same("the environment that the state is of", state["of"], self._of)
-        given = {name: self._checked(name, state[name]) for name in STATE}
+        count = self.count_in(state, copies)
+        given = {name: self._checked(name, state[name], count) for name in STATE}
         was, self.unready = self.unready, BROKEN_OFF
         try:
-            self.simulator.restore(state["simulator"])
+            self.simulator.restore(state["simulator"], copies)
         except (TypeError, ValueError):  # it is refused
             self.unready = was
             raise
+        copies = np.arange(self.copies) if copies is None else copies
         for name, values in given.items():
-            getattr(self, name)[:] = values
-        copies, drawn = np.arange(self.copies), [self._drawn(copy) for copy in range(self.copies)]
-        self._note(copies, drawn)
-        if self.error is not None and (parameters := self._parameters(drawn)):
-            self.error.finer.vary(copies, **parameters)
-        self.simulator.read()
+            getattr(self, name)[copies] = values
+        if self.ranges:
+            drawn = [self._drawn(copy) for copy in copies.tolist()]
+            self._note(copies, drawn)
+            if self.error is not None and (parameters := self._parameters(drawn)):
+                self.error.finer.vary(copies, **parameters)
+        self.simulator.read(copies)
 
-    def _checked(self, name: str, given: object) -> np.ndarray:
-        """Check one array of a state and return it."""
+    def count_in(self, state: Mapping[str, Any], copies: np.ndarray | None) -> int:
+        """Of how many copies a state must be that is set into some (k,): of as many as it is, or all.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is neither of one nor of k copies, or belongs to something else.
+        """
+        if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
+            raise ValueError("state is not one of an environment of springgym")
+        check_same("the environment that the state is of", state["of"], self._of)
+        return self.copies if copies is None else copies_in(state["simulator"], len(copies))
+
+    def _checked(self, name: str, given: object, copies: int) -> np.ndarray:
+        """Check one array of a state of so many copies and return it."""
         what, own = f"state[{name!r}]", getattr(self, name)
-        values = np.asarray(given)
-        if values.shape != own.shape or values.dtype != own.dtype:
+        values, shape = np.asarray(given), (copies, *own.shape[1:])
+        if values.shape != shape or values.dtype != own.dtype:
             raise ValueError(
-                f"{what} is {values.dtype} of shape {values.shape}; it must be {own.dtype} of "
-                f"shape {own.shape}"
+                f"{what} is {values.dtype} of shape {values.shape}; it must be {own.dtype} of shape {shape}"
             )
         if name in ("elapsed", "held"):
-            checks.whole_array(what, values, own.shape)
+            checks.whole_array(what, values, shape)
         elif name == "action":
-            checks.array(what, values, own.shape, low=-1.0, high=1.0)
+            checks.array(what, values, shape, low=-1.0, high=1.0)
         elif name == "time":
-            checks.array(what, values, own.shape, low=0.0)
+            checks.array(what, values, shape, low=0.0)
         elif name in ("goal", "memory", "balance", "factors"):
-            checks.array(what, values, own.shape)
+            checks.array(what, values, shape)
         if name == "goal" and (pointed := self._columns.pointed) >= 0:  # it is a particle
             last = len(self.simulator.scene.masses) - 1
             particles = checks.array(f"{what}[:, {pointed}]", values[:, pointed], (None,), low=0, high=last)
