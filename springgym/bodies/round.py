@@ -1,0 +1,176 @@
+"""Round features of a body of springs: ellipsoids, spheres and rims that its particles carry.
+
+In the rest shape a feature has a centre ξc and a symmetric matrix A: its points are ξc + √A u with |u| ≤ 1.
+A = r² 1 is a sphere, A = Q diag(a², b², c²) Qᵀ an ellipsoid of semi-axes a, b, c, and A = R² (1 − a aᵀ) a
+thin disk with the unit normal a. Its farthest point against a direction g, the support point, is
+
+    ξ = ξc − A g/√(g · A g).
+
+Where a material point ξ of the body is, its particles say by weights that are constant,
+
+    x(ξ) = Σ wᵢ(ξ) xᵢ,    wᵢ(ξ) = (mᵢ/M) (1 + (Xᵢ − X̄) · C⁻¹ (ξ − X̄)),    C = Σ mᵢ (Xᵢ − X̄)(Xᵢ − X̄)ᵀ/M,
+
+with the rest shape X, its centre of mass X̄ and the mass M: of all weights with Σ w = 1 and Σ w X = ξ those
+with the least Σ w²/m, so that an impulse at ξ, shared by them, moves the particles as those of a rigid body.
+They are affine in ξ: a direction n of space is g = Σ (n · xᵢ) ∇wᵢ in the rest shape, and the feature needs
+no orientation of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from springgym.checks import TINY, array, direction, indices, number
+from springgym.records import ReadOnly
+
+FLAT = 1e-9
+"""Share of the largest extent of its carriers below which they lie in a plane, and carry nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Round(ReadOnly):
+    """An ellipsoid, or a flat one: a disk, that particles of a body carry; surfaces are met by it.
+
+    Parameters
+    ----------
+    matrix : (3, 3)
+        A [m²] in the rest shape, symmetric, with no eigenvalue below 0. See `sphere`, `ellipsoid_of`, `rim`.
+    centre : (3,)
+        ξc [m] in the rest shape.
+    particles
+        Those that carry it, at least four that do not lie in a plane; all of the body if none are given.
+
+    Raises
+    ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
+    ValueError
+        If the matrix is not symmetric, has a negative eigenvalue, or is zero.
+    """
+
+    matrix: np.ndarray
+    centre: np.ndarray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    particles: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        matrix = array("matrix of a round feature", self.matrix, (3, 3))
+        size = float(np.abs(matrix).max())
+        if not size > TINY:
+            raise ValueError("matrix of a round feature is zero; a feature must have some extent")
+        if np.abs(matrix - matrix.T).max() > 1e-12 * size:
+            raise ValueError(f"matrix of a round feature is {matrix.tolist()}; it must be symmetric")
+        matrix = 0.5 * (matrix + matrix.T)
+        if (least := float(np.linalg.eigvalsh(matrix)[0])) < -1e-12 * size:
+            raise ValueError(
+                f"matrix of a round feature has the eigenvalue {least:g}; none may be negative: they are the "
+                "squares of semi-axes"
+            )
+        self.keep("matrix", matrix)
+        self.keep("centre", array("centre of a round feature", self.centre, (3,)))
+        if not isinstance(self.particles, (tuple, list, np.ndarray)):
+            raise TypeError(f"particles of a round feature is {self.particles!r}; it must be a tuple of them")
+        object.__setattr__(self, "particles", tuple(self.particles))
+
+    @property
+    def extent(self) -> float:
+        """Largest semi-axis [m]."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.matrix)[-1]))
+
+    def carriers(self, count: int, what: str = "particles of a round feature") -> np.ndarray:
+        """Numbers of the particles that carry it, of a body that has ``count``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If one does not exist or is named twice.
+        """
+        if not self.particles:
+            return np.arange(count)
+        return indices(what, self.particles, count, once=True)
+
+    def support(self, toward: np.ndarray) -> np.ndarray:
+        """Return its farthest points (…, 3) [m] against directions (…, 3) of the rest shape."""
+        pull = toward @ self.matrix
+        size = np.sqrt(np.maximum((toward * pull).sum(axis=-1, keepdims=True), TINY))
+        return np.asarray(self.centre - pull / size)
+
+    def __repr__(self) -> str:
+        axes = np.sqrt(np.maximum(np.linalg.eigvalsh(self.matrix)[::-1], 0.0))
+        return f"Round(semi-axes {', '.join(f'{axis:g}' for axis in axes)} m)"
+
+
+def sphere(radius: float, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[int, ...] = ()) -> Round:
+    """Return the round feature that is a sphere.
+
+    Raises
+    ------
+    ValueError
+        If the radius [m] is not positive.
+    """
+    return Round(number("radius", radius, low=TINY) ** 2 * np.eye(3), np.asarray(centre), particles)
+
+
+def ellipsoid_of(
+    semi_axes: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[int, ...] = ()
+) -> Round:
+    """Return the round feature that is an ellipsoid with semi-axes (3,) [m] along x, y and z.
+
+    Raises
+    ------
+    ValueError
+        If one is not positive.
+    """
+    axes = array("semi_axes", semi_axes, (3,), low=TINY)
+    return Round(np.diag(axes**2), np.asarray(centre), particles)
+
+
+def rim(
+    radius: float,
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+    centre: ArrayLike = (0.0, 0.0, 0.0),
+    particles: tuple[int, ...] = (),
+) -> Round:
+    """Return the round feature that is a thin disk across an axis: its rim is a circle, as sharp as a line.
+
+    One point of the rim at a time touches a surface; flat on a plane the disk has no such point.
+
+    Raises
+    ------
+    ValueError
+        If the radius [m] is not positive, or the axis has no length.
+    """
+    along = direction("axis", axis)
+    flat = np.eye(3) - np.outer(along, along)
+    return Round(number("radius", radius, low=TINY) ** 2 * flat, np.asarray(centre), particles)
+
+
+def weights(masses: np.ndarray, positions: np.ndarray, carriers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return w₀ (n,) and B (n, 3) [1/m] of the weights w(ξ) = w₀ + B ξ of the carriers (n,).
+
+    Raises
+    ------
+    ValueError
+        If the carriers lie in a plane, or are fewer than four.
+    """
+    mass, place = masses[carriers], positions[carriers]
+    share = mass / mass.sum()
+    centre = share @ place
+    arms = place - centre
+    extents = np.linalg.svd(arms, compute_uv=False)
+    if len(carriers) < 4 or not extents[2] > FLAT * extents[0]:
+        raise ValueError("at least four particles that do not lie in a plane must carry a round feature")
+    spread = (share * arms.T) @ arms
+    slope = np.linalg.solve(spread, (share[:, None] * arms).T).T
+    return share - slope @ centre, slope
+
+
+def points_of(masses: np.ndarray, positions: np.ndarray, feature: Round, points: np.ndarray) -> np.ndarray:
+    """Return weights (n, N) by which a body's particles say where ``points`` (n, 3) [m] of a feature are."""
+    carriers = feature.carriers(len(masses))
+    base, slope = weights(masses, positions, carriers)
+    found = np.zeros((len(points), len(masses)))
+    found[:, carriers] = base + points @ slope.T
+    return found
