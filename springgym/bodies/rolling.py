@@ -7,10 +7,10 @@ joined. The body meets surfaces with one round feature, see `springgym.bodies.ro
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from springgym.bodies.body import Body
 from springgym.bodies.round import Round, ellipsoid_of, rim, sphere
@@ -52,10 +52,10 @@ def rolling_ball(
 
 
 def ellipsoid(
-    semi_axes: ArrayLike = (0.15, 0.1, 0.08),
+    semi_axes: Sequence[float] = (0.15, 0.1, 0.08),
     mass: float = 1.0,
-    inertia: ArrayLike | None = None,
-    centre_of_mass: ArrayLike = (0.0, 0.0, 0.0),
+    inertia: Sequence[float] | Sequence[Sequence[float]] | None = None,
+    centre_of_mass: Sequence[float] = (0.0, 0.0, 0.0),
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:

@@ -233,9 +233,11 @@ def potential_energy(x: Numbers, terms: Terms) -> Number:
 @compiled
 def barriers_energy(x: Numbers, terms: Terms, rounds: Rounds | None) -> Number:
     """Return the energy of a body in the barriers of all surfaces [J]."""
-    if rounds is None or not rolls(rounds):
+    if rounds is None:
         return contact_energy(x, terms.particles, terms.surfaces)
-    return feature_energy(x, 0.0 * row(x, 0), rounds, terms.surfaces)
+    if rolls(rounds):
+        return feature_energy(x, 0.0 * row(x, 0), rounds, terms.surfaces)
+    return contact_energy(x, terms.particles, terms.surfaces)
 
 
 @compiled

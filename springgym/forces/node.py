@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from springgym.forces import Terms
     from springgym.forces.actuators import Thrust, Wrench
     from springgym.forces.barrier import Surfaces
+    from springgym.forces.round import Rounds
     from springgym.forces.springs import Dampers
 
 
@@ -388,7 +389,7 @@ def pass_node(
             set_row(memory.arrived, i, row(v, i))
     tau = 0.0 if last else h
     whole = rolls(terms.rounds)
-    touched = whole and rolled(x, v, w, a, span, space.rolling, terms)
+    touched = whole and rolled(x, v, w, a, span, space.rolling, terms, terms.rounds)
     first, behind = v.shape[0], 0
     for i in range(v.shape[0]):
         place, now, acceleration = row(x, i), row(w, i), row(a, i)
@@ -435,11 +436,13 @@ def pass_node(
 
 
 @compiled
-def rolled(x: Rows, v: Rows, w: Rows, a: Rows, span: Span, rolling: Any, terms: Terms) -> bool:
+def rolled(
+    x: Rows, v: Rows, w: Rows, a: Rows, span: Span, rolling: Any, terms: Terms, rounds: Rounds | None
+) -> bool:
     """Ask surfaces what they give a body by round features; whether they touch it in any copy."""
-    if terms.rounds is None:
+    if rounds is None:
         return False
-    return roll(x, v, w, a, span, rolling, terms.rounds, terms)
+    return roll(x, v, w, a, span, rolling, rounds, terms)
 
 
 @compiled
@@ -451,11 +454,11 @@ def of_features(i: int, like: Vector, rolling: Any) -> Any:
 
 
 @compiled
-def held_by_features(x: Rows, v: Rows, span: Span, rolling: Any, terms: Terms) -> Any:
+def held_by_features(x: Rows, v: Rows, span: Span, rolling: Any, terms: Terms, rounds: Rounds | None) -> Any:
     """Return what `springgym.forces.round.lifted_feature` does; nothing without features."""
-    if terms.rounds is None:
+    if rounds is None:
         return 0.0 * span.out, 0.0 * row(x, 0)
-    return lifted_feature(x, v, span, rolling, terms.rounds, terms)
+    return lifted_feature(x, v, span, rolling, rounds, terms)
 
 
 @compiled
@@ -474,7 +477,7 @@ def read_amid(
     raised, whole = False, rolls(terms.rounds)
     raising = 0.0 * row(x, 0)
     if whole:
-        held, raising = held_by_features(x, v, span, rolling, terms)
+        held, raising = held_by_features(x, v, span, rolling, terms, terms.rounds)
     for i in range(v.shape[0]):
         place, start, after = row(x, i), row(memory.arrived, i), row(v, i)
         set_row(v, i, 0.5 * (start + after))
