@@ -1,7 +1,7 @@
 """Rigid ellipsoids on a level plane as ordinary differential equations, written apart from the package.
 
-The body touches at ρ = R (ξc − ξm − A g/√(g·A g)), g = Rᵀ ẑ, from its centre of mass ξm, and is held there by a
-force N ẑ with the friction f. It rolls, with v = −ω × ρ, or it slips, with Coulomb's friction made smooth,
+The body touches at ρ = R (ξc − ξm − A g/√(g·A g)), g = Rᵀ ẑ, from its centre of mass ξm, and is held there by
+a force N ẑ with the friction f. It rolls, with v = −ω × ρ, or it slips, with Coulomb's friction made smooth,
 f = −μ N u/√(u² + ε²) of the speed u = v + ω × ρ of the point that touches:
 
     rolling   (I + m (ρ² 1 − ρ ρᵀ)) ω̇ = −ω × I ω + m ρ × (g ẑ − ω × ρ̇)
@@ -76,7 +76,17 @@ def slope(y: Any, mass: Any, inertia: Any, arm: Any, matrix: Any, g: Any, mu: An
 
 @njit
 def solved(
-    y: Any, mass: Any, inertia: Any, arm: Any, matrix: Any, g: Any, mu: Any, eps: Any, h: Any, steps: Any, every: Any
+    y: Any,
+    mass: Any,
+    inertia: Any,
+    arm: Any,
+    matrix: Any,
+    g: Any,
+    mu: Any,
+    eps: Any,
+    h: Any,
+    steps: Any,
+    every: Any,
 ) -> Any:
     found = np.empty((steps // every + 1, 18))
     for n in range(steps + 1):
@@ -91,10 +101,17 @@ def solved(
 
 
 def motion(
-    solid: Solid, turn: np.ndarray, omega: Any, v: Any, times: np.ndarray, mu: float = 0.0, eps: float = 0.0,
-    finest: float = 1e-4, g: float = 9.81,
+    solid: Solid,
+    turn: np.ndarray,
+    omega: Any,
+    v: Any,
+    times: np.ndarray,
+    mu: float = 0.0,
+    eps: float = 0.0,
+    finest: float = 1e-4,
+    g: float = 9.81,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, velocities, angular velocities and rotations (T, …) at equal times from 0; rolling without ε."""
+    """Positions, velocities, angular velocities, rotations (T, …) at equal times; rolling without ε."""
     gap = float(times[1] - times[0])
     every = int(np.ceil(gap / finest))
     omega, v = np.array(omega, float), np.array(v, float)
