@@ -22,6 +22,7 @@ from springgym.bodies import (
     sphere,
     start,
 )
+from springgym.bodies.rotations import rotating
 from springgym.bodies.round import points_of, weights
 from springgym.measures import Measures
 from springgym.scene import Placed, Scene
@@ -40,6 +41,7 @@ from springgym.surfaces import (
 )
 from springgym.theory import rolling
 from springgym.theory.contact import force, rest_height
+from tests.forces.rigid_rolling import Solid, motion
 
 G = 9.81
 BALL = rolling_ball(0.1, 1.0)
@@ -51,10 +53,10 @@ def placed(
     surfaces: tuple[Surface, ...] = (floor(),),
     contact: Contact = GRIP,
     up: float | None = None,
-    **motion: Any,
+    **begins: Any,
 ) -> Scene:
     """A body above its first surface, a plane, at the height at which it rests if none is given."""
-    begun, normal = start(body, **motion), np.array(surfaces[0].normal)  # type: ignore[attr-defined]
+    begun, normal = start(body, **begins), np.array(surfaces[0].normal)  # type: ignore[attr-defined]
     strength, reach = scales(contact, body)
     up = rest_height(body.mass * G * normal[2], strength, reach) if up is None else up
     height = heights(body, begun.positions, surfaces[0]).min()
@@ -243,6 +245,91 @@ def test_ball_comes_to_rest_in_a_notch() -> None:
     assert ((shares > 1 / 1.5) & (shares < 1 / 0.5)).all()
     assert np.abs(m.centre_velocity[-1]).max() < 1e-4
     assert abs(m.balance[-1] - m.balance[0]) < 1e-4
+
+
+# --- Against rigid bodies -----------------------------------------------------------------------------------
+
+
+def rigid(body: Body) -> Solid:
+    feature = body.rounds[0]
+    return Solid(body.mass, body.inertia(), feature.centre - body.centre, feature.matrix)
+
+
+def on_hard_ground(body: Body, reach: float, friction: float, **begins: Any) -> Scene:
+    """On a floor that gives way by less than a tenth of its reach."""
+    contact = Contact(friction, 1.0, 10 * body.mass * G * reach**2, reach)
+    return placed(body, contact=contact, **begins)
+
+
+STONE = ellipsoid(
+    (0.2, 0.03, 0.02),
+    1.0,
+    [[2e-4, -2e-5, 0], [-2e-5, 16e-4, 0], [0, 0, 17e-4]],
+    (0, 0, -0.01),
+    stiffness=5e6,
+    damping=0.0,
+)
+"""The rattleback of Kane and Levinson (1982)."""
+
+
+@pytest.mark.parametrize("spin", [-2.0, 2.0])
+def test_rattleback_is_the_rigid_one_and_turns_back_one_way_only(spin: float) -> None:
+    omega, velocity = (0.0, 1.0, spin), (0.01, 0.0, 0.0)
+    scene = on_hard_ground(STONE, 5e-5, 5.0, omega=omega, velocity=velocity)
+    times, m = run(scene, 5.0)
+    _, _, spins, _ = motion(rigid(STONE), np.eye(3), omega, velocity, times)
+    own, rigid_one = m.angular_velocity[:, 2] * np.sign(spin), spins[:, 2] * np.sign(spin)
+    late = times > 4.5
+    assert own[late].mean() == pytest.approx(rigid_one[late].mean(), rel=0.01)
+    assert np.abs(own).max() == pytest.approx(np.abs(rigid_one).max(), rel=0.01)
+    assert (own > 0).all() == (rigid_one > 0).all() == (spin > 0)
+    if spin < 0:
+        turns = [times[np.argmax(each < 0)] for each in (own, rigid_one)]
+        assert turns[0] == pytest.approx(turns[1], rel=0.01)
+        assert own[late].mean() < -0.9 * 2
+    by_theory, _ = rolling.rolling_ellipsoid(
+        (0.2, 0.03, 0.02), STONE.inertia(), (0, 0, 0.01), np.eye(3), omega, times[:500]
+    )
+    np.testing.assert_allclose(by_theory, spins[:500], atol=1e-5)
+
+
+def test_tippe_top_is_the_rigid_one_and_turns_over() -> None:
+    moment = 0.4 * 0.02 * 0.02**2
+    top = ellipsoid(
+        3 * (0.02,), 0.02, (0.95 * moment, 0.95 * moment, moment), (0, 0, -0.004), stiffness=1e5, damping=0.0
+    )
+    scene = on_hard_ground(top, 2e-5, 0.1, turn=(0, 0.1, 0), omega=(0, 0, 150))
+    times, m = run(scene, 3.5, 100)
+    tilt = np.arccos(m.axis[:, 2])
+    _, _, _, frames = motion(
+        rigid(top), rotating((0, 0.1, 0)), (0, 0, 150), (0, 0, 0), times, 0.1, 1e-3, 5e-5
+    )
+    np.testing.assert_allclose(tilt, np.arccos(frames[:, 2, 2]), atol=0.01 * math.pi)
+    assert tilt[-1] > 2.9
+    kept = rolling.jellett(m.angular_momentum, m.axis, 0.02, 0.004)
+    np.testing.assert_allclose(kept, kept[0], rtol=1e-3)
+    assert m.friction_loss[-1] > 0.4 * m.kinetic[0]
+    assert np.ptp(m.balance) < 1e-3 * m.kinetic[0]
+
+
+@pytest.mark.parametrize("angle", [0.3, 0.6])
+def test_disk_rolls_round_as_the_rigid_one(angle: float) -> None:
+    coin = disk(0.1, 1.0, 0.01, stiffness=1e6, damping=0.0)
+    across = float(coin.inertia()[0, 0])
+    rate = rolling.disk_rate(angle, 0.1, across)
+    assert rate == pytest.approx(math.sqrt(4 * G / (0.1 * math.sin(angle))), rel=2e-3)
+    scene = on_hard_ground(coin, 2e-5, 2.0, tilt=angle, precession=rate)
+    times, m = run(scene, 0.5)
+    frame = rotating((0, angle, 0))
+    omega = rate * (np.array([0, 0, 1.0]) - frame[2, 2] * frame[:, 2])
+    _, _, _, frames = motion(rigid(coin), frame, omega, (0, 0, 0), times, finest=2e-5)
+    rates = [
+        np.polyfit(times, np.unwrap(np.arctan2(axis[:, 1], axis[:, 0])), 1)[0]
+        for axis in (m.axis, frames[:, :, 2])
+    ]
+    assert rates[0] == pytest.approx(rates[1], rel=1e-4)
+    assert rates[0] == pytest.approx(rate, rel=1e-4)
+    assert np.abs(m.centre[:, :2] - m.centre[0, :2]).max() < 1e-3 * 0.1
 
 
 # --- Copies, calls, bodies --------------------------------------------------------------------------------
