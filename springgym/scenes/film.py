@@ -34,6 +34,8 @@ BALLS = (BLUE, ORANGE, TEAL, AMBER, GREEN)
 """Colours of round bodies in turn."""
 ROWS, COLUMNS = 10, 24
 """Facets of what is round, from pole to pole and around."""
+FLAT = 1e-6
+"""Share of the largest squared semi-axis below which the least is that of a disk."""
 THIN = 0.02
 """Half of the thickness of a flat round feature as it is drawn, as a share of its radius."""
 CALM = 0.5
@@ -234,7 +236,7 @@ def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
     for feature in body.rounds:
         squares, axes = np.linalg.eigh(feature.matrix)
         semi = np.maximum(np.sqrt(np.maximum(squares, 0.0)), THIN * feature.extent)
-        points, faces, sector = _globe(upright=semi[0] < 0.1 * semi[2])
+        points, faces, sector = _globe(upright=squares[0] < FLAT * squares[2])
         axes[:, 0] *= np.sign(np.linalg.det(axes))
         # a flat one is a coin: its first axis is that of the globe
         skin = feature.centre + (points[:, [2, 0, 1]] * semi) @ axes.T
