@@ -100,10 +100,11 @@ def disk(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Make a coin about the z axis: it meets surfaces with the sharp rim of its middle plane.
+    """Make a coin about the z axis: it meets surfaces with the rim of its middle plane.
 
-    Its inertia is that of a cylinder. It does not lie down on its face: flat on a plane, no point of the rim
-    is the lowest.
+    Its inertia is that of a cylinder. It touches a plane in one point at a time, see `springgym.bodies.rim`.
+    Where it strikes almost flat, that point runs from side to side within a step, and it may gain energy:
+    `Measures.balance` shows it.
 
     Parameters
     ----------

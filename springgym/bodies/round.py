@@ -1,8 +1,8 @@
 """Round features of a body of springs: ellipsoids, spheres and rims that its particles carry.
 
 In the rest shape a feature has a centre ξc and a symmetric matrix A: its points are ξc + √A u with |u| ≤ 1.
-A = r² 1 is a sphere, A = Q diag(a², b², c²) Qᵀ an ellipsoid of semi-axes a, b, c, and A = R² (1 − a aᵀ) a
-thin disk with the unit normal a. Its farthest point against a direction g, the support point, is
+A = r² 1 is a sphere, A = Q diag(a², b², c²) Qᵀ an ellipsoid of semi-axes a, b, c; a very flat one is a disk.
+Its farthest point against a direction g, the support point, is
 
     ξ = ξc − A g/√(g · A g).
 
@@ -26,18 +26,23 @@ from numpy.typing import ArrayLike
 from springgym.checks import TINY, array, direction, indices, number
 from springgym.records import ReadOnly
 
+EDGE = 3e-3
+"""Least share of the largest semi-axis that the least may be. The lowest point of what is thinner jumps from
+side to side when it lies flat, which no step follows."""
+
 FLAT = 1e-9
 """Share of the largest extent of its carriers below which they lie in a plane, and carry nothing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Round(ReadOnly):
-    """An ellipsoid, or a flat one: a disk, that particles of a body carry; surfaces are met by it.
+    """An ellipsoid that particles of a body carry, and by which the body meets surfaces.
 
     Parameters
     ----------
     matrix : (3, 3)
-        A [m²] in the rest shape, symmetric, with no eigenvalue below 0. See `sphere`, `ellipsoid_of`, `rim`.
+        A [m²] in the rest shape, symmetric; its eigenvalues are the squares of the semi-axes, of which the
+        least is at least `EDGE` of the largest. See `sphere`, `ellipsoid_of`, `rim`.
     centre : (3,)
         ξc [m] in the rest shape.
     particles
@@ -48,7 +53,7 @@ class Round(ReadOnly):
     TypeError
         Naming what is of the wrong kind, see `springgym.checks`.
     ValueError
-        If the matrix is not symmetric, has a negative eigenvalue, or is zero.
+        If the matrix is not symmetric, has a negative eigenvalue, is zero, or makes something flatter.
     """
 
     matrix: np.ndarray
@@ -67,6 +72,11 @@ class Round(ReadOnly):
             raise ValueError(
                 f"matrix of a round feature has the eigenvalue {least:g}; none may be negative: they are the "
                 "squares of semi-axes"
+            )
+        if least < (1 - 1e-9) * EDGE**2 * float(np.linalg.eigvalsh(matrix)[-1]):
+            raise ValueError(
+                f"matrix of a round feature makes it flatter than {EDGE:g} of its largest semi-axis; what is "
+                "flatter has no lowest point when it lies flat"
             )
         self.keep("matrix", matrix)
         self.keep("centre", array("centre of a round feature", self.centre, (3,)))
@@ -133,9 +143,10 @@ def rim(
     centre: ArrayLike = (0.0, 0.0, 0.0),
     particles: tuple[int, ...] = (),
 ) -> Round:
-    """Return the round feature that is a thin disk across an axis: its rim is a circle, as sharp as a line.
+    """Return the round feature that is a thin disk across an axis, with half of its thickness `EDGE` R.
 
-    One point of the rim at a time touches a surface; flat on a plane the disk has no such point.
+    It is an ellipsoid: one point at a time touches a surface, near the rim as long as the disk is tilted by
+    more than `EDGE`.
 
     Raises
     ------
@@ -143,7 +154,7 @@ def rim(
         If the radius [m] is not positive, or the axis has no length.
     """
     along = direction("axis", axis)
-    flat = np.eye(3) - np.outer(along, along)
+    flat = np.eye(3) - (1 - EDGE**2) * np.outer(along, along)
     return Round(number("radius", radius, low=TINY) ** 2 * flat, np.asarray(centre), particles)
 
 

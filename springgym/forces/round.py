@@ -59,8 +59,10 @@ BENDS = 6
 LIFTS = 4
 """Newton's steps that lift a body to be read."""
 
-LOW = 1e-4
-"""What begins a step nearer than this share of Δ, as a fast one may, is taken as this near."""
+LOW, TAKEN = 1e-5, 0.2
+"""Shares of Δ. What begins a step nearer than the first was missed: its point of contact went so far over
+the skin in a step, as that of a coin that falls flat, that it is behind the surface. Its gaps are taken as
+farther by what lets it begin at the second, so that it is pushed out gently, and not within a step."""
 
 AWAY = 0.5
 """K is taken for at least this share of W: a flat disk has it less where the point that touches runs away
@@ -261,7 +263,8 @@ def roll(x: Rows, v: Rows, w: Rows, a: Rows, span: Any, rolling: Any, rounds: Ro
             set_row(rolling.normal, r, n)
             inverse = square * yielding(e, point, point, terms.particles, rounds)
             base = ahead - out * dot(n, at(e, point, after, rounds))
-            set_row(rolling.size, r, vec(maximum(start, LOW * surfaces.reach), base, inverse))
+            taken = select(start < LOW * surfaces.reach, TAKEN * surfaces.reach, start)
+            set_row(rolling.size, r, vec(taken, base + (taken - start), inverse))
             set_row(rolling.push, r, vec(0.0, 0.0, 0.0))
             set_row(rolling.friction, r, vec(0.0, 0.0, 0.0))
             if any_lane(minimum(start, ahead) < surfaces.reach):

@@ -34,7 +34,7 @@ BALLS = (BLUE, ORANGE, TEAL, AMBER, GREEN)
 """Colours of round bodies in turn."""
 ROWS, COLUMNS = 10, 24
 """Facets of what is round, from pole to pole and around."""
-FLAT = 1e-6
+FLAT = 1e-4
 """Share of the largest squared semi-axis below which the least is that of a disk."""
 THIN = 0.02
 """Half of the thickness of a flat round feature as it is drawn, as a share of its radius."""

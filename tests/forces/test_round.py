@@ -235,6 +235,14 @@ def test_ellipsoid_tumbles_over_waves_and_keeps_its_energy() -> None:
     assert (heights(egg, scene.positions, scene.surfaces[0]) > 0).all()
 
 
+@pytest.mark.parametrize("turn", [(0, 0, 0), (0.1, 0.05, 0), (0.4, 0, 0)])
+def test_coin_that_is_dropped_gains_no_energy(turn: tuple[float, float, float]) -> None:
+    scene = placed(disk(), up=0.05, turn=turn, velocity=(0, 0, -1.0), omega=(0, 0, 2.0))
+    _, m = run(scene, 1.5)
+    assert m.energy.max() < 1.002 * m.energy[0]
+    assert m.energy[-1] < 0.2 * m.energy[0]
+
+
 def test_ball_comes_to_rest_in_a_notch() -> None:
     """Two planes at once: each pushes with m g/√2, but for what friction bears of the weight, or adds."""
     walls = (Plane((0, 0, 0), (1, 0, 1)), Plane((0, 0, 0), (-1, 0, 1)))
@@ -331,7 +339,7 @@ def test_disk_rolls_round_as_the_rigid_one(angle: float) -> None:
         for axis in (m.axis, frames[:, :, 2])
     ]
     assert rates[0] == pytest.approx(rates[1], rel=1e-4)
-    assert rates[0] == pytest.approx(rate, rel=1e-4)
+    assert rates[0] == pytest.approx(rate, rel=3e-4)  # half of (EDGE/tan α)² of it is the rim's, 5e-5
     assert np.abs(m.centre[:, :2] - m.centre[0, :2]).max() < 1e-3 * 0.1
 
 
@@ -393,6 +401,7 @@ def test_bodies_that_pass_through_each_other_move_as_if_alone() -> None:
         (lambda: Round(np.zeros((3, 3))), ValueError, "zero"),
         (lambda: Round(np.diag([1.0, 1.0, -1.0])), ValueError, "eigenvalue -1"),
         (lambda: Round([[1, 2, 0], [0, 1, 0], [0, 0, 1]]), ValueError, "symmetric"),
+        (lambda: Round(np.diag([1.0, 1.0, 0.0])), ValueError, "flatter than 0.003"),
         (lambda: Round(np.eye(3), (0, 0)), ValueError, "centre of a round feature"),
         (lambda: Round(np.eye(3), particles=3), TypeError, "particles of a round feature"),
         (lambda: rim(0.1, (0, 0, 0)), ValueError, "axis"),

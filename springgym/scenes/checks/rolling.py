@@ -15,6 +15,9 @@ from springgym.surfaces import Contact, Plane, scales
 from springgym.theory import contact as sliding
 from springgym.theory import rolling as theory
 
+THIN = 1e-4
+"""Share of the largest squared semi-axis below which the least is that of a disk."""
+
 ROLLED = 1e-3
 """Share of the acceleration or speed of a ball: it sags under its weight by m g/k, which its moment knows."""
 
@@ -75,14 +78,14 @@ def _disk(plan: Plan) -> None:
     feature, body = _feature(plan), plan.scene.body
     squares = np.linalg.eigvalsh(feature.matrix)
     off = float(np.linalg.norm(feature.centre - body.centre))
-    if squares[0] > 1e-9 * squares[2] or squares[2] - squares[1] > 1e-9 * squares[2] or off > 1e-9:
+    if squares[0] > THIN * squares[2] or squares[2] - squares[1] > 1e-9 * squares[2] or off > 1e-9:
         raise ValueError(f"body {body.name!r} is no disk about its centre of mass")
 
 
 def _solid(plan: Plan) -> None:
     """Refuse what has a flat feature, of which nothing is said."""
     squares = np.linalg.eigvalsh(_feature(plan).matrix)
-    if not squares[0] > 1e-9 * squares[2]:
+    if not squares[0] > THIN * squares[2]:
         raise ValueError(f"the round feature of body {plan.scene.body.name!r} is flat")
 
 
