@@ -45,10 +45,11 @@ def rolling_ball(
     ValueError
         If a value is not positive, or the moment is larger than that of a hollow ball.
     """
-    radius, mass = number("radius", radius, low=TINY), number("mass", mass, low=TINY)
+    feature, mass = sphere(radius), number("mass", mass, low=TINY)
+    radius = feature.extent
     moment = number("moment", moment, 1e-3, 2 / 3)
     inertia = moment * mass * radius**2 * np.eye(3)
-    return _carrier("rolling ball", mass, inertia, np.zeros(3), sphere(radius), stiffness, damping)
+    return _carrier("rolling ball", mass, inertia, np.zeros(3), feature, stiffness, damping)
 
 
 def ellipsoid(

@@ -23,12 +23,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from springgym.checks import TINY, array, direction, indices, number
+from springgym.checks import TINY, array, direction, indices, number, whole_array
 from springgym.records import ReadOnly
 
 EDGE = 3e-3
 """Least share of the largest semi-axis that the least may be. The lowest point of what is thinner jumps from
 side to side when it lies flat, which no step follows."""
+
+SMALLEST, LARGEST = 1e-14, 1e14
+"""Bounds of a semi-axis [m], whose square is a number that is checked."""
 
 FLAT = 1e-9
 """Share of the largest extent of its carriers below which they lie in a plane, and carry nothing."""
@@ -80,9 +83,8 @@ class Round(ReadOnly):
             )
         self.keep("matrix", matrix)
         self.keep("centre", array("centre of a round feature", self.centre, (3,)))
-        if not isinstance(self.particles, (tuple, list, np.ndarray)):
-            raise TypeError(f"particles of a round feature is {self.particles!r}; it must be a tuple of them")
-        object.__setattr__(self, "particles", tuple(self.particles))
+        particles = whole_array("particles of a round feature", self.particles, (None,), (0,))
+        object.__setattr__(self, "particles", tuple(particles.tolist()))
 
     @property
     def extent(self) -> float:
@@ -120,7 +122,7 @@ def sphere(radius: float, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[
     ValueError
         If the radius [m] is not positive.
     """
-    return Round(number("radius", radius, low=TINY) ** 2 * np.eye(3), np.asarray(centre), particles)
+    return Round(number("radius", radius, SMALLEST, LARGEST) ** 2 * np.eye(3), centre, particles)  # type: ignore[arg-type]
 
 
 def ellipsoid_of(
@@ -133,8 +135,8 @@ def ellipsoid_of(
     ValueError
         If one is not positive.
     """
-    axes = array("semi_axes", semi_axes, (3,), low=TINY)
-    return Round(np.diag(axes**2), np.asarray(centre), particles)
+    axes = array("semi_axes", semi_axes, (3,), low=SMALLEST, high=LARGEST)
+    return Round(np.diag(axes**2), centre, particles)  # type: ignore[arg-type]
 
 
 def rim(
@@ -155,7 +157,7 @@ def rim(
     """
     along = direction("axis", axis)
     flat = np.eye(3) - (1 - EDGE**2) * np.outer(along, along)
-    return Round(number("radius", radius, low=TINY) ** 2 * flat, np.asarray(centre), particles)
+    return Round(number("radius", radius, SMALLEST, LARGEST) ** 2 * flat, centre, particles)  # type: ignore[arg-type]
 
 
 def weights(masses: np.ndarray, positions: np.ndarray, carriers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
