@@ -403,7 +403,7 @@ def test_bodies_that_pass_through_each_other_move_as_if_alone() -> None:
         (lambda: Round([[1, 2, 0], [0, 1, 0], [0, 0, 1]]), ValueError, "symmetric"),
         (lambda: Round(np.diag([1.0, 1.0, 0.0])), ValueError, "flatter than 0.003"),
         (lambda: Round(np.eye(3), (0, 0)), ValueError, "centre of a round feature"),
-        (lambda: Round(np.eye(3), particles=3), TypeError, "particles of a round feature"),
+        (lambda: Round(np.eye(3), particles=3), ValueError, "particles of a round feature"),
         (lambda: rim(0.1, (0, 0, 0)), ValueError, "axis"),
         (lambda: ellipsoid_of((0.1, -0.1, 0.1)), ValueError, "semi_axes"),
         (lambda: rolling_ball(moment=0.7), ValueError, "moment"),
