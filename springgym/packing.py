@@ -37,6 +37,7 @@ from springgym.forces.pairs.terms import (
     room,
 )
 from springgym.forces.paper_contact import PaperLaw
+from springgym.forces.round import packed_rounds
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.forces.together import Bodies
 from springgym.integrators.record import Integrator, workspace
@@ -228,6 +229,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         surfaces=surfaces,
         memory=kept,
         cycle=cycle(options.every, count, options.blocks) if options.every > 1 else None,
+        rounds=packed_rounds(body) if part.surfaces and any(of.body.rounds for of in scene.bodies) else None,
         **actuators,
     )
     return Packed(part, order, terms, rigid_body)
@@ -302,7 +304,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
     return Bodies(
         a=rows(),
         b=rows(),
-        space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype)),
+        space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype), None),
         w=rows(),
         met=Ragged(aligned_zeros((count,), dtype), particles),
         touched=Ragged(np.zeros(count, bool), particles),

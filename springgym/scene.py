@@ -295,6 +295,9 @@ class Scene(ReadOnly):
             of = self._of(placed)
             made |= {f"{name}{of}": digest(getattr(placed.body, name)) for name in OF_A_BODY}
             made |= {f"radius{of}": placed.body.radius, f"floppy{of}": placed.body.floppy}
+            for n, feature in enumerate(placed.body.rounds):
+                told = [feature.matrix, feature.centre, np.array(feature.particles, int)]
+                made |= {f"round feature {n}{of}": [digest(array) for array in told]}
             made |= {f"pinned{of}": list(placed.pinned), f"forces{of}": digest(placed.forces)}
             made |= {f"{name}{of}": repr(getattr(placed, name)) for name in ("wrench", "thrust", "drive")}
         return made
@@ -369,9 +372,9 @@ class Scene(ReadOnly):
                     reach,
                     positions[..., own, :],
                     placed.free,
+                    placed.body,
                     copies,
                     self._of(placed),
-                    placed.body.radius,
                 )
 
     def _check_apart(self, positions: np.ndarray, copies: Any = None) -> None:

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from springgym.bodies import surface
 from springgym.bodies.elastic import Cable, Elastic
-from springgym.checks import TINY, array, flag, indices, instance, number, whole_array
+from springgym.bodies.round import Round, weights
+from springgym.checks import TINY, array, flag, indices, instance, number, shown, whole_array
 from springgym.records import ReadOnly
 
 MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
@@ -79,6 +80,8 @@ class Body(ReadOnly):
     radius
         Of balls around the particles and rods along the springs [m], by which a body without triangles
         collides: of a single particle it makes a sphere, of a rope a round one.
+    rounds
+        Round features, see `springgym.bodies.round`: a body that has some meets surfaces with these alone.
 
     Raises
     ------
@@ -87,7 +90,8 @@ class Body(ReadOnly):
     ValueError
         Naming the offender: a mass or stiffness that is not positive and finite, a spring of no length,
         given twice or to a particle that does not exist, a part, marker or triangle of one, a radius beside
-        triangles, a body that is in pieces or not held in shape, or too large.
+        triangles or round features, round features that too few particles carry, a body that is in pieces or
+        not held in shape, or too large.
     """
 
     name: str
@@ -103,6 +107,7 @@ class Body(ReadOnly):
     floppy: bool = False
     solid: Elastic | Cable | None = None
     radius: float = 0.0
+    rounds: tuple[Round, ...] = ()
 
     def __post_init__(self) -> None:
         instance("name of a body", self.name, str)
@@ -147,7 +152,24 @@ class Body(ReadOnly):
                 f"{what}radius is {self.radius:g} m beside {len(self.triangles)} triangles; "
                 "a body has one or the other"
             )
+        self._check_rounds(what)
         self._check_shape()
+
+    def _check_rounds(self, what: str) -> None:
+        if not isinstance(self.rounds, (tuple, list)):
+            raise TypeError(f"{what}rounds is {shown(self.rounds)}; it must be a tuple of Round")
+        object.__setattr__(self, "rounds", tuple(self.rounds))
+        for n, feature in enumerate(self.rounds):
+            called = f"{what}rounds[{n}]"
+            carriers = instance(called, feature, Round).carriers(len(self.masses), f"{called}.particles")
+            try:
+                weights(self.masses, self.positions, carriers)
+            except ValueError as error:
+                raise ValueError(f"{called}: {error}") from None
+        if self.rounds and self.radius:
+            raise ValueError(
+                f"{what}radius is {self.radius:g} m beside round features; a body has one or the other"
+            )
 
     def _distances(self) -> np.ndarray:
         """Distances [m] (S,) of the springs' ends in the unstretched shape."""
@@ -252,14 +274,22 @@ class Body(ReadOnly):
 
     @cached_property
     def size(self) -> float:
-        """Return the largest distance of two particles, from rim to rim where they have a radius [m]."""
+        """Return the largest distance of two particles, from rim to rim where they have a radius [m].
+
+        It is the extent of a round feature where that is larger.
+        """
         farthest = max(float(np.linalg.norm(self.positions - one, axis=1).max()) for one in self.positions)
-        return farthest + 2 * self.radius
+        return max([farthest + 2 * self.radius, *(2 * feature.extent for feature in self.rounds)])
 
     @cached_property
     def swept(self) -> float:
-        """Return the diameter of the ball that the body sweeps when it turns about its centre of mass [m]."""
-        return 2 * float(np.linalg.norm(self.positions - self.centre, axis=1).max() + self.radius)
+        """Return the diameter of the ball that the body sweeps when it turns about its centre of mass [m].
+
+        Where a round feature is off that centre, it is an upper bound.
+        """
+        farthest = np.linalg.norm(self.positions - self.centre, axis=1).max() + self.radius
+        of = [float(np.linalg.norm(feature.centre - self.centre)) + feature.extent for feature in self.rounds]
+        return 2 * max([float(farthest), *of])
 
     @cached_property
     def closed(self) -> bool:

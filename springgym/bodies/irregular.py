@@ -209,6 +209,9 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
     if count > MOST_VERTICES:
         raise ValueError(f"bodies have {count} particles together; they must have at most {MOST_VERTICES}")
     instance("name", name, str)
+    for body in bodies:
+        if body.rounds:
+            raise ValueError(f"body {body.name!r} has round features, which a union does not take over")
     names = [body.name for body in bodies]
     if len(set(names)) < len(names):
         raise ValueError(f"bodies have the names {', '.join(names)}; they must differ")

@@ -13,6 +13,7 @@ from numpy.typing import DTypeLike
 from springgym import checks
 from springgym.core.blocks import aligned_zeros
 from springgym.core.ragged import stacked
+from springgym.forces.round import ARRAYS
 from springgym.integrators.envelope import envelope
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact
@@ -114,8 +115,12 @@ def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Any:
     """Return what a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's
     matrix."""
     bodies = [placed.body for placed in scene.bodies]
-    rows = max(max(len(body.masses), len(body.springs), len(scene.surfaces)) for body in bodies)
-    arrays = aligned_zeros((method.workspace, rows, 3), dtype)
+    rows = max(
+        max(len(body.masses), len(body.springs), len(scene.surfaces) * max(len(body.rounds), 1))
+        for body in bodies
+    )
+    more = ARRAYS if scene.surfaces and any(body.rounds for body in bodies) else 0
+    arrays = aligned_zeros((method.workspace + more, rows, 3), dtype)
     if not method.implicit:
         return arrays
     return arrays, stacked([envelope(len(body.masses), body.springs, dtype) for body in bodies], blocks=False)
@@ -147,6 +152,14 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
             f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
             "node of that kind; say collisions=None to let bodies pass through each other"
         )
+    rolls = scene.surfaces and any(placed.body.rounds for placed in scene.bodies)
+    if rolls and scene.meetings:
+        return (
+            "bodies collide in a scene where some meet surfaces by round features, which cannot be together "
+            "yet; say collisions=None, or give them scenes of their own"
+        )
+    if rolls and isinstance(scene.contact, PaperContact):
+        return "the paper's contact knows particles alone, and no round features; use Contact"
     if scene.surfaces and isinstance(scene.contact, PaperContact):
         if method.name != "rk4":
             return (

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from springgym.scene import Scene
-from springgym.scenes.checks import contact, free, solids, swings, together, tops  # noqa: F401  (they fill CHECKS)
+from springgym.scenes.checks import (  # noqa: F401  (they fill CHECKS)
+    contact,
+    free,
+    rolling,
+    solids,
+    swings,
+    together,
+    tops,
+)
 from springgym.scenes.checks.basis import CHECKS, NEEDS, NOT_COVERED, TOGETHER, Check
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
