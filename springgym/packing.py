@@ -42,6 +42,7 @@ from springgym.forces.pairs.terms import (
     room,
 )
 from springgym.forces.paper_contact import PaperLaw
+from springgym.forces.round import packed_rounds
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.forces.together import Bodies
 from springgym.integrators.record import Integrator, workspace
@@ -53,7 +54,7 @@ from springgym.surfaces import Contact, PaperContact, Surface, coupled, loss_of,
 
 
 class Parameter(NamedTuple):
-    """What may differ from copy to copy."""
+    """A parameter that may differ from copy to copy."""
 
     least: float
     most: float
@@ -94,7 +95,7 @@ class Packed(NamedTuple):
 
 
 class Options(NamedTuple):
-    """What a scene is packed for."""
+    """The method, the step and the varying parameters that a scene is packed for."""
 
     method: Integrator
     step: float
@@ -134,7 +135,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
 
 
 def _shared(scene: Scene, options: Options) -> Terms:
-    """What acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
+    """Return what acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
     surfaces, contact, varying = scene.surfaces, scene.contact, options.varying
     own = [OfBody(n, to_compiled(force)) for n, placed in enumerate(scene.bodies) for force in placed.forces]
     gravity = None
@@ -233,6 +234,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         surfaces=surfaces,
         memory=kept,
         cycle=cycle(options.every, count, options.blocks) if options.every > 1 else None,
+        rounds=packed_rounds(body) if part.surfaces and any(of.body.rounds for of in scene.bodies) else None,
         **actuators,
     )
     return Packed(part, order, terms, rigid_body)
@@ -250,7 +252,7 @@ def _meets(scene: Scene, options: Options) -> Meets | None:
 
 
 def _as_the_scene_says(scene: Scene) -> list[bool]:
-    """Which pairs meet by the scene's contact, and vary with it."""
+    """Return which pairs meet by the scene's contact, and vary with it."""
     return [met.contact is scene.contact for met in scene.meetings]
 
 
@@ -282,7 +284,8 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
 def workspaces(
     scene: Scene, method: Integrator, meets: Meets | None, twin: bool, dtype: Any, threads: int
 ) -> list[Any]:
-    """What each thread computes in, on elements of ``dtype``, by springs or by their rigid ``twin``."""
+    """Return what each thread computes in, on elements of ``dtype``, by springs or by their rigid
+    ``twin``."""
     if meets is None:
         return [workspace(method, scene, dtype) for _ in range(threads)]
     make = solids_workspace if twin else bodies_workspace
@@ -290,13 +293,13 @@ def workspaces(
 
 
 def pack_room(scene: Scene, pairs: Pairs, dtype: Any) -> Room:
-    """What a thread finds contacts in, on elements of ``dtype``."""
+    """Return what a thread finds contacts in, on elements of ``dtype``."""
     rows = most_contacts(scene.meetings, [shape_of(placed.body) for placed in scene.bodies])[1]
     return room(pairs, len(scene.positions), rows, dtype)
 
 
 def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
-    """What a thread computes in where bodies collide."""
+    """Return what a thread computes in where bodies collide."""
     particles = np.array([0, *(own.stop for own in scene.slices)])
     springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
     count = len(scene.positions)
@@ -307,7 +310,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
     return Bodies(
         a=rows(),
         b=rows(),
-        space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype)),
+        space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype), None),
         w=rows(),
         met=Ragged(aligned_zeros((count,), dtype), particles),
         touched=Ragged(np.zeros(count, bool), particles),
@@ -326,7 +329,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
 
 
 def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
-    """What a thread computes in where rigid bodies collide."""
+    """Return what a thread computes in where rigid bodies collide."""
     count, rows = len(scene.bodies), pack_room(scene, pairs, dtype)
     most = max(len(placed.body.masses) for placed in scene.bodies)
 
@@ -359,7 +362,7 @@ def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
 
 
 def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
-    """What is told of the pairs."""
+    """Return what is told of the pairs."""
     if meets is None:
         return PairReadings(*np.zeros((ENTRIES, copies, 0)))
     found = to_copies(meets.tally, copies).reshape(copies, -1, ENTRIES).astype(float)
@@ -477,13 +480,13 @@ def actuators(packed: Packed) -> dict[str, np.ndarray]:
 
 
 def varies(packed: Packed, name: str) -> bool:
-    """Whether copies have values of their own of a parameter."""
+    """Tell whether copies have values of their own of a parameter."""
     place = PARAMETERS[name].stored(packed.terms)
     return place is not None and place.dtype.names is not None
 
 
 def shape(packed: Packed, name: str) -> tuple[int, ...]:
-    """Of a parameter's value, for one body."""
+    """Return the shape of a parameter's value, for one body."""
     body = packed.scene.body
     extents = {"particles": (len(body.masses),), "springs": (len(body.springs),), "axes": (3,)}
     return extents.get(PARAMETERS[name].extent, ())

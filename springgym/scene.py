@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import Any, Self
@@ -32,7 +33,7 @@ MOST_BODIES = 1000
 
 @dataclass(frozen=True)
 class WrenchActuator:
-    """A force and a torque on the whole body; ``axial`` keeps the world torque's part along its axis."""
+    """Apply a force and a torque to the body; ``axial`` keeps the world torque's part along its axis."""
 
     axial: bool = True
 
@@ -42,7 +43,7 @@ class WrenchActuator:
 
 @dataclass(frozen=True)
 class ThrustActuator:
-    """Forces on named particles, fixed in the world or, if ``turns``, in the body's triad."""
+    """Apply forces to named particles, fixed in the world or, if ``turns``, in the body's triad."""
 
     particles: tuple[int, ...]
     turns: bool = False
@@ -55,7 +56,7 @@ class ThrustActuator:
 
 @dataclass(frozen=True)
 class DriveActuator:
-    """A pinned particle moved by its acceleration, each component of its speed [m/s] limited."""
+    """Move a pinned particle by its acceleration, and limit each component of its speed [m/s]."""
 
     particle: int
     speed: float
@@ -67,7 +68,7 @@ class DriveActuator:
 
 @dataclass(frozen=True, eq=False)
 class Placed(ReadOnly):
-    """A body, how it starts, and what drives it.
+    """Describe a body in a scene: how it starts, and what drives it.
 
     Parameters
     ----------
@@ -82,7 +83,8 @@ class Placed(ReadOnly):
     forces
         Forces of one's own, see `springgym.own_forces`; their particles are numbered as those of the body.
     name
-        What errors, plots and calls name it by in a scene of several bodies; the body's own if not given.
+        What errors, plots and calls name it by in a scene of several bodies. If not given, it is the body's
+        own name, with a number behind it where several bodies share that: "cube0", "cube1".
 
     Raises
     ------
@@ -168,14 +170,14 @@ class Placed(ReadOnly):
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Which particles are not pinned, (N,)."""
+        """Return which particles are not pinned, (N,)."""
         free = ~np.isin(np.arange(len(self.body.masses)), self.pinned)
         free.setflags(write=False)
         return free
 
     @property
     def pivot(self) -> int:
-        """The particle that torques and angular momenta count from: the first pinned one, else −1."""
+        """Return the particle that torques and angular momenta count from: the first pinned one, else −1."""
         return self.pinned[0] if self.pinned else -1
 
     def __repr__(self) -> str:
@@ -185,6 +187,20 @@ class Placed(ReadOnly):
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
         called = f"{self.name}: " if self.name != self.body.name else ""
         return f"{called}{self.body!r}{rest}"
+
+
+def _numbered(bodies: tuple[Placed, ...]) -> tuple[Placed, ...]:
+    """Return several bodies with a number behind each name that comes from a `Body` and is not unique."""
+    kinds = [placed.body.name if placed.name == placed.body.name else None for placed in bodies]
+    shared = {kind for kind, count in Counter(kinds).items() if count > 1 or not kind} - {None}
+    numbers: Counter[str] = Counter()
+    named = []
+    for placed, kind in zip(bodies, kinds, strict=True):
+        if len(bodies) > 1 and kind is not None and kind in shared:
+            placed = replace(placed, name=f"{kind or 'body'}{numbers[kind]}")
+            numbers[kind] += 1
+        named.append(placed)
+    return tuple(named)
 
 
 OWN = ("body", "positions", "velocities", "pinned", "wrench", "thrust", "drive", "forces")
@@ -197,7 +213,7 @@ OF_A_BODY = ("positions", "masses", "springs", "stiffness", "damping", "lengths"
 
 @dataclass(frozen=True, eq=False)
 class Scene(ReadOnly):
-    """All that is simulated: bodies, how they start, and what acts on them.
+    """Describe what is simulated: bodies, how they start, and what acts on them.
 
     A scene of one body takes it and the fields of its `Placed` as arguments. A scene of several takes them as
     ``bodies``. Their particles lie one body after another: positions and velocities of the scene, and of all
@@ -281,13 +297,16 @@ class Scene(ReadOnly):
             of = self._of(placed)
             made |= {f"{name}{of}": digest(getattr(placed.body, name)) for name in OF_A_BODY}
             made |= {f"radius{of}": placed.body.radius, f"floppy{of}": placed.body.floppy}
+            for n, feature in enumerate(placed.body.rounds):
+                told = [feature.matrix, feature.centre, np.array(feature.particles, int)]
+                made |= {f"round feature {n}{of}": [digest(array) for array in told]}
             made |= {f"pinned{of}": list(placed.pinned), f"forces{of}": digest(placed.forces)}
             made |= {f"{name}{of}": repr(getattr(placed, name)) for name in ("wrench", "thrust", "drive")}
         return made
 
     @cached_property
     def meetings(self) -> tuple[Meeting, ...]:
-        """The pairs of bodies that may meet, and how."""
+        """Return the pairs of bodies that may meet, and how."""
         named = [Named(placed.name, placed.body, bool(placed.free.any())) for placed in self.bodies]
         return meetings(self.collisions, self.contact, named)
 
@@ -307,6 +326,7 @@ class Scene(ReadOnly):
         bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))
         if len(bodies) > MOST_BODIES:
             raise ValueError(f"bodies are {len(bodies)}; there must be at most {MOST_BODIES}")
+        bodies = _numbered(bodies)
         names = [placed.name for placed in bodies]
         for n, name in enumerate(names):
             if len(names) > 1 and (not name or "." in name):
@@ -354,9 +374,9 @@ class Scene(ReadOnly):
                     reach,
                     positions[..., own, :],
                     placed.free,
+                    placed.body,
                     copies,
                     self._of(placed),
-                    placed.body.radius,
                 )
 
     def _check_apart(self, positions: np.ndarray, copies: Any = None) -> None:
@@ -431,19 +451,19 @@ class Scene(ReadOnly):
 
     @cached_property
     def parts(self) -> tuple[Self, ...]:
-        """For each body the scene that has only this one, with the same gravity and surfaces."""
+        """Return for each body the scene with this body alone, and with the same gravity and surfaces."""
         if len(self.bodies) == 1:
             return (self,)
         return tuple(self.with_(bodies=(placed,), collisions=None) for placed in self.bodies)
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
-        """For each body, where its particles lie among all."""
+        """Return for each body where its particles lie among all."""
         ends = accumulate((len(placed.body.masses) for placed in self.bodies), initial=0)
         return tuple(slice(first, last) for first, last in pairwise(ends))
 
     def number(self, body: int | str | None) -> int:
-        """The number of a body, given so or by its name; None stands for the only one.
+        """Return the number of a body, given by number or name; None stands for the only one.
 
         Raises
         ------
@@ -461,14 +481,14 @@ class Scene(ReadOnly):
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Which particles are not pinned, (N,)."""
+        """Return which particles are not pinned, (N,)."""
         free = np.concatenate([placed.free for placed in self.bodies])
         free.setflags(write=False)
         return free
 
     @cached_property
     def sizes(self) -> np.ndarray:
-        """Of the body that each particle is of, (N,) [m]."""
+        """Return for each particle the size of its body, (N,) [m]."""
         sizes = np.repeat(
             [placed.body.size for placed in self.bodies], [own.stop - own.start for own in self.slices]
         )
@@ -477,12 +497,12 @@ class Scene(ReadOnly):
 
     @property
     def pins(self) -> tuple[int, ...]:
-        """The pinned particles of all bodies, by their number among all particles."""
+        """Return the pinned particles of all bodies, by their number among all particles."""
         each = zip(self.bodies, self.slices, strict=True)
         return tuple(own.start + pin for placed, own in each for pin in placed.pinned)
 
     def of_bodies(self, name: str) -> np.ndarray:
-        """What each particle or spring has, of all bodies, one body after another.
+        """Return a property of the particles or springs of all bodies, one body after another.
 
         Parameters
         ----------
@@ -499,22 +519,22 @@ class Scene(ReadOnly):
 
     @property
     def masses(self) -> np.ndarray:
-        """Masses of the particles of all bodies [kg], (N,)."""
+        """Return the masses of the particles of all bodies [kg], (N,)."""
         return self.of_bodies("masses")
 
     @property
     def springs(self) -> np.ndarray:
-        """The springs of all bodies as pairs of particles, by their number among all particles, (S, 2)."""
+        """Return the springs of all bodies as pairs of particles, numbered among all particles, (S, 2)."""
         each = zip(self.bodies, self.slices, strict=True)
         return np.concatenate([placed.body.springs + own.start for placed, own in each])
 
     @property
     def pivot(self) -> int:
-        """The particle that torques and angular momenta of the one body count from, see `Placed.pivot`."""
+        """Return the particle that torques on the only body count from, see `Placed.pivot`."""
         return self.pinned[0] if self.pinned else -1
 
     def with_(self, **changes: Any) -> Self:
-        """A copy with some fields changed, checked anew.
+        """Return a copy with some fields changed, and check it.
 
         In a scene of one body, ``bodies`` is changed instead of all that belongs to the body.
         """

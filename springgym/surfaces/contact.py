@@ -12,6 +12,7 @@ import numpy as np
 from springgym.bodies import Body, vibrations
 from springgym.checks import TINY, array, number
 from springgym.surfaces.plane import Plane
+from springgym.surfaces.round import heights
 from springgym.surfaces.surface import Surface
 
 REACH = 0.01
@@ -31,7 +32,7 @@ stays a tenth of Δ away."""
 
 @dataclass(frozen=True)
 class Contact:
-    """How a body meets surfaces: by a barrier that keeps its energy, see `springgym.forces.barrier`.
+    """Describe how bodies meet surfaces: by a barrier that keeps energy, see `springgym.forces.barrier`.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class PaperContact:
-    """How the paper's bodies meet surfaces, see `springgym.forces.paper_contact`; for rk4 alone.
+    """Describe the paper's contact with surfaces, see `springgym.forces.paper_contact`; for rk4 only.
 
     Parameters
     ----------
@@ -216,9 +217,9 @@ def check_heights(
     reach: float,
     positions: np.ndarray,
     free: Any,
+    body: Body,
     copies: Any = None,
     owner: str = "",
-    radius: float = 0.0,
 ) -> None:
     """Refuse starts behind or too near a surface.
 
@@ -228,27 +229,28 @@ def check_heights(
         [m]
     free : (N,)
         The particles that surfaces act on: those that are not pinned.
+    body
+        Heights count from the skin of its balls or rods, and are of its round features if it has some.
     copies : (k,), optional
         What the copies are called.
     owner
         What is said behind the particle's number: " of" its body, if there are several.
-    radius
-        Of the body's balls or rods [m]: heights count from their surface.
 
     Raises
     ------
     ValueError
-        Naming the particle, the copy if there are several, and the surface.
+        Naming the particle or feature, the copy if there are several, and the surface.
     """
+    what, acts = ("round feature", np.array(True)) if body.rounds else ("particle", free)
     for n, surface in enumerate(surfaces):
-        heights = surface.height(np.asarray(positions, float)) - radius
-        wrong = (heights < NEAREST * reach) & free
+        found = heights(body, positions, surface)
+        wrong = ~(found >= NEAREST * reach) & acts
         if wrong.any():
-            *row, particle = first = np.argwhere(wrong)[0].tolist()
-            h = heights[tuple(first)]
+            *row, part = first = np.argwhere(wrong)[0].tolist()
+            h = found[tuple(first)]
             of = f" of copy {copies[row[0]]}" if row and copies is not None else ""
             where = f"{-h:g} m behind" if h < 0 else f"only {h:g} m above"
             raise ValueError(
-                f"particle {particle}{owner}{of} starts {where} surface {n}, {surface}; it must be at least "
+                f"{what} {part}{owner}{of} starts {where} surface {n}, {surface}; it must be at least "
                 f"{NEAREST * reach:g} m above, and is free of its force from {reach:g} m"
             )
