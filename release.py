@@ -77,9 +77,10 @@ def repeated() -> dict[str, str]:
     citing = re.sub(r"(?<=author  = \{\{).*(?=\}\})", author, citing)
     citing = re.sub(r"(?<=version = \{).*(?=\})", number, citing)
     citing = re.sub(r"(?<=url     = \{).*(?=\})", project["urls"]["Source"], citing)
+    front = re.sub(r"(?<=\[GitHub\]\()[^)]*(?=\))", project["urls"]["Source"], text("docs/index.md"))
     if DATE.fullmatch(date):
         citing = re.sub(r"(?<=year    = \{).*(?=\})", date[:4], citing)
-    return {"CITATION.cff": citation, "docs/citing.md": citing}
+    return {"CITATION.cff": citation, "docs/citing.md": citing, "docs/index.md": front}
 
 
 def faults(tag: str) -> list[str]:

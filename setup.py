@@ -1,4 +1,5 @@
-"""What pyproject.toml cannot say: the scripts within the package, and the README as it is uploaded."""
+"""Tell setuptools what pyproject.toml cannot: the scripts within the package, and the README as it is
+uploaded."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ class BuildWithScripts(build_py):
     """Builds the package with a copy of the scripts, their configurations and the published agents."""
 
     def run(self) -> None:
-        """Copy them after the modules; an editable package has them beside it."""
+        """Copy scripts after the modules; an editable package has them beside it."""
         super().run()
         for folder in () if self.editable_mode else ("agents", "configs"):
             copy = Path(self.build_lib) / "springgym" / folder

@@ -26,7 +26,7 @@ RENORM_EPSILON = 1e-3
 
 
 def policy_kwargs(config: NetworkConfig) -> dict[str, Any]:
-    """What a configuration says of the networks, as Stable-Baselines3's policies take it."""
+    """Return what a configuration says of the networks, as Stable-Baselines3's policies take it."""
     activation = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}[config.activation]
     kwargs: dict[str, Any] = {"net_arch": config.net_arch, "activation_fn": activation}
     return kwargs | ({"log_std_init": config.log_std_init} if isinstance(config, PPOConfig) else {})

@@ -44,7 +44,7 @@ Verdict = Literal["survives", "does not survive", "undecided", "not played"]
 
 
 def verdict(own: float, lost: float, error: float) -> Verdict:
-    """Whether a return survives a loss that is known to a standard error, with a certainty of 95 %.
+    """Tell whether a return survives a loss that is known to a standard error, with a certainty of 95 %.
 
     A return of 0 has nothing to lose: of it nothing is known.
     """
@@ -58,7 +58,7 @@ def verdict(own: float, lost: float, error: float) -> Verdict:
 
 @dataclass(frozen=True)
 class Finding:
-    """What an agent earns in another simulation, held against its own."""
+    """The return of an agent in another simulation, compared with its own."""
 
     simulation: str
     return_per_step: float | None = None
@@ -124,7 +124,7 @@ def audit(agent: str, env_id: str, kwargs: Mapping[str, Any], episodes: int, see
 
 
 def survives(findings: Sequence[Finding]) -> bool:
-    """Whether an agent survives all the other simulations that are played, and one is."""
+    """Tell whether an agent survives all the other simulations that are played, and one is."""
     others = [found.verdict for found in findings[1:] if found.verdict != "not played"]
     return bool(others) and all(said == "survives" for said in others)
 

@@ -65,7 +65,7 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """How every cell is run."""
+    """The plan by which every cell is run."""
 
     runs: Path
     episodes: int
@@ -135,7 +135,7 @@ def training(cell: Cell, plan: Plan) -> list[str]:
 
 
 def trained_for(folder: Path) -> float:
-    """What `probe` gave for the task when a run began."""
+    """Return what `probe` gave for the task when a run began."""
     try:
         return float((folder / "probe.txt").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -153,7 +153,7 @@ def put_away(folder: Path) -> None:
 
 
 def last_row(folder: Path) -> tuple[int, float]:
-    """How far a run has come: steps, and seconds of processor time."""
+    """Return how far a run has come: steps, and seconds of processor time."""
     try:
         lines = (folder / "metrics.csv").read_text(encoding="utf-8").splitlines()
         cells = dict(zip(lines[0].split(","), lines[-1].split(","), strict=True))
@@ -184,7 +184,7 @@ def digest(cell: Cell, plan: Plan) -> str:
 
 
 def usual(field: Field[Any]) -> Any:
-    """What a field is if it is not given; `MISSING` if it has to be."""
+    """Return the value of a field that is not given; `MISSING` if it has to be."""
     return field.default if field.default_factory is MISSING else field.default_factory()
 
 
@@ -299,7 +299,7 @@ def end_with_parent() -> None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """What is started in here computes on one thread."""
+    """Let what is started in here compute on one thread."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ |= dict.fromkeys(THREADS, "1")
     try:
@@ -376,7 +376,7 @@ class Table:
             raise ConfigError(f"{path}: not the rows of a benchmark: {error!r}") from error
 
     def current(self, cell: Cell, plan: Plan, probes: dict[str, float]) -> bool:
-        """Whether there is a row of what the cell is now."""
+        """Tell whether there is a row of what the cell is now."""
         row = self.rows.get(cell)
         return row is not None and (row["config"], row["probe"], row["episodes"]) == (
             digest(cell, plan),

@@ -88,7 +88,7 @@ def load_checkpoint(run: Run, env: StaggeredMonitor, recorder: Recorder) -> Base
 def _restore(
     run: Run, env: StaggeredMonitor, recorder: Recorder, state: dict[str, Any], normalize: Any, exact: bool
 ) -> BaseAlgorithm:
-    """What `load_checkpoint` does with what it read."""
+    """Put what `load_checkpoint` read into the algorithm."""
     if normalize:
         normalize.set_venv(env)
     if not exact:
@@ -121,7 +121,7 @@ def _restore(
 
 
 def asked_for(run: Run) -> dict[str, Any]:
-    """What was asked for of a run, as JSON has it."""
+    """Return what was asked for of a run, as JSON has it."""
     asked = {"algo": run.algo, "env_id": run.env_id, "seed": run.seed, **asdict(run.config)}
     return dict(json.loads(json.dumps(asked, default=str)))
 

@@ -29,7 +29,8 @@ CONFIG_FOLDER = Path(__file__).resolve().parent.parent / "configs"
 
 @contextmanager
 def making(env_id: str) -> Iterator[None]:
-    """Where an environment is made: its complaint about its name or its arguments is a `ConfigError`."""
+    """Turn what an environment that is made here complains of, its name or its arguments, into a
+    `ConfigError`."""
     try:
         yield
     except (TypeError, ValueError, ArithmeticError, MemoryError, ImportError, gym.error.Error) as error:
@@ -57,7 +58,7 @@ def whole(low: int, high: int) -> Callable[[str], int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """What every algorithm needs. ``env_kwargs`` go to the environment, in evaluation too, where
+    """The settings that every algorithm needs. ``env_kwargs`` go to the environment, in evaluation too, where
     ``eval_env_kwargs`` are added."""
 
     total_timesteps: int
@@ -67,8 +68,11 @@ class Config:
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig(Config):
-    """What those of Stable-Baselines3 need. Rows of ``metrics.csv`` and checkpoints are written whenever
-    ``log_every`` and ``checkpoint_every`` environment steps have passed."""
+    """The settings that algorithms of Stable-Baselines3 need.
+
+    Rows of ``metrics.csv`` and checkpoints are written whenever ``log_every`` and ``checkpoint_every``
+    environment steps have passed.
+    """
 
     n_envs: int
     batch_size: int

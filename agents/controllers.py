@@ -479,7 +479,8 @@ def make_controller(
     Parameters
     ----------
     name
-        ``"zero"``, ``"random"`` or ``"classical"``.
+        ``"zero"``, ``"random"``, ``"classical"``, or a function by its module, ``"module:function"``: from
+        observations (n, …) it makes actions (n, …).
     env_id, env_kwargs
         The environment and its keyword arguments, of which ``action`` chooses the controller.
     action_space
@@ -490,6 +491,8 @@ def make_controller(
     ConfigError
         If there is no such controller.
     """
+    if ":" in name:
+        return own_controller(name, action_space)
     if not isinstance(action_space, spaces.Box):
         raise ConfigError(f"{env_id} has no continuous actions: its action space is {action_space}")
     if name == "zero":
@@ -501,7 +504,7 @@ def make_controller(
             np.float32
         )
     if name != "classical":
-        raise ConfigError(f"unknown controller {name!r}: use zero, random or classical")
+        raise ConfigError(f"unknown controller {name!r}: use zero, random, classical or module:function")
     by_action = controllers_of(env_id)
     _, arguments = find(env_id) or (None, {})
     action = (arguments | dict(env_kwargs)).get("action", next(iter(by_action), None))
@@ -512,6 +515,29 @@ def make_controller(
             f"there is one for: {', '.join(known)}"
         )
     return partial(by_action[action], task_of(env_id, env_kwargs))
+
+
+def own_controller(name: str, action_space: spaces.Space[Any]) -> Policy:
+    """A function of a module of the user's, ``module:function``, whose actions are checked."""
+    module, _, function = name.partition(":")
+    try:
+        found = getattr(import_module(module), function)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ConfigError(f"no controller {name!r}: {error}") from error
+    if not callable(found):
+        raise ConfigError(f"{name} is {found!r}; it must be a function from observations to actions")
+
+    def act(observations: np.ndarray) -> np.ndarray:
+        actions = np.asarray(found(observations))
+        shape = (len(observations), *(action_space.shape or ()))
+        if actions.shape != shape or actions.dtype.kind not in "fiu" or not np.isfinite(actions).all():
+            raise ConfigError(
+                f"{name} gave {actions.dtype} of shape {actions.shape}; it must give finite actions of shape "
+                f"{shape} for observations of shape {observations.shape}"
+            )
+        return actions
+
+    return act
 
 
 def controller_env_kwargs(name: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,11 +4,11 @@
     springgym evaluate classical --env SpringTop-v0 --set action=impulse --episodes 200
     springgym evaluate SpringTop-v0
 
-An agent is a run folder, an environment id, which names the published agent of that environment, or the
-name of a baseline (zero, random, classical). Every agent meets
-the same episodes. The return is the sum of rewards over the time limit: the mean reward per step
-where an episode that ends early earns nothing for the rest. The other columns are means over the
-episodes of what the environment reports with each episode's last step.
+An agent is a run folder, an environment id, which names the published agent of that environment, the name
+of a baseline (zero, random, classical), or a function from observations to actions, by its module, as
+``module:function``. Every agent meets the same episodes. The return is the sum of rewards over the time
+limit: the mean reward per step where an episode that ends early earns nothing for the rest. The other
+columns are means over the episodes of what the environment reports with each episode's last step.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ LAST_SEED = 2**31 - 1 - MOST_EPISODES
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What one agent did, episode by episode (the seeds run upwards from ``first_seed``)."""
+    """The episodes that one agent played (the seeds run upwards from ``first_seed``)."""
 
     agent: str
     first_seed: int
@@ -209,7 +209,9 @@ def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -
     parser = argparse.ArgumentParser(
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("agents", nargs="+", help="run folders; environment ids; zero, random, classical")
+    parser.add_argument(
+        "agents", nargs="+", help="run folders; environment ids; zero, random, classical; module:function"
+    )
     parser.add_argument("--env", help="environment id, where no agent tells it")
     parser.add_argument("--episodes", type=whole(1, MOST_EPISODES), default=100)
     parser.add_argument(

@@ -64,7 +64,7 @@ def imitate(run: Run, model: PPO) -> int:
 
 
 def played(model: PPO, env: VecEnv, controller: Policy, steps: int, seed: int) -> tuple[torch.Tensor, ...]:
-    """What the agent sees (n, D) when the controller plays, what that wants to do (n, A), returns (n,)."""
+    """Let the controller play; return what the agent sees (n, D), the actions (n, A), and returns (n,)."""
     normalize, space = model.get_vec_normalize_env(), env.action_space
     assert isinstance(space, spaces.Box)
     rng = np.random.default_rng(seed)

@@ -60,7 +60,7 @@ class Stopwatch(Recorder):
 
     @property
     def learned(self) -> bool:
-        """Whether the agent succeeds often enough."""
+        """Tell whether the agent succeeds often enough."""
         return bool(self.progress) and (self.progress[-1][-1] or 0.0) >= ENOUGH
 
     def _on_rollout_start(self) -> None:

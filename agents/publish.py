@@ -36,7 +36,7 @@ SHARED = ("config.yaml", "agent.npz")
 
 
 def card(run: Run, episodes: int, audited: int) -> dict[str, Any]:
-    """What there is to know of an agent."""
+    """Return the card of an agent: how it was trained, and what it reaches."""
     kwargs = task_kwargs(run.config)
     found = evaluate(str(run.folder), run.env_id, kwargs, episodes)
     returns = np.array(found.returns_per_step)

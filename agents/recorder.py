@@ -55,7 +55,7 @@ class Recorder(BaseCallback):
         self.progress: list[tuple[int, float, float, float | None]] = []
 
     def state(self) -> dict[str, Any]:
-        """What the rows still to come depend on."""
+        """Return what the rows still to come depend on."""
         names = ("seconds", "row_at", "steps", "episodes", "reward", "progress")
         return {name: getattr(self, name) for name in names}
 

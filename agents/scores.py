@@ -32,7 +32,7 @@ def profile(scores: np.ndarray, levels: np.ndarray) -> np.ndarray:
 def interval(
     by_task: Sequence[np.ndarray], statistic: Statistic, repetitions: int = REPETITIONS
 ) -> tuple[float, float]:
-    """Where a statistic of all scores lies, had other seeds been drawn: percentiles of a bootstrap.
+    """Return the interval of a statistic of all scores over draws of seeds: percentiles of a bootstrap.
 
     It is stratified: for every task, as many of its own seeds (n,) are drawn as there are, with replacement.
     """

@@ -61,7 +61,7 @@ class League:
         self.players: list[Player] = list(OPPONENTS.values())
 
     def __call__(self, observations: np.ndarray) -> np.ndarray:
-        """What each copy's opponent does."""
+        """Return the actions of each copy's opponent."""
         actions = np.zeros((len(observations), 2))
         copies, count = np.arange(len(observations)), len(self.players)
         played = np.where(2 * copies < len(copies), count - 1, copies % count)
@@ -109,7 +109,7 @@ class Keeper(BaseCallback):
 
 @cache
 def spaces() -> tuple[Any, Any]:
-    """What a player observes and does, as spaces."""
+    """Return the spaces of what a player observes and does."""
     env = parallel(ID, **SEEN)
     env.close()
     return env.observation_space("first"), env.action_space("first")
@@ -153,7 +153,7 @@ def learn(run: Run, every: int) -> None:
 
 
 class Duels(NamedTuple):
-    """What two players reached against each other: a point a duel won, half of one without a winner."""
+    """The score of two players against each other: a point a duel won, half of one without a winner."""
 
     first: int
     second: int

@@ -49,7 +49,7 @@ def kinds() -> dict[str, dict[str, Any]]:
 
 
 def plan_of(kind: str, folder: Path, options: argparse.Namespace) -> Plan:
-    """How agents of a kind are trained."""
+    """Return how agents of a kind are trained."""
     arguments = [f"env_kwargs.{key}={json.dumps(value)}" for key, value in kinds()[kind].items()]
     return Plan(
         folder / kind.replace(", ", "-"), options.episodes, (*options.overrides, *arguments), options.configs
@@ -57,7 +57,7 @@ def plan_of(kind: str, folder: Path, options: argparse.Namespace) -> Plan:
 
 
 def grid() -> dict[str, dict[str, Any]]:
-    """Where agents play: names, and arguments of the environment."""
+    """Return the names of the environments in which agents play, and their arguments."""
     softer: dict[str, dict[str, Any]] = {
         f"{factor:g} k": {"dynamics": "springs", "randomize": {"stiffness": (factor, factor)}}
         for factor in STIFFNESS

@@ -5,8 +5,8 @@
     springgym watch SpringTop-v0
     springgym watch classical --env SpringTop-v0 --out top.gif --set action=impulse
 
-An agent is a run folder, an environment id, which names the published agent of that environment, or the
-name of a baseline (zero, random, classical).
+An agent is a run folder, an environment id, which names the published agent of that environment, the name
+of a baseline (zero, random, classical), or a function from observations to actions, as ``module:function``.
 """
 
 from __future__ import annotations
@@ -113,7 +113,9 @@ def main(arguments: Sequence[str] | None = None, program: str = "watch.py") -> i
     parser = argparse.ArgumentParser(
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("agent", help="a run folder, an environment id, zero, random or classical")
+    parser.add_argument(
+        "agent", help="a run folder, an environment id, zero, random, classical or module:function"
+    )
     parser.add_argument("--env", help="environment id, where the agent does not tell it")
     parser.add_argument("--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED)
     parser.add_argument(

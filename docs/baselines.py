@@ -19,16 +19,16 @@ import matplotlib
 import numpy as np
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "agents"))
+sys.path[:0] = [str(HERE), str(HERE.parent / "agents")]
 
+from environments import ALGORITHMS, shown  # noqa: E402
 from learning_time import shown as times  # noqa: E402
 from scores import interquartile_mean, interval, profile  # noqa: E402
 
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
 
 ROWS, PAGE, FIGURE = HERE / "baselines.json", HERE / "baselines.md", HERE / "figures" / "baselines.svg"
-ALGORITHMS = ("zero", "random", "classical", "linear", "ppo", "sac", "tqc", "crossq")
-TRAINED = ALGORITHMS[3:]
+TRAINED = ("linear", "ppo", "sac", "tqc", "crossq")
 SEEDS, WIDE = 3, 5
 """Seeds of a task, and such tasks, that an algorithm has at the least if it is compared with others."""
 TIMES = HERE / "learning_time.json"
@@ -38,41 +38,42 @@ SAME = 1e-6
 CARDS = HERE.parent / "agents" / "trained"
 TASKS: tuple[Row | Variant, ...] = (*ENVIRONMENTS, *VARIANTS)
 TIERS = {
-    "first steps": "Linear control does it, found in seconds. Begin here.",
-    "standard": "PPO does it with the hyperparameters that ship; linear control does not.",
-    "harder": "PPO still does most of it, from three seeds.",
-    "hard": "PPO does not, though it can be done.",
+    "first steps": "Even linear control solves these, found in seconds. Begin here.",
+    "standard": "PPO solves these with the hyperparameters that ship. Linear control does not.",
+    "harder": "PPO still does most of these, from three seeds.",
+    "hard": "PPO does not do these, although they can be done.",
 }
 INTRODUCTION = """# Baselines
 
-What algorithms make of the tasks. Each cell tells how many of 100 held-out episodes succeed, in the mean
-over the seeds that the agent was trained from, then the lowest of the seeds in brackets and the number of
-seeds, if there are several. Below is the return per step, whose largest value is 1. Success is judged, and
-the return summed, without exploration.
+These tables show what each algorithm reaches on each task. A cell gives the share of 100 held-out episodes
+that succeed, averaged over training seeds. The brackets give the lowest of these seeds and their number, if
+there are several. The second line of a cell is the return per step, which is at most 1. Agents play without
+exploration.
 """
-CHANGED = """Tasks marked † have changed since some of their rows were made, which tell of the task as it was:
-what the simulator makes of contact, or of a control period, is no longer the same. The mean reward of given
-actions from given starts has changed by {most:.1e} or less.
+CHANGED = """Tasks marked † have changed since some of their rows were made: the simulator computes
+contact, or a control period, slightly differently now. Those rows describe the task as it was. The mean
+reward of given actions from given starts has changed by {most:.1e} or less.
 """
 AGENTS = """## Trained agents
 
-The best agent of each task is in the repository, as numbers and nothing else, with its configuration and a
-card: the command that trained it, versions, checksums, its evaluation and its audit.
+The package contains the best agent of each task: its numbers, its configuration and a card. The card holds
+the command that trained it, versions, checksums, its evaluation and its audit.
 
 ```sh
 springgym evaluate SpringTop-v0
 springgym watch SpringTop-v0 --out top.gif
 ```
 
-The audit plays the same episodes with a quarter of the step, by another method and by the rigid twin, and
-tells what share of the return is lost: whether the agent lives on errors of the simulation. It survives if
-that is below 2 %, with a certainty of 95 %; a simulation that the task cannot be played in tells nothing.
+The audit asks whether an agent lives on errors of the simulation. It plays the same episodes with a quarter
+of the step, with another method and with the rigid twin, and computes which share of the return is lost. An
+agent survives if it loses less than 2 %, with a certainty of 95 %. Some simulations cannot play the task;
+they tell nothing.
 """
 TIME = """## Time to learn
 
-Until PPO with the configuration that ships succeeds in 90 % of 20 held-out episodes, which is asked every
-32,768 steps: what of the seconds of one core is physics, what the policy, and what learning. By
-`python agents/learning_time.py --json docs/learning_time.json`, on {cpu}.
+This table shows how long PPO takes, with the configuration that ships, until it succeeds in 90 % of 20
+held-out episodes. It is tested every 32,768 steps. The seconds are those of one core of {cpu}, divided into
+physics, policy and learning. `python agents/learning_time.py --json docs/learning_time.json` measured them.
 
 {table}
 """
@@ -84,25 +85,28 @@ python agents/benchmark.py --runs runs/benchmark
 python docs/baselines.py --rows runs/benchmark/baselines.json
 ```
 
-The first command trains and evaluates everything, on all cores or on a Ray cluster; stopped in whatever
-way, it goes on. The second writes this page. The same command, seed, machine and commit give the same curve
-to the bit. Copies that learn begin from seeds of their own, spawned from the run's; in rows older than that
-they counted on from it, so that runs of a task shared most of their starts. *Linear* is a ← clip(W o + b)
-over the compact observation, found by the cross-entropy method; *classical* is the controller in
-`agents/controllers.py`, which is not learned. Hyperparameters are those of `configs/`, which say what is
-observed, too: PPO sees particles where nothing is said, the others the compact observation. A variant is
-trained with those of its environment. All begin from nothing, but PPO of `SpringDuel-v0` and
-`SpringDuelStrong-v0`: it [imitates](training.md#begin-with-what-is-known) classical control in its first
-400,000 steps.
+The second command trains and evaluates everything, on all cores or on a Ray cluster. If it is stopped, the
+same command goes on where it was. The third command writes this page. The same command, seed, machine and
+commit give the same curve, to the bit.
 
-The rows are in `docs/baselines.json`, each with the versions and the commit it was made with, a digest of
-its configuration (of classical control, a sum of what it does where given actions lead), and a probe of its
-task: the mean reward of given actions from given starts. A test holds them against the present ones; a row
-of a task that has changed since has the present probe, too, until the benchmark is run again. Seconds
-are those of one processor core, so they do not depend on what else the machine does.
+- *Linear* is a ← clip(W o + b) over the compact observation, found by the cross-entropy method.
+- *Classical* is the controller in `agents/controllers.py`, which does not learn.
+- Hyperparameters are those of `configs/`. These files also say what an agent observes: particles for PPO
+  where they say nothing, and the compact observation for the others. A variant uses those of its
+  environment.
+- All algorithms start from nothing, with one exception. PPO of `SpringDuel-v0` and `SpringDuelStrong-v0`
+  [imitates](training.md#begin-with-what-is-known) classical control in its first 400,000 steps.
+- Each copy of a training batch has its own seed, spawned from the seed of the run. In older rows the seeds
+  of the copies counted on from it, so that runs of a task shared most of their starts.
+- Seconds are processor time of one core, so they do not depend on what else the machine does.
 
-The interquartile mean over these tasks and its 95 % intervals (a bootstrap, stratified by task) are those
-that Agarwal et al. recommend in [Deep reinforcement learning at the edge of the statistical
+The rows are in `docs/baselines.json`. Each row holds versions, commit, a digest of its configuration and a
+probe of its task. The probe is the mean reward of given actions from given starts. (For classical control,
+the digest is a sum over what it does.) A test compares them with the present ones. If a task has changed,
+its rows also hold the present probe, until the benchmark runs again.
+
+The interquartile mean over these tasks, and its 95 % intervals by a bootstrap stratified by task, follow
+Agarwal et al., [Deep reinforcement learning at the edge of the statistical
 precipice](https://arxiv.org/abs/2108.13264).
 """
 
@@ -113,17 +117,6 @@ def cells(rows: Iterable[dict[str, Any]]) -> dict[tuple[str, str], list[dict[str
     for row in rows:
         found[row["task"], row["algorithm"]].append(row)
     return found
-
-
-def shown(runs: Sequence[dict[str, Any]]) -> str:
-    """A cell of the table."""
-    if not runs:
-        return ""
-    success = [100 * run["success_rate"] for run in runs]
-    seeds = f" (≥ {min(success):.0f}, {len(runs)})" if len(runs) > 1 else ""
-    earned = np.mean([run["mean_return"] for run in runs])
-    digits = 3 if 0.0005 <= earned < 0.005 else 2  # where all is earned in the last step
-    return f"{np.mean(success):.0f} %{seeds}<br>{earned:.{digits}f}"
 
 
 def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 import springgym  # noqa: E402
+
+PYPROJECT = tomllib.loads((HERE.parent / "pyproject.toml").read_text(encoding="utf-8"))
 
 project = "springgym"
 author = "The springgym authors"
@@ -32,7 +35,12 @@ html_static_path = ["_static", "_media"]
 html_css_files = ["site.css"]
 html_js_files = ["films.js"]
 html_show_sphinx = False
-html_theme_options = {"navigation_with_keys": True}
+html_theme_options = {
+    "navigation_with_keys": True,
+    "source_repository": PYPROJECT["project"]["urls"]["Source"],
+    "source_branch": "main",
+    "source_directory": "docs/",
+}
 html_math_renderer = "svg"
 exclude_patterns = ["_build", "_media", "**.ipynb_checkpoints"]
 

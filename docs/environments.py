@@ -1,6 +1,6 @@
-"""Write the pages on environments from their docstrings and from what was measured: nothing is measured here.
+"""Write the pages on environments from their docstrings and from what was measured; measure nothing.
 
-python docs/environments.py                       # docs/environments.md and a page each in docs/environments/
+python docs/environments.py                       # environments.md, features.md, a page of each environment
 python docs/measured.py --write errors variants    # measures, and writes them
 """
 
@@ -11,7 +11,8 @@ import ast
 import inspect
 import json
 import re
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,38 +21,156 @@ from springgym.bench.errors import EPISODES, EVERY, PERIODS
 from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row
 
-PAGE = Path(__file__).with_name("environments.md")
+HERE = Path(__file__).parent
+PAGE = HERE / "environments.md"
+FEATURES = HERE / "features.md"
 FOLDER = PAGE.with_suffix("")
-NUMBERS = PAGE.with_name("numbers.json")
+NUMBERS = HERE / "numbers.json"
+CARDS = HERE.parent / "agents" / "trained"
 SEEDS = 100
 BASELINES = ("zero", "random", "classical")
+ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "crossq", "random", "zero")
+"""In the order of the columns: on a phone, the first is seen without scrolling."""
+
+Report = Mapping[str, Any]
+
+
+def read() -> dict[str, Any]:
+    """Return what was measured, by section, with the rows of the benchmark and of the time to learn."""
+    found: dict[str, Any] = json.loads(NUMBERS.read_text(encoding="utf-8"))
+    for name, path in (("baselines", "baselines.json"), ("learning", "learning_time.json")):
+        found[name] = json.loads((HERE / path).read_text(encoding="utf-8"))
+    return found
 
 
 def environment(row: Row, suffix: str) -> Any:
+    """Return a class of an environment: its task, or with a suffix, its single environment or its batch."""
     return getattr(import_module(f"springgym.envs.{row.module}"), row.name + suffix)
 
 
-def describe(row: Row) -> str:
-    """The page of an environment: its docstring, under its id and a film of the classical controller."""
-    text = inspect.cleandoc(environment(row, "Env").__doc__)
-    film = "```{film} " + row.id + "\nUnder the classical controller, which is not learned.\n```"
-    return f"# {row.id}\n\n{film}\n\n{text}\n"
+def docstring(row: Row) -> str:
+    """Return what the class of an environment says, in Markdown."""
+    return inspect.cleandoc(environment(row, "Env").__doc__)
 
 
-def write_pages() -> None:
-    """Write the page of every environment, and remove those of environments that are gone."""
-    FOLDER.mkdir(exist_ok=True)
-    for page in FOLDER.glob("*.md"):
-        page.unlink()
-    for row in ENVIRONMENTS:
-        (FOLDER / f"{row.id}.md").write_text(describe(row), encoding="utf-8")
+# --- The page of an environment ---------------------------------------------------------------------
+
+
+def describe(row: Row, report: Report) -> str:
+    """Return the page of an environment: film, spaces, docstring, baselines, variants and error."""
+    return "\n".join(
+        [
+            f"# {row.id}\n",
+            *film(row),
+            *in_short(row),
+            docstring(row),
+            "",
+            *baselines(row, report),
+            *table_of_variants(row, report),
+            *error(row, report),
+        ]
+    )
+
+
+def film(row: Row) -> list[str]:
+    """Return the poster of the trained agent's film; the site puts the film in its place."""
+    card = json.loads((CARDS / row.id / "card.json").read_text(encoding="utf-8"))
+    caption = f"The published agent acts. {card['algorithm'].upper()} trained it for {card['steps']:,} steps."
+    return [f"![{caption}](../figures/posters/{row.id}.webp)\n"]
+
+
+def in_short(row: Row) -> list[str]:
+    """Return the line that makes an environment, and a table of its spaces and its episode."""
+    particles, frame = (environment(row, "")(observation=kind) for kind in ("particles", "frame"))
+    observed = f'`{particles.observation_space}`; `{frame.observation_space}` with `observation="frame"`'
+    batch = f'gymnasium.make_vec("{row.id}", num_envs=64, vectorization_mode="vector_entry_point")'
+    return [
+        "```python",
+        "import gymnasium as gym",
+        "import springgym",
+        "",
+        f'env = gym.make("{row.id}")',
+        "```\n",
+        "| | |",
+        "|---|---|",
+        f"| action space | `{particles.action_space}` |",
+        f"| observation space | {observed} |",
+        f"| episode | {row.max_episode_steps} steps of {1000 * particles.period:g} ms |",
+        f"| solved at | a return of {row.reward_threshold:g} |",
+        f"| tier | [{row.tier}](../environments.md#tiers-and-harder-variants) |",
+        f"| batch | `{batch}` |",
+        f"| train, watch | `springgym train {row.id}`, `springgym watch {row.id}` |\n",
+    ]
+
+
+def baselines(row: Row, report: Report) -> list[str]:
+    """Return the rows of the benchmark on an environment and on its variants with ids of their own."""
+    tasks = [row.id, *(variant.id for variant in VARIANTS if variant.of == row.id)]
+    found: dict[tuple[str, str], list[Report]] = defaultdict(list)
+    for own in report["baselines"]:
+        found[own["task"], own["algorithm"]].append(own)
+    names = [name for name in ALGORITHMS if any((task, name) in found for task in tasks)]
+    lines = [
+        "## Baselines\n",
+        "Each cell gives the share of 100 held-out episodes that succeed, and below it the return "
+        "per step. In "
+        "brackets: the lowest of several training seeds, and their number. [Baselines](../baselines.md) "
+        "compares all tasks.\n",
+        f"| task | {' | '.join(names)} |",
+        "|---" * (len(names) + 1) + "|",
+    ]
+    for task in tasks:
+        changed = any("present_probe" in own for name in names for own in found[task, name])
+        results = " | ".join(shown(found[task, name]) for name in names)
+        lines.append(f"| `{task}`{' †' if changed else ''} | {results} |")
+    if any("†" in line for line in lines):
+        lines.append("\n† The task has changed [a little](../baselines.md) since these rows were made.")
+    lines.append("")
+    for own in report["learning"]:
+        if own["task"] == row.id and own["learned"]:
+            lines.append(
+                f"PPO succeeds in 90 % of episodes after {own['steps']:,} steps, which take "
+                f"{own['seconds']:.0f} "
+                f"s of one core ([time to learn](../baselines.md#time-to-learn)).\n"
+            )
+    return lines
+
+
+def shown(runs: Sequence[Report]) -> str:
+    """Return a cell of a table of baselines: the runs of an algorithm on a task."""
+    if not runs:
+        return ""
+    success = [100 * run["success_rate"] for run in runs]
+    seeds = f" (≥ {min(success):.0f}, {len(runs)})" if len(runs) > 1 else ""
+    earned = sum(run["mean_return"] for run in runs) / len(runs)
+    digits = 3 if 0.0005 <= earned < 0.005 else 2  # where all is earned in the last step
+    cell = f"{sum(success) / len(runs):.0f} %{seeds}<br>{earned:.{digits}f}"
+    return cell.replace(" ", "\N{NO-BREAK SPACE}")  # a phone scrolls sideways and shows whole cells
+
+
+def error(row: Row, report: Report) -> list[str]:
+    """Return how far a control period is from the exact motion."""
+    (own,) = (own for env_id, options, own in _errors(report) if env_id == row.id and not options)
+    return [
+        "## Error\n",
+        f"The default step is {own['step_ms']:.3g} ms. After one control period, the particle that is "
+        f"farthest "
+        f"from the exact motion is off by {own['median']:.1e} of the body's size in the median, and by "
+        f"{own['high']:.1e} at most. [Error of a control "
+        f"period](../features.md#error-of-a-control-period) says "
+        "how this was measured.\n",
+        "Written by `python docs/environments.py`.\n",
+    ]
+
+
+# --- The list of environments -----------------------------------------------------------------------
 
 
 def table_of_environments() -> list[str]:
     """A link to each page, with the first two sentences of its description: what there is, and what to do."""
-    lines = ["| environment | the task | tier | episode | solved at |", "|---|---|---|---|---|"]
+    lines = ["| environment | task | tier | episode | solved at |", "|---|---|---|---|---|"]
     for row in ENVIRONMENTS:
-        said = re.sub(r"\s+", " ", describe(row).split("## Description\n")[1].split("\n## ")[0])
+        said = re.sub(r"\s+", " ", docstring(row).split("## Description\n")[1].split("\n## ")[0])
         aim = " ".join(re.split(r"(?<=[.]) ", said)[:2])
         length = f"{row.max_episode_steps} steps"
         lines.append(
@@ -64,7 +183,7 @@ def table_of_environments() -> list[str]:
 
 def table_of_named_variants() -> list[str]:
     """The variants that have ids of their own."""
-    lines = ["| environment | tier | is | with | what makes it so |", "|---|---|---|---|---|"]
+    lines = ["| environment | tier | is | with | why |", "|---|---|---|---|---|"]
     for variant in VARIANTS:
         arguments = ", ".join(f"`{name}={value!r}`" for name, value in variant.arguments.items())
         lines.append(f"| `{variant.id}` | {variant.tier} | `{variant.of}` | {arguments} | {variant.why} |")
@@ -85,7 +204,7 @@ class Variant(NamedTuple):
 
 def variants(row: Row) -> list[Variant]:
     """Bullets "- `name=value`: what is different" of an environment's arguments."""
-    bullets = describe(row).split("## Arguments\n")[1].split("\n## ")[0].split("\n- ")
+    bullets = docstring(row).split("## Arguments\n")[1].split("\n## ")[0].split("\n- ")
     found = []
     for bullet in bullets:
         if match := re.match(r"(?:- )?`(\w+)=([^`]+)`: (.*)", re.sub(r"\s+", " ", bullet)):
@@ -97,7 +216,7 @@ def variants(row: Row) -> list[Variant]:
 def actions_and_variants(row: Row) -> Iterator[tuple[str, Variant, dict[str, Any]]]:
     """Each action mode as it is and in every variant, with the arguments of both."""
     for action in environment(row, "").actions:
-        for variant in (Variant({}, "", "the standard one"), *variants(row)):
+        for variant in (Variant({}, "", "none"), *variants(row)):
             yield action, variant, {"action": action} | variant.arguments
 
 
@@ -114,38 +233,43 @@ def measured_variants() -> Iterator[dict[str, Any]]:
             yield found
 
 
-def table_of_variants(report: dict[str, Any]) -> list[str]:
+def table_of_variants(row: Row, report: Report) -> list[str]:
+    """Return what controllers without learning make of every action mode and variant of an environment."""
+    names = tuple(reversed(BASELINES))
     lines = [
         "## Variants\n",
-        "Keyword arguments, and what controllers without learning make of them: success and return per step "
-        f"of no action, of random ones, and of the classical controller in `agents/`, on {SEEDS} held-out "
-        "seeds.\n",
-        f"| environment | arguments | what is different | {' | '.join(BASELINES)} |",
-        "|---|---|---|---|---|---|",
+        "Keyword arguments make these variants. The last columns give success and return per step of "
+        "controllers "
+        f"without learning, on {SEEDS} held-out seeds: classical control, random actions, no action.\n",
+        f"| arguments | difference | {' | '.join(names)} |",
+        "|---|---|---|---|---|",
     ]
     reached = {(own["environment"], own["arguments"]): own for own in report["variants"]["rows"]}
-    for row in ENVIRONMENTS:
-        for action, variant, arguments in actions_and_variants(row):
-            own = reached[row.id, repr(arguments)]
-            figures = " | ".join(f"{100 * own[name][0]:.3g} %, {own[name][1]:.2f}" for name in BASELINES)
-            written = ", ".join(filter(None, (f'`action="{action}"`', variant.written)))
-            lines.append(f"| `{row.id}` | {written} | {variant.change} | {figures} |")
-    return lines
+    for action, variant, arguments in actions_and_variants(row):
+        own = reached[row.id, repr(arguments)]
+        figures = " | ".join(f"{100 * own[name][0]:.3g} %, {own[name][1]:.2f}" for name in names)
+        written = ", ".join(filter(None, (f'`action="{action}"`', variant.written)))
+        lines.append(f"| {written} | {variant.change} | {figures} |")
+    return [*lines, ""]
 
 
 # --- Error of a control period ----------------------------------------------------------------------
 
 
-def table_of_errors(report: dict[str, Any]) -> list[str]:
+def table_of_errors(report: Report) -> list[str]:
+    """Return the error of the default step of every environment."""
     lines = [
         "## Error of a control period\n",
-        "What the default step costs in accuracy: the largest distance of a particle, after one control "
-        "period with a random action, from where exact steps take it, as a share of the body's size. "
-        f"{EPISODES} copies begin episodes as everybody's do, and go on to the next ones, for {PERIODS} "
-        f"control periods, of which one in {EVERY} counts. Exact is `dopri5` with a tolerance of 1e-13, on "
-        "surfaces `verlet` with steps of h/1024, for bodies that collide of h/64; the last column is its "
-        "largest distance from a second reference, `rk4` with h/128, on surfaces `verlet` with h/256, for "
-        "bodies that collide with h/16: impacts converge to first order only.\n",
+        "This table says how accurate the default step is. The *error* is the largest distance of a "
+        "particle, "
+        "after one control period with a random action, from where exact steps take it, as a share of the "
+        f"body's size. {EPISODES} copies play episodes from the usual starts for {PERIODS} control "
+        f"periods, of "
+        f"which one in {EVERY} counts. The exact steps are `dopri5` with a tolerance of 1e-13; on surfaces, "
+        "`verlet` with steps of h/1024; for bodies that collide, of h/64. The last column is the largest "
+        "distance between this reference and a second one: `rk4` with h/128; on surfaces, `verlet` "
+        "with h/256; "
+        "for bodies that collide, with h/16. Impacts converge to first order only.\n",
         "| environment | step h | median error | largest error | references apart |",
         "|---|---|---|---|---|",
     ]
@@ -158,7 +282,7 @@ def table_of_errors(report: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _errors(report: dict[str, Any]) -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
+def _errors(report: Report) -> Iterator[tuple[str, dict[str, str], dict[str, Any]]]:
     """The rows of the errors, as `springgym.bench.errors` has them."""
     names = ("dtype", "integrator", "dynamics")
     for own in report["errors"]["rows"]:
@@ -169,11 +293,12 @@ def _errors(report: dict[str, Any]) -> Iterator[tuple[str, dict[str, str], dict[
 
 ESTIMATED = """## The error, while it runs
 
-`error=True` has every control period repeated from the same state in steps of half the length.
-`info["step_error"]` then says how far the particle that is farthest from where exact steps would have taken
-it is from there, over the size of its body: the error of the table above, estimated from how far the two are
-apart (Richardson). Batches have an array, one number for each copy. The trajectory is the same to the bit; a
-step costs three times as much, and without `error=True` nothing.
+With `error=True`, an environment estimates its own error. It repeats every control period from the same
+state with steps of half the length, and `info["step_error"]` compares the two ends (Richardson
+extrapolation). The number estimates the error of the table above: the distance of the particle that is
+farthest from the exact motion, over the size of its body. Batches return an array with one number per copy.
+The trajectory stays the same to the bit. A step costs three times as much; without `error=True` it costs
+nothing more.
 
 ```python
 import gymnasium
@@ -185,21 +310,27 @@ env.reset(seed=0)
 assert 0 < info["step_error"] < 1e-3
 ```
 
-It is the error of this one period; over many, errors grow as the motion lets them. Randomised parameters are
-those of the copy. In an episode's first `info` it is 0, and of a copy that is nowhere it is infinite. Of
-rigid bodies it is the error of the rigid motion, not its distance from springs. In float32 both runs have
-rounded, and it cannot fall below that, some 1e-7. In impacts it is less sure: they err to first order, and
-may fall into one of the two runs alone. `dopri5` and `rodas3`, which choose their steps, are refused.
+- The estimate is of this one period. Over many periods, errors grow as the motion lets them.
+- It uses the randomised parameters of the copy.
+- The first `info` of an episode says 0. A copy that has diverged says infinity.
+- With `dynamics="rigid"` it is the error of the rigid motion, not its distance from the motion of the
+  springs.
+- In float32 both runs have rounded, so the estimate does not fall below some 1e-7.
+- In impacts it is less reliable: the method is of first order there, and an impact may fall into one of the
+  two runs alone.
+- `dopri5` and `rodas3` choose their own steps, and are refused.
 """
 
 
-def table_of_estimates(report: dict[str, Any]) -> list[str]:
-    """How good they are."""
+def table_of_estimates(report: Report) -> list[str]:
+    """Return how good the estimates are."""
     lines = [
         ESTIMATED,
-        "Estimate over true error, median and the middle 90 %, of the control periods of the table above; of "
-        "rigid bodies, against the same method with steps of h/16, on surfaces of h/1024:\n",
-        "| environment | arguments | median error | estimate / error | middle 90 % |",
+        "This table divides the estimate by the true error, for the control periods of the table above. For "
+        "rigid bodies, the true error is the distance from the same method with steps of h/16, on "
+        "surfaces of "
+        "h/1024.\n",
+        "| environment | arguments | median error | estimate / error, median | middle 90 % |",
         "|---|---|---|---|---|",
     ]
     for env_id, options, own in _errors(report):
@@ -211,94 +342,115 @@ def table_of_estimates(report: dict[str, Any]) -> list[str]:
     return lines
 
 
-# --- The page ---------------------------------------------------------------------------------------
+# --- Texts ------------------------------------------------------------------------------------------
 
-INTRODUCTION = """Every environment has its page: what the agent sees, what it may do, what is rewarded, how
-an episode starts and ends. All of them
+INTRODUCTION = """springgym has twelve environments. Each has a page with its spaces, reward, start,
+baselines and variants. All of them share these features:
 
-- observe positions and velocities of particles (`observation="particles"`) or a few numbers such as axis
-  and spin (`observation="frame"`), scaled to about one;
-- take actions in [−1, 1], in one of several modes (`action=…`);
-- reward each step with a number from 0 to 1, and say in `info["is_success"]` whether the aim is met: an
-  episode that ends by failure is no success, however long the aim was met before;
-- run with springs or, except for ropes, as rigid bodies (`dynamics="rigid"`), in a batch, and with
-  randomised masses, stiffness, friction and more (`randomize=…`);
-- give and take their true state (`get_state`, `set_state`).
+- **Observations** are positions and velocities of particles (`observation="particles"`), or a few numbers
+  such as axis and spin (`observation="frame"`). Both are scaled to order one.
+- **Actions** lie in [−1, 1]. Most environments offer several modes (`action=…`).
+- **The reward** of each step lies between 0 and 1.
+- **Success**: `info["is_success"]` says whether the aim is met. An episode that ends by failure is no
+  success, however long the aim was met before.
+- **Dynamics**: bodies are made of springs or, except for ropes, rigid (`dynamics="rigid"`).
+- **Batches, randomisation and states** are described under [Common features](features.md).
 
-"Solved at" is the return from which a task counts as solved; the most that there is is one a step.
+"Solved at" is the return from which a task counts as solved. The return is at most one per step.
 """
 
 HARDER = """## Tiers and harder variants
 
-*First steps* are taken by linear control, too, found in seconds. A *standard* task is solved by PPO with the
-hyperparameters that ship, and not by linear control. Of variants, PPO does most of a *harder* one; a *hard*
-one can be done, but PPO does not do it.
-Variants with ids of their own can be run by programs that take nothing but an id. What each algorithm
-reaches stands under [Baselines](baselines.md).
+| tier | meaning |
+|---|---|
+| first steps | even linear control solves it, found in seconds |
+| standard | PPO solves it with the hyperparameters that ship; linear control does not |
+| harder | PPO does most of it |
+| hard | PPO does not do it, although it can be done |
+
+Some variants have ids of their own, so that programs can run them that accept nothing but an id.
+[Baselines](baselines.md) shows what each algorithm reaches.
 """
 
 RANDOMISATION = f"""## Randomisation
 
-`randomize={{"masses": (0.8, 1.2), …}}` draws a factor from each range for every episode, and for every copy
-of a batch its own, from the same seed as the start. There are
-{", ".join(f"`{n}`" for n in RANDOMIZABLE)}:
-`scale` is that of the body, `actuator` the strength of the actions, an opponent's too. The factors stand in
-`info["randomization"]`; `reset(options={{"randomize": {{"masses": 1.1}}}})` sets some of them. The step is
-chosen for the stiffest and lightest body of the ranges, and one that is given is held against it. A factor
-that nothing answers to is refused: gravity in free fall, friction and restitution without a surface, springs
-in rigid dynamics. What is not randomised is compiled as a constant of all copies, and costs nothing.
+`randomize={{"masses": (0.8, 1.2), …}}` draws a factor from each range at the start of every episode. Every
+copy of a batch draws its own, from the same seed as its start. You can randomise {
+    ", ".join(f"`{n}`" for n in RANDOMIZABLE)
+}.
+
+- `scale` is the size of the body. `actuator` is the strength of the actions, an opponent's included.
+- `info["randomization"]` holds the factors. `reset(options={{"randomize": {{"masses": 1.1}}}})` sets some
+  of them.
+- The default step suits the stiffest and lightest body of the ranges; a step that you give is checked
+  against it.
+- A factor without effect is refused: gravity in free fall, friction and restitution without a surface,
+  springs in rigid dynamics.
+- What is not randomised is compiled as a constant and costs nothing.
 """
 
 PROMISES = """## Seeds, states and versions
 
-**The same seed gives the same episode, to the bit**, on one machine with one set of versions: alone or as
-any copy of a batch, of any size, on any number of threads, whatever the other copies do. A reset or a step
-that is refused changes nothing, random generators included (but the time limit of `gymnasium.make` counts
-from 0 after any call of `reset`).
+**Seeds.** The same seed gives the same episode, to the bit, on one machine with one set of versions. It
+does not matter whether the environment runs alone or as a copy of a batch, how large the batch is, how many
+threads run it, and what the other copies do. A refused reset or step changes nothing, not even random
+generators. (Only the time limit of `gymnasium.make` restarts with any call of `reset`.)
 
-**With other versions of Python, NumPy or Numba, or on another kind of processor**, the same seed draws the
-same numbers, and starts agree to rounding: closed forms place the bodies, and nothing that a linear algebra
-library leaves open decides (the sign of an axis, or which axes of equal moments). From there, motion that
-is regular stays close, and chaotic motion separates as fast as the physics says. NumPy 2.0.2 and 2.4.6 gave
-the same bits for 30 starts of each environment, OpenBLAS's oldest kernels starts that differ by 1e-14 at
-the most. A new version of springgym may start a seed otherwise, and says so; what the task is changes with
-the number in an environment's id.
+**Other machines and versions.** With other versions of Python, NumPy or Numba, or on another kind of
+processor, the same seed draws the same numbers, and starts agree to rounding. Closed forms place the
+bodies, so nothing depends on what a linear algebra library leaves open, such as the sign of an axis. From
+there, regular motion stays close, and chaotic motion separates as fast as the physics says. NumPy 2.0.2 and
+2.4.6 gave the same bits for 30 starts of each environment. OpenBLAS's oldest kernels gave starts that
+differ by 1e-14 at most. A new version of springgym may start a seed differently, and its changelog then
+says so. If the task changes, the number in the environment's id changes, too.
 
-**States.** `springgym.get_state(env)` gives the true state of what `gymnasium.make`, `gymnasium.make_vec`,
-`springgym.envs.parallel` or `springgym.envs.sb3.make_sb3` made: positions and velocities, clocks, goals,
-factors, actuators, the time limit, random generators, and what a monitor counts. After
-`springgym.set_state(env, state)`, in the same environment or in another one made alike, what follows is
-what followed, to the bit. A state of an environment that was made otherwise, be it by another friction,
-step or variant, is refused, and it is said what differs; only the time limit and `error` may be others.
-So is a mangled one. Either all of a state is set, or nothing. (`env.unwrapped.set_state` leaves the counter
-of `gymnasium.make`'s time limit as it is. That counter starts anew whenever Gymnasium's wrapper is asked to
-reset, even where the environment refuses: a state set back mends it.) `pickle` and `copy.deepcopy` take
-an environment in mid-episode with all its wrappers.
+**States.** `springgym.get_state(env)` returns the true state of an environment or a batch: positions and
+velocities, clocks, goals, factors, actuators, the time limit, random generators, and the counts of a
+monitor. It works for what `gymnasium.make`, `gymnasium.make_vec`, `springgym.envs.parallel` and
+`springgym.envs.sb3.make_sb3` make. `springgym.set_state(env, state)` goes back to it, in the same
+environment or in another one made alike. What follows then is the same, to the bit.
 
-**Calls that break off.** If Ctrl-C, or a reward of your own that raises, ends a step or a reset in its
-middle, the next step asks for a reset; to set a state from before will do, too. `Simulator.advance` needs
-none: `time` says how far each copy got.
+You can choose copies of a batch. `springgym.get_state(envs, copies)` returns the state of some copies.
+`springgym.set_state(envs, state, copies)` sets it into as many copies; the state of one copy, or of a single
+environment, goes into all that you name, as planning needs. Each of these copies then continues as its
+original would, to the bit, resets included: it has a random generator of its own, in the state of the
+original's. So copies of one state draw the same next episode; new seeds make them differ.
 
-**Threads.** One thread at a time may use an environment, or a simulator. A call while another thread is
-in one raises a `RuntimeError`; it does not wait.
+- A state of an environment made differently, say with another friction, step or variant, is refused with a
+  message that names the difference. Only the time limit and `error` may differ. A damaged state is refused,
+  too.
+- A state is set as a whole or not at all.
+- `env.unwrapped.set_state` leaves the counter of `gymnasium.make`'s time limit alone. That counter restarts
+  whenever Gymnasium's wrapper is asked to reset, even where the environment refuses; `springgym.set_state`
+  corrects it.
+- `pickle` and `copy.deepcopy` copy an environment in mid-episode, with all its wrappers.
 
-**Divergence.** A copy whose springs are stretched by half, or whose numbers are not finite, ends with
-reward 0, an observation of zeros and `info["diverged"]`; `energy` and `strain` in `info` are then what they
-are.
+**Interrupted calls.** If Ctrl-C, or an exception in a reward of your own, ends a step or a reset in its
+middle, the next step asks for a reset. You can also set a state from before. `Simulator.advance` needs
+neither: `time` says how far each copy got.
 
-**Specs.** `env.spec` holds plain data: `to_json` works whatever types the arguments were of, and what is
-made of the text is the same. `render_fps` is one picture a control period: films play in real time.
+**Threads.** One thread at a time may use an environment or a simulator. A call while another thread uses it
+raises a `RuntimeError`; it does not wait.
 
-`python -m tests.fuzz --steps 1e8` steps all of this at random for as long as one likes, and checks every
-step; it prints the seed of every round.
+**Divergence.** A copy diverges if a spring is stretched by half, or if its numbers are not finite. It ends
+with reward 0, an observation of zeros and `info["diverged"]`. Its `energy` and `strain` in `info` are
+reported as they are.
+
+**Specs.** `env.spec` holds plain data. `to_json` works for arguments of all types, and what is made from
+its text is the same environment. `render_fps` is one picture per control period, so that films play in real
+time.
+
+`python -m tests.fuzz --steps 1e8` tries all of this at random for as long as you like. It checks every step
+and prints the seed of every round.
 """
 
-OWN_SCENES = """## A scene of one's own
+OWN_SCENES = """## A scene of your own
 
 `springgym.make_scene_env(scene, reward, actuators={"force": 20.0, "torque": 2.0})` makes an environment
-over a `Scene`, or over a scene file by name (which needs the extra `scenes`); `num_envs` makes a native
-batch. Functions take the `Measures`, positions and velocities (n, N, 3) of all copies, and `reward` the
-actions, too:
+from a `Scene`, or from a scene file by name (which needs the extra `scenes`). With `num_envs` it makes a
+batch. Your functions receive the measures and the situation of all copies. With several bodies, they ask for
+the measures of each by name: `m["box"].centre`. [A tutorial](tutorials/task.md) shows goals, memory, terms of
+the reward, marks and colours:
 
 ```python
 import gymnasium
@@ -311,7 +463,7 @@ from springgym.surfaces import floor
 scene = Scene(cube(), positions=cube().positions + [0, 0, 1.5], surfaces=(floor(),))
 
 
-def near_one_metre(m, x, v, action):
+def near_one_metre(m, s):
     return np.exp(-np.abs(m.centre[:, 2] - 1.0))
 
 
@@ -319,17 +471,17 @@ env = springgym.make_scene_env(
     scene,
     reward=near_one_metre,
     actuators={"force": 20.0},
-    observe=lambda m, x, v: np.concatenate([m.centre, m.centre_velocity], axis=1),
-    failed=lambda m, x, v: m.centre[:, 2] < 0.2,
-    succeeded=lambda m, x, v: np.abs(m.centre[:, 2] - 1.0) < 0.05,
+    observe=lambda m, s: np.concatenate([m.centre, m.centre_velocity], axis=1),
+    failed=lambda m, s: m.centre[:, 2] < 0.2,
+    succeeded=lambda m, s: np.abs(m.centre[:, 2] - 1.0) < 0.05,
     hold=50,
 )
 ```
 
-What they give is checked at every step: the shape, and that it is finite. The arrays they see cannot be
-written to and change with the next step. `env.spec` makes the environment again, with `gymnasium.make`,
-`make_vec` or `springgym.envs.sb3.make_sb3`; it pickles if the functions are those of a module, and JSON has
-no functions. Under an id of your own, it is registered like any other:
+At every step, springgym checks that what they return has the right shape and is finite. The arrays that
+they receive are read-only, and change with the next step. `env.spec` makes the environment again, with
+`gymnasium.make`, `make_vec` or `springgym.envs.sb3.make_sb3`. It pickles if the functions belong to a
+module; JSON cannot hold functions. You can register the environment under an id of your own:
 
 ```python
 def hover(**options):
@@ -342,22 +494,33 @@ gymnasium.register("Hover-v0", entry_point=hover, max_episode_steps=200)
 """
 
 
-def page(report: dict[str, Any]) -> str:
-    """The page, with what was measured."""
-    told = []
-    for name in ("variants", "errors"):
-        measured = report[name]["measured"]
-        versions = ", ".join(f"{package} {version}" for package, version in measured["versions"].items())
-        told.append(f"{name.capitalize()} measured {measured['date']}: {versions}.")
+# --- The pages --------------------------------------------------------------------------------------
+
+
+def page() -> str:
+    """Return the list of environments."""
     return "\n".join(
         [
             "# Environments\n",
             INTRODUCTION,
-            "![The environments in the order of the table](figures/environments.png)\n",
             *table_of_environments(),
+            "![The environments in the order of the table](figures/environments.png)\n",
             *table_of_named_variants(),
-            *table_of_variants(report),
-            "",
+            "Written by `python docs/environments.py`.\n",
+        ]
+    )
+
+
+def features(report: Report) -> str:
+    """Return the page on what all environments share, with the errors that were measured."""
+    measured = report["errors"]["measured"]
+    versions = ", ".join(f"{package} {version}" for package, version in measured["versions"].items())
+    return "\n".join(
+        [
+            "# Common features\n",
+            "All environments, also those of your own scenes, randomise, keep states, and estimate "
+            "their error in "
+            "the same way.\n",
             RANDOMISATION,
             PROMISES,
             OWN_SCENES,
@@ -365,14 +528,14 @@ def page(report: dict[str, Any]) -> str:
             "",
             *table_of_estimates(report),
             "",
-            "\n".join(told),
-            "\nWritten by `python docs/environments.py`, from the docstrings and from `docs/numbers.json`.\n",
+            f"Errors were measured {measured['date']} with {versions}.\n",
+            "Written by `python docs/environments.py`.\n",
         ]
     )
 
 
 def main() -> None:
-    """Write the pages on environments, or check that they are up to date."""
+    """Write the pages."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -380,10 +543,22 @@ def main() -> None:
     write()
 
 
+def pages() -> dict[Path, str]:
+    """Return all pages by their paths, from the docstrings and from what was measured."""
+    report = read()
+    own = {FOLDER / f"{row.id}.md": describe(row, report) for row in ENVIRONMENTS}
+    return {PAGE: page(), FEATURES: features(report)} | own
+
+
 def write() -> None:
-    """Write all pages, from the docstrings and from what was measured."""
-    write_pages()
-    PAGE.write_text(page(json.loads(NUMBERS.read_text(encoding="utf-8"))), encoding="utf-8")
+    """Write all pages, and remove those of environments that are gone."""
+    wanted = pages()
+    FOLDER.mkdir(exist_ok=True)
+    for path in FOLDER.glob("*.md"):
+        if path not in wanted:
+            path.unlink()
+    for path, text in wanted.items():
+        path.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from fractions import Fraction
 from itertools import islice
 from pathlib import Path
 
+import imageio_ffmpeg
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
@@ -38,6 +39,8 @@ FILMED = "SpringTop-v0"
 FILM_SIZE, FILM_SECONDS = 280, 2.4
 COLUMNS, TILE, SEED, MOMENT = 4, 420, 8, 1.2
 """Of the sheet of environments: columns, pixels of a picture, seed and second of its episode."""
+POSTER, MIDDLE = 320, 0.6
+"""Of a poster: its larger side in pixels, and what share of the film runs before it."""
 INK = (52, 60, 76)
 
 
@@ -100,6 +103,19 @@ def agent(folder: Path, args: argparse.Namespace) -> None:
     save_video(islice(pictures(motion, GIF_FPS, pace, FILM_SIZE), count), folder / "agent.gif", GIF_FPS)
 
 
+def posters(folder: Path, args: argparse.Namespace) -> None:
+    """A picture out of each film that docs/build.py has made: pages show them where there are no films."""
+    for film in sorted((HERE / "_media").glob("*.mp4")):
+        frames, _ = imageio_ffmpeg.count_frames_and_secs(str(film))
+        reader = imageio_ffmpeg.read_frames(str(film))
+        width, height = next(reader)["size"]
+        *_, picture = islice(reader, 1 + round(MIDDLE * frames))
+        image = Image.frombytes("RGB", (width, height), picture)
+        image.thumbnail((POSTER, POSTER), Image.Resampling.LANCZOS)
+        (folder / "posters").mkdir(exist_ok=True)
+        image.save(folder / "posters" / f"{film.stem}.webp", quality=80, method=6)
+
+
 def pictures(motion: Motion, fps: float, pace: float, size: int) -> Iterator[np.ndarray]:
     """Pictures of a motion at ``pace`` seconds of it a second; where that is not 1, they say so."""
     assert motion.camera is not None
@@ -119,7 +135,7 @@ def shrunk(image: Image.Image) -> Image.Image:
     )
 
 
-MAKERS = {maker.__name__: maker for maker in (accuracy, speed, scenes, environments, agent)}
+MAKERS = {maker.__name__: maker for maker in (accuracy, speed, scenes, environments, agent, posters)}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

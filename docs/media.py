@@ -1,4 +1,4 @@
-"""Films, figures and checks of the site: of every scene, and of every environment under classical control.
+"""Films, figures and checks of the site: of every scene, and of the trained agent of every environment.
 
 What is there and newer than the package is kept; so the first build takes minutes, and the next ones do not.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from base64 import b64encode
 from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
@@ -16,6 +17,7 @@ from tempfile import TemporaryDirectory
 import imageio_ffmpeg
 import numpy as np
 
+from springgym import load_agent
 from springgym.registration import ENVIRONMENTS
 from springgym.rendering import save_video
 from springgym.scenes import film, load, names
@@ -39,19 +41,41 @@ def make_all(folder: Path, newest: float) -> None:
         if not done.exists() or done.stat().st_mtime < newest:
             print(f"film of {name}", flush=True)
             make(name, folder)
-    save_viewer(folder / "view.html")
+    viewer(folder)
 
 
 def scene(name: str, folder: Path) -> None:
-    """NAME.png, its figure; NAME.json, its title and checks; NAME.viser, to turn; NAME.mp4, its film."""
+    """Write NAME.png, its figure; NAME.json, its checks; NAME.js, to turn it; NAME.mp4, its film."""
     plan = load(name)
     recording = record(plan)
     draw(recording).savefig(folder / f"{name}.png")
-    told = {"title": plan.title, "checks": rows(check(recording))}
+    told = {"checks": rows(check(recording))}
     (folder / f"{name}.json").write_text(json.dumps(told), encoding="utf-8")
-    save_page(recording, folder / f"{name}.viser")
+    with TemporaryDirectory() as temporary:
+        save_page(recording, page := Path(temporary) / "page.viser")
+        (folder / f"{name}.js").write_text(embedded(page), encoding="utf-8")
     frames = islice(film.frames(recording), round(SECONDS * film.FPS))
     write(frames, folder / f"{name}.mp4", film.FPS)
+
+
+def embedded(page: Path) -> str:
+    """Return what a viewer plays as a script: browsers load scripts from a folder, and nothing else."""
+    data = b64encode(page.read_bytes()).decode("ascii")
+    return f'window.__VISER_EMBED_DATA__="{data}";window.__VISER_EMBED_CONFIG__={{darkMode:false}};\n'
+
+
+LOAD = """<script>
+const scene = location.search.slice(1);
+if (/^[a-z0-9-]+$/.test(scene)) document.write('<script src="' + scene + '.js"></' + 'script>');
+</script>
+"""
+
+
+def viewer(folder: Path) -> None:
+    """Write view.html, which plays NAME.js at the address ``view.html?NAME``, with or without a server."""
+    save_viewer(path := folder / "view.html")
+    page = path.read_text(encoding="utf-8")
+    path.write_text(page.replace("</head>", LOAD + "</head>", 1), encoding="utf-8")
 
 
 def rows(checks: Iterable[Check]) -> list[list[str]]:
@@ -66,13 +90,15 @@ def rows(checks: Iterable[Check]) -> list[list[str]]:
 
 
 def environment(env_id: str, folder: Path) -> None:
-    """ID.mp4: an episode under the classical controller, in real time."""
+    """Write ID.mp4: an episode of the published agent, in real time."""
     sys.path.insert(0, str(HERE.parent / "agents"))
-    from watch import make_watched, play_episode
+    from watch import play_episode
 
-    env, control = make_watched("classical", env_id, {}, "rgb_array")
+    agent = load_agent(env_id)
+    env = agent.make(render_mode="rgb_array")
     rate = 1 / env.unwrapped.episodes.task.period  # type: ignore[attr-defined]
-    write(islice(play_episode(env, control, SEED), round(SECONDS * rate)), folder / f"{env_id}.mp4", rate)
+    pictures = play_episode(env, agent.policy(env), SEED)
+    write(islice(pictures, round(SECONDS * rate)), folder / f"{env_id}.mp4", rate)
     env.close()
 
 

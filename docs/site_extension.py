@@ -1,4 +1,4 @@
-"""What the site needs of Sphinx beyond its extensions: formulas as pictures, scenes and films as directives.
+"""What the site needs of Sphinx beyond its extensions: formulas as pictures, films in the place of posters.
 
 Formulas are drawn as SVG when the site is built, by ziamath, in pure Python: no TeX is needed to build a
 page, and no script, font or other host to read it. (MathML needs a mathematical font that many machines
@@ -16,8 +16,8 @@ from xml.etree import ElementTree
 
 import ziamath
 from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
-from sphinx.util.docutils import SphinxDirective
 
 MEDIA = Path(__file__).parent / "_media"
 
@@ -57,59 +57,68 @@ def display_formula(translator: Any, node: nodes.math_block) -> None:
 
 # --- Films, figures and checks ------------------------------------------------------------------------
 
-
-class Media(SphinxDirective):
-    """What shows files that `media.py` has made."""
-
-    required_arguments = 1
-    final_argument_whitespace = False
-    has_content = True
-
-    def url(self, name: str) -> str:
-        return "../" * self.env.docname.count("/") + "_static/" + name
-
-    def film(self, name: str, caption: str) -> str:
-        if not (MEDIA / f"{name}.mp4").exists():
-            return ""  # a site built without films
-        return (
-            f'<figure class="film"><video src="{self.url(name)}.mp4" poster="{self.url(name)}.jpg" '
-            f'controls loop muted playsinline preload="metadata" aria-label="{html.escape(caption)}"></video>'
-            f"<figcaption>{html.escape(caption)}</figcaption></figure>\n"
-        )
+POSTER = re.compile(r"(?:^|/)posters/([\w-]+)\.webp$")
+"""The picture that pages show on GitHub of a scene, or of an environment."""
 
 
-class Film(Media):
-    """A film of an environment; the content is its caption."""
-
-    def run(self) -> list[nodes.Node]:
-        caption = " ".join(self.content)
-        return [nodes.raw("", self.film(self.arguments[0], caption), format="html")]
+LINKS = (nodes.reference, addnodes.pending_xref)
 
 
-class Scene(Media):
-    """A shipped scene: its film, its figure, the command that makes them, and theory beside measurement."""
+def show_films(app: Sphinx, doctree: nodes.document) -> None:
+    """Put films where pages show posters. What has no film yet keeps its poster.
 
-    def run(self) -> list[nodes.Node]:
-        name = self.arguments[0]
-        told = MEDIA / f"{name}.json"
-        if not told.exists():
-            return [nodes.literal_block("", f"springgym simulate {name} --check")]
-        scene = json.loads(told.read_text(encoding="utf-8"))
-        title = scene["title"][0].upper() + scene["title"][1:] + "."
-        figure = (
-            f'<figure class="plot"><a href="{self.url(name)}.png"><img src="{self.url(name)}.png" '
-            f'alt="{html.escape(title)}" loading="lazy"></a></figure>\n'
-        )
-        command = f"<code>springgym simulate {html.escape(name)} --check</code>"
-        page = f"{self.url('view')}.html?playbackPath={html.escape(name)}.viser"
-        turn = f'<a href="{page}" target="_blank">Turn it with the mouse</a>'
-        measured = f'<div class="measured">{command}{table(scene["checks"])}{turn}</div>'
-        row = f'<div class="scene">{self.film(name, title)}{measured}</div>\n'
-        return [nodes.raw("", row + figure, format="html")]
+    A poster with a link becomes a film with that link. A poster of its own becomes a film with a caption;
+    of a scene, theory beside measurement, its figure and the page that turns it are added.
+    """
+    static = "../" * app.env.docname.count("/") + "_static/"
+    for paragraph in list(doctree.findall(nodes.paragraph)):
+        links = list(paragraph.findall(lambda node: isinstance(node, LINKS)))
+        for image in list(paragraph.findall(nodes.image)):
+            name = POSTER.search(image["uri"])
+            if name is None:
+                continue
+            filmed, caption = (MEDIA / f"{name[1]}.mp4").exists(), image["alt"]
+            if links:
+                paragraph["classes"] = ["films"]
+                image.parent.append(nodes.inline("", caption))
+                if filmed:
+                    image.replace_self(nodes.raw("", film(static + name[1], caption), format="html"))
+            elif filmed:
+                checks = MEDIA / f"{name[1]}.json"
+                shown = (
+                    scene(name[1], static, caption) if checks.exists() else figure(static + name[1], caption)
+                )
+                paragraph.replace_self(nodes.raw("", shown, format="html"))
+
+
+def film(path: str, caption: str, attributes: str = 'preload="none"') -> str:
+    """Return a film as HTML; the script of the site plays it while it is in view."""
+    return (
+        f'<video src="{path}.mp4" poster="{path}.jpg" loop muted playsinline {attributes} '
+        f'aria-label="{html.escape(caption)}"></video>'
+    )
+
+
+def figure(path: str, caption: str) -> str:
+    """Return a film with its caption as HTML."""
+    shown = film(path, caption, 'controls preload="metadata"')
+    return f'<figure class="film">{shown}<figcaption>{html.escape(caption)}</figcaption></figure>\n'
+
+
+def scene(name: str, static: str, title: str) -> str:
+    """Return a scene as HTML: its film, theory beside measurement, the page that turns it, its figure."""
+    path = static + name
+    checks = json.loads((MEDIA / f"{name}.json").read_text(encoding="utf-8"))["checks"]
+    command = f"<code>springgym view {html.escape(name)}</code>"
+    turn = f'<a href="{static}view.html?{html.escape(name)}" target="_blank">Turn it with the mouse</a>'
+    told = f'<div class="measured">{table(checks)}<p>{turn}, or change it: {command}</p></div>'
+    plot = f'<a href="{path}.png"><img src="{path}.png" alt="{html.escape(title)}" loading="lazy"></a>'
+    row = f'<div class="scene">{figure(path, title)}{told}</div>'
+    return f'{row}\n<figure class="plot">{plot}</figure>\n'
 
 
 def table(checks: list[list[str]]) -> str:
-    """The rows of `media.rows` as a table."""
+    """Return the rows of `media.rows` as a table."""
     head, *rows = checks
     cells = "".join(f"<th>{html.escape(text)}</th>" for text in head)
     lines = [f'<table class="checks"><thead><tr>{cells}</tr></thead><tbody>']
@@ -135,7 +144,6 @@ def process_docstring(app: Sphinx, what: str, name: str, thing: Any, options: An
 
 def setup(app: Sphinx) -> dict[str, Any]:
     app.add_html_math_renderer("svg", (inline_formula, None), (display_formula, None))
-    app.add_directive("film", Film)
-    app.add_directive("scene", Scene)
+    app.connect("doctree-read", show_films, priority=100)  # before Sphinx collects the pictures
     app.connect("autodoc-process-docstring", process_docstring)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

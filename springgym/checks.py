@@ -207,7 +207,7 @@ def _wrong(name: str, value: object, must: str) -> str:
 
 
 def _range(what: str, low: float, high: float) -> str:
-    """What a number must be."""
+    """Return what a number must be."""
     if low == TINY:
         return f"a positive {what}, from {low:g} to {high:g}"
     if what == "number":
@@ -236,7 +236,7 @@ def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]
 
 
 def _fits(given: tuple[int, ...], shapes: tuple[tuple[int | None, ...], ...]) -> bool:
-    """Whether a shape is one of some."""
+    """Tell whether a shape is one of some."""
     if given in shapes:
         return True
     return any(
@@ -246,7 +246,7 @@ def _fits(given: tuple[int, ...], shapes: tuple[tuple[int | None, ...], ...]) ->
 
 
 def _shapes(shapes: tuple[tuple[int | None, ...], ...]) -> str:
-    """What an array must be."""
+    """Return what an array must be."""
     return f"an array of shape {' or '.join(map(_shape, shapes))}"
 
 
@@ -255,7 +255,7 @@ def _shape(shape: tuple[int | None, ...]) -> str:
 
 
 def _mixed(value: object) -> bool:
-    """Whether lists, however deep, hold a bool: NumPy would make it 0 or 1 beside numbers."""
+    """Tell whether lists, however deep, hold a bool: NumPy would make it 0 or 1 beside numbers."""
     if isinstance(value, (list, tuple)):
         return any(map(_mixed, value))
     return isinstance(value, (bool, np.bool_))

@@ -14,7 +14,7 @@ from springgym.scene import Scene
 
 
 class Pace(NamedTuple):
-    """How a simulator goes forward."""
+    """The method of a simulator, its step, and the largest step that is stable."""
 
     method: Integrator
     step: float
@@ -74,7 +74,7 @@ def _stable(packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], 
 def _shapes(
     packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], pace: Pace
 ) -> list[dict[str, np.ndarray]]:
-    """What a rigid body takes of the masses that are given; refused where they leave it no inertia."""
+    """Return what a rigid body takes of the masses that are given; refused where they leave it no inertia."""
     return [rigid.shape_values(packed.scene, masses) for masses in given.get("masses", ())]
 
 

@@ -24,7 +24,7 @@ SOFTEST = 1e12
 
 @dataclass(frozen=True)
 class Grain:
-    """What wood is across its grain: radially (R, from the pith) and tangentially (T, along the rings).
+    """The properties of wood across its grain, radially (R, from the pith) and tangentially (T, along rings).
 
     With E_L and ν_LR of its `Material`, the nine constants of an orthotropic solid. ν_ij is the contraction
     along j by a pull along i.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -125,8 +126,43 @@ class Measures(NamedTuple):
     """energy, plus what was lost, less the work done: constant but for the integrator's error [J]"""
 
 
+class MeasuresOfBodies:
+    """Measures of each body of a scene: ``m["box"].axis`` is the axis of the body that is called "box".
+
+    Bodies are found by their names, or by their numbers. In a scene of one body, ``m.axis`` says the same.
+    """
+
+    __slots__ = ("_each", "_number", "names")
+    __iter__ = None
+
+    def __init__(self, each: Measures, names: Sequence[str], number: Callable[[Any], int]) -> None:
+        """Name the bodies of measures, which are scalars (…, bodies) and vectors (…, bodies, 3).
+
+        Of one body they are (…) and (…, 3). ``number`` is `Scene.number`.
+        """
+        self._each, self._number = each, number
+        self.names = tuple(names)
+
+    def __getitem__(self, body: str | int) -> Measures:
+        n = self._number(body)
+        if len(self.names) == 1:
+            return self._each
+        sizes = zip(self._each, FIELDS.values(), strict=True)
+        return Measures(*(values[..., n] if size == 1 else values[..., n, :] for values, size in sizes))
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        if name not in FIELDS:
+            raise AttributeError(f"measures have no {name!r}; there are {', '.join(FIELDS)}")
+        if len(self.names) > 1:
+            raise AttributeError(
+                f"{name!r} is asked of {len(self.names)} bodies at once; name one of them, as in "
+                f"m[{self.names[0]!r}].{name}. There are {', '.join(map(repr, self.names))}"
+            )
+        return getattr(self._each, name)
+
+
 class Readout(NamedTuple):
-    """Where to write what is read off copies."""
+    """The arrays that measures of copies are written to."""
 
     rows: np.ndarray
     """(copies, `SIZE`) measures of all bodies together, see `view`"""
@@ -148,7 +184,7 @@ class Markers(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """How copies are read off: where to, and by what."""
+    """The function that measures copies, and the arrays that it writes to."""
 
     readout: Readout
     space: np.ndarray

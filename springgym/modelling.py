@@ -68,7 +68,7 @@ class Steady(NamedTuple):
 
 
 class Need(NamedTuple):
-    """What is asked for, and the models that were tried, the cheapest first."""
+    """A request for a model, and the models that were tried, the cheapest first."""
 
     steady: Steady
     wanted: float

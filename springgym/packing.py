@@ -20,12 +20,17 @@ from springgym.forces.barrier import Surfaces
 from springgym.forces.cycle import cycle
 from springgym.forces.memory import HELD, memory
 from springgym.forces.node import Space
+from springgym.forces.pairs.shown import Outlines, outlines
 from springgym.forces.pairs.solids import Solids
 from springgym.forces.pairs.terms import (
     ENERGY,
     ENTRIES,
     FAR,
+    FASTEST,
     GAP,
+    MISSES,
+    OVERFLOW,
+    RESOLVED,
     TOUCHING,
     Meets,
     PairReadings,
@@ -38,6 +43,7 @@ from springgym.forces.pairs.terms import (
     room,
 )
 from springgym.forces.paper_contact import PaperLaw
+from springgym.forces.round import packed_rounds
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.forces.together import Bodies
 from springgym.integrators.record import Integrator, workspace
@@ -49,7 +55,7 @@ from springgym.surfaces import Contact, PaperContact, Surface, coupled, loss_of,
 
 
 class Parameter(NamedTuple):
-    """What may differ from copy to copy."""
+    """A parameter that may differ from copy to copy."""
 
     least: float
     most: float
@@ -90,7 +96,7 @@ class Packed(NamedTuple):
 
 
 class Options(NamedTuple):
-    """What a scene is packed for."""
+    """The method, the step and the varying parameters that a scene is packed for."""
 
     method: Integrator
     step: float
@@ -130,7 +136,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
 
 
 def _shared(scene: Scene, options: Options) -> Terms:
-    """What acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
+    """Return what acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
     surfaces, contact, varying = scene.surfaces, scene.contact, options.varying
     own = [OfBody(n, to_compiled(force)) for n, placed in enumerate(scene.bodies) for force in placed.forces]
     gravity = None
@@ -229,6 +235,7 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
         surfaces=surfaces,
         memory=kept,
         cycle=cycle(options.every, count, options.blocks) if options.every > 1 else None,
+        rounds=packed_rounds(body) if part.surfaces and any(of.body.rounds for of in scene.bodies) else None,
         **actuators,
     )
     return Packed(part, order, terms, rigid_body)
@@ -247,7 +254,7 @@ def _meets(scene: Scene, options: Options) -> Meets | None:
 
 
 def _as_the_scene_says(scene: Scene) -> np.ndarray:
-    """Which pairs meet by the scene's contact, and vary with it."""
+    """Return which pairs meet by the scene's contact, and vary with it."""
     return scene.meetings.by(scene.contact)
 
 
@@ -265,6 +272,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         first=np.array(met.first),
         second=np.array(met.second),
         reach=np.array(met.reach),
+        least_reach=float(np.min(met.reach)),
         parallel=parallel(met, longest),
         strength=np.array(met.strength),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
@@ -277,7 +285,8 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
 def workspaces(
     scene: Scene, method: Integrator, meets: Meets | None, twin: bool, dtype: Any, threads: int
 ) -> list[Any]:
-    """What each thread computes in, on elements of ``dtype``, by springs or by their rigid ``twin``."""
+    """Return what each thread computes in, on elements of ``dtype``, by springs or by their rigid
+    ``twin``."""
     if meets is None:
         return [workspace(method, scene, dtype) for _ in range(threads)]
     make = solids_workspace if twin else bodies_workspace
@@ -285,13 +294,13 @@ def workspaces(
 
 
 def pack_room(scene: Scene, pairs: Pairs, dtype: Any) -> Room:
-    """What a thread finds contacts in, on elements of ``dtype``."""
+    """Return what a thread finds contacts in, on elements of ``dtype``."""
     rows = most_contacts(scene.meetings, scene.shapes)[1]
     return room(pairs, len(scene.positions), rows, dtype)
 
 
 def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
-    """What a thread computes in where bodies collide."""
+    """Return what a thread computes in where bodies collide."""
     particles = np.array([0, *(own.stop for own in scene.slices)])
     springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
     count = len(scene.positions)
@@ -302,7 +311,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
     return Bodies(
         a=rows(),
         b=rows(),
-        space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype)),
+        space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype), None),
         w=rows(),
         met=Ragged(aligned_zeros((count,), dtype), particles),
         touched=Ragged(np.zeros(count, bool), particles),
@@ -314,13 +323,14 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
         change=rows(),
         rub=rows(),
         force=rows(),
+        shift=rows(),
         stirred=np.zeros(len(scene.bodies), bool),
         room=pack_room(scene, pairs, dtype),
     )
 
 
 def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
-    """What a thread computes in where rigid bodies collide."""
+    """Return what a thread computes in where rigid bodies collide."""
     count, rows = len(scene.bodies), pack_room(scene, pairs, dtype)
     most = max(len(placed.body.masses) for placed in scene.bodies)
 
@@ -346,13 +356,14 @@ def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
         velocity=lanes(2 * count, 3),
         base=lanes(2 * count, 3),
         pairs=lanes(2 * count, 3),
+        shift=lanes(2 * count, 3),
         lean=lanes(1),
         room=rows._replace(solids=solids),
     )
 
 
 def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
-    """What is told of the pairs."""
+    """Return what is told of the pairs."""
     if meets is None:
         return PairReadings(*np.zeros((ENTRIES, copies, 0)))
     found = to_copies(meets.tally, copies).reshape(copies, -1, ENTRIES).astype(float)
@@ -362,6 +373,34 @@ def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
         **entries
         | {"touching": entries["touching"] > 0, "least_gap": np.where(least < 0.5 * FAR, least, np.inf)}
     )
+
+
+def resolved_speeds(meets: Meets, step: float) -> np.ndarray:
+    """The largest speed [m/s] of a contact that a step [s] resolves, of each pair (pairs,)."""
+    return RESOLVED / step * meets.pairs.reach
+
+
+def unresolved(meets: Meets, step: float, blocks: slice) -> np.ndarray:
+    """Whether bodies met in a way that a step [s] cannot resolve, (blocks, copies of a block)."""
+    tally = numbers(meets.tally)[blocks]
+    limit = resolved_speeds(meets, step)[:, None]
+    late, left_out = tally[:, MISSES::ENTRIES], tally[:, OVERFLOW::ENTRIES]
+    found = (late + left_out > 0.0) | (tally[:, FASTEST::ENTRIES] > limit)
+    return np.asarray(found.any(axis=1))
+
+
+def pack_outlines(scene: Scene) -> Outlines:
+    """What of bodies may be shown in others."""
+    return outlines(scene.shapes, scene.starts[:-1].tolist(), len(scene.positions))
+
+
+def count_shown(meets: Meets, first: int, found: np.ndarray) -> None:
+    """Count as a miss of each copy, from the ``first`` on, and pair that it is shown in each other."""
+    for array in (meets.tally, meets.before):
+        lanes = numbers(array)
+        for n, pair in np.argwhere(found).tolist():
+            block, lane = divmod(first + n, lanes.shape[-1])
+            lanes[block, pair * ENTRIES + MISSES, lane] += 1.0
 
 
 def forget_pairs(meets: Meets) -> None:
@@ -374,6 +413,7 @@ def forget_pairs(meets: Meets) -> None:
             tally[:, entry::ENTRIES] = 0.0
     for array in (tally, before):
         array[:, GAP::ENTRIES] = FAR
+        array[:, FASTEST::ENTRIES] = 0.0
 
 
 def empty_tally(meets: Meets, index: Any) -> None:
@@ -440,13 +480,13 @@ def actuators(packed: Packed) -> dict[str, np.ndarray]:
 
 
 def varies(packed: Packed, name: str) -> bool:
-    """Whether copies have values of their own of a parameter."""
+    """Tell whether copies have values of their own of a parameter."""
     place = PARAMETERS[name].stored(packed.terms)
     return place is not None and place.dtype.names is not None
 
 
 def shape(packed: Packed, name: str) -> tuple[int, ...]:
-    """Of a parameter's value, for one body."""
+    """Return the shape of a parameter's value, for one body."""
     body = packed.scene.body
     extents = {"particles": (len(body.masses),), "springs": (len(body.springs),), "axes": (3,)}
     return extents.get(PARAMETERS[name].extent, ())

@@ -15,7 +15,7 @@ can be done."""
 
 
 class Row(NamedTuple):
-    """An environment: its id, its module and class in `springgym.envs`, its episodes."""
+    """Describe an environment: its id, its module and class in `springgym.envs`, its episodes."""
 
     id: str
     module: str
@@ -27,7 +27,7 @@ class Row(NamedTuple):
 
 
 class Variant(NamedTuple):
-    """An environment made with other arguments, under an id of its own."""
+    """Describe an environment with other arguments, under an id of its own."""
 
     id: str
     of: str
@@ -191,7 +191,7 @@ VARIANTS = (
 
 
 def find(env_id: str) -> tuple[Row, dict[str, Any]] | None:
-    """The environment of an id, and the arguments that a variant makes it with; None if it is not ours."""
+    """Return the environment of an id, and the arguments of its variant; None if it is not ours."""
     variant = next((variant for variant in VARIANTS if variant.id == env_id), None)
     of = env_id if variant is None else variant.of
     row = next((row for row in ENVIRONMENTS if row.id == of), None)
@@ -203,7 +203,7 @@ PARALLEL = ("SpringDuel-v0",)
 
 
 def register() -> None:
-    """Register all environments with Gymnasium; those that are registered already stay.
+    """Register all environments with Gymnasium; environments that are registered already stay.
 
     If PettingZoo has been imported, and has a registry, it is told of those of several agents.
     """

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
 
-from springgym.bodies import Body
+from springgym.bodies import Body, Round
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
 from springgym.collisions import Collisions, Meetings, Shape, check_apart, meetings, shape
 from springgym.collisions.meeting import ALL, Named
 from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
-from springgym.surfaces import (
-    Contact,
-    PaperContact,
-    Surface,
-    check_heights,
-    check_surfaces,
-    scales,
-)
+from springgym.surfaces import Contact, PaperContact, Surface, check_heights, check_surfaces, scales
+from springgym.surfaces.contact import NEAREST, faithful_speed, restitution_at_most
 
 GRAVITY = (0.0, 0.0, -9.81)
 
@@ -40,7 +36,7 @@ MOST_TOLD = 20
 
 @dataclass(frozen=True)
 class WrenchActuator:
-    """A force and a torque on the whole body; ``axial`` keeps the world torque's part along its axis."""
+    """Apply a force and a torque to the body; ``axial`` keeps the world torque's part along its axis."""
 
     axial: bool = True
 
@@ -50,7 +46,7 @@ class WrenchActuator:
 
 @dataclass(frozen=True)
 class ThrustActuator:
-    """Forces on named particles, fixed in the world or, if ``turns``, in the body's triad."""
+    """Apply forces to named particles, fixed in the world or, if ``turns``, in the body's triad."""
 
     particles: tuple[int, ...]
     turns: bool = False
@@ -63,7 +59,7 @@ class ThrustActuator:
 
 @dataclass(frozen=True)
 class DriveActuator:
-    """A pinned particle moved by its acceleration, each component of its speed [m/s] limited."""
+    """Move a pinned particle by its acceleration, and limit each component of its speed [m/s]."""
 
     particle: int
     speed: float
@@ -75,7 +71,7 @@ class DriveActuator:
 
 @dataclass(frozen=True, eq=False)
 class Placed(ReadOnly):
-    """A body, how it starts, and what drives it.
+    """Describe a body in a scene: how it starts, and what drives it.
 
     Parameters
     ----------
@@ -90,7 +86,8 @@ class Placed(ReadOnly):
     forces
         Forces of one's own, see `springgym.own_forces`; their particles are numbered as those of the body.
     name
-        What errors, plots and calls name it by in a scene of several bodies; the body's own if not given.
+        What errors, plots and calls name it by in a scene of several bodies. If not given, it is the body's
+        own name, with a number behind it where several bodies share that: "cube0", "cube1".
 
     Raises
     ------
@@ -175,14 +172,14 @@ class Placed(ReadOnly):
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Which particles are not pinned, (N,)."""
+        """Return which particles are not pinned, (N,)."""
         free = ~np.isin(np.arange(len(self.body.masses)), self.pinned)
         free.setflags(write=False)
         return free
 
     @property
     def pivot(self) -> int:
-        """The particle that torques and angular momenta count from: the first pinned one, else −1."""
+        """Return the particle that torques and angular momenta count from: the first pinned one, else −1."""
         return self.pinned[0] if self.pinned else -1
 
     def __repr__(self) -> str:
@@ -194,11 +191,29 @@ class Placed(ReadOnly):
         return f"{called}{self.body!r}{rest}"
 
 
+def _as_bytes(feature: Round) -> tuple[bytes, bytes, tuple[int, ...]]:
+    return feature.matrix.tobytes(), feature.centre.tobytes(), feature.particles
+
+
 def too_short(springs: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Tell which springs (…, S) have no direction, with particles at positions (…, N, 3) [m]."""
     first, second = springs.T
     apart = np.abs(positions.take(second, axis=-2) - positions.take(first, axis=-2)).max(axis=-1)
     return np.asarray(apart < TINY)
+
+
+def _numbered(bodies: tuple[Placed, ...]) -> tuple[Placed, ...]:
+    """Return several bodies with a number behind each name that comes from a `Body` and is not unique."""
+    kinds = [placed.body.name if placed.name == placed.body.name else None for placed in bodies]
+    shared = {kind for kind, count in Counter(kinds).items() if count > 1 or not kind} - {None}
+    numbers: Counter[str] = Counter()
+    named = []
+    for placed, kind in zip(bodies, kinds, strict=True):
+        if len(bodies) > 1 and kind is not None and kind in shared:
+            placed = replace(placed, name=f"{kind or 'body'}{numbers[kind]}")
+            numbers[kind] += 1
+        named.append(placed)
+    return tuple(named)
 
 
 OWN = ("body", "positions", "velocities", "pinned", "wrench", "thrust", "drive", "forces")
@@ -211,7 +226,7 @@ OF_A_BODY = ("positions", "masses", "springs", "stiffness", "damping", "lengths"
 
 @dataclass(frozen=True, eq=False)
 class Scene(ReadOnly):
-    """All that is simulated: bodies, how they start, and what acts on them.
+    """Describe what is simulated: bodies, how they start, and what acts on them.
 
     A scene of one body takes it and the fields of its `Placed` as arguments. A scene of several takes them as
     ``bodies``. Their particles lie one body after another: positions and velocities of the scene, and of all
@@ -297,24 +312,29 @@ class Scene(ReadOnly):
             of = self._of(placed)
             made |= {f"{name}{of}": digests[kind][name] for name in OF_A_BODY}
             made |= {f"radius{of}": placed.body.radius, f"floppy{of}": placed.body.floppy}
+            for n, feature in enumerate(placed.body.rounds):
+                told = [feature.matrix, feature.centre, np.array(feature.particles, int)]
+                made |= {f"round feature {n}{of}": [digest(array) for array in told]}
             made |= {f"pinned{of}": list(placed.pinned), f"forces{of}": digest(placed.forces)}
             made |= {f"{name}{of}": repr(getattr(placed, name)) for name in ("wrench", "thrust", "drive")}
         return made
 
     @cached_property
     def kinds(self) -> tuple[int, ...]:
-        """For each body its kind: bodies of one kind are equal in all that decides how they move and meet."""
+        """Return for each body its kind: bodies of one kind are equal in all that decides how they move."""
         known: dict[int, int] = {}
         kinds: dict[Any, int] = {}
         for body in (placed.body for placed in self.bodies):
             if id(body) not in known:
                 given = tuple(np.asarray(getattr(body, name)).tobytes() for name in OF_A_BODY)
-                known[id(body)] = kinds.setdefault((*given, body.radius, body.floppy), len(kinds))
+                features = tuple(_as_bytes(feature) for feature in body.rounds)
+                key = (*given, body.radius, body.floppy, features)
+                known[id(body)] = kinds.setdefault(key, len(kinds))
         return tuple(known[id(placed.body)] for placed in self.bodies)
 
     @cached_property
     def _different(self) -> tuple[Body, ...]:
-        """The first body of each kind: what follows from it is found once for all of them."""
+        """Return the first body of each kind: what follows from it is found once for all of them."""
         first = {
             kind: placed.body for kind, placed in reversed(list(zip(self.kinds, self.bodies, strict=True)))
         }
@@ -322,13 +342,13 @@ class Scene(ReadOnly):
 
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:
-        """For each body its features that others meet; bodies of one kind share them."""
+        """Return for each body its features that others meet; bodies of one kind share them."""
         each = [shape(body) for body in self._different]
         return tuple(each[kind] for kind in self.kinds)
 
     @cached_property
     def meetings(self) -> Meetings:
-        """The pairs of bodies that may meet, and how."""
+        """Return the pairs of bodies that may meet, and how."""
         named = [
             Named(placed.name, self._different[kind], bool(placed.free.any()))
             for kind, placed in zip(self.kinds, self.bodies, strict=True)
@@ -351,7 +371,7 @@ class Scene(ReadOnly):
         bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))
         if len(bodies) > MOST_BODIES:
             raise ValueError(f"bodies are {len(bodies)}; there must be at most {MOST_BODIES}")
-        first: dict[str, int] = {}
+        bodies, first = _numbered(bodies), {}
         for n, name in enumerate(placed.name for placed in bodies):
             if len(bodies) > 1 and (not name or "." in name):
                 raise ValueError(
@@ -390,25 +410,58 @@ class Scene(ReadOnly):
                 check_surfaces(self.surfaces, scales(self.contact, body)[1])
 
     def _check_heights(self, positions: np.ndarray, copies: Any = None) -> None:
-        if self.surfaces:
-            reach, radius = self._around
-            check_heights(self.surfaces, reach, positions, self.free, copies, self._called, radius)
+        if self.surfaces and not self._well_above(positions):
+            self._check_each(positions, copies)
 
-    @cached_property
-    def _around(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of each particle, how far surfaces reach, and the radius of what is around it, (N,) [m]."""
+    def _well_above(self, positions: np.ndarray) -> bool:
+        """Tell whether all particles are far enough above all surfaces, of bodies without round features."""
+        if any(body.rounds for body in self._different):
+            return False
         each = [(scales(self.contact, body)[1], body.radius) for body in self._different]
         reach, radius = self.of_particles([each[kind] for kind in self.kinds]).T
-        return reach, radius
+        least = NEAREST * reach + radius
+        return all(
+            bool((~self.free | (surface.height(np.asarray(positions, float)) >= least)).all())
+            for surface in self.surfaces
+        )
 
-    def _called(self, particle: int) -> str:
-        """What errors call a particle, given by its number among all."""
-        body = int(np.searchsorted(self.starts, particle, side="right")) - 1
-        return f"particle {particle - self.starts[body]}{self._of(self.bodies[body])}"
+    def _check_each(self, positions: np.ndarray, copies: Any) -> None:
+        for placed, own in zip(self.bodies, self.slices, strict=True):
+            reach = scales(self.contact, placed.body)[1]
+            of = self._of(placed)
+            check_heights(self.surfaces, reach, positions[..., own, :], placed.free, placed.body, copies, of)
 
     def _check_apart(self, positions: np.ndarray, copies: Any = None) -> None:
         names = [placed.name for placed in self.bodies]
         check_apart(self.shapes, names, self.starts, self.meetings, positions, copies)
+
+    @cached_property
+    def faithful_speed(self) -> float:
+        """The speed [m/s] up to which all impacts rebound as asked, to about .02; infinite if nothing does.
+
+        It is that of the softest body, see `springgym.surfaces.contact.faithful_speed`. What is faster leaves
+        energy in vibrations; `restitution_at` tells what is to be had then.
+        """
+        found = [math.inf]
+        if self.surfaces and isinstance(self.contact, Contact) and self.contact.restitution > 0:
+            for placed in self.bodies:
+                found.append(faithful_speed(scales(self.contact, placed.body)[1], placed.body))
+        for met in self.meetings:
+            if met.contact.restitution > 0:
+                pair = [self.bodies[n] for n in met[:2]]
+                moving = [placed.body for placed in pair if placed.free.any()]
+                found.append(faithful_speed(met.reach, *moving))
+        return min(found)
+
+    def restitution_at(self, speed: float) -> float:
+        """Estimate the largest restitution to be had of the softest contact at a speed [m/s], to .07.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the speed is not a number, or negative.
+        """
+        return restitution_at_most(number("speed", speed, low=0.0), self.faithful_speed)
 
     def _of(self, placed: Placed) -> str:
         """What errors add to a particle's number: nothing if there is only one body."""
@@ -445,7 +498,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def parts(self) -> tuple[Self, ...]:
-        """For each body the scene that has only this one, with the same gravity and surfaces."""
+        """Return for each body the scene with this body alone, and with the same gravity and surfaces."""
         if len(self.bodies) == 1:
             return (self,)
         return tuple(self.with_(bodies=(placed,), collisions=None) for placed in self.bodies)
@@ -459,17 +512,17 @@ class Scene(ReadOnly):
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
-        """For each body, where its particles lie among all."""
+        """Return for each body where its particles lie among all."""
         return tuple(slice(first, last) for first, last in pairwise(self.starts.tolist()))
 
     @cached_property
     def _springs_of(self) -> np.ndarray:
-        """The body that each spring is of, (S,)."""
+        """Return the body that each spring is of, (S,)."""
         return np.repeat(np.arange(len(self.bodies)), [len(placed.body.springs) for placed in self.bodies])
 
     @cached_property
     def _held(self) -> frozenset[int]:
-        """The bodies that particles are pinned of."""
+        """Return the bodies that particles are pinned of."""
         return frozenset(n for n, placed in enumerate(self.bodies) if placed.pinned)
 
     def of_particles(self, each: Sequence[Any]) -> np.ndarray:
@@ -477,7 +530,7 @@ class Scene(ReadOnly):
         return np.repeat(np.asarray(each), np.diff(self.starts), axis=0)
 
     def number(self, body: int | str | None) -> int:
-        """The number of a body, given so or by its name; None stands for the only one.
+        """Return the number of a body, given by number or name; None stands for the only one.
 
         Raises
         ------
@@ -495,14 +548,14 @@ class Scene(ReadOnly):
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Which particles are not pinned, (N,)."""
+        """Return which particles are not pinned, (N,)."""
         free = np.concatenate([placed.free for placed in self.bodies])
         free.setflags(write=False)
         return free
 
     @cached_property
     def sizes(self) -> np.ndarray:
-        """Of the body that each particle is of, (N,) [m]."""
+        """Return for each particle the size of its body, (N,) [m]."""
         each = [body.size for body in self._different]
         sizes = self.of_particles([each[kind] for kind in self.kinds])
         sizes.setflags(write=False)
@@ -510,12 +563,12 @@ class Scene(ReadOnly):
 
     @property
     def pins(self) -> tuple[int, ...]:
-        """The pinned particles of all bodies, by their number among all particles."""
+        """Return the pinned particles of all bodies, by their number among all particles."""
         each = zip(self.bodies, self.slices, strict=True)
         return tuple(own.start + pin for placed, own in each for pin in placed.pinned)
 
     def of_bodies(self, name: str) -> np.ndarray:
-        """What each particle or spring has, of all bodies, one body after another.
+        """Return a property of the particles or springs of all bodies, one body after another.
 
         Parameters
         ----------
@@ -532,12 +585,12 @@ class Scene(ReadOnly):
 
     @property
     def masses(self) -> np.ndarray:
-        """Masses of the particles of all bodies [kg], (N,)."""
+        """Return the masses of the particles of all bodies [kg], (N,)."""
         return self.of_bodies("masses")
 
     @cached_property
     def springs(self) -> np.ndarray:
-        """The springs of all bodies as pairs of particles, by their number among all particles, (S, 2)."""
+        """Return the springs of all bodies as pairs of particles, numbered among all particles, (S, 2)."""
         each = zip(self.bodies, self.slices, strict=True)
         springs = np.concatenate([placed.body.springs + own.start for placed, own in each])
         springs.setflags(write=False)
@@ -545,11 +598,11 @@ class Scene(ReadOnly):
 
     @property
     def pivot(self) -> int:
-        """The particle that torques and angular momenta of the one body count from, see `Placed.pivot`."""
+        """Return the particle that torques on the only body count from, see `Placed.pivot`."""
         return self.pinned[0] if self.pinned else -1
 
     def with_(self, **changes: Any) -> Self:
-        """A copy with some fields changed, checked anew.
+        """Return a copy with some fields changed, and check it.
 
         In a scene of one body, ``bodies`` is changed instead of all that belongs to the body.
         """
@@ -573,6 +626,9 @@ class Scene(ReadOnly):
             "surfaces": ", ".join(map(repr, self.surfaces)),
             "contact": repr(self.contact) if self.surfaces else "",
             "collisions": self._pairs(),
+            "rebounds": "",
         }
+        if self.faithful_speed < math.inf:
+            parts["rebounds"] = f"as asked up to {self.faithful_speed:.3g} m/s"
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
         return f"Scene({' | '.join(map(repr, self.bodies))}{rest})"

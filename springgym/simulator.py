@@ -22,6 +22,10 @@ from springgym.core.blocks import (
     WIDTH,
     aligned_zeros,
     block_array,
+    block_layout,
+    by_copies,
+    chosen_copies,
+    get_copies,
     numbers,
     set_all,
     set_copies,
@@ -32,7 +36,9 @@ from springgym.core.kinds import Ragged
 from springgym.core.ragged import share, stacked
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
-from springgym.forces.pairs import PairReadings
+from springgym.forces.pairs import Meets, PairReadings
+from springgym.forces.pairs.shown import tell_shown
+from springgym.forces.pairs.terms import RESOLVED
 from springgym.forces.together import LOOK, START
 from springgym.guard import Guard, guarded
 from springgym.identity import check_same
@@ -84,15 +90,24 @@ MOST_PARTICLES, MOST_THREADS = 10**8, 1024
 
 
 class SimulationDivergedError(ArithmeticError):
-    """A copy has left what the model means: not finite, or a spring beyond its limit."""
+    """Say that a copy has diverged: a number is not finite, or a spring is strained beyond its limit."""
+
+
+class UnresolvedContactError(SimulationDivergedError):
+    """Bodies met in a way that a step cannot resolve: too fast, too deep in each other, or in too many
+    points."""
 
 
 class PrecisionWarning(UserWarning):
-    """A simulation means less than it seems to, see `STRAINED` and `COARSE`; a simulator tells it once."""
+    """Warn that a simulation is less accurate than it seems, see `STRAINED` and `COARSE`; only once."""
+
+
+UNRESOLVED = ("raise", "count")
+"""What may be done where bodies meet in a way that a step cannot resolve."""
 
 
 class Simulator:
-    """Steps copies of a scene through time. What it was made with is read, not set.
+    """Step copies of a scene through time. Attributes that the constructor sets are read-only.
 
     One thread at a time may use it: a call while another thread is in one raises a RuntimeError.
 
@@ -129,6 +144,9 @@ class Simulator:
     strain_limit
         Largest |L/L₀ − 1| of a spring; a copy beyond it has diverged. If it is given, strains up to it are
         meant, and no `PrecisionWarning` tells of them; if not, it is `STRAIN_LIMIT`.
+    unresolved
+        What `advance` does where bodies meet in a way that a step cannot resolve: "raise" an error, or
+        "count" it, for `pairs` and `unresolved` to tell.
     damping_every
         Steps after which dampers and the wrench act for all of them at once, see `springgym.forces.cycle`: 1
         or an even number of at most `springgym.stability.LONGEST_CYCLE`. If not given, it is
@@ -160,6 +178,7 @@ class Simulator:
         tolerance: tuple[float, float] | None = None,
         strain_limit: float | None = None,
         damping_every: int | None = None,
+        unresolved: str = "raise",
     ) -> None:
         self._guard = Guard()
         self.scene = checks.instance("scene", scene, Scene)
@@ -197,6 +216,10 @@ class Simulator:
         self._ledger = self._blocks(bodies * ENTRIES) if ledger else None
         shares = range(min(self.threads, self._x.shape[0]))
         self._control = self._controlled(tolerance)
+        self.unresolved = np.zeros(self.copies, bool)
+        """which copies had bodies meet in a way that a step cannot resolve, since they were placed or
+        forgotten, see `pairs`: found where they are read; of no use to write to"""
+        self._raises = checks.chosen("unresolved", unresolved, UNRESOLVED) == UNRESOLVED[0]
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
         each = rows[:, None] if bodies == 1 else np.zeros((self.copies, bodies, measures.SIZE))
         self.readout = Readout(rows, np.zeros(shape), np.zeros(shape), each)
@@ -213,6 +236,9 @@ class Simulator:
         self._workspace = packing.workspaces(
             scene, self.integrator, self._terms.meets, self._kind.rigid, self._x.dtype, len(shares)
         )
+        self._outlines = packing.pack_outlines(scene)
+        self._boxes = np.zeros((len(shares), bodies + 1, 2, 3))
+        self._shown = np.zeros((self.copies, len(scene.meetings)), bool)
         self._varying = sorted(varying)
         self._actuators = self._actuated()
         self._advance = self._kernel()
@@ -225,7 +251,7 @@ class Simulator:
 
     @classmethod
     def paper(cls, scene: Scene, **options: Any) -> Self:
-        """The paper's method as one: RK4 with h = 5e-4 s and, if there are surfaces, its contact.
+        """Make a simulator of the paper's method: RK4 with h = 5e-4 s and, on surfaces, its contact.
 
         Parameters
         ----------
@@ -325,18 +351,18 @@ class Simulator:
     @property
     @guarded
     def positions(self) -> np.ndarray:
-        """Positions of the particles [m], (copies, N, 3), a copy."""
+        """Return a copy of the positions of the particles [m], (copies, N, 3)."""
         return to_copies(self._x, self.copies)
 
     @property
     @guarded
     def velocities(self) -> np.ndarray:
-        """Velocities of the particles [m/s], (copies, N, 3), a copy."""
+        """Return a copy of the velocities of the particles [m/s], (copies, N, 3)."""
         return to_copies(self._v, self.copies)
 
     @property
     def width(self) -> int:
-        """Copies in a block."""
+        """Return the number of copies in a block."""
         return int(numbers(self._x).shape[-1])
 
     @guarded
@@ -373,6 +399,7 @@ class Simulator:
         packing.renew(self._terms, index)
         if self._terms.meets is not None:
             packing.empty_tally(self._terms.meets, index)
+            self.unresolved[index] = False
         if self._ledger is not None:
             set_copies(self._ledger, index, 0.0)
         self._meet(index)
@@ -519,17 +546,35 @@ class Simulator:
                 set_all(array, value)
 
     @guarded
-    def state(self) -> dict[str, Any]:
-        """All that changes, copied: give it to `restore`, of this simulator or one made the same way.
+    def state(self, copies: Any = None) -> dict[str, Any]:
+        """Return a copy of all that changes, for `restore` of this simulator or of one made alike.
 
         Beside the arrays it says what it is of, and which copies ("lost") are not finite.
+
+        Parameters
+        ----------
+        copies : (k,), optional
+            Whose state it is: as that of a simulator of k copies.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there are no such copies.
         """
-        arrays = {name: array.copy() for name, array in self._changing()}
-        return {"of": dict(self.identity), "lost": self._lost(arrays.values()), **arrays}
+        index, of = self._index(copies), dict(self.identity)
+        if copies is None:
+            arrays = {name: array.copy() for name, array in self._changing()}
+        else:
+            of["copies"] = len(index)
+            arrays = {
+                name: chosen_copies(array, index) if array.dtype.names else array[index]
+                for name, array in self._changing()
+            }
+        return {"of": of, "lost": _lost(arrays.values(), len(index)), **arrays}
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """Plain data by name that tell what the simulator was made of; equal ones share their states."""
+        """Return plain data by name that describe the simulator; simulators with equal data share states."""
         control = self._control
         return {
             "copies": self.copies,
@@ -545,8 +590,16 @@ class Simulator:
         }
 
     @guarded
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any], copies: Any = None) -> None:
         """Return to what `state` gave, to the bit.
+
+        Parameters
+        ----------
+        state
+            Of as many copies as there are here.
+        copies : (k,), optional
+            Which are set, the others left as they are: the state is of k copies then, or of one for all of
+            them, and the simulator that it is of may have had any number.
 
         Raises
         ------
@@ -554,35 +607,48 @@ class Simulator:
             If it is no such state; nothing is changed.
         ValueError
             If it is that of a simulator that was made otherwise, saying what differs, or holds a number that
-            is not finite of a copy that was; nothing is changed.
+            is not finite of a copy that was, or there are no such copies; nothing is changed.
         """
+        index, but = self._index(copies), () if copies is None else ("copies",)
         own = dict(self._changing())
         names = {"of", "lost", *own}
         given = checks.instance("state", state, Mapping)
         if "of" in given:
-            check_same("the simulator that the state is of", given["of"], self.identity)
+            check_same("the simulator that the state is of", given["of"], self.identity, but)
         if given.keys() != names:
             wrong = sorted(map(str, given.keys() ^ names))[0]
             has = "holds" if wrong in given else "lacks"
             raise ValueError(f"the state {has} {wrong!r}; it must be that of a simulator made like this one")
-        for name, array in {"lost": np.zeros(self.copies, bool), **own}.items():
+        count = self.copies if copies is None else copies_in(state, len(index))
+        for name, array in {"lost": np.zeros(count, bool), **own}.items():
             given = checks.instance(f"state[{name!r}]", state[name], np.ndarray)
-            if given.shape != array.shape or given.dtype != array.dtype:
+            shape, dtype = _layout(array, count)
+            if given.shape != shape or given.dtype != dtype:
                 raise ValueError(
                     f"state[{name!r}] is of shape {given.shape} and {given.dtype}; in this simulator, of "
-                    f"{self.copies} copies, it must be {array.shape} and {array.dtype}"
+                    f"{count} copies, it must be {shape} and {dtype}"
                 )
         for name in own:
-            if (wrong := self._lost([state[name]]) & ~state["lost"]).any():
+            if (wrong := _lost([state[name]], count) & ~state["lost"]).any():
                 raise ValueError(
                     f"state[{name!r}] is not finite in copy {int(np.argmax(wrong))}; it must be numbers, but "
                     "in copies that are lost"
                 )
-        _set(own.values(), (state[name] for name in own))
+        if copies is None:
+            _set(own.values(), (state[name] for name in own))
+            return
+        rows = np.zeros(len(index), int) if count == 1 else np.arange(count)
+        arrays, values, where = [], [], []
+        for name, array in own.items():
+            blocks = array.dtype.names is not None
+            arrays.append(by_copies(array) if blocks else array)
+            values.append(get_copies(state[name], rows) if blocks else state[name][rows])
+            where.append((index // self.width, index % self.width) if blocks else index)
+        _set(arrays, values, where)
 
     @guarded
     def take_over(self, other: Simulator) -> None:
-        """Be where another simulator of the same scene is, to go on from there by steps of one's own.
+        """Take over the state of another simulator of the same scene, and go on from there with own steps.
 
         All that changes is as there, to the bit, but what dampers do in a step: that is the own step's, and
         follows from `vary`. In scenes with surfaces the copies are fresh, as if they were placed.
@@ -600,18 +666,6 @@ class Simulator:
         _set(own.values(), (theirs[name] for name in own))
         packing.renew(self._terms, np.arange(self.copies))
         self._meet(np.arange(self.copies))
-
-    def _lost(self, arrays: Iterable[np.ndarray]) -> np.ndarray:
-        """Tell which copies (copies,) have a number that is not finite, in arrays as of `_changing`."""
-        lost = np.zeros(self.copies, bool)
-        for array in arrays:
-            values = numbers(array) if array.dtype.names else array
-            with np.errstate(all="ignore"):
-                if math.isfinite(values.sum()):
-                    continue
-            rows = to_copies(array, self.copies) if array.dtype.names else array
-            lost |= ~np.isfinite(rows).reshape(self.copies, -1).all(axis=1)
-        return lost
 
     def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
         """Names and arrays of all that changes: what moves, what actuators do, and what was varied."""
@@ -657,6 +711,9 @@ class Simulator:
             If ``steps`` is not a whole number, at least 0, or a flag no bool; nothing is changed.
         SimulationDivergedError
             If ``check`` and a copy has diverged. The other copies are not touched by it.
+        UnresolvedContactError
+            If ``check``, and bodies of a copy met in a way that a step cannot resolve since the copy was
+            placed, or `pairs` forgot; unless the simulator is to count that.
         """
         # Compiled code is given an int and a bool, and no other type: see `SameTypes`.
         if steps.__class__ is not int or not 0 <= steps <= MANY:
@@ -681,6 +738,8 @@ class Simulator:
                 f"copy {n} diverged before t = {self.time[n]:g} s: {what}; step {self.step:g} s, "
                 f"stability limit {self.largest_step:g} s"
             )
+        if self._raises and self.unresolved.any():
+            raise UnresolvedContactError(self._what_is_unresolved(int(np.argmax(self.unresolved))))
         if (strain > self._strained).any():
             n = int(np.argmax(strain > self._strained))
             self._strained = math.inf
@@ -691,6 +750,29 @@ class Simulator:
             )
         if self._far < math.inf:
             self._check_distance(self.readout.positions)
+
+    def _what_is_unresolved(self, copy: int) -> str:
+        """Say of a copy which bodies met in a way that a step cannot resolve, how, and what would help."""
+        meets = self._terms.meets
+        assert meets is not None
+        told = PairReadings(*(of[copy] for of in packing.read_pairs(meets, self.copies)))
+        resolved = packing.resolved_speeds(meets, self.step)
+        n = int(np.argmax((told.fastest > resolved) | (told.misses > 0) | (told.overflow > 0)))
+        met = self.scene.meetings[n]
+        names = " and ".join(repr(self.scene.bodies[body].name) for body in met[:2])
+        how = [
+            (told.fastest[n] > resolved[n], f"at {told.fastest[n]:.4g} m/s"),
+            (told.misses[n] > 0, f"{told.misses[n]:.0f} times found only in each other, or almost"),
+            (told.overflow[n] > 0, f"{told.overflow[n]:.0f} times in more points than there is room for"),
+        ]
+        finer = self.step * min(1.0, resolved[n] / max(told.fastest[n], TINY))
+        return (
+            f"bodies {names} of copy {copy} met before t = {self.time[copy]:g} s "
+            f"{' and '.join(what for wrong, what in how if wrong)}: a step of {self.step:g} s cannot resolve "
+            f"that. It resolves contacts of up to {resolved[n]:.4g} m/s, which move by {RESOLVED:g} of their "
+            f"reach of {met.reach:g} m. Take a step of less than {finer:.2g} s, a larger reach or stiffer "
+            'contact, or say unresolved="count" to go on'
+        )
 
     def _check_distance(self, positions: np.ndarray) -> None:
         """Warn if positions (copies, N, 3) are so far away that their rounding stretches springs."""
@@ -733,10 +815,23 @@ class Simulator:
             reads,
             self._clock,
         )
+        if reads and steps > 0 and self._terms.meets is not None:
+            self._tell_unresolved(self._terms.meets, thread, first, last)
+
+    def _tell_unresolved(self, meets: Meets, thread: int, first: int, last: int) -> None:
+        """Find in which copies of blocks, that were read, bodies met in a way that a step cannot resolve."""
+        start = first * self.width
+        copies = slice(start, min(last * self.width, self.copies))
+        shown = self._shown[copies]
+        place, pairs = self.readout.positions[copies], meets.pairs
+        if tell_shown(place, pairs.first, pairs.second, self._outlines, self._boxes[thread], shown):
+            packing.count_shown(meets, start, shown)
+        found = packing.unresolved(meets, self.step, slice(first, last)).ravel()
+        self.unresolved[copies] = found[: len(shown)]
 
     @guarded
     def counts(self) -> np.ndarray:
-        """Steps taken, steps rejected and Newton iterations of each copy since it was made, (copies, 3).
+        """Return the steps taken, steps rejected and Newton iterations of each copy so far, (copies, 3).
 
         Raises
         ------
@@ -749,7 +844,7 @@ class Simulator:
 
     @guarded
     def measure(self, body: int | str | None = None) -> Measures:
-        """Energies, momenta, orientation and strain of all copies.
+        """Measure energies, momenta, orientation and strain of all copies.
 
         Parameters
         ----------
@@ -786,7 +881,7 @@ class Simulator:
 
     @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:
-        """What happened between the bodies that collide since the copies were placed, or were forgotten.
+        """Return what happened between colliding bodies since the copies were placed or forgotten.
 
         There is an entry for each pair, of 1000 bodies half a million; `contacts` tells of those that touch.
 
@@ -1020,9 +1115,49 @@ def _checked_dtype(dtype: Any) -> np.dtype:
     return given
 
 
-def _set(arrays: Iterable[np.ndarray], values: Iterable[np.ndarray]) -> None:
+def copies_in(state: Mapping[str, Any], wanted: int) -> int:
+    """Of how many copies a state of `Simulator` is that is set into some: of as many as these, or of one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is of another number of copies, or does not say of how many.
+    """
+    of = checks.instance("state", state, Mapping).get("of")
+    of = checks.instance("what the state says that it is of", of, Mapping)
+    count = checks.whole("the number of copies that the state is of", of.get("copies"), 1)
+    if count not in (1, wanted):
+        raise ValueError(
+            f"the state is of {count} copies, and copies names {wanted}; it must be of as many, or of one"
+        )
+    return count
+
+
+def _layout(array: np.ndarray, copies: int) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of an array as of `Simulator._changing`, were there so many copies."""
+    if not array.dtype.names:
+        return (copies,), array.dtype
+    return block_layout(copies, array.shape[1:], numbers(array).dtype)
+
+
+def _lost(arrays: Iterable[np.ndarray], copies: int) -> np.ndarray:
+    """Tell which copies (copies,) have a number that is not finite, in arrays as of `Simulator._changing`."""
+    lost = np.zeros(copies, bool)
+    for array in arrays:
+        values = numbers(array) if array.dtype.names else array
+        with np.errstate(all="ignore"):
+            if math.isfinite(values.sum()):
+                continue
+        rows = to_copies(array, copies) if array.dtype.names else array
+        lost |= ~np.isfinite(rows).reshape(copies, -1).all(axis=1)
+    return lost
+
+
+def _set(
+    arrays: Iterable[np.ndarray], values: Iterable[np.ndarray], where: Iterable[Any] = repeat(...)
+) -> None:
     """Copy values to arrays, all or none: Python runs in between no line at which Ctrl-C is served."""
-    deque(map(np.ndarray.__setitem__, tuple(arrays), repeat(...), tuple(values)), 0)
+    deque(map(np.ndarray.__setitem__, tuple(arrays), where, tuple(values)), 0)
 
 
 def _blocks_in(name: str, term: Any) -> Iterator[tuple[str, np.ndarray]]:

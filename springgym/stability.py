@@ -220,7 +220,7 @@ def cycles_in(of: Vibrations, period: float, steps: int, exactly: bool) -> tuple
 
 
 def steps_in(period: float, step: float) -> int:
-    """How many steps make a period.
+    """Return how many steps make a period.
 
     Raises
     ------

@@ -24,7 +24,7 @@ settings.load_profile("springgym")
 
 @cache
 def colliding() -> tuple[str, ...]:
-    """What is in the names of tests of bodies that collide."""
+    """Return the parts of names by which tests of bodies that collide are known."""
     from tests.envs.cases import COLLIDING
 
     return ("tests/collisions/", "self_play", *(env_id.partition("-v")[0] for env_id in COLLIDING))

@@ -165,7 +165,7 @@ def made(what: Round, copies: int | None) -> Any:
     batch = {} if copies is None else {"autoreset_mode": what.autoreset, "threads": what.threads}
     return springgym.make_scene_env(
         scene,
-        lambda m, x, v, action: 1 / (1 + np.square(m.centre).sum(axis=1)),
+        lambda m, s: 1 / (1 + np.square(m.centre).sum(axis=1)),
         actuators=actuators,
         num_envs=copies,
         max_episode_steps=100,
@@ -329,7 +329,7 @@ class Player:
         check(not too_much.any(), f"energy drift of copy {int(np.argmax(too_much))}: {drift[too_much][:1]} J")
 
     def see_misses(self) -> None:
-        """What moves no faster than contact is computed well for misses no contact."""
+        """Assert that what moves no faster than contact is computed well for misses no contact."""
         simulator = self.env.unwrapped.episodes.simulator
         if simulator.scene.meetings:
             pairs = simulator.pairs()

@@ -82,7 +82,7 @@ def all_scenes() -> dict[str, Scene]:
 
 
 def fall(scene: Scene) -> float:
-    """How far the scene can be moved down until its lowest particle nearly meets a surface [m]."""
+    """Return how far the scene can be moved down until its lowest particle nearly meets a surface [m]."""
     if not scene.surfaces or scene.pins:
         return 0.0
 
@@ -111,7 +111,7 @@ def starts(scene: Scene, copies: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def play(simulator: Simulator) -> dict[str, str]:
-    """What two unequal calls give, with all actuators driven."""
+    """Return what two unequal calls give, with all actuators driven."""
     rng = np.random.default_rng(1)
     scene, copies = simulator.scene, simulator.copies
     simulator.place(*starts(scene, copies))
@@ -222,7 +222,7 @@ def digests(seen: dict[str, list[np.ndarray]]) -> dict[str, str]:
 
 
 def single(env_id: str, **options: Any) -> dict[str, str]:
-    """What one environment gives in the first steps of two seeds."""
+    """Return what one environment gives in the first steps of two seeds."""
     env = gym.make(env_id, **options)
     seen: dict[str, list[np.ndarray]] = {}
     for seed in (0, 1):
@@ -240,7 +240,7 @@ def single(env_id: str, **options: Any) -> dict[str, str]:
 
 
 def batch(env_id: str, **options: Any) -> dict[str, str]:
-    """What a batch gives in its first steps, over the ends of episodes."""
+    """Return what a batch gives in its first steps, over the ends of episodes."""
     envs = gym.make_vec(
         env_id, num_envs=COPIES, vectorization_mode="vector_entry_point", max_episode_steps=25, **options
     )
@@ -328,7 +328,7 @@ def compute(only: str, found: Callable[[str, dict[str, str]], str], keep: Callab
 
 
 def compared(reference: dict[str, str] | None, results: dict[str, str]) -> tuple[bool, str]:
-    """Whether results are those of the reference, and in which they differ."""
+    """Tell whether results are those of the reference, and in which they differ."""
     if reference is None:
         return True, "NEW"
     gone = sorted(reference.keys() - results.keys())

@@ -182,7 +182,7 @@ def test_entries_hold_machine_code_alone(cache: Path) -> None:
 
 @pytest.fixture
 def told(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
-    """What a process that nobody was told in says, where patience is short."""
+    """Return what a process that nobody was told in says, where patience is short."""
     monkeypatch.setattr(compiling.LOGGER, "disabled", False)  # as import-linter leaves it
     monkeypatch.setattr(compiling, "_TOLD", threading.Lock())
     monkeypatch.setattr(compiling, "PATIENCE", 0.0)

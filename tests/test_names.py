@@ -24,7 +24,14 @@ SOURCES = sorted(
 )
 STANDARD = {"copy", "dataclasses", "gymnasium", "numba", "numpy", "pettingzoo", "viser"}
 """Modules of others that are named."""
-OBJECTS = {"env": "SpringEnv", "envs": "SpringVectorEnv", "episodes": "Episodes", "simulator": "Simulator"}
+OBJECTS = {
+    "env": "SpringEnv",
+    "envs": "SpringVectorEnv",
+    "episodes": "Episodes",
+    "simulator": "Simulator",
+    "m": "Measures",
+    "s": "Situation",
+}
 """Of what class the objects are that pages name."""
 QUOTED = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
 NAME = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)(?:\(.*\))?")
@@ -39,7 +46,7 @@ def nodes_of(path: Path) -> list[ast.AST]:
 
 
 def imported(nodes: list[ast.AST]) -> dict[str, Any]:
-    """What of the package a file imports by name, and by that name nothing else."""
+    """Return what of the package a file imports by name, and by that name nothing else."""
     found: dict[str, Any] = {}
     own = set()
     for node in nodes:
@@ -135,7 +142,7 @@ def last_name(node: ast.AST) -> str:
 
 
 def defined(body: list[ast.stmt]) -> set[str]:
-    """What the lines of a module or class define or import, those under ``if`` among them."""
+    """Return what the lines of a module or class define or import, those under ``if`` among them."""
     found: set[str] = set()
     for line in body:
         if isinstance(line, (ast.FunctionDef, ast.ClassDef)):
@@ -150,13 +157,14 @@ def defined(body: list[ast.stmt]) -> set[str]:
 
 
 def has(owner: str, name: str) -> bool:
-    """Whether a class or a class it inherits from has a member."""
+    """Tell whether a class or a class it inherits from has a member."""
     bases = known().bases.get(owner, set())
     return name in known().members.get(owner, set()) or any(has(base, name) for base in bases)
 
 
 def resolves(name: str) -> bool:
-    """Whether a dotted name is there: of a module of ours, whole or its end; of a class; or of others."""
+    """Tell whether a dotted name is there: of a module of ours, whole or its end; of a class; or of
+    others."""
     first, *rest = name.split(".")
     if len(rest) == 1 and first == "springgym" and hasattr(springgym, rest[0]):
         return True  # what is imported when it is asked for

@@ -30,7 +30,7 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def built(kind: str, clone: Path, folder: Path) -> Path:
-    """What setuptools makes of the clone."""
+    """Return what setuptools makes of the clone."""
     code = f"import sys; from setuptools import build_meta; build_meta.build_{kind}(sys.argv[1])"
     subprocess.run([sys.executable, "-c", code, str(folder)], cwd=clone, check=True, capture_output=True)
     (made,) = folder.iterdir()

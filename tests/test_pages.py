@@ -25,6 +25,7 @@ import pytest
 
 from springgym import cli
 from springgym.integrators import METHODS
+from springgym.registration import ENVIRONMENTS
 from springgym.scenes import load, names
 
 ROOT = Path(__file__).parents[1]
@@ -81,7 +82,7 @@ def cases(pages: list[Path]) -> list[Any]:
 
 
 def run(code: str, name: str, line: int, namespace: dict[str, Any]) -> str:
-    """What code prints; errors name its page and line."""
+    """Return what code prints; errors name its page and line."""
     tree = ast.parse(code, name)
     ast.increment_lineno(tree, line - 1)
     printed = io.StringIO()
@@ -210,7 +211,7 @@ def test_names_of_a_page_are_there(page: Path) -> None:
 
 
 def counts() -> dict[str, int]:
-    """How many there are of what pages count."""
+    """Return how many there are of what pages count."""
     from springgym.accuracy.hard_cases import CASES
 
     return {"scenes": len(names()), "integrators": len(METHODS), "cases": len(CASES)}
@@ -222,11 +223,32 @@ def test_counts_of_a_page_are_right(page: Path) -> None:
         assert int(count) == counts()[what], f"{page}: {count} {what}"
 
 
+POSTER = re.compile(
+    r"!\[([^]]+)\]\((?:\.\./)?figures/posters/([\w-]+)\.webp\)(?:<br>`springgym view ([\w-]+)`)?"
+)
+"""A picture out of a film, with its caption; of a scene, with the command that shows the scene."""
+
+
 def test_every_scene_has_its_place_in_the_course() -> None:
-    """Add a new scene to a page of ``docs/course``: why it moves so, a formula, and its directive."""
-    shown = [b for page in (DOCS / "course").glob("*.md") for b in blocks(page)]
-    scenes = [b.language.split()[1] for b in shown if b.language.startswith("{scene}")]
-    assert sorted(scenes) == sorted(names())
+    """Add a new scene to a page of ``docs/course``: why it moves so, a formula, its poster and command.
+
+    ``python docs/figures.py posters`` makes the poster, once ``python docs/build.py`` has made the film.
+    """
+    text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "course").glob("*.md"))
+    shown = {poster: (caption, command) for caption, poster, command in POSTER.findall(text)}
+    titles = {name: load(name).title for name in names()}
+    assert shown == {name: (f"{title[0].upper()}{title[1:]}.", name) for name, title in titles.items()}
+
+
+def test_every_environment_is_on_the_front_page() -> None:
+    shown = [poster for _, poster, _ in POSTER.findall((DOCS / "index.md").read_text(encoding="utf-8"))]
+    assert shown == [row.id for row in ENVIRONMENTS]
+
+
+def test_posters_are_small_and_of_what_there_is() -> None:
+    posters = {path.stem: path.stat().st_size for path in (DOCS / "figures" / "posters").iterdir()}
+    assert posters.keys() == {*names(), *(row.id for row in ENVIRONMENTS)}
+    assert max(posters.values()) < 30_000
 
 
 # --- Links --------------------------------------------------------------------------------------------

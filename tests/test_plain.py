@@ -47,7 +47,7 @@ def an_environment() -> np.ndarray:
 
 
 def a_falling_cube() -> np.ndarray:
-    """It reaches the floor turned and slipping."""
+    """Return the state of a cube that reached the floor turned and slipping."""
     body = cube()
     x = body.positions - body.positions.min(axis=0) + [0.0, 0.0, 0.002]
     v = np.cross([1.0, 2.0, 0.0], x) + np.array([3.0, 0.0, -2.0])
@@ -55,7 +55,7 @@ def a_falling_cube() -> np.ndarray:
 
 
 def colliding_tops() -> np.ndarray:
-    """They fly at each other, and meet."""
+    """Return the state of two tops that flew at each other, and met."""
     body = top()
     apart = np.ptp(body.positions[:, 0]) + 0.03
     placed = (
@@ -86,7 +86,7 @@ CASES: dict[str, Callable[[], np.ndarray]] = {
 
 @pytest.fixture(scope="module")
 def found_by_python(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """What another process finds, in which nothing is compiled."""
+    """Return what another process finds, in which nothing is compiled."""
     file = tmp_path_factory.mktemp("plain") / "found.npz"
     command = [sys.executable, "-m", "tests.test_plain", str(file)]
     root = Path(__file__).parents[1]

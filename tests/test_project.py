@@ -43,13 +43,14 @@ def test_version_authors_and_address_are_set_once() -> None:
         assert text(path) == wanted, path
     places = (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "springgym").rglob("*.py"))
     holding = {path.name for path in places if release.PLACEHOLDER in path.read_text(encoding="utf-8")}
-    assert holding <= {"citing.md"}
+    assert holding <= {"citing.md", "index.md"}
 
 
 @pytest.fixture
 def to_release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A tree that can be released as v1.2.3, but for what a test does to it."""
-    for path in ("pyproject.toml", "CHANGELOG.md", "CITATION.cff", "docs/citing.md", "springgym/__init__.py"):
+    pages = ("CHANGELOG.md", "CITATION.cff", "docs/citing.md", "docs/index.md")
+    for path in ("pyproject.toml", "springgym/__init__.py", *pages):
         (tmp_path / path).parent.mkdir(exist_ok=True)
         (tmp_path / path).write_text(text(path).replace(release.PLACEHOLDER, "mcd"), encoding="utf-8")
     (tmp_path / "springgym" / "__init__.py").write_text('__version__ = "1.2.3"\n')
@@ -88,6 +89,7 @@ def test_what_can_be_released(to_release: Path, capsys: pytest.CaptureFixture[st
         ("CHANGELOG.md", "### Added\n- A [top](docs/top.md).\n", "", "CHANGELOG.md says nothing of 1.2.3"),
         ("CITATION.cff", "1.2.3", "1.2.2", "CITATION.cff repeats something else"),
         ("docs/citing.md", "/mcd/", "/other/", "docs/citing.md repeats something else"),
+        ("docs/index.md", "/mcd/", "/other/", "docs/index.md repeats something else"),
         ("pyproject.toml", "The springgym authors", "J. McDonald", "CITATION.cff repeats something else"),
     ],
 )

@@ -79,9 +79,9 @@ parallel("SpringDuel-v0", opponent="script")  # type: ignore[call-arg]
 springgym.nonsense  # type: ignore[attr-defined]
 scene = springgym.Scene("top")  # type: ignore[arg-type]
 one = springgym.make_scene_env(scene, print, actuators={"force": 1.0})  # type: ignore[arg-type]
-more = springgym.make_scene_env(scene, lambda m, x, v, a: a[:, 0], actuators={}, num_envs=3, hold=2)
+more = springgym.make_scene_env(scene, lambda m, s: s.action[:, 0], actuators={}, num_envs=3, hold=2)
 print(more.num_envs, more.single_action_space.low)
-springgym.make_scene_env(scene, lambda m, x, v, a: a, actuators={}, odd=1)  # type: ignore[call-overload]
+springgym.make_scene_env(scene, lambda m, s: s.v, actuators={}, odd=1)  # type: ignore[call-overload]
 """
 """Each line without a comment is right; each with one is wrong, and one that were not would be told."""
 

@@ -38,7 +38,7 @@ def formulas(x: Any, shared: Any, out: Any) -> None:
 
 
 def by_numpy(x: np.ndarray, shared: np.ndarray) -> np.ndarray:
-    """What `formulas` gives of ``x`` (3, 3, width), but for what is rounded once instead of twice."""
+    """Return what `formulas` gives of ``x`` (3, 3, width), but for what is rounded once instead of twice."""
     u, w, s = x[0], x[1], x[2, 0]
     fixed = shared[:, None].astype(x.dtype)
     products = u[2] * w[2] + (u[1] * w[1] + u[0] * w[0])

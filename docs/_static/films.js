@@ -7,5 +7,5 @@ document.addEventListener("DOMContentLoaded", () => {
       else target.pause();
     }
   }, { threshold: 0.4 });
-  document.querySelectorAll("figure.film video").forEach((film) => watch.observe(film));
+  document.querySelectorAll("figure.film video, p.films video").forEach((film) => watch.observe(film));
 });

@@ -42,12 +42,14 @@ TITLES = {
 """Of results that do not say what they are."""
 LEAST, MOST = 1e-14, 0.3
 """Errors beyond are drawn at these edges: of round-off, and where nothing is right any more."""
+SMALL = 8.5
+"""The smallest text [pt]: 11 pixels on a page, which shows a figure of 7.6 inches in its own size."""
 APART = 0.042
 """Least distance of two names, as a share of the figure's height."""
 
 
 class End(NamedTuple):
-    """Where a curve ends, and its name."""
+    """The last point of a curve, and the name that stands there."""
 
     x: float
     y: float
@@ -67,7 +69,7 @@ def draw(name: str, result: dict[str, Any], path: Path) -> None:
     what = result.get("what") or TITLES.get(result["kind"], result["kind"])
     figure.suptitle(f"{name}: {what}", fontsize=10, x=0.1, ha="left")
     measured = result["measured"]
-    figure.text(0.99, 0.01, f"{measured['cpu']}, {measured['date']}", fontsize=6, ha="right", color=PEER)
+    figure.text(0.99, 0.01, f"{measured['cpu']}, {measured['date']}", fontsize=SMALL, ha="right", color=PEER)
     save(figure, path)
 
 
@@ -111,7 +113,7 @@ def name_ends(axes: Axes, ends: Sequence[End]) -> None:
             xycoords="axes fraction",
             textcoords="axes fraction",
             va="center",
-            fontsize=7.5,
+            fontsize=SMALL,
             color=end.color,
             arrowprops={"arrowstyle": "-", "color": end.color, "alpha": 0.35, "linewidth": 0.6, "shrinkB": 2},
             annotation_clip=False,
@@ -130,7 +132,7 @@ def _work_precision(figure: Figure, result: dict[str, Any]) -> None:
     per_period = "period" in result["kind"] or "consistency" in result["kind"]
     axes = plain(
         figure,
-        *(0.1, 0.12, 0.63, 0.78),
+        *(0.1, 0.14, 0.63, 0.76),
         xscale="log",
         yscale="log",
         xlabel="µs of one core per simulated second",
@@ -161,7 +163,7 @@ def _work_precision(figure: Figure, result: dict[str, Any]) -> None:
     if any(row["error"] is None or row["error"] >= MOST for rows in methods.values() for row in rows):
         axes.annotate(
             "× fails", (0, MOST), (4, 4), xycoords=("axes fraction", "data"), textcoords="offset points",
-            fontsize=7, color=INK,
+            fontsize=SMALL, color=INK,
         )  # fmt: skip
     if "default" in result:
         step = result["default"]["step"]
@@ -169,7 +171,7 @@ def _work_precision(figure: Figure, result: dict[str, Any]) -> None:
         if row["error"] is not None and abs(row["step"] / step - 1) < 0.01:
             axes.plot(row["cost"], row["error"], "*", color="k", markersize=11, zorder=5)
             axes.annotate(
-                "default", (row["cost"], row["error"]), (-7, -9), textcoords="offset points", fontsize=7.5,
+                "default", (row["cost"], row["error"]), (-7, -9), textcoords="offset points", fontsize=SMALL,
                 ha="right",
             )  # fmt: skip
     if "model" in result:
@@ -177,7 +179,7 @@ def _work_precision(figure: Figure, result: dict[str, Any]) -> None:
         axes.axhline(error, color="k", linestyle="--", linewidth=0.8)
         axes.annotate(
             "model error: springs beside a rigid body", (0.99, error), (0, 3),
-            xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=7, ha="right",
+            xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=SMALL, ha="right",
         )  # fmt: skip
     low = min((max(row["error"], LEAST) for row in result["rows"] if row["error"]), default=LEAST)
     high = max((row["error"] or MOST for row in result["rows"]), default=MOST)
@@ -191,7 +193,7 @@ def _spin_down(figure: Figure, result: dict[str, Any]) -> None:
     for n, step in enumerate(steps):
         axes = plain(
             figure,
-            *(0.1 + 0.47 * n, 0.12, 0.24, 0.72),
+            *(0.1 + 0.47 * n, 0.14, 0.24, 0.7),
             xlabel="t [s]",
             ylabel="spin / spin at the start" if n == 0 else "",
             ylim=(0, 1.06),
@@ -222,7 +224,7 @@ def _spin_down(figure: Figure, result: dict[str, Any]) -> None:
 def _against_stiffness(figure: Figure, ylabel: str) -> Axes:
     return plain(
         figure,
-        *(0.1, 0.12, 0.63, 0.78),
+        *(0.1, 0.14, 0.63, 0.76),
         xscale="log",
         yscale="log",
         xlabel="stiffness [N/m]",

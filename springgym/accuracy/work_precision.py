@@ -44,7 +44,7 @@ LONGEST_PIECE = 2e-3
 
 
 def ladder(problem: Problem, scene: Scene, quick: bool) -> list[Rung]:
-    """All methods, each from its stability limit down."""
+    """List all methods with steps, each from its stability limit down."""
     rungs = []
     halvings = 5 if quick else 8
     for name in problem.methods():
@@ -246,7 +246,7 @@ def rows_of(rungs: list[Rung], exact: np.ndarray, scene: Scene, runs: int) -> li
 
 
 def measure(name: str, quick: bool = False, peers: bool = True) -> dict[str, Any]:
-    """All that is to be known of a problem, ready for JSON.
+    """Measure all methods on a problem, and return it ready for JSON.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ def environments(rounds: int) -> list[Row]:
 
 
 def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
-    """What is measured of an environment; what must be closed goes on the stack."""
+    """Return what is measured of an environment; what must be closed goes on the stack."""
     episodes = gym.make(env_id).unwrapped.episodes  # type: ignore[attr-defined]
     facts = {"substeps": episodes.steps}
 

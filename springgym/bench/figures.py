@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from springgym.accuracy.figures import INK, PEER, End, name_ends, plain, save
+from springgym.accuracy.figures import INK, PEER, SMALL, End, name_ends, plain, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,11 +18,11 @@ def draw(report: dict[str, Any], path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.5, 4.8))
+    figure = Figure(figsize=(7.6, 8.4))
     FigureCanvasAgg(figure)
     rows = [row for row in report.get("peers", {}).get("rows", ()) if row["precision"] == "float64"]
-    _peers(plain(figure, 0.18, 0.14, 0.36, 0.76), rows)
-    _sizes(plain(figure, 0.62, 0.14, 0.22, 0.76), report.get("sizes", {}).get("rows", ()))
+    _peers(plain(figure, 0.3, 0.55, 0.66, 0.41), rows)
+    _sizes(plain(figure, 0.1, 0.06, 0.54, 0.38), report.get("sizes", {}).get("rows", ()))
     path.parent.mkdir(parents=True, exist_ok=True)
     save(figure, path)
 
@@ -47,7 +47,7 @@ def _peers(axes: Axes, rows: list[dict[str, Any]]) -> None:
         row = max(best[program].values(), key=lambda row: row["median"])
         axes.annotate(
             f"{_short(row['median'])}  (error {row['error']:.0e})", (row["median"], line), (8, 0),
-            textcoords="offset points", va="center", fontsize=7, color=INK,
+            textcoords="offset points", va="center", fontsize=SMALL, color=INK,
         )  # fmt: skip
     axes.set(
         xscale="log",
@@ -56,7 +56,7 @@ def _peers(axes: Axes, rows: list[dict[str, Any]]) -> None:
         xlabel="steps a second, one core; ring: one copy, dot: the best batch",
     )
     axes.set_title("The paper's top, by program", fontsize=10, loc="left")
-    axes.tick_params(axis="y", labelsize=8, length=0)
+    axes.tick_params(axis="y", labelsize=9, length=0)
     axes.spines["left"].set_visible(False)
     if rows:
         low, high = (f(row["median"] for row in rows) for f in (min, max))

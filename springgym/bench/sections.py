@@ -74,7 +74,8 @@ def two_bodies(body: Body, way: tuple[float, float, float]) -> Feature:
 
 
 def all_features() -> dict[str, Feature]:
-    """What a scene may have, on the paper's top; where there are surfaces, loose. And bodies that collide."""
+    """Return what a scene may have, on the paper's top; where there are surfaces, loose. And bodies that
+    collide."""
     plain, damped = paper_top(), paper_top(damping=100.0)
     crown, tip = (plain.body.particle(name) for name in ("crown", "tip"))
     body = plain.body

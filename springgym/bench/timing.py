@@ -23,7 +23,7 @@ class Case(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What was measured of a case."""
+    """The measurements of a case."""
 
     what: Mapping[str, Any]
     median: float
@@ -33,7 +33,7 @@ class Row(NamedTuple):
     facts: Mapping[str, Any]
 
     def flat(self) -> dict[str, Any]:
-        """All of it in one dict, for JSON."""
+        """Return the row as one dict, for JSON."""
         speed = {"median": self.median, "low": self.low, "high": self.high, "unit": self.unit}
         return {**self.what, **speed, **self.facts}
 

@@ -9,7 +9,7 @@ from springgym.checks import TINY, number
 
 
 def ball(radius: float = 0.1, mass: float = 1.0) -> Body:
-    """A particle at the origin that meets others at a radius.
+    """Make a particle at the origin that meets others at a radius.
 
     It does not turn: it is smooth, and friction between two balls does nothing. Without springs there is
     nothing to derive a contact from, whose strength and reach are to be given.

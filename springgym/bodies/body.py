@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from springgym.bodies import surface
 from springgym.bodies.elastic import Cable, Elastic
-from springgym.checks import TINY, array, flag, indices, instance, number, whole_array
+from springgym.bodies.round import Round, weights
+from springgym.checks import TINY, array, flag, indices, instance, number, shown, whole_array
 from springgym.records import ReadOnly
 
 MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
@@ -27,7 +28,7 @@ PHYSICAL = ("positions", "masses", "springs", "stiffness", "damping", "lengths")
 
 
 class Parts(Mapping[str, tuple[int, ...]]):
-    """Names of particles, which nobody can change; unlike a mapping proxy, Python copies and pickles them."""
+    """Name particles. Names cannot change; unlike a mapping proxy, they can be copied and pickled."""
 
     def __init__(self, named: Mapping[str, tuple[int, ...]]) -> None:
         self._named = dict(named)
@@ -47,7 +48,7 @@ class Parts(Mapping[str, tuple[int, ...]]):
 
 @dataclass(frozen=True, eq=False)
 class Body(ReadOnly):
-    """Particles and springs, checked once when it is made.
+    """Describe a body: its particles and springs, checked once when it is made.
 
     Parameters
     ----------
@@ -79,6 +80,8 @@ class Body(ReadOnly):
     radius
         Of balls around the particles and rods along the springs [m], by which a body without triangles
         collides: of a single particle it makes a sphere, of a rope a round one.
+    rounds
+        Round features, see `springgym.bodies.round`: a body that has some meets surfaces with these alone.
 
     Raises
     ------
@@ -87,7 +90,8 @@ class Body(ReadOnly):
     ValueError
         Naming the offender: a mass or stiffness that is not positive and finite, a spring of no length,
         given twice or to a particle that does not exist, a part, marker or triangle of one, a radius beside
-        triangles, a body that is in pieces or not held in shape, or too large.
+        triangles or round features, round features that too few particles carry, a body that is in pieces or
+        not held in shape, or too large.
     """
 
     name: str
@@ -103,6 +107,7 @@ class Body(ReadOnly):
     floppy: bool = False
     solid: Elastic | Cable | None = None
     radius: float = 0.0
+    rounds: tuple[Round, ...] = ()
 
     def __post_init__(self) -> None:
         instance("name of a body", self.name, str)
@@ -147,7 +152,24 @@ class Body(ReadOnly):
                 f"{what}radius is {self.radius:g} m beside {len(self.triangles)} triangles; "
                 "a body has one or the other"
             )
+        self._check_rounds(what)
         self._check_shape()
+
+    def _check_rounds(self, what: str) -> None:
+        if not isinstance(self.rounds, (tuple, list)):
+            raise TypeError(f"{what}rounds is {shown(self.rounds)}; it must be a tuple of Round")
+        object.__setattr__(self, "rounds", tuple(self.rounds))
+        for n, feature in enumerate(self.rounds):
+            called = f"{what}rounds[{n}]"
+            carriers = instance(called, feature, Round).carriers(len(self.masses), f"{called}.particles")
+            try:
+                weights(self.masses, self.positions, carriers)
+            except ValueError as error:
+                raise ValueError(f"{called}: {error}") from None
+        if self.rounds and self.radius:
+            raise ValueError(
+                f"{what}radius is {self.radius:g} m beside round features; a body has one or the other"
+            )
 
     def _distances(self) -> np.ndarray:
         """Distances [m] (S,) of the springs' ends in the unstretched shape."""
@@ -183,7 +205,7 @@ class Body(ReadOnly):
             )
 
     def floppy_modes(self, pinned: tuple[int, ...] = ()) -> int:
-        """Ways to change shape that stretch no spring, with some particles held.
+        """Return the ways to change shape that stretch no spring, with some particles held.
 
         Of the 3 (N − pins) coordinates, those that neither a spring (the rank of the rigidity matrix) nor
         a rigid motion past the pins accounts for. Directions that stretch springs by less than 1e-9 (in
@@ -205,7 +227,7 @@ class Body(ReadOnly):
         return 3 * len(free) - moving - stretching
 
     def particle(self, name: str) -> int:
-        """The particle of a part that has just one.
+        """Return the only particle of a part.
 
         Raises
         ------
@@ -222,7 +244,7 @@ class Body(ReadOnly):
         return self.parts[name][0]
 
     def with_(self, **changes: Any) -> Self:
-        """A copy with some fields changed, checked anew.
+        """Return a copy with some fields changed, and check it.
 
         With other particles or springs it stands for no ``solid`` any more, unless that is given anew.
         """
@@ -232,7 +254,7 @@ class Body(ReadOnly):
 
     @cached_property
     def oriented(self) -> bool:
-        """Whether its markers span a plane, and so tell all of its orientation."""
+        """Return whether the markers span a plane, and so determine the orientation."""
         i, j, k = self.positions[list(self.markers)]
         third, sideways = j - i, k - i
         across = np.linalg.norm(np.cross(third, sideways))
@@ -240,54 +262,62 @@ class Body(ReadOnly):
 
     @cached_property
     def mass(self) -> float:
-        """Total mass [kg]."""
+        """Return the total mass [kg]."""
         return float(self.masses.sum())
 
     @cached_property
     def centre(self) -> np.ndarray:
-        """Centre of mass of the unstretched shape [m], (3,)."""
+        """Return the centre of mass of the unstretched shape [m], (3,)."""
         centre = self.masses @ self.positions / self.mass
         centre.setflags(write=False)
         return centre
 
     @cached_property
     def size(self) -> float:
-        """The widest distance of two of its particles, from rim to rim where they have a radius [m]."""
+        """Return the largest distance of two particles, from rim to rim where they have a radius [m].
+
+        It is the extent of a round feature where that is larger.
+        """
         farthest = max(float(np.linalg.norm(self.positions - one, axis=1).max()) for one in self.positions)
-        return farthest + 2 * self.radius
+        return max([farthest + 2 * self.radius, *(2 * feature.extent for feature in self.rounds)])
 
     @cached_property
     def swept(self) -> float:
-        """Diameter of the ball that it sweeps when it turns about its centre of mass [m]."""
-        return 2 * float(np.linalg.norm(self.positions - self.centre, axis=1).max() + self.radius)
+        """Return the diameter of the ball that the body sweeps when it turns about its centre of mass [m].
+
+        Where a round feature is off that centre, it is an upper bound.
+        """
+        farthest = np.linalg.norm(self.positions - self.centre, axis=1).max() + self.radius
+        of = [float(np.linalg.norm(feature.centre - self.centre)) + feature.extent for feature in self.rounds]
+        return 2 * max([float(farthest), *of])
 
     @cached_property
     def closed(self) -> bool:
-        """Whether its triangles enclose it: each edge is in two, which run along it in opposite senses."""
+        """Return whether triangles enclose the body: each edge is in two, in opposite senses."""
         return surface.is_closed(self.triangles)
 
     @cached_property
     def edges(self) -> np.ndarray:
-        """The sharp edges (E, 2) of a closed surface: convex, and turning by more than 1°."""
+        """Return the sharp edges (E, 2) of a closed surface: convex, and turning by more than 1°."""
         edges = surface.sharp_edges(self.positions, self.triangles) if self.closed else np.zeros((0, 2), int)
         edges.setflags(write=False)
         return edges
 
     @cached_property
     def thickness(self) -> float:
-        """How far it is straight through the body [m], at the least: twice the radius without triangles."""
+        """Return the least distance straight through the body [m]; twice the radius without triangles."""
         if not self.closed:
             return 2 * self.radius
         return surface.thickness(self.positions, self.triangles)
 
     def inertia(self, about: ArrayLike | None = None) -> np.ndarray:
-        """Inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), about a point (the centre of mass)."""
+        """Return the inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), about a point (the centre of mass)."""
         return inertia(
             self.positions - (self.centre if about is None else array("about", about, (3,))), self.masses
         )
 
     def principal(self, about: ArrayLike | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Principal moments [kg·m²], ascending, (3,), and axes, the columns of a rotation (3, 3)."""
+        """Return principal moments [kg·m²], ascending, (3,), and axes, the columns of a rotation (3, 3)."""
         moments, axes = np.linalg.eigh(self.inertia(about))
         if np.linalg.det(axes) < 0:
             axes[:, 2] *= -1
@@ -308,7 +338,7 @@ class Body(ReadOnly):
 
 
 def inertia(positions: np.ndarray, masses: np.ndarray) -> np.ndarray:
-    """Inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), of particles (N, 3) about the origin."""
+    """Return the inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), of particles (N, 3) about the origin."""
     r = positions
     return np.sum(masses * (r * r).sum(axis=1)) * np.eye(3) - (masses * r.T) @ r
 
@@ -325,7 +355,7 @@ def rigidity_matrix(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
 
 
 def rigid_motions(positions: np.ndarray, about: ArrayLike | None = None) -> np.ndarray:
-    """Displacements by unit translations and rotations about a point (the middle): (N, 3, 6)."""
+    """Return the displacements by unit translations and rotations about a point (the middle): (N, 3, 6)."""
     r = positions - (positions.mean(axis=0) if about is None else np.asarray(about))
     motions = np.zeros((len(r), 3, 6))
     motions[:, :, :3] = np.eye(3)
@@ -334,7 +364,7 @@ def rigid_motions(positions: np.ndarray, about: ArrayLike | None = None) -> np.n
 
 
 def rigid_ways(positions: np.ndarray, particles: Any = slice(None)) -> int:
-    """How many independent rigid motions of a body, of whatever size, move some of its particles."""
+    """Count the independent rigid motions of a body, of any size, that move some of its particles."""
     size = np.ptp(positions, axis=0).max() or 1.0
     return rank(rigid_motions(positions / size)[particles].reshape(-1, 6))
 
@@ -351,7 +381,7 @@ def assembled(blocks: np.ndarray, springs: np.ndarray, count: int) -> np.ndarray
 
 
 def rank(matrix: np.ndarray) -> int:
-    """Of a matrix, singular values of less than 1e-9 of the largest counted as zero."""
+    """Return the rank of a matrix; singular values below 1e-9 of the largest count as zero."""
     if not matrix.size:
         return 0
     sizes = np.linalg.svd(matrix, compute_uv=False)

@@ -31,7 +31,7 @@ def box(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Eight particles at the corners of a box about the origin, every pair joined: 28 springs.
+    """Make a box about the origin: eight particles at its corners, and a spring between every pair (28).
 
     Particles 0 to 3 go around the top, anticlockwise from (−x, −y); 4 to 7 lie below them. With equal
     masses, I_x = M (b² + c²)/4 and so on: three times that of a solid box.
@@ -68,7 +68,7 @@ def box(
 
 
 def cube(side: float = 1.0, mass: float = 1.0, stiffness: float = 1e5, damping: float = 10.0) -> Body:
-    """The paper's cube of 8 equal masses and 28 springs; its third axis is the diagonal from corner 0 to 6.
+    """Make the paper's cube: 8 equal masses, 28 springs; the third axis is the diagonal from corner 0 to 6.
 
     About its centre I = M b²/2 for every axis, about a corner I₃ = M b²/2 along the diagonal and
     I₁ = 5 M b²/4 across it: pinned at a corner it is a Lagrange top.

@@ -13,17 +13,17 @@ import numpy as np
 
 
 def largest_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> float:
-    """The largest distance of a particle."""
+    """Return the largest distance of a particle."""
     return float(_shares(positions, others, sizes).max())
 
 
 def largest_distances(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """The same of each copy (n,), for positions (n, N, 3)."""
+    """Return the largest distance of a particle in each copy (n,), for positions (n, N, 3)."""
     return np.asarray(_shares(positions, others, sizes).max(axis=-1))
 
 
 def rms_distance(positions: np.ndarray, others: np.ndarray, sizes: np.ndarray) -> float:
-    """Root mean square of the distances between particles."""
+    """Return the root mean square of the distances between particles."""
     return math.sqrt(np.square(_shares(positions, others, sizes)).mean())
 
 

@@ -16,7 +16,7 @@ HIGHER = "higher frequencies and the contraction across a stretch"
 
 @dataclass(frozen=True, eq=False)
 class Elastic(ReadOnly):
-    """The elastic solid that a body stands for.
+    """Describe the elastic solid that a body stands for.
 
     The body has its mass, centre of mass and inertia tensor exactly. Its springs are calibrated to the
     solid's lowest frequency and to its growth under spin, and its dampers to its loss factor.
@@ -73,7 +73,7 @@ def _ratio(value: float) -> str:
 
 @dataclass(frozen=True)
 class Cable:
-    """The cable of a round section that a rope stands for."""
+    """Describe the round cable that a rope stands for."""
 
     material: Material
     diameter: float
@@ -85,16 +85,16 @@ class Cable:
 
     @property
     def section(self) -> float:
-        """A [m²]"""
+        """Return the area A of the section [m²]."""
         return math.pi * self.diameter**2 / 4
 
     @property
     def mass(self) -> float:
-        """Of the cable alone [kg]."""
+        """Return the mass of the cable alone [kg]."""
         return self.material.density * self.section * self.length
 
     def bending_length(self, gravity: float = 9.81) -> float:
-        """√(EI/T) [m] under the weight T of the load: kinks are rounded over this length."""
+        """Return √(EI/T) [m] under the weight T of the load: the length over which bending rounds kinks."""
         moment = math.pi * self.diameter**4 / 64
         return math.sqrt(self.material.young * moment / (self.load * gravity))
 

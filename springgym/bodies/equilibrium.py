@@ -17,7 +17,7 @@ from springgym.checks import TINY, array, direction, indices, instance, number
 def relative_equilibrium(
     body: Body, omega: ArrayLike, pinned: tuple[int, ...] = (), gravity: ArrayLike | None = None
 ) -> np.ndarray:
-    """The shape (N, 3) in which the springs carry a rotation, and the weight.
+    """Return the shape (N, 3) in which the springs carry a rotation, and the weight.
 
     Rotation stretches springs; a body released in its unstretched shape therefore breathes. Here every
     particle satisfies
@@ -98,7 +98,7 @@ POWERS = np.array([[8, 6, 4, 2, 0]])
 
 @dataclass(frozen=True)
 class StretchedShapes:
-    """The `relative_equilibrium` shapes of a body for all spins up to ``fastest`` about one axis."""
+    """Hold the `relative_equilibrium` shapes of a body for all spins up to ``fastest`` about one axis."""
 
     fastest: float
     """[rad/s]"""
@@ -106,7 +106,7 @@ class StretchedShapes:
     """(5, N, 3), of the powers 4 … 0 of (spin/fastest)²"""
 
     def __call__(self, spin: float | np.ndarray) -> np.ndarray:
-        """The shape (N, 3) at a spin [rad/s], or shapes (k, N, 3) at several (k,)."""
+        """Return the shape (N, 3) at a spin [rad/s], or shapes (k, N, 3) at several (k,)."""
         spins = array("spin", spin, (), (None,))
         powers = (spins / self.fastest)[..., None, None] ** POWERS
         shapes = powers @ self.coefficients.reshape(5, -1)

@@ -34,7 +34,7 @@ def from_points(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """The convex hull of points: its corners, the edges of its surface, and a centre joined to them all.
+    """Make a body of the convex hull of points: corners, edges of the surface, and a centre joined to all.
 
     The centre lies at the mean of the corners. Springs are added until the body is rigid, though the
     hull with its centre always was in our trials.
@@ -87,7 +87,7 @@ def from_mesh(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """The vertices and edges of a mesh file (OBJ, STL and others), held in shape by springs through it.
+    """Make a body of the vertices and edges of a mesh file (OBJ, STL, …), with springs through it.
 
     By volume, each tetrahedron between a triangle and the centre of the solid gives a quarter of its mass
     to each corner, the centre being a particle joined to all vertices; so the centre of mass is that of
@@ -140,7 +140,7 @@ def from_mesh(
 
 
 def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
-    """Name, vertices (n, 3) [m], triangles (T, 3) and the solid's centre of mass (3,) [m] of a mesh file.
+    """Read a mesh file: name, vertices (n, 3) [m], triangles (T, 3), centre of mass of the solid (3,) [m].
 
     The surface is closed, its triangles anticlockwise seen from outside. Parameters and errors are those
     of `from_mesh`.
@@ -185,7 +185,7 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
 
 
 def union(bodies: Sequence[Body], name: str = "union") -> Body:
-    """One body of several that touch: particles at the same place become one, with the sum of the masses.
+    """Join bodies that touch: particles at the same place become one, with the sum of the masses.
 
     Where two bodies join the same two particles, their springs act side by side: stiffness and damping
     add up. Springs are added until the whole is rigid, so bodies may meet in an edge or a corner.
@@ -209,6 +209,9 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
     if count > MOST_VERTICES:
         raise ValueError(f"bodies have {count} particles together; they must have at most {MOST_VERTICES}")
     instance("name", name, str)
+    for body in bodies:
+        if body.rounds:
+            raise ValueError(f"body {body.name!r} has round features, which a union does not take over")
     names = [body.name for body in bodies]
     if len(set(names)) < len(names):
         raise ValueError(f"bodies have the names {', '.join(names)}; they must differ")
@@ -248,7 +251,7 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
 
 
 def convex_hull(points: np.ndarray) -> np.ndarray:
-    """Triangles (T, 3) of the convex hull of points (n, 3), corners anticlockwise seen from outside.
+    """Return the triangles (T, 3) of the convex hull of points (n, 3), anticlockwise seen from outside.
 
     Points are added one by one, those farthest out first: the triangles that see a new point give way to
     those between it and their common rim (Clarkson & Shor 1989, doi:10.1007/BF02187740).
@@ -299,7 +302,7 @@ def _spanning(r: np.ndarray, order: np.ndarray, tiny: float) -> tuple[int, ...]:
 
 
 def braces(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
-    """Pairs of particles (b, 2) to join in addition, so that springs hold a shape: none if they do.
+    """Return pairs of particles (b, 2) to join in addition, so that springs hold a shape; none if they do.
 
     One after the other, the pair whose distance the remaining changes of shape alter most.
     """

@@ -11,7 +11,7 @@ from springgym.bodies.network import Network
 
 
 def lattice(sides: Sequence[float], counts: Sequence[int]) -> tuple[Network, np.ndarray]:
-    """A box of cells with springs along their edges and face diagonals, and the stiffnesses (S,).
+    """Make a box of cells with springs along edges and face diagonals, and return the stiffnesses (S,).
 
     Springs of one cell of sides a, b, c and volume V, seen from afar, are a solid with
     C_xxyy V = 2 k_xy a² b²/(a² + b²) and C_xxxx V = k_x a² + 2 k_xy a⁴/(a² + b²) + 2 k_xz a⁴/(a² + c²).

@@ -16,7 +16,7 @@ from springgym.checks import array, flag, indices, instance, number
 
 
 class InitialState(NamedTuple):
-    """Where a body starts, and how it moves."""
+    """Describe where a body starts, and how it moves."""
 
     positions: np.ndarray
     """(N, 3) [m]"""
@@ -25,7 +25,7 @@ class InitialState(NamedTuple):
 
 
 def rigid_velocities(positions: np.ndarray, omega: ArrayLike, about: ArrayLike) -> np.ndarray:
-    """Velocities ω × (x − about) [m/s] of a rigid rotation, shape of ``positions``."""
+    """Return the velocities ω × (x − about) [m/s] of a rigid rotation, in the shape of ``positions``."""
     arms = array("positions", positions, (3,), (None, 3), (None, None, 3)) - array("about", about, (3,))
     return cross(array("omega", omega, (3,)), arms)
 

@@ -221,7 +221,7 @@ def missed(frequency_ratio: float, stretch_ratios: np.ndarray) -> float:
 
 
 def vibrations(body: Body) -> tuple[np.ndarray, np.ndarray]:
-    """Free vibrations of the springs of a body about its unstretched shape, without rigid motion.
+    """Return the free vibrations of a body about its unstretched shape, without rigid motion.
 
     Returns
     -------

@@ -22,7 +22,7 @@ TURNS = 4
 
 
 def heavy_top(body: Body, pinned: Sequence[int], gravity: Sequence[float]) -> HeavyTop:
-    """The rigid symmetric top of a body that is pinned on its axis.
+    """Return the rigid symmetric top of a body that is pinned on its axis.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def heavy_top(body: Body, pinned: Sequence[int], gravity: Sequence[float]) -> He
 
 
 def axial_moments(body: Body, about: np.ndarray, kind: str = "symmetric top") -> tuple[float, float]:
-    """Moments of inertia I₁ and I₃ across and along the third axis of a body, about a point (3,) [kg·m²].
+    """Return the moments of inertia I₁ and I₃ across and along a body's third axis, about a point [kg·m²].
 
     ``kind`` is what errors say that it is not.
 
@@ -71,7 +71,7 @@ def axial_moments(body: Body, about: np.ndarray, kind: str = "symmetric top") ->
 def precession_gap(
     body: Body, pinned: tuple[int, ...], gravity: Sequence[float], tilt: float, spin: float
 ) -> float:
-    """Share by which the slow steady precession of an elastic top differs from that of the rigid one.
+    """Return the share by which an elastic top's slow steady precession differs from that of the rigid one.
 
     In steady precession the top keeps a shape that turns about the vertical with its axis, while its
     particles pass through it. In each position about its axis that shape is the one in which springs carry
@@ -138,7 +138,7 @@ def precession_gap(
 
 
 def wobble_growth(body: Body, spin: float) -> float:
-    """Rate [1/s] at which a small wobble of a free symmetric body grows by internal friction.
+    """Return the rate [1/s] at which internal friction makes a small wobble of a free symmetric body grow.
 
     Friction keeps the angular momentum L and takes from the energy L² (cos²θ/I₃ + sin²θ/I₁)/2, θ the angle
     between L and the axis: a slender body, I₁ > I₃, turns over, and a flat one comes to rest (a negative

@@ -17,7 +17,7 @@ def rope(
     damping: float = 100.0,
     radius: float = 0.0,
 ) -> Body:
-    """A chain of particles from the origin straight down, the last one heavy: floppy on purpose.
+    """Make a chain of particles from the origin down, with a heavy last one. It is floppy on purpose.
 
     Its third axis points up, from the weight to the top.
 

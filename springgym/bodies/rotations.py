@@ -11,7 +11,7 @@ from springgym.checks import TINY, direction, number
 
 
 def rotation(axis: ArrayLike, angle: float) -> np.ndarray:
-    """Matrix (3, 3) of the rotation by ``angle`` [rad] about an axis (Rodrigues' formula)."""
+    """Return the matrix (3, 3) of the rotation by ``angle`` [rad] about an axis (Rodrigues' formula)."""
     return turned(direction("axis", axis), number("angle", angle))
 
 
@@ -36,7 +36,7 @@ def cross(u: np.ndarray, w: np.ndarray) -> np.ndarray:
 
 
 def axes(positions: np.ndarray, markers: Sequence[int]) -> np.ndarray:
-    """The triad of three particles (`Body.markers`) as the columns of a rotation (3, 3).
+    """Return the triad of three particles (`Body.markers`) as the columns of a rotation (3, 3).
 
     Where they lie on a line, the first axis is any one across it; in a point, they are the world's.
     """
@@ -61,7 +61,7 @@ def rotating(vector: Sequence[float] | np.ndarray) -> np.ndarray:
 
 
 def aligning(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """The least rotation that takes the direction of ``source`` to the unit vector ``target``."""
+    """Return the least rotation that takes the direction of ``source`` to the unit vector ``target``."""
     source = source / np.linalg.norm(source)
     across = np.cross(source, target)
     size = float(np.linalg.norm(across))

@@ -95,7 +95,7 @@ class Unit(NamedTuple):
 def solid_top(
     radius: float, height: float, material: Material | str, ring: int = 12, softened: float = 1.0
 ) -> Body:
-    """A solid cone on its tip: a ring of particles at its edge, a tip, and a heart on the axis.
+    """Make a solid cone on its tip: a ring of particles at its edge, a tip, and a heart on the axis.
 
     The heart lies at two thirds of the height and has 0.675 of the mass, the ring 0.3, the tip 0.025: no
     other heights and masses have the cone's mass, centre and inertia. Springs join ring neighbours, and
@@ -175,7 +175,7 @@ def _unit_top(ratio: float, ring: int, tensor: Tensor) -> Unit:
 def solid_box(
     sides: Sequence[float], material: Material | str, cells: int = 1, softened: float = 1.0
 ) -> Body:
-    """A solid box about the origin.
+    """Make a solid box about the origin.
 
     With ``cells`` = 1 it is divided into about cubic cells, one along its shortest side, with particles at
     their corners and centres. Springs join neighbours and are calibrated. A cube has 9 particles and 32
@@ -267,7 +267,7 @@ def _unit_lattice(sides: tuple[float, ...], counts: tuple[int, ...]) -> Unit:
 
 
 def solid_hull(points: Sequence[Sequence[float]], material: Material | str, softened: float = 1.0) -> Body:
-    """The solid convex hull of points: its corners, and its centre of mass joined to them all.
+    """Make the solid convex hull of points: its corners, and its centre of mass joined to them all.
 
     If no positive masses at these particles have the solid's moments, or no springs between them its lowest
     frequency, the middles of its edges become particles, too. Wood has its grain along z.
@@ -295,7 +295,7 @@ def solid_hull(points: Sequence[Sequence[float]], material: Material | str, soft
 
 
 def solid_mesh(path: str | Path, material: Material | str, scale: float = 1.0, softened: float = 1.0) -> Body:
-    """What the closed surface of a mesh file bounds: its vertices, and its centre of mass joined to them all.
+    """Make the solid in the closed surface of a mesh file: its vertices, joined to its centre of mass.
 
     If no positive masses at these particles have the solid's moments, or no springs between them its lowest
     frequency, the middles of its edges become particles, too. Wood has its grain along z.
@@ -407,7 +407,7 @@ def solid_rope(
     beads: int = 10,
     softened: float = 1.0,
 ) -> Body:
-    """A cable of round section with a weight at its end, from the origin straight down: floppy on purpose.
+    """Make a round cable with a weight at its end, from the origin straight down. It is floppy on purpose.
 
     Each of the n = ``beads`` − 1 springs has k = E A n/L, each bead the mass of the cable around it: ρ A L/n,
     half of it at both ends. Dampers are those of the lowest bounce, c = η k/ω. Bending is left out.
@@ -446,7 +446,7 @@ def solid_rope(
 
 
 def softened(body: Body, factor: float) -> Body:
-    """A body with all stiffnesses divided by a factor, and damping ratios that stay: dampers by its root.
+    """Divide all stiffnesses of a body by a factor, and dampers by its root: damping ratios stay.
 
     A body of a material is as if made of `Material.softened`. Works for any other, too.
 

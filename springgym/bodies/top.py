@@ -19,7 +19,7 @@ def top(
     damping: float = 100.0,
     scaled: Mapping[int, float] | None = None,
 ) -> Body:
-    """A ring of particles with half of the mass, a crown at its centre and a tip below with a quarter each.
+    """Make a top: a ring of particles with half of the mass, and a crown and a tip with a quarter each.
 
     Springs join ring neighbours, and crown and tip to the ring and to each other: 14 masses and 37
     springs for a ring of 12. Unstretched, about the tip: I₃ = M r²/2, I₁ = M (3h²/4 + r²/4).

@@ -23,9 +23,14 @@ def block_array(copies: int, shape: tuple[int, ...], dtype: Any) -> np.ndarray:
 
     One copy makes a block of width 1; more make blocks of `WIDTH`, the last one padded.
     """
+    return aligned_zeros(*block_layout(copies, shape, dtype))
+
+
+def block_layout(copies: int, shape: tuple[int, ...], dtype: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of a block array, see `block_array`."""
     dtype = np.dtype(dtype)
     width = 1 if copies == 1 else WIDTH[dtype]
-    return aligned_zeros((-(-copies // width), *shape), block_dtype(dtype, width))
+    return (-(-copies // width), *shape), block_dtype(dtype, width)
 
 
 def aligned_zeros(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
@@ -42,7 +47,7 @@ def numbers(array: np.ndarray) -> np.ndarray:
     return array["lanes"]
 
 
-def _by_copies(array: np.ndarray) -> np.ndarray:
+def by_copies(array: np.ndarray) -> np.ndarray:
     """View of a block array as plain numbers of shape (blocks, width, *shape)."""
     lanes = numbers(array)
     return lanes.transpose(0, lanes.ndim - 1, *range(1, lanes.ndim - 1))
@@ -50,28 +55,37 @@ def _by_copies(array: np.ndarray) -> np.ndarray:
 
 def to_copies(array: np.ndarray, copies: int) -> np.ndarray:
     """The values of a block array, copied to shape (copies, *shape)."""
-    lanes = _by_copies(array)
+    lanes = by_copies(array)
     rows = lanes.reshape(-1, *lanes.shape[2:])
     return np.array(rows[:copies], order="C")
 
 
 def set_copies(array: np.ndarray, index: np.ndarray, values: Any) -> None:
     """Set the copies ``index`` (k,) of a block array to ``values`` (k, *shape)."""
-    lanes = _by_copies(array)
+    lanes = by_copies(array)
     width = lanes.shape[1]
     lanes[index // width, index % width] = values
 
 
 def get_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
     """The values (k, *shape) of the copies ``index`` (k,) of a block array, copied."""
-    lanes = _by_copies(array)
+    lanes = by_copies(array)
     width = lanes.shape[1]
     return lanes[index // width, index % width]
 
 
+def chosen_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """A block array of nothing but the copies ``index`` (k,) of one; the last of them pads it."""
+    chosen = block_array(len(index), array.shape[1:], numbers(array).dtype)
+    blocks, width = chosen.shape[0], numbers(chosen).shape[-1]
+    padded = np.append(index, np.repeat(index[-1:], blocks * width - len(index)))
+    set_copies(chosen, np.arange(blocks * width), get_copies(array, padded))
+    return chosen
+
+
 def set_all(array: np.ndarray, values: np.ndarray) -> None:
     """Set all copies of a block array to ``values`` (copies, *shape)."""
-    lanes = _by_copies(array)
+    lanes = by_copies(array)
     width = lanes.shape[1]
     if width == 1:
         lanes[:, 0] = values

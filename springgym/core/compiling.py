@@ -194,7 +194,10 @@ class WholeTuple(models.TupleModel):
 
 @register_model(numba.types.NamedTuple)
 def _tuple_model(manager: Any, kind: Any) -> Any:
-    """Of this package's own tuples; those of others stay as they are, for code that others have compiled."""
+    """Return the data model of this package's own tuples.
+
+    Those of others stay as they are, for code that others have compiled.
+    """
     own = kind.instance_class.__module__.partition(".")[0] == PACKAGE
     return WholeTuple(manager, kind) if own else models.TupleModel(manager, kind)
 
@@ -418,7 +421,8 @@ def cache_directory() -> Path | None:
 
 
 def _asked(found: Any, sig: Any) -> Any:
-    """What was found, under the types that were asked for: those of a script's own classes are made anew."""
+    """Return what was found, under the types that were asked for: those of a script's own classes are made
+    anew."""
     args, _ = sigutils.normalize_signature(sig)
     if found.signature.args == tuple(args):
         return found

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import operator
 import re
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,13 +28,14 @@ from numba import types
 from numba.core import cgutils, config
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import lower_builtin, models, register_model
+from numpy.typing import DTypeLike
 
 from springgym.core.compiling import compiled, intrinsic
 from springgym.core.kinds import Each, Number
 from springgym.core.kinds import Ragged as Ragged
 
 
-def block_dtype(dtype: Any, width: int) -> np.dtype[Any]:
+def block_dtype(dtype: DTypeLike, width: int) -> np.dtype[Any]:
     """Element type of arrays with one number for each of ``width`` copies."""
     return np.dtype([("lanes", np.dtype(dtype), (width,))])
 
@@ -65,20 +67,20 @@ def _llvm(scalar: types.Type, width: int) -> ir.Type:
 
 @register_model(Lanes)
 class _LanesModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, lanes: Lanes) -> None:
+    def __init__(self, manager, lanes: Lanes) -> None:
         super().__init__(manager, lanes, _llvm(lanes.dtype, lanes.width))
 
 
 @register_model(Mask)
 class _MaskModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, mask: Mask) -> None:
+    def __init__(self, manager, mask: Mask) -> None:
         super().__init__(manager, mask, _llvm(types.boolean, mask.width))
 
 
 # --- Arithmetic -------------------------------------------------------------------------------------
 
 
-def as_lanes(context: Any, builder: Any, value: Any, given: types.Type, lanes: Lanes) -> Any:
+def as_lanes(context, builder, value, given: types.Type, lanes: Lanes):
     """``value`` itself if it is `Lanes`, else the number repeated in every lane."""
     if isinstance(given, Lanes):
         return value
@@ -91,7 +93,7 @@ def as_lanes(context: Any, builder: Any, value: Any, given: types.Type, lanes: L
     return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), everywhere)
 
 
-def _common(arguments: tuple[types.Type, ...]) -> Any:
+def _common(arguments: tuple[types.Type, ...]):
     """The one `Lanes` type among arguments that are lanes or numbers; None if there is not just one."""
     found = {a for a in arguments if isinstance(a, Lanes)}
     if len(found) != 1 or not all(isinstance(a, (Lanes, types.Number)) for a in arguments):
@@ -99,18 +101,18 @@ def _common(arguments: tuple[types.Type, ...]) -> Any:
     return found.pop()
 
 
-def _define(function: Any, emit: Any, *, compares: bool = False) -> None:
+def _define(function, emit, *, compares: bool = False) -> None:
     """Let ``function`` (an operator) act on lanes and numbers through ``emit(builder, left, right)``."""
 
     @infer_global(function)
     class _Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
+        def generic(self, args, kws):
             lanes = _common(args)
             if lanes is None:
                 return None
             return signature(Mask(lanes.width) if compares else lanes, *args)
 
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def lower(context, builder, sig, args):
         lanes = _common(sig.args)
         return emit(
             builder,
@@ -140,16 +142,16 @@ for _operator, _name in (
 
 @infer_global(operator.neg)
 class _Negation(AbstractTemplate):
-    def generic(self, args: Any, kws: Any) -> Any:
+    def generic(self, args, kws):
         return signature(args[0], args[0]) if isinstance(args[0], Lanes) else None
 
 
 @lower_builtin(operator.neg, Lanes)
-def _negate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def _negate(context, builder, sig, args):
     return builder.fneg(args[0])
 
 
-def _call(builder: Any, name: str, *operands: Any) -> Any:
+def _call(builder, name: str, *operands):
     """Call LLVM's function of that name for the type of the operands."""
     of = operands[0].type
     element = of.element if isinstance(of, ir.VectorType) else of
@@ -163,17 +165,17 @@ def _call(builder: Any, name: str, *operands: Any) -> Any:
 
 
 @intrinsic
-def sqrt(typingctx: Any, value: Any) -> Any:
+def sqrt(typingctx, value):
     """Square root of each lane."""
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         return _call(builder, "sqrt", args[0])
 
     return value(value), codegen
 
 
 def _intels() -> bool:
-    """Whether to compile for AVX-512 as Intel has it, with estimates of 1/√d and gathers that help.
+    """Tell whether to compile for AVX-512 as Intel has it, with estimates of 1/√d and gathers that help.
 
     On AMD's Zen roots are fast, too, and gathers slow.
     """
@@ -193,7 +195,7 @@ BELOW = 0.75 * 2.0**-53
 below the middle of two numbers, is rounded up."""
 
 
-def _rounded_inverse_sqrt(builder: Any, d: Any) -> Any:
+def _rounded_inverse_sqrt(builder, d):
     """1/√d of vectors of `ESTIMATED` numbers, root and inverse rounded correctly without either operation.
 
     The estimate is good for 14 bits, and for all but the last after a step of fourth order. A step each for
@@ -201,10 +203,10 @@ def _rounded_inverse_sqrt(builder: Any, d: Any) -> Any:
     """
     of = d.type
 
-    def each(number: float) -> Any:
+    def each(number: float):
         return ir.Constant(of, [number] * of.count)
 
-    def fused(a: Any, b: Any, c: Any) -> Any:
+    def fused(a, b, c):
         return _call(builder, "fma", a, b, c)
 
     mask = ir.Constant(ir.IntType(8), -1)
@@ -221,14 +223,14 @@ def _rounded_inverse_sqrt(builder: Any, d: Any) -> Any:
 
 
 @intrinsic
-def inverse_sqrt(typingctx: Any, value: Any) -> Any:
+def inverse_sqrt(typingctx, value):
     """1/√d in each lane, d being a normal number: root and inverse rounded as IEEE 754 says.
 
     Some processors are busy with a square root and a division for twice as long as with the products and sums
     that make the same of an estimate.
     """
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         (d,) = args
         of = d.type
         count = of.count if isinstance(of, ir.VectorType) else 1
@@ -236,7 +238,7 @@ def inverse_sqrt(typingctx: Any, value: Any) -> Any:
             one = ir.Constant(of, [1.0] * count) if count > 1 else ir.Constant(of, 1.0)
             return builder.fdiv(one, _call(builder, "sqrt", d))
 
-        def numbers(first: int, behind: int) -> Any:
+        def numbers(first: int, behind: int):
             return ir.Constant(ir.VectorType(ir.IntType(32), behind - first), list(range(first, behind)))
 
         found = [
@@ -254,23 +256,23 @@ def inverse_sqrt(typingctx: Any, value: Any) -> Any:
 
 
 @intrinsic
-def nearest(typingctx: Any, value: Any) -> Any:
+def nearest(typingctx, value):
     """The nearest whole number in each lane."""
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         return _call(builder, "rint", args[0])
 
     return value(value), codegen
 
 
 @intrinsic
-def multiply_add(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
+def multiply_add(typingctx, a, b, c):
     """a b + c, rounded once, in each lane: one instruction where a product and a sum are two."""
     lanes = _common((a, b, c))
     result = lanes or types.float64
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        def operand(value: Any, given: types.Type) -> Any:
+    def codegen(context, builder, sig, args):
+        def operand(value, given: types.Type):
             if lanes:
                 return as_lanes(context, builder, value, given, lanes)
             return context.cast(builder, value, given, result)
@@ -281,11 +283,11 @@ def multiply_add(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
 
 
 @intrinsic
-def select(typingctx: Any, mask: Any, true: Any, false: Any) -> Any:
+def select(typingctx, mask, true, false):
     """``true`` in the lanes where the mask holds, ``false`` in the others."""
     lanes = _common((true, false))
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         chosen = (
             as_lanes(context, builder, v, t, lanes) for v, t in zip(args[1:], sig.args[1:], strict=True)
         )
@@ -295,10 +297,10 @@ def select(typingctx: Any, mask: Any, true: Any, false: Any) -> Any:
 
 
 @intrinsic
-def any_lane(typingctx: Any, mask: Any) -> Any:
-    """Whether the mask holds in at least one lane."""
+def any_lane(typingctx, mask):
+    """Tell whether the mask holds in at least one lane."""
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         if mask.width == 1:
             return context.cast(builder, args[0], types.boolean, types.boolean)
         bits = builder.bitcast(args[0], ir.IntType(mask.width))
@@ -308,13 +310,13 @@ def any_lane(typingctx: Any, mask: Any) -> Any:
 
 
 @intrinsic
-def filled(typingctx: Any, mask: Any, value: Any) -> Any:
+def filled(typingctx, mask, value):
     """``value`` where the mask holds; in the other lanes, that of the first lane in which it does.
 
     Rows of an array that differ in no lane that matters are the same in all: `load_each` has it easier.
     """
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         if mask.width == 1:
             return args[1]
         bits = builder.bitcast(args[0], ir.IntType(mask.width))
@@ -327,11 +329,11 @@ def filled(typingctx: Any, mask: Any, value: Any) -> Any:
 
 
 @intrinsic
-def epsilon(typingctx: Any, value: Any) -> Any:
+def epsilon(typingctx, value):
     """Distance of 1 from the next number of the kind that lanes hold: 2⁻⁵², or 2⁻²³ in single precision."""
     size = float(np.finfo(value.dtype.name).eps)
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         return context.get_constant(types.float64, size)
 
     return types.float64(value), codegen
@@ -343,15 +345,15 @@ def epsilon(typingctx: Any, value: Any) -> Any:
 class _Array(NamedTuple):
     """LLVM values of an array's fields: Numba's own proxy writes the whole array to the stack to read one."""
 
-    meminfo: Any
-    parent: Any
-    itemsize: Any
-    data: Any
+    meminfo: ir.Value
+    parent: ir.Value
+    itemsize: ir.Value
+    data: ir.Value
     shape: list[Any]
     strides: list[Any]
 
 
-def _unpacked(context: Any, builder: Any, array_type: Any, value: Any) -> _Array:
+def _unpacked(context, builder, array_type, value) -> _Array:
     """The fields of an array."""
     field = context.data_model_manager[array_type].get_field_position
 
@@ -364,7 +366,7 @@ def _unpacked(context: Any, builder: Any, array_type: Any, value: Any) -> _Array
     return _Array(meminfo, parent, itemsize, data, axes("shape"), axes("strides"))
 
 
-def _packed(context: Any, builder: Any, array_type: Any, array: _Array) -> Any:
+def _packed(context, builder, array_type, array: _Array):
     """The array of these fields."""
     field = context.data_model_manager[array_type].get_field_position
     value = ir.Constant(context.get_value_type(array_type), ir.Undefined)
@@ -380,21 +382,21 @@ def _packed(context: Any, builder: Any, array_type: Any, array: _Array) -> Any:
 
 
 def _element(array: types.Array) -> types.Type:
-    """What `load` gives for an array: `Lanes` for an array of blocks, else its number."""
+    """Return what `load` gives for an array: `Lanes` for an array of blocks, else its number."""
     if isinstance(array.dtype, types.Record):
         lanes = array.dtype.typeof("lanes")
         return Lanes(lanes.dtype, lanes.shape[0])
     return array.dtype
 
 
-def check_index(context: Any, builder: Any, index: Any, extent: Any, axis: int = 0) -> None:
+def check_index(context, builder, index, extent, axis: int = 0) -> None:
     """Raise unless 0 ≤ index < extent, if Numba is told to check bounds: it checks its own accesses only."""
     if context.enable_boundscheck:
         # as an unsigned number, a negative one is too large
         _refuse(context, builder, ">=", index, extent, f"index %lld on axis {axis} of length %lld")
 
 
-def _refuse(context: Any, builder: Any, when: str, left: Any, right: Any, text: str) -> None:
+def _refuse(context, builder, when: str, left, right, text: str) -> None:
     """Print both numbers and raise where ``left`` ``when`` ``right``; an exception holds constants only."""
     name, lengths = builder.function.name.removeprefix("_ZN"), re.compile(r"\d+")
     parts = []  # of a mangled name, each after its length
@@ -411,7 +413,7 @@ def _refuse(context: Any, builder: Any, when: str, left: Any, right: Any, text: 
         context.call_conv.return_user_exc(builder, IndexError, (message,))
 
 
-def _indices(context: Any, builder: Any, index: Any, given: types.Type) -> list[Any]:
+def _indices(context, builder, index, given: types.Type) -> list[Any]:
     """Unpack an index that all lanes share into whole numbers, one an axis."""
     several = isinstance(given, types.BaseTuple)
     parts = cgutils.unpack_tuple(builder, index) if several else [index]
@@ -419,7 +421,7 @@ def _indices(context: Any, builder: Any, index: Any, given: types.Type) -> list[
     return [context.cast(builder, part, kind, types.intp) for part, kind in zip(parts, kinds, strict=True)]
 
 
-def _address(context: Any, builder: Any, array_type: Any, value: Any, indices: list[Any]) -> tuple[Any, int]:
+def _address(context, builder, array_type, value, indices: list[Any]) -> tuple[Any, int]:
     """Return the pointer to ``array[indices]`` of a C-contiguous array, and its alignment in bytes."""
     element = _element(array_type)
     array = _unpacked(context, builder, array_type, value)
@@ -440,13 +442,13 @@ def _address(context: Any, builder: Any, array_type: Any, value: Any, indices: l
 
 
 @intrinsic
-def load(typingctx: Any, array: Any, index: Any) -> Any:
+def load(typingctx, array, index):
     """``array[index]`` for all copies of the block: `Lanes`, or the number if it is shared.
 
     ``array`` is C-contiguous, of shape (rows,) with an integer index, or (rows, 3) with a pair.
     """
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         indices = _indices(context, builder, args[1], sig.args[1])
         pointer, alignment = _address(context, builder, sig.args[0], args[0], indices)
         return builder.load(pointer, align=alignment)
@@ -455,10 +457,10 @@ def load(typingctx: Any, array: Any, index: Any) -> Any:
 
 
 @intrinsic
-def store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
+def store(typingctx, array, index, value):
     """``array[index] = value`` for all copies of the block; a number is stored in every lane."""
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         indices = _indices(context, builder, args[1], sig.args[1])
         pointer, alignment = _address(context, builder, sig.args[0], args[0], indices)
         lanes = as_lanes(context, builder, args[2], sig.args[2], _element(sig.args[0]))
@@ -468,7 +470,7 @@ def store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
     return types.void(array, index, value), codegen
 
 
-def _in_all(builder: Any, value: Any, like: Any) -> Any:
+def _in_all(builder, value, like):
     """A whole number in every lane of one ``like`` it, or as it is."""
     if not isinstance(like.type, ir.VectorType):
         return value
@@ -477,8 +479,8 @@ def _in_all(builder: Any, value: Any, like: Any) -> Any:
     return builder.shuffle_vector(one, one, zeros)
 
 
-def _each(builder: Any, value: Any) -> list[Any]:
-    """What is in each lane."""
+def _each(builder, value) -> list[Any]:
+    """Return what is in each lane."""
     if not isinstance(value.type, ir.VectorType):
         return [value]
     lanes = (ir.Constant(ir.IntType(32), lane) for lane in range(value.type.count))
@@ -486,12 +488,12 @@ def _each(builder: Any, value: Any) -> list[Any]:
 
 
 def _number_of(element: types.Type) -> types.Type:
-    """What a lane of an array's elements is."""
+    """Return what a lane of an array's elements is."""
     return element.dtype if isinstance(element, Lanes) else element
 
 
-def _own_numbers(context: Any, builder: Any, sig: Any, args: Any, gathers: bool) -> Any:
-    """Where ``array[index]`` of a C-contiguous array is for each lane.
+def _own_numbers(context, builder, sig, args, gathers: bool):
+    """Return where ``array[index]`` of a C-contiguous array is for each lane.
 
     Returns
     -------
@@ -515,7 +517,7 @@ def _own_numbers(context: Any, builder: Any, sig: Any, args: Any, gathers: bool)
         check_index(context, builder, most, extents[0])
     own = isinstance(element, Lanes)
 
-    def offset(row: Any, lane: Any) -> Any:
+    def offset(row, lane):
         place = builder.sext(row, lane.type)
         if axis is not None:
             across = ir.Constant(long, 3) if own else extents[1]
@@ -533,7 +535,7 @@ def _own_numbers(context: Any, builder: Any, sig: Any, args: Any, gathers: bool)
     return data, [offset(row, ir.Constant(long, lane)) for lane, row in enumerate(_each(builder, rows))]
 
 
-def _gathered(builder: Any, data: Any, offset: Any, number: types.Float) -> Any:
+def _gathered(builder, data, offset, number: types.Float):
     """Numbers of all lanes, which the processor collects."""
     width = offset.type.count
     of, size = _llvm(number, width), number.bitwidth // 8
@@ -549,7 +551,7 @@ def _gathered(builder: Any, data: Any, offset: Any, number: types.Float) -> Any:
     return builder.call(gather, [pointers, alignment, mask, none])
 
 
-def _rows_of(array: Any, index: Any) -> Any:
+def _rows_of(array, index):
     """The `Lanes` type of an index that differs by copy; None if it is none."""
     lanes = index[0] if isinstance(index, types.BaseTuple) else index
     fits = isinstance(lanes, Lanes) and array.ndim == (2 if lanes is not index else 1)
@@ -557,7 +559,7 @@ def _rows_of(array: Any, index: Any) -> Any:
     return lanes if fits and not (isinstance(element, Lanes) and element != lanes) else None
 
 
-def _same_row(context: Any, builder: Any, sig: Any, args: Any, lanes: Lanes) -> tuple[Any, Any]:
+def _same_row(context, builder, sig, args, lanes: Lanes) -> tuple[Any, Any]:
     """Return whether all lanes ask for the same row of an array, and the address of that row."""
     index, axes = args[1], []
     if isinstance(sig.args[1], types.BaseTuple):
@@ -576,7 +578,7 @@ def _is_of_blocks(array: types.Type, lanes: Lanes) -> bool:
 
 
 @intrinsic
-def load_each(typingctx: Any, array: Any, index: Any) -> Any:
+def load_each(typingctx, array, index):
     """``array[index]`` where each copy has an index of its own: a whole number in each lane.
 
     ``array`` is as `load` takes it; of one of plain numbers, which all copies share, each copy gets its own
@@ -584,7 +586,7 @@ def load_each(typingctx: Any, array: Any, index: Any) -> Any:
     """
     lanes = _rows_of(array, index)
 
-    def each(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def each(context, builder, sig, args):
         number = _number_of(_element(sig.args[0]))
         gathers = INTELS and lanes.width > 1 and number == lanes.dtype
         data, offset = _own_numbers(context, builder, sig, args, gathers)
@@ -601,7 +603,7 @@ def load_each(typingctx: Any, array: Any, index: Any) -> Any:
             vector = builder.insert_element(vector, value, ir.Constant(ir.IntType(32), lane))
         return vector
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         if not _is_of_blocks(sig.args[0], lanes):
             return each(context, builder, sig, args)
         same, (pointer, alignment) = _same_row(context, builder, sig, args, lanes)
@@ -619,16 +621,16 @@ def load_each(typingctx: Any, array: Any, index: Any) -> Any:
 
 
 @intrinsic
-def store_each(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
+def store_each(typingctx, array, index, value):
     """``array[index] = value`` where each copy has an index of its own, in an array of blocks."""
     lanes = _rows_of(array, index)
 
-    def each(context: Any, builder: Any, sig: Any, args: Any, values: Any) -> None:
+    def each(context, builder, sig, args, values) -> None:
         data, offset = _own_numbers(context, builder, sig, args, gathers=False)
         for place, value in zip(offset, _each(builder, values), strict=True):
             builder.store(value, builder.gep(data, [place]))
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         values = as_lanes(context, builder, args[2], sig.args[2], lanes)
         if _is_of_blocks(sig.args[0], lanes):
             same, (pointer, alignment) = _same_row(context, builder, sig, args, lanes)
@@ -658,7 +660,7 @@ def _one_block(term: types.Type) -> types.Type:
     return term
 
 
-def _at(context: Any, builder: Any, term: types.Type, value: Any, block: Any) -> Any:
+def _at(context, builder, term: types.Type, value, block):
     """LLVM value of `at`: blocks lie one after another, so a block is an offset of the data."""
     if _one_block(term) == term:
         return value
@@ -674,14 +676,19 @@ def _at(context: Any, builder: Any, term: types.Type, value: Any, block: Any) ->
 
 
 @intrinsic
-def at(typingctx: Any, term: Any, block: Any) -> Any:
-    """A term with the values of one block: arrays of blocks are indexed, all else is shared."""
+def at(typingctx, term, block):
+    """Return a term with the values of one block: arrays of blocks are indexed, all else is shared."""
+    return _one_block(term)(term, block), _chosen_by(_at)
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+
+def _chosen_by(choose: Callable[..., ir.Value]):
+    """Return what emits ``choose`` of a term and a whole number."""
+
+    def codegen(context, builder, sig, args):
         index = context.cast(builder, args[1], sig.args[1], types.intp)
-        return _at(context, builder, sig.args[0], args[0], index)
+        return choose(context, builder, sig.args[0], args[0], index)
 
-    return _one_block(term)(term, block), codegen
+    return codegen
 
 
 # --- Several bodies -----------------------------------------------------------------------------------
@@ -704,14 +711,14 @@ def _of_body_type(term: types.Type) -> types.Type:
     return term
 
 
-def _item(context: Any, builder: Any, array_type: Any, value: Any, n: Any) -> Any:
+def _item(context, builder, array_type, value, n):
     """A number of a one-dimensional array."""
     array = _unpacked(context, builder, array_type, value)
     check_index(context, builder, n, array.shape[0])
     return context.unpack_value(builder, array_type.dtype, builder.gep(array.data, [n]))
 
 
-def _of_body(context: Any, builder: Any, term: types.Type, value: Any, body: Any) -> Any:
+def _of_body(context, builder, term: types.Type, value, body):
     """LLVM value of `of_body`."""
     result = _of_body_type(term)
     if result == term:
@@ -732,22 +739,17 @@ def _of_body(context: Any, builder: Any, term: types.Type, value: Any, body: Any
 
 
 @intrinsic
-def of_body(typingctx: Any, term: Any, body: Any) -> Any:
-    """A term with the values of one body: those of `Ragged` and `Each` are chosen, all else is shared."""
-
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        index = context.cast(builder, args[1], sig.args[1], types.intp)
-        return _of_body(context, builder, sig.args[0], args[0], index)
-
-    return _of_body_type(term)(term, body), codegen
+def of_body(typingctx, term, body):
+    """Return a term with the values of one body: `Ragged` and `Each` are chosen from, all else is shared."""
+    return _of_body_type(term)(term, body), _chosen_by(_of_body)
 
 
 @intrinsic
-def bodies_of(typingctx: Any, term: Any) -> Any:
-    """How many bodies' values a `Ragged` holds; 1 if it is an array."""
+def bodies_of(typingctx, term):
+    """Return how many bodies' values a `Ragged` holds; 1 if it is an array."""
     several = _is_one_of(Ragged, term)
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         if not several:
             return context.get_constant(types.intp, 1)
         start = cgutils.unpack_tuple(builder, args[0])[1]
@@ -761,12 +763,12 @@ def bodies_of(typingctx: Any, term: Any) -> Any:
 
 
 @compiled
-def maximum(a: Number, b: Number) -> Any:
+def maximum(a: Number, b: Number):
     """The larger of two in each lane."""
     return select(a > b, a, b)
 
 
 @compiled
-def minimum(a: Number, b: Number) -> Any:
+def minimum(a: Number, b: Number):
     """The smaller of two in each lane."""
     return select(a < b, a, b)

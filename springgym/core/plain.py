@@ -145,7 +145,7 @@ def _check(n: Any, extent: int, axis: int = 0) -> None:
 
 
 def _place(array: np.ndarray, index: Any) -> tuple[Any, ...]:
-    """Return the checked index of an element, or of one in each lane, as a tuple."""
+    """Check an index of an array, whole numbers or `Lanes` of them, and return it as a tuple, one an axis."""
     index = index if isinstance(index, tuple) else (index,)
     found = tuple(n.numbers.astype(np.int64) if isinstance(n, Lanes) else n for n in index)
     for axis, (n, extent) in enumerate(zip(found, array.shape, strict=True)):

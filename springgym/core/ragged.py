@@ -44,7 +44,7 @@ def stacked(terms: Sequence[Any], blocks: bool = True) -> Any:
 
 
 def share(term: Any, body: int) -> Any:
-    """What a body has of nested tuples that `stacked` made: views, to write to."""
+    """Return what a body has of nested tuples that `stacked` made: views, to write to."""
     if isinstance(term, Ragged):
         own = slice(term.start[body], term.start[body + 1])
         return term.values[:, own] if term.values.dtype.names else term.values[own]

@@ -31,7 +31,7 @@ class Vec(types.Type):
 
 @register_model(Vec)
 class _VecModel(models.StructModel):
-    def __init__(self, manager: Any, kind: Vec) -> None:
+    def __init__(self, manager, kind: Vec) -> None:
         super().__init__(manager, kind, [(axis, kind.of) for axis in "xyz"])
 
 
@@ -50,14 +50,14 @@ def _common(kinds: tuple[types.Type, ...]) -> types.Type | None:
     return found.pop() if found else types.float64
 
 
-def _cast(context: Any, builder: Any, value: Any, given: types.Type, of: types.Type) -> Any:
+def _cast(context, builder, value, given: types.Type, of: types.Type):
     """Cast a number to the type of a component."""
     if isinstance(of, Lanes):
         return as_lanes(context, builder, value, given, of)
     return context.cast(builder, value, given, of)
 
 
-def _components(context: Any, builder: Any, value: Any, given: types.Type, of: types.Type) -> list[Any]:
+def _components(context, builder, value, given: types.Type, of: types.Type) -> list[Any]:
     """Return the three components of a vector, or a number three times."""
     if isinstance(given, Vec):
         parts = [builder.extract_value(value, axis) for axis in range(3)]
@@ -65,7 +65,7 @@ def _components(context: Any, builder: Any, value: Any, given: types.Type, of: t
     return [_cast(context, builder, value, given, of)] * 3
 
 
-def _made(context: Any, builder: Any, kind: Vec, parts: list[Any]) -> Any:
+def _made(context, builder, kind: Vec, parts: list[Any]):
     """Build the vector of three components."""
     value = ir.Constant(context.get_value_type(kind), ir.Undefined)
     for axis, part in enumerate(parts):
@@ -74,11 +74,11 @@ def _made(context: Any, builder: Any, kind: Vec, parts: list[Any]) -> Any:
 
 
 @intrinsic
-def vec(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
+def vec(typingctx, x, y, z):
     """Build the vector (x, y, z)."""
     of = _common((x, y, z))
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def codegen(context, builder, sig, args):
         parts = [_cast(context, builder, v, t, of) for v, t in zip(args, sig.args, strict=True)]
         return _made(context, builder, sig.return_type, parts)
 
@@ -93,13 +93,13 @@ def _define(function: Callable[..., Any], emit: str, *takes: tuple[type, ...]) -
 
     @infer_global(function)
     class _Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
+        def generic(self, args, kws):
             if not any(len(kinds) == len(args) and all(map(isinstance, args, kinds)) for kinds in takes):
                 return None
             of = _common(args)
             return of and signature(Vec(of), *args)
 
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def lower(context, builder, sig, args):
         kind = sig.return_type
         sides = [_components(context, builder, v, t, kind.of) for v, t in zip(args, sig.args, strict=True)]
         parts = [getattr(builder, emit)(*operands) for operands in zip(*sides, strict=True)]
@@ -119,26 +119,26 @@ _define(operator.neg, "fneg", (Vec,))
 class _Component(AbstractTemplate):
     key = "static_getitem"
 
-    def generic(self, args: Any, kws: Any) -> Any:
+    def generic(self, args, kws):
         vector, index = args
         return signature(vector.of, *args) if isinstance(vector, Vec) and index in (0, 1, 2) else None
 
 
 @lower_builtin("static_getitem", Vec, types.Any)
-def _component_of(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def _component_of(context, builder, sig, args):
     return builder.extract_value(args[0], args[1])
 
 
 @infer_global(operator.getitem)
 class _SomeComponent(AbstractTemplate):
-    def generic(self, args: Any, kws: Any) -> Any:
+    def generic(self, args, kws):
         vector, index = args
         fits = isinstance(vector, Vec) and isinstance(index, types.Integer)
         return signature(vector.of, vector, types.intp) if fits else None
 
 
 @lower_builtin(operator.getitem, Vec, types.Integer)
-def _some_component(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def _some_component(context, builder, sig, args):
     vector, index = args
     found = builder.extract_value(vector, 0)
     for axis in (1, 2):

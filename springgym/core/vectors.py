@@ -142,7 +142,7 @@ def inertia(x: Rows, mass: Numbers, about: Vector) -> Tensor:
 
 @compiled
 def cofactors(tensor: Tensor) -> tuple[Vector, Vector, Vector, Number]:
-    """Of a symmetric tensor (xx, yy, zz, xy, xz, yz), in rows; and its determinant."""
+    """Return the cofactors of a symmetric tensor (xx, yy, zz, xy, xz, yz), in rows, and its determinant."""
     xx, yy, zz, xy, xz, yz = tensor
     first = vec(yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
     second = vec(first[1], xx * zz - xz * xz, xy * xz - xx * yz)
@@ -168,7 +168,7 @@ def solve_symmetric(tensor: Tensor, b: Vector) -> Vector:
 
 @compiled
 def inverse_symmetric(tensor: Tensor) -> tuple[Vector, Vector]:
-    """What `solve_symmetric` multiplies by: xx, yy, zz; xy, xz, yz."""
+    """Return what `solve_symmetric` multiplies by: xx, yy, zz; xy, xz, yz."""
     xx, yy, zz, _, _, _ = tensor
     first, second, third, determinant = cofactors(tensor)
     size = 0.5 * (xx + yy + zz)

@@ -83,7 +83,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 @kernel
-def move(goal: np.ndarray) -> None:
+def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
     """The place goes on along its circle: x, y, z, its velocity x, y, and its angular velocity."""
     for c in range(goal.shape[0]):
         turn = goal[c, 5] * PERIOD
@@ -95,7 +95,7 @@ def move(goal: np.ndarray) -> None:
 
 
 class SpringBalance(Task):
-    """The MDP of `SpringBalanceEnv`, where it is described."""
+    """Define the MDP of `SpringBalanceEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 2}
     terms = ("near", "placed")
@@ -178,7 +178,7 @@ class SpringBalance(Task):
 
     def look(self) -> Look:
         radii = np.append(np.zeros(len(self.plate.masses)), BALL_RADIUS)
-        return replace(film.look(self.scene, None), radii=radii, ball_colors=ORANGE)
+        return replace(film.look(self.scene), radii=radii, ball_colors=ORANGE)
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.2), 1.3, elevation=0.6)
@@ -186,10 +186,10 @@ class SpringBalance(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=-0.3)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        error = math.hypot(m.centre[BALL, 0] - goal[0], m.centre[BALL, 1] - goal[1])
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        error = math.hypot(m.centre[BALL, 0] - s.goal[0], m.centre[BALL, 1] - s.goal[1])
         return Marks(
-            balls=[(goal[:3], 0.05)],
+            balls=[(s.goal[:3], 0.05)],
             lines=[((0.0, 0.0, -0.3), (0.0, 0.0, 0.0))],
             key=((GREEN, "keep the ball here"),),
             text=(f"off its place {100 * error:4.1f} cm",),
@@ -208,9 +208,9 @@ class BalanceOptions(EnvOptions, total=False):
 class SpringBalanceEnv(SpringEnv, gym.Env):
     """
     ## Description
-    A plate stands with its tip on a stick, as a juggler's does, and a ball lies on it. Neither stays by
-    itself. Keep the ball at a place that moves on a circle. The plate is a ring of 6 particles and a crown,
-    flat above, and a tip below that is pinned; 19 springs hold it. The ball is one particle with a radius: it
+    A plate stands with its tip on a stick, as a juggler's does, and a ball lies on it. Keep the ball at a
+    place that moves on a circle; neither plate nor ball stays by itself. 19 springs hold the plate, a ring of
+    6 particles and a crown, flat above, with a pinned tip below. The ball is one particle with a radius. It
     slides without friction, and bounces.
 
     ## Action Space
@@ -246,9 +246,9 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
     and with G.
 
     ## Starting State
-    All is at rest: the plate tilted by U(0, 0.05) rad, the ball on it, anywhere within 0.25 m of its axis.
-    The place starts anywhere on its circle, of radius U(0.05, 0.2) m, and goes either way at U(0.4, 1.2)
-    rad/s. `reset(options={"tilt": …, "away": …, "radius": …, "rate": …})` sets any of them.
+    Everything is at rest. The plate is tilted by U(0, 0.05) rad, and the ball lies on it, anywhere within
+    0.25 m of its axis. The place starts anywhere on its circle of radius U(0.05, 0.2) m, and moves either way
+    at U(0.4, 1.2) rad/s. `reset(options={"tilt": …, "away": …, "radius": …, "rate": …})` sets any of them.
 
     ## Episode End
     Termination: the ball is 2 cm below the plate's plane or 0.3 m above it, the plate tilted by 0.7 rad, or
@@ -257,14 +257,16 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
 
     ## Information
     `error` e [m], `tilt` of the plate [rad], `gap` between ball and plate's plane [m], `energy` and
-    `energy_drift` [J], `strain`.
-    Of the pairs of bodies, since the episode began: `pairs_touching` now, `pairs_impulse` [N·s],
-    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`.
+    `energy_drift` [J], `strain`. Five entries describe the pairs of bodies. `pairs_touching` counts those
+    that touch now. Since the start of the episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap`
+    their least gap [m], at most the reach of their contact, `pairs_missed` counts contacts that were
+    found too late,
+    and `too_fast` those that the step does not compute well.
 
     ## Arguments
-    - `observation`: above.
+    - `observation`: see above.
     - `restitution=0.8`: a ball that bounces more than the usual one (0.3).
-    - `hard=True`: torques up to 1.5 N·m, and a place that goes at U(1.2, 2) rad/s.
+    - `hard=True`: torques up to 1.5 N·m, and a place that moves at U(1.2, 2) rad/s.
     - `integrator` ("verlet"), `step` (1.67e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
@@ -280,7 +282,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
 
 
 class SpringBalanceVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringBalanceEnv`."""
+    """Run a native batch of `SpringBalanceEnv`."""
 
     task_type = SpringBalance
 

@@ -18,10 +18,11 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
 from numpy.typing import DTypeLike
 
-from springgym.checks import chosen, flag, instance, shown, whole
+from springgym.checks import chosen, flag, indices, instance, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
 from springgym.envs.options import arguments
 from springgym.envs.task import MET, Task
+from springgym.envs.tolerance import SAFETY, Choice, chosen_for
 from springgym.guard import Guard, guarded
 from springgym.rendering import Renderer
 
@@ -35,7 +36,7 @@ class Stateful:
         raise NotImplementedError
 
     def get_state(self) -> dict[str, Any]:
-        """The true state, with clocks and random generators: give it to `set_state`."""
+        """Return the true state, with clocks and random generators, for `set_state`."""
         raise NotImplementedError
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -44,11 +45,13 @@ class Stateful:
 
 
 class _Common(Stateful):
-    """What the single and the batch environment share. One thread at a time may use one, see `Guard`."""
+    """Share what the single and the batch environment have in common. One thread at a time, see `Guard`."""
 
     _guard: Guard
     task_type: ClassVar[type[Task]]
     episodes: Episodes
+    chosen: Choice | None = None
+    """what a tolerance made of the method and the steps; None if none was given"""
     _spec: EnvSpec | None = None
 
     def _make(
@@ -65,19 +68,28 @@ class _Common(Stateful):
         sparse: bool = False,
         max_episode_steps: int | None = None,
         error: bool = False,
+        tolerance: float | None = None,
         **options: Any,
     ) -> None:
         self._guard = Guard()
+        task = self.task_type(**options)
+        made: dict[str, Any] = {
+            "dynamics": dynamics,
+            "dtype": dtype,
+            "threads": threads,
+            "randomize": randomize,
+        }
+        if tolerance is not None:
+            if step is not None:
+                raise ValueError("step and tolerance are both given; a tolerance chooses the step")
+            self.chosen = chosen_for(task, copies, tolerance, integrator, damping_every=damping_every, **made)
+            integrator, made["wanted_step"] = self.chosen.integrator, task.period / self.chosen.steps
         self.episodes = Episodes(
-            self.task_type(**options),
+            task,
             copies,
             integrator=integrator,
             step=step,
             damping_every=damping_every,
-            dynamics=dynamics,
-            dtype=dtype,
-            threads=threads,
-            randomize=randomize,
             sparse=sparse,
             max_episode_steps=max_episode_steps,
             error=error,
@@ -86,6 +98,7 @@ class _Common(Stateful):
                 for name, value in arguments(self.task_type, options).items()
                 if name not in ("body", "scene")  # what they are made of is compared
             },
+            **made,
         )
 
     @property
@@ -94,7 +107,7 @@ class _Common(Stateful):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """How `gymnasium.make` makes the environment again, in data that JSON can hold."""
+        """Return how `gymnasium.make` makes the environment again, in data that JSON can hold."""
         return self._spec
 
     @spec.setter
@@ -140,12 +153,15 @@ class _Common(Stateful):
         }
         if episodes.error is not None:
             always["step_error"] = episodes.error.last[copies]
+        if self.chosen is not None:
+            always["error_bound"] = np.full(episodes.copies, SAFETY * self.chosen.error)[copies]
         if task.scene.meetings:
             met, reach = episodes.simulator.pairs(), task.scene.meetings.reach
             always["pairs_touching"] = met.touching[copies].sum(axis=-1, dtype=float)
             always["pairs_impulse"] = met.impulse[copies].sum(axis=-1)
             always["pairs_least_gap"] = np.minimum(met.least_gap[copies], reach).min(axis=-1)
             always["pairs_missed"] = met.misses[copies].sum(axis=-1)
+            always["too_fast"] = met.too_fast[copies].sum(axis=-1)
         if episodes.ranges:
             drawn = episodes.factors[copies]
             always["randomization"] = {name: drawn[..., n] for n, name in enumerate(episodes.ranges)}
@@ -156,9 +172,7 @@ class _Common(Stateful):
         positions, _ = episodes.particles
         if not episodes.diverged[copy]:
             renderer.camera = renderer.camera.keeping(positions[copy], renderer.size)
-        m = episodes.measures_of(copy)
-        marks = episodes.task.marks(m, positions[copy], episodes.action[copy], episodes.goal[copy])
-        return renderer.draw(positions[copy], marks)
+        return renderer.draw(positions[copy], episodes.task.marks(*episodes.seen_of(copy)))
 
     def _restart(self, renderer: Renderer, copy: int) -> None:
         """Show the new episode of a copy."""
@@ -193,7 +207,7 @@ class _OneCopy(_Common):
 
 
 class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
-    """One environment.
+    """Run one environment.
 
     A concrete one names `gymnasium.Env` among its own bases: some libraries look there to tell what it is.
 
@@ -210,6 +224,10 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
     error
         Whether ``info["step_error"]`` says how far each control period is from the same in finer steps, see
         `springgym.envs.error`; it makes a step cost three times as much.
+    tolerance
+        The largest error of a control period that is wanted, as a share of the body's size: it chooses step
+        and, unless it is given, integrator, see `springgym.envs.tolerance`. They are tried when the
+        environment is made, which takes seconds. ``info["error_bound"]`` is what was found to hold.
     sparse
         Whether a step is rewarded with 1 where the aim is met, else with 0, in place of the reward that the
         task is shaped by. The terms of the latter stay in ``info``.
@@ -297,7 +315,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
 
     @guarded
     def get_state(self) -> dict[str, Any]:
-        """The true state, with clock and random generator: give it to `set_state`."""
+        """Return the true state, with clock and random generator, for `set_state`."""
         return {
             "episodes": self.episodes.state(),
             "rng": self.np_random.bit_generator.state,
@@ -318,7 +336,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
             If the state is not one of an environment made like this one, but for its time limit, or is
             mangled; it says what differs. Nothing is changed then.
         """
-        _check_keys(state, ("episodes", "rng", "seed", "ready"))
+        _check_keys(state, OF_ONE)
         generator = _generator("state['rng']", state["rng"])
         seed = _seed_of("state['seed']", state["seed"])
         ready = flag("state['ready']", state["ready"])
@@ -330,7 +348,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
 
 
 class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Many copies stepped by one call, equal to the bit to as many single environments.
+    """Step many copies by one call; they equal as many single environments to the bit.
 
     A concrete one names `gymnasium.vector.VectorEnv` among its own bases, see `SpringEnv`.
 
@@ -499,7 +517,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     @guarded
     def render(self) -> tuple[Any, ...]:
-        """A picture of every copy."""
+        """Draw a picture of every copy."""
         if self.render_mode is None:
             raise ValueError('make the batch with render_mode="rgb_array" to draw it')
         self._check_ready("render")
@@ -514,7 +532,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     @property  # type: ignore[override]
     def np_random(self) -> tuple[np.random.Generator, ...]:
-        """The random generators of the copies, one each; seeded at random before the first reset."""
+        """Return the random generators of the copies, one each; seeded at random before the first reset."""
         if not self._generators:
             pairs = [seeding.np_random(None) for _ in range(self.num_envs)]
             self._generators, self._seeds = [rng for rng, _ in pairs], [seed for _, seed in pairs]
@@ -532,43 +550,94 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
-        """The seeds of `np_random`, −1 where the generator was set and not seeded."""
+        """Return the seeds of `np_random`, −1 where the generator was set and not seeded."""
         return tuple(self._seeds) if self.np_random else ()
 
     @guarded
-    def get_state(self) -> dict[str, Any]:
-        """The true state of all copies, with clocks and random generators: give it to `set_state`."""
-        return {
-            "episodes": self.episodes.state(),
-            "rng": [generator.bit_generator.state for generator in self.np_random],
-            "seed": list(self.np_random_seed),
-            "ready": not self.episodes.unready,
-            "ended": self._ended.copy(),
-        }
+    def get_state(self, copies: Any = None) -> dict[str, Any]:
+        """Return the true state of some copies or all, with clocks and random generators, for `set_state`.
 
-    @guarded
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state, to the bit: what follows is what followed.
+        Parameters
+        ----------
+        copies : (k,), optional
+            Their indices, or a mask: the state is then as that of a batch of k copies.
 
         Raises
         ------
-        ValueError
-            If the state is not one of an environment made like this one, but for its time limit, or is
-            mangled; it says what differs. Nothing is changed then.
+        TypeError, ValueError
+            If there are no such copies.
         """
-        _check_keys(state, ("episodes", "rng", "seed", "ready", "ended"))
+        own = self._some(copies)
+        return {
+            "episodes": self.episodes.state(None if copies is None else own),
+            "rng": [self.np_random[n].bit_generator.state for n in own],
+            "seed": [self.np_random_seed[n] for n in own],
+            "ready": not self.episodes.unready,
+            "ended": self._ended[own],
+        }
+
+    @guarded
+    def set_state(self, state: Mapping[str, Any], copies: Any = None) -> None:
+        """Return to a state, or set it into some copies, to the bit: what follows is what followed.
+
+        Parameters
+        ----------
+        state
+            That of this batch, or of one made like it.
+        copies : (k,), optional
+            Which copies are set, and no other: indices, or a mask. The state is then of k copies, or of one,
+            be it a single environment, which all of them continue. Each has a random generator of its own,
+            in the state of the one that it had there: autoreset draws what the single environment would, and
+            in all copies of one state the same.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the state is not one of an environment made like this one, but for its time limit and number of
+            copies, or is mangled; it says what differs. If there are no such copies, or no episode has begun:
+            there, or in copies here that are not set. Nothing is changed then.
+        """
+        own = self._some(copies)
+        if copies is not None and isinstance(state, Mapping) and set(state) == set(OF_ONE):
+            state = {**state, "rng": [state["rng"]], "seed": [state["seed"]], "ended": np.zeros(1, bool)}
+        _check_keys(state, (*OF_ONE, "ended"))
+        where = None if copies is None else own
+        count = self.episodes.count_in(state["episodes"], where)
         for name, kind in (("rng", list), ("seed", list), ("ended", np.ndarray)):
-            if len(instance(f"state[{name!r}]", state[name], kind)) != self.num_envs:
-                raise ValueError(f"state[{name!r}] is of {len(state[name])} copies, here are {self.num_envs}")
-        generators = [_generator(f"state['rng'][{n}]", its) for n, its in enumerate(state["rng"])]
-        seeds = [_seed_of(f"state['seed'][{n}]", seed) for n, seed in enumerate(state["seed"])]
-        ready, ended = flag("state['ready']", state["ready"]), state["ended"].copy()
+            if len(instance(f"state[{name!r}]", state[name], kind)) != count:
+                raise ValueError(f"state[{name!r}] is of {len(state[name])} copies; it must be of {count}")
+        checked = [_generator(f"state['rng'][{n}]", its) for n, its in enumerate(state["rng"])]
+        given = [_seed_of(f"state['seed'][{n}]", seed) for n, seed in enumerate(state["seed"])]
+        ready, ended = flag("state['ready']", state["ready"]), state["ended"]
         if ended.dtype != bool or ended.ndim != 1:
             raise ValueError(f"state['ended'] is {ended.dtype} of shape {ended.shape}; it must be a mask")
-        self.episodes.restore(state["episodes"])
-        self._generators, self._seeds, self._ended = generators, seeds, ended
+        if copies is not None:
+            self._check_begun(ready, own)
+        generators, seeds = list(self.np_random), list(self.np_random_seed)
+        for n, copy in enumerate(own):
+            generators[copy] = checked[n] if count == len(own) else _restored(state["rng"][0])
+            seeds[copy] = given[n % count]
+        self.episodes.restore(state["episodes"], where)
+        self._generators, self._seeds = generators, seeds
+        self._ended[own] = ended
         self.episodes.unready = "" if ready else NOT_BEGUN
-        self._show_new(np.arange(self.num_envs))
+        self._show_new(own)
+
+    def _some(self, copies: Any) -> np.ndarray:
+        """Indices (k,) of copies, checked; all if None."""
+        if copies is None:
+            return np.arange(self.num_envs)
+        own = indices("copies", copies, self.num_envs, once=True)
+        if not len(own):
+            raise ValueError(f"copies is {shown(copies)}; it must name a copy")
+        return own
+
+    def _check_begun(self, ready: bool, own: np.ndarray) -> None:
+        """Refuse to set copies where no episode has begun, there or in those here that are left."""
+        if not ready:
+            raise ValueError("state['ready'] is False; to be set into copies, its episode must have begun")
+        if self.episodes.unready and len(own) < self.num_envs:
+            raise ValueError(f"copies leaves out some, and {self.episodes.unready}: reset or set all copies")
 
     @guarded
     def __getstate__(self) -> dict[str, Any]:
@@ -578,8 +647,8 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 # --- States, through wrappers -------------------------------------------------------------------------
 
 
-def get_state(env: object) -> dict[str, Any]:
-    """The true state of an environment, or of a native batch, as it was made.
+def get_state(env: object, copies: Any = None) -> dict[str, Any]:
+    """Return the true state of an environment or of a native batch.
 
     It holds positions and velocities, clocks, goals, factors, time limits and random generators, and what the
     monitor of `springgym.envs.sb3.make_sb3` counts. Wrappers of yours that remember something are not in it;
@@ -590,33 +659,51 @@ def get_state(env: object) -> dict[str, Any]:
     env
         From `gymnasium.make`, `gymnasium.make_vec`, `springgym.make_scene_env`, `springgym.envs.parallel` or
         `springgym.envs.sb3.make_sb3`.
+    copies : (k,), optional
+        Of a native batch, the indices of copies, or a mask: the state is of these k then.
 
     Raises
     ------
     TypeError
-        If it is no environment of springgym, or several in a loop of Gymnasium's.
+        If it is no environment of springgym, or several in a loop of Gymnasium's; or if copies are named, and
+        it is no native batch.
+    ValueError
+        If there are no such copies.
     """
-    return _own(env).get_state()
+    own = _own(env)
+    return dict(own.get_state(*_named(own, copies)))
 
 
-def set_state(env: Any, state: Mapping[str, Any]) -> None:
-    """Return to what `get_state` gave, to the bit: what follows is what followed.
+def set_state(env: Any, state: Mapping[str, Any], copies: Any = None) -> None:
+    """Return to what `get_state` gave, or set it into copies, to the bit: what follows is what followed.
 
     The time limit that `gymnasium.make` adds returns, too.
 
+    Parameters
+    ----------
+    env
+        As for `get_state`.
+    state
+        Of this environment, or of one made like it.
+    copies : (k,), optional
+        Which copies of a native batch are set: to a state of k copies of a batch, or all to that of one copy
+        or of a single environment, see `SpringVectorEnv.set_state`.
+
     Raises
     ------
     TypeError
-        If it is no environment of springgym, or several in a loop of Gymnasium's.
+        If it is no environment of springgym, or several in a loop of Gymnasium's; or if copies are named, and
+        it is no native batch.
     ValueError
-        If the state is not one of this environment, see `SpringEnv.set_state`. Nothing is changed then.
+        If the state is not one of this environment, see `SpringEnv.set_state`, or there are no such copies.
+        Nothing is changed then.
     """
     own = _own(env)
-    unready = own._unready
-    own.set_state(state)
+    unready, where = own._unready, _named(own, copies)
+    own.set_state(state, *where)
     if env is not own and unready:  # wrappers, too, want a first reset
         env.reset()
-        own.set_state(state)
+        own.set_state(state, *where)
     while isinstance(env, gym.Wrapper):
         if isinstance(env, TimeLimit):
             env._elapsed_steps = int(own.episodes.elapsed[0])  # type: ignore[assignment]
@@ -635,6 +722,16 @@ def _own(env: Any) -> Any:
     return own
 
 
+def _named(own: object, copies: Any) -> tuple[Any, ...]:
+    """The argument that names copies of a native batch; none if none are named."""
+    if copies is not None and not isinstance(own, SpringVectorEnv):
+        raise TypeError(
+            f"copies is {shown(copies)}; it must be left out: only a native batch of gymnasium.make_vec has "
+            f"copies to choose from, and env is a {type(own).__name__}"
+        )
+    return () if copies is None else (copies,)
+
+
 def _check_keys(state: object, keys: Sequence[str]) -> None:
     if not isinstance(state, Mapping) or set(state) != set(keys):
         given = f"is {shown(state)}"
@@ -643,6 +740,9 @@ def _check_keys(state: object, keys: Sequence[str]) -> None:
         raise ValueError(f"state is not one of this environment: it {given}; it must hold {', '.join(keys)}")
 
 
+OF_ONE = ("episodes", "rng", "seed", "ready")
+"""What the state of a single environment holds; that of a batch holds "ended", too."""
+
 LAST = {"MT19937": ("pos", 624), "Philox": ("buffer_pos", 4)}
 """Of generators that hand numbers out of a buffer: what counts them, and how many it holds."""
 
@@ -650,19 +750,25 @@ LAST = {"MT19937": ("pos", 624), "Philox": ("buffer_pos", 4)}
 def _generator(name: str, state: Any) -> np.random.Generator:
     """A generator in the state that one had; ``name`` is what errors call it."""
     try:
-        kind = getattr(np.random, state["bit_generator"])
-        if not issubclass(kind, np.random.BitGenerator):
+        kind = state["bit_generator"]
+        if not issubclass(getattr(np.random, kind), np.random.BitGenerator):
             raise TypeError
-        bits = kind(0)
-        bits.state = state
-        right = _same(bits.state, state) and state.get("has_uint32", 0) in (0, 1)
-        if kind.__name__ in LAST:
-            count, last = LAST[kind.__name__]
+        restored = _restored(state)
+        right = _same(restored.bit_generator.state, state) and state.get("has_uint32", 0) in (0, 1)
+        if kind in LAST:
+            count, last = LAST[kind]
             right &= 0 <= (state["state"] | state)[count] <= last
     except Exception:  # of many kinds, as there are many ways to mangle one
         right = False
     if not right:
         raise ValueError(f"{name} is {shown(state)}; it must be the state of a random generator of NumPy")
+    return restored
+
+
+def _restored(state: Mapping[str, Any]) -> np.random.Generator:
+    """A new generator in a state."""
+    bits = getattr(np.random, state["bit_generator"])(0)
+    bits.state = state
     return np.random.Generator(bits)
 
 
@@ -684,7 +790,7 @@ def _seed_of(name: str, seed: object) -> int:
 
 
 def frame_rate(task: Task | type[Task]) -> float:
-    """Pictures a second, one for each control period, that show a task in real time."""
+    """Return the pictures a second, one for each control period, that show a task in real time."""
     rate = 1 / task.period
     return round(rate) if abs(rate - round(rate)) < 1e-9 * rate else rate
 

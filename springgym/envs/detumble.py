@@ -74,7 +74,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringDetumble(Task):
-    """The MDP of `SpringDetumbleEnv`, where it is described."""
+    """Define the MDP of `SpringDetumbleEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "thrusters": len(THRUSTERS)}
     terms = ("still",)
@@ -159,12 +159,12 @@ class SpringDetumble(Task):
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0), 1.6 * float(np.linalg.norm(SIDES)))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         arrows = []
         if self.action == "thrusters":
             triad = np.array([m.side, np.cross(m.axis, m.side), m.axis])
-            pushes = 0.4 * action[:, None] * (self._thrust @ triad)
-            arrows = [Arrow(x[corner], push) for (corner, _), push in zip(THRUSTERS, pushes, strict=True)]
+            pushes = 0.4 * s.action[:, None] * (self._thrust @ triad)
+            arrows = [Arrow(s.x[corner], push) for (corner, _), push in zip(THRUSTERS, pushes, strict=True)]
         return Marks(
             arrows=arrows,
             text=(f"turning {float(np.linalg.norm(m.angular_velocity)):4.2f} rad/s",),
@@ -185,11 +185,11 @@ class DetumbleOptions(EnvOptions, total=False):
 class SpringDetumbleEnv(SpringEnv, gym.Env):
     """
     ## Description
-    An uneven box tumbles in free fall, often about the axis of its middle moment of inertia, where it
-    flips over and over. Bring it to rest. Eight particles of unequal masses, every pair joined by a spring.
+    An uneven box tumbles in free fall, often about the axis of its middle moment of inertia, where it flips
+    over and over. Bring it to rest. A spring joins every pair of its eight particles, whose masses differ.
 
     ## Action Space
-    `Box(-1, 1, (k,), float32)`, held for a control period of 20 ms while turning with the body.
+    `Box(-1, 1, (k,), float32)`, held for a control period of 20 ms in axes that turn with the body.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
@@ -209,16 +209,17 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
     | `"frame"` | 0–2 | angular velocity in the body's axes | 4 rad/s |
     | | 3–5 | angular momentum in the body's axes | 1 kg·m²/s |
 
-    The angular momentum is appended because it is a product of positions and velocities, which small
-    networks find hard.
+    The angular momentum is a product of positions and velocities, which small networks learn poorly. So it is
+    observed, too.
 
     ## Rewards
     G(|ω|; 0.05, 2) E with G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, and the effort
     E = 1 − 0.1 mean(a²): from 0 to 1, `reward_still` in `info`.
 
     ## Starting State
-    In any orientation, at |ω| = U(2, 6) rad/s; in half of the episodes in any direction, in the others
-    within about 0.1 rad of the middle principal axis. `reset(options={"speed": …})` sets |ω|.
+    The box has any orientation and turns at |ω| = U(2, 6) rad/s. In half of the episodes it turns about any
+    direction, in the others within about 0.1 rad of the middle principal axis. `reset(options={"speed": …})`
+    sets |ω|.
 
     ## Episode End
     Termination: only if the simulation diverged (`info["diverged"]`; reward 0). Truncation: 300 steps, 6 s.
@@ -228,10 +229,10 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
     `speed` |ω| [rad/s], `energy` and `energy_drift` [J], `strain`.
 
     ## Arguments
-    - `observation`, `action`: above.
-    - `start="flat"`: turning about the axis of the largest moment, within about 0.1 rad: the flat spin that
+    - `observation`, `action`: see above.
+    - `start="flat"`: rotation about the axis of the largest moment, within about 0.1 rad, the flat spin that
       dissipation leaves.
-    - `momentum=False`: the angular momentum is not observed with the particles.
+    - `momentum=False`: particles without the angular momentum.
     - `body`: arguments of `springgym.bodies.box`.
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
@@ -248,7 +249,7 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
 
 
 class SpringDetumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringDetumbleEnv`."""
+    """Run a native batch of `SpringDetumbleEnv`."""
 
     task_type = SpringDetumble
 

@@ -175,7 +175,7 @@ OPPONENTS: dict[str, Opponent] = {
 
 
 class SpringDuel(Task):
-    """The MDP of `SpringDuelEnv`, where it is described."""
+    """Define the MDP of `SpringDuelEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
     terms = ("won", "driven")
@@ -324,13 +324,13 @@ class SpringDuel(Task):
     def scenery(self) -> Scenery:
         return Scenery(surfaces=(Bowl((0.0, 0.0, BOWL), BOWL),))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        crown = x[self.body.particle("crown")]
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        crown = s.x[self.body.particle("crown")]
         rim = (0.0, 0.0, BOWL - math.sqrt(BOWL**2 - RIM**2))
         away = np.hypot(m.centre[:, 0], m.centre[:, 1])
         return Marks(
             rings=[(rim, RIM)],
-            arrows=[Arrow(crown, (0.5 * action[0], 0.5 * action[1], 0.0))],
+            arrows=[Arrow(crown, (0.5 * s.action[0], 0.5 * s.action[1], 0.0))],
             key=((BLUE, "the agent's top, and its push"), (GREEN, "who leaves the ring loses")),
             text=(f"own {away[0]:4.2f} m, other {away[1]:4.2f} m from the middle",),
         )
@@ -348,8 +348,9 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     """
     ## Description
     Two spinning tops stand in a bowl, within a ring. Knock the other one over, or out of the ring, and stay.
-    Each is pushed at its crown, the other one by an opponent. They are of 14 particles and 37 springs, spin
-    fast enough to stand by themselves, and strike each other with their rims, by which they exchange spin.
+    The agent pushes its own top at the crown, and an opponent pushes the other one. Each top has 14 particles
+    and 37 springs, and spins fast enough to stand by itself. The tops strike each other with their rims, and
+    exchange spin.
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
@@ -383,41 +384,43 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     ## Rewards
     With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the tilt θ of the own top, its distance a and the
     other's b from the middle, at most 1.1 m, and the effort E = 1 − 0.1 mean(a²) of its actions, every step
-    is rewarded with 0.002 G(θ; 0.1, 0.6) G(a; 0.3, 0.8) E b/1.1 m, and the one that wins with 0.998 more:
-    from 0 to 1. So to wait pays less than to win. The terms in `info` are `reward_driven` and `reward_won`.
+    earns 0.002 G(θ; 0.1, 0.6) G(a; 0.3, 0.8) E b/1.1 m, and the step that wins earns 0.998 more: from 0 to 1.
+    So waiting pays less than winning. The terms in `info` are `reward_driven` and `reward_won`.
 
     ## Starting State
-    The tops stand 0.65 m from the middle on opposite sides, in any direction, tilted by U(0, 0.08) rad, and
-    spin with U(22, 30) rad/s, each of either sign. Below 10 rad/s a top does not stand by itself.
+    The tops stand 0.65 m from the middle on opposite sides, in any direction. They are tilted by U(0, 0.08)
+    rad and spin at U(22, 30) rad/s, each of either sign. Below 10 rad/s a top does not stand by itself.
     `reset(options={"tilt": …, "spin": …, "other_tilt": …, "other_spin": …})` sets any of them.
 
     ## Episode End
     Termination: a top is tilted by more than 0.7 rad, or its centre of mass more than 1.1 m from the middle,
-    or the simulation diverged (`info["diverged"]`; reward 0). Who is down loses; both in the same step, both
-    do. Truncation: 500 steps, 10 s. `info["is_success"]`: the other one is down, and the own is not, for the
-    last 1 steps: the duel is won.
+    or the simulation diverged (`info["diverged"]`; reward 0). A top that is down loses. If both go down in
+    the same step, both lose. Truncation: 500 steps, 10 s. `info["is_success"]`: the other top is down, and
+    the own one is not, for the last 1 steps: the duel is won.
 
     ## Information
-    `tilt` θ [rad], `away` a [m], `other_away` b [m], `energy` and `energy_drift` [J], `strain`.
-    Of the pairs of bodies, since the episode began: `pairs_touching` now, `pairs_impulse` [N·s],
-    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`.
+    `tilt` θ [rad], `away` a [m], `other_away` b [m], `energy` and `energy_drift` [J], `strain`. Five entries
+    describe the pairs of bodies. `pairs_touching` counts those that touch now. Since the start of the
+    episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m], at most the reach
+    of their contact, `pairs_missed` counts contacts that were found too late,
+    and `too_fast` those that the step does not compute well.
 
     ## Arguments
-    - `observation`: above.
-    - `opponent="still"`: a top that is left to itself, in place of the usual `"script"`, which goes for the
-      other one with 20 N and back to the middle with 20 N a metre.
-    - `opponent="guard"`: a top that goes back to the middle, and rights itself.
-    - `opponent="strong"`: one that goes for the other with all it has, on the side on which it rolls off it,
-      and rights itself and keeps to the middle, as classical control does.
-    - `opponent` may be any function of what it observes, too: as `"frame"` (n, 22), in axes that are turned
-      by half a turn, so that both players see the same duel; it returns actions (n, 2). Agents that are
-      trained here with `observation="frame"` are such functions, see `springgym.envs.agent`.
+    - `observation`: see above.
+    - `opponent="still"`: an opponent that does nothing, in place of the usual `"script"`, which attacks with
+      20 N and returns to the middle with 20 N a metre.
+    - `opponent="guard"`: an opponent that returns to the middle, and rights its top.
+    - `opponent="strong"`: an opponent that attacks with full force, on the side on which its top rolls off
+      the other one. It also rights its top and keeps to the middle, as classical control does.
+    - `opponent` can also be a function of your own. It receives observations as `"frame"` (n, 22), in axes
+      that are turned by half a turn, so that both players see the same duel, and returns actions (n, 2).
+      Agents trained with `observation="frame"` are such functions, see `springgym.envs.agent`.
     - `integrator` ("verlet"), `step` (1e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
-    `springgym.envs.parallel("SpringDuel-v0")` is the same duel for two agents, as PettingZoo's `ParallelEnv`;
-    `pettingzoo.make("parallel", "SpringDuel-v0")` makes it, too, where `pettingzoo` has a registry and was
-    imported before `springgym`, or else `springgym.register()` was called since.
+    `springgym.envs.parallel("SpringDuel-v0")` is the same duel for two agents, as PettingZoo's `ParallelEnv`.
+    So is `pettingzoo.make("parallel", "SpringDuel-v0")`, if `pettingzoo` has a registry. Import `pettingzoo`
+    before `springgym`, or call `springgym.register()` afterwards.
 
     ## Version History
     - v0: first.
@@ -431,7 +434,7 @@ class SpringDuelEnv(SpringEnv, gym.Env):
 
 
 class SpringDuelVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringDuelEnv`."""
+    """Run a native batch of `SpringDuelEnv`."""
 
     task_type = SpringDuel
 

@@ -25,7 +25,7 @@ from springgym.envs.task import FAILED, MET, Task
 from springgym.identity import check_same
 from springgym.measures import Measures
 from springgym.scene import Scene
-from springgym.simulator import STRAIN_LIMIT, Simulator
+from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
 from springgym.stability import steps_in
 
 SPARSE = -1
@@ -33,6 +33,9 @@ SPARSE = -1
 
 NOT_BEGUN, BROKEN_OFF = "no episode has begun", "the last step or reset broke off in the middle"
 """Why copies must be reset before they are stepped."""
+
+LONGEST = 0.9
+"""Share of the stability limit up to which a step may be wanted where bodies meet nothing."""
 
 MOST_STEPS = 100_000
 """Steps in a control period at the most: as many take a control period up to about 0.1 s."""
@@ -69,14 +72,16 @@ class Part(NamedTuple):
     held: np.ndarray
     elapsed: np.ndarray
     diverged: np.ndarray
+    unresolved: np.ndarray
+    """`springgym.simulator.Simulator.unresolved`"""
 
 
-STATE = ("goal", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
+STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
 """Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
 
 
 class Episodes:
-    """Copies of a task, each in its own episode, stepped together."""
+    """Step copies of a task together, each in its own episode."""
 
     def __init__(
         self,
@@ -93,6 +98,7 @@ class Episodes:
         sparse: bool = False,
         max_episode_steps: int | None,
         error: bool = False,
+        wanted_step: float | None = None,
         arguments: Mapping[str, Any] | None = None,
     ) -> None:
         self.task = task
@@ -101,7 +107,7 @@ class Episodes:
         self.unready = NOT_BEGUN
         """why the copies must be reset before they are stepped; empty if they need not"""
         self.max_episode_steps = _checked_limit(max_episode_steps)
-        self.rewarded = SPARSE if checks.flag("sparse", sparse) else len(task.terms)
+        checks.flag("sparse", sparse)
         kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
         self.ranges = randomisation.checked_ranges(randomize, dynamics)
         scene = task.scene
@@ -113,7 +119,7 @@ class Episodes:
             "threads": threads,
             "varying": randomisation.varying(self.ranges, scene),
         }
-        step, every = self._pace(scene, kind, integrator, step, damping_every)
+        step, every = self._pace(scene, kind, integrator, step, wanted_step, damping_every)
         self.simulator = Simulator(scene, step=step, damping_every=every, **made)
         self.error = StepError(self.simulator, **made) if checks.flag("error", error) else None
         self.steps = steps_in(task.period, self.simulator.step)
@@ -123,15 +129,25 @@ class Episodes:
                 "period, as actions change at its end"
             )
         self.goal = np.zeros((copies, task.goal_size))
+        self.memory = np.zeros((copies, len(task.memory)))
         self.strength = np.ones((copies, 1))
         self.factors = np.ones((copies, len(self.ranges)))
         self.elapsed = np.zeros(copies, np.int64)
+        self.time = np.zeros(copies)
+        """since the episode began [s]; ``elapsed`` counts for the time limit, and may begin later"""
         self.held = np.zeros(copies, np.int64)
         self.balance = np.zeros(copies)
         """energy balance at the start of the episode [J]"""
         self.action = np.zeros((copies, task.action_space.shape[0]))
         """clipped to ±1"""
         self._given, self._driven = np.zeros_like(self.action), np.zeros_like(self.action)
+        self._apart = len(scene.bodies) > 1
+        functions = (task.evaluate, task.move, task.remember)
+        self._trusts = all(is_kernel(function) for function in functions if function is not None)
+        if task.prepare is not None:
+            self.simulator.read()
+            task.prepare(*self._seen_in(slice(None)))
+        self.rewarded = SPARSE if sparse else len(task.terms)
         self.out = np.zeros((copies, len(task.outcome)))
         """what `Task.evaluate` set last, a column for each name in `Task.outcome`"""
         self.diverged = np.zeros(copies, bool)
@@ -146,14 +162,17 @@ class Episodes:
         }
         """what a state belongs to, beside what the simulator was made of"""
         self._use_kernels()
-        if task.observation == "own":
-            self.simulator.read()
-            task.prepare(*self._whole[:2])
 
     def _pace(
-        self, scene: Scene, kind: Dynamics, integrator: str | None, step: float | None, every: int | None
+        self,
+        scene: Scene,
+        kind: Dynamics,
+        integrator: str | None,
+        step: float | None,
+        wanted: float | None,
+        every: int | None,
     ) -> tuple[float, int]:
-        """The step, and after how many dampers act: given, or automatic.
+        """Return the step, and after how many dampers act: given, automatic, or about as long as ``wanted``.
 
         The step is that of the stiffest and lightest body of the randomisation, and cycles suit all bodies.
 
@@ -200,6 +219,9 @@ class Episodes:
                 every = stability.cycles_in(vibrations, period, steps, exactly=True)[1]
             return step, 1 if every is None else every
         automatic = min(kind.automatic_step(scene, method), self.task.finest)
+        if wanted is not None:
+            touches = scene.surfaces or scene.meetings
+            automatic = min(wanted, automatic if touches else LONGEST * kind.largest_step(scene, method))
         if not period <= MOST_STEPS * automatic:
             raise ValueError(
                 f"{method.name} needs steps of {automatic:.3g} s on this body{ranges}, more than "
@@ -260,7 +282,9 @@ class Episodes:
             self.unready = was
             raise
         self.goal[copies] = goals
+        self.memory[copies] = self.task.memory
         self.elapsed[copies] = 0
+        self.time[copies] = 0.0
         self.held[copies] = 0
         self.action[copies] = 0.0
         self.out[copies] = 0.0
@@ -270,6 +294,11 @@ class Episodes:
         self.simulator.read(copies)
         self.balance[copies] = self.measures.balance[copies]
         begun = self._seen_alone(copies)
+        if self._remember is not None:
+            memory = begun.part.situation.memory.copy()
+            self._remember(*begun.part[:2], memory)
+            self.memory[copies] = memory[begun.row]
+            begun = self._seen_alone(copies)
         if self.task.metrics:
             fresh = np.zeros_like(begun.part.out)
             self._evaluate(*begun.part[:2], self._named(fresh))
@@ -295,7 +324,7 @@ class Episodes:
             )
 
     def step(self, action: np.ndarray) -> tuple[Step, np.ndarray | None]:
-        """One control period of all copies, and what they observe then, for `observe`.
+        """Step all copies by one control period; `observe` returns what they observe then.
 
         ``action`` (n, A) is clipped to [−1, 1]. The copies are left `unready`, as by `begin`.
 
@@ -340,21 +369,24 @@ class Episodes:
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
         """Outcome, end and observation of the copies from ``first`` to the one before ``last``."""
-        own = self._whole
-        if self._move is not None:
-            self._move(self.goal[first:last])
+        own, share = self._whole, slice(first, last)
+        self._tick(self.time[share], float(self.task.period))
         if (first, last) != (0, self.copies):
-            share = slice(first, last)
             own, result = self._part(share), Step(*(values[share] for values in result))
             seen = None if seen is None else seen[share]
+        if self._move is not None:
+            self._move(*own[:2], self.goal[share])
         self._evaluate(*own[:2], own.outcome)
         terms, wins, limit = self.rewarded, self.task.wins, self.max_episode_steps
-        self._finish(own.rows, own.out, terms, wins, own.held, own.elapsed, limit, own.diverged, result)
+        ends = (own.held, own.elapsed, limit, own.diverged, own.unresolved)
+        self._finish(own.rows, own.out, terms, wins, *ends, result)
+        if self._remember is not None:
+            self._remember(*own[:2], self.memory[share])
         if seen is not None:
             self._look(own, seen)
 
     def observe(self, seen: np.ndarray | None = None, begun: Begun | None = None) -> np.ndarray:
-        """The observations of all copies, (n, D), float32.
+        """Return the observations of all copies, (n, D), float32.
 
         Parameters
         ----------
@@ -396,22 +428,29 @@ class Episodes:
 
     def _part(self, copies: np.ndarray | slice) -> Part:
         """Some copies: views if they are a slice, else copies of their numbers."""
-        rows, x, v, bodies = (values[copies] for values in self.simulator.readout)
         out = self.out[copies]
-        part = Part(
-            measures.view(bodies if self._apart else rows),
-            Situation(x, v, self.action[copies], self.goal[copies], self.parameters),
-            rows,
+        return Part(
+            *self._seen_in(copies),
+            self.simulator.readout.rows[copies],
             out,
             self._named(out),
             self.held[copies],
             self.elapsed[copies],
             self.diverged[copies],
+            self.simulator.unresolved[copies],
         )
+
+    def _seen_in(self, copies: np.ndarray | slice) -> tuple[Measures, Situation]:
+        """What functions see of some copies."""
+        rows, x, v, bodies = (values[copies] for values in self.simulator.readout)
+        m = measures.view(bodies if self._apart else rows)
+        action, goal, time, memory = (
+            values[copies] for values in (self.action, self.goal, self.time, self.memory)
+        )
+        situation = Situation(x, v, action, goal, time, memory, self.parameters)
         if not self._trusts:  # a user's own functions see, and change nothing
-            m, situation = Measures(*map(_locked, part.measures)), Situation(*map(_locked, part.situation))
-            part = part._replace(measures=m, situation=situation)
-        return part
+            return Measures(*map(_locked, m)), Situation(*map(_locked, situation))
+        return m, situation
 
     # --- Randomisation ----------------------------------------------------------------------------
 
@@ -441,52 +480,74 @@ class Episodes:
 
     # --- State ------------------------------------------------------------------------------------
 
-    def state(self) -> dict[str, Any]:
-        """All that changes, copied, and what it belongs to."""
-        arrays = {name: getattr(self, name).copy() for name in STATE}
-        return {"of": dict(self._of), **arrays, "simulator": self.simulator.state()}
+    def state(self, copies: np.ndarray | None = None) -> dict[str, Any]:
+        """All that changes of some copies (k,) or all, copied, and what it belongs to."""
+        own = slice(None) if copies is None else copies
+        arrays = {name: getattr(self, name)[own].copy() for name in STATE}
+        return {"of": dict(self._of), **arrays, "simulator": self.simulator.state(copies)}
 
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any], copies: np.ndarray | None = None) -> None:
         """Return to what `state` gave, to the bit. The copies are left `unready`, as by `begin`.
+
+        Parameters
+        ----------
+        state
+            Of as many copies as there are here.
+        copies
+            (k,) which are set, if not all: the state is of as many or of one, see `Simulator.restore`.
 
         Raises
         ------
         TypeError, ValueError
             If it belongs to something else, or is mangled. Nothing is changed then.
         """
-        if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
-            raise ValueError("state is not one of an environment of springgym")
-        check_same("the environment that the state is of", state["of"], self._of)
-        given = {name: self._checked(name, state[name]) for name in STATE}
+        count = self.count_in(state, copies)
+        given = {name: self._checked(name, state[name], count) for name in STATE}
         was, self.unready = self.unready, BROKEN_OFF
         try:
-            self.simulator.restore(state["simulator"])
+            self.simulator.restore(state["simulator"], copies)
         except (TypeError, ValueError):  # it is refused
             self.unready = was
             raise
+        copies = np.arange(self.copies) if copies is None else copies
         for name, values in given.items():
-            getattr(self, name)[:] = values
-        copies, drawn = np.arange(self.copies), [self._drawn(copy) for copy in range(self.copies)]
-        self._note(copies, drawn)
-        if self.error is not None and (parameters := self._parameters(drawn)):
-            self.error.finer.vary(copies, **parameters)
-        self.simulator.read()
+            getattr(self, name)[copies] = values
+        if self.ranges:
+            drawn = [self._drawn(copy) for copy in copies.tolist()]
+            self._note(copies, drawn)
+            if self.error is not None and (parameters := self._parameters(drawn)):
+                self.error.finer.vary(copies, **parameters)
+        self.simulator.read(copies)
 
-    def _checked(self, name: str, given: object) -> np.ndarray:
-        """Check one array of a state and return it."""
+    def count_in(self, state: Mapping[str, Any], copies: np.ndarray | None) -> int:
+        """Of how many copies a state must be that is set into some (k,): of as many as it is, or all.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is neither of one nor of k copies, or belongs to something else.
+        """
+        if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
+            raise ValueError("state is not one of an environment of springgym")
+        check_same("the environment that the state is of", state["of"], self._of)
+        return self.copies if copies is None else copies_in(state["simulator"], len(copies))
+
+    def _checked(self, name: str, given: object, copies: int) -> np.ndarray:
+        """Check one array of a state of so many copies and return it."""
         what, own = f"state[{name!r}]", getattr(self, name)
-        values = np.asarray(given)
-        if values.shape != own.shape or values.dtype != own.dtype:
+        values, shape = np.asarray(given), (copies, *own.shape[1:])
+        if values.shape != shape or values.dtype != own.dtype:
             raise ValueError(
-                f"{what} is {values.dtype} of shape {values.shape}; it must be {own.dtype} of "
-                f"shape {own.shape}"
+                f"{what} is {values.dtype} of shape {values.shape}; it must be {own.dtype} of shape {shape}"
             )
         if name in ("elapsed", "held"):
-            checks.whole_array(what, values, own.shape)
+            checks.whole_array(what, values, shape)
         elif name == "action":
-            checks.array(what, values, own.shape, low=-1.0, high=1.0)
-        elif name in ("goal", "balance", "factors"):
-            checks.array(what, values, own.shape)
+            checks.array(what, values, shape, low=-1.0, high=1.0)
+        elif name == "time":
+            checks.array(what, values, shape, low=0.0)
+        elif name in ("goal", "memory", "balance", "factors"):
+            checks.array(what, values, shape)
         if name == "goal" and (pointed := self._columns.pointed) >= 0:  # it is a particle
             last = len(self.simulator.scene.masses) - 1
             particles = checks.array(f"{what}[:, {pointed}]", values[:, pointed], (None,), low=0, high=last)
@@ -504,8 +565,6 @@ class Episodes:
 
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
-        self._trusts = is_kernel(self.task.evaluate)
-        self._apart = self.task.apart and len(self.simulator.scene.bodies) > 1
         self._whole = self._part(slice(None))
         compact = self.task.observation != "particles"
         observe = self.task.compact if compact else observation.observe_particles
@@ -513,10 +572,12 @@ class Episodes:
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
         self._take = SameTypes(take)
+        self._tick = SameTypes(tick)
         self._evaluate = SameTypes(self.task.evaluate)
         self._finish = SameTypes(finish)
         self._observe = SameTypes(observe)
         self._move = None if self.task.move is None else SameTypes(self.task.move)
+        self._remember = None if self.task.remember is None else SameTypes(self.task.remember)
         self._bound = SameTypes(observation.bound)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -535,9 +596,11 @@ class Episodes:
         """What functions see of all copies, and the rows of their measures."""
         return self._whole[:3]
 
-    def measures_of(self, copy: int) -> Measures:
-        """What the task's functions are given of one copy."""
-        return Measures(*(values[copy] for values in self._whole.measures))
+    def seen_of(self, copy: int) -> tuple[Measures, Situation]:
+        """What functions see of one copy now: it does not change with the next step."""
+        m, situation = self._whole[:2]
+        own = (values[copy].copy() for values in situation[:-1])
+        return Measures(*(values[copy].copy() for values in m)), Situation._make((*own, situation.parameters))
 
     @property
     def particles(self) -> tuple[np.ndarray, np.ndarray]:
@@ -601,6 +664,13 @@ def take(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np
 
 
 @kernel
+def tick(time: np.ndarray, period: float) -> None:
+    """Let a control period pass; times stay whole multiples of it."""
+    for c in range(time.size):
+        time[c] = period * (math.floor(time[c] / period + 0.5) + 1.0)
+
+
+@kernel
 def finish(
     rows: np.ndarray,
     out: np.ndarray,
@@ -610,9 +680,11 @@ def finish(
     elapsed: np.ndarray,
     limit: int,
     diverged: np.ndarray,
+    unresolved: np.ndarray,
     result: Step,
 ) -> None:
-    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0.
+    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0, and so does one
+    where bodies met in a way that a step cannot resolve, which counts as diverged.
 
     The terms of the reward are the first ``terms`` columns; if `SPARSE`, it is whether the aim is met. Who
     fails has not met it, unless the episode ``wins`` by its end.
@@ -622,7 +694,8 @@ def finish(
         total = 0.0
         for n in range(rows.shape[1]):
             total += rows[c, n]
-        diverged[c] = not (math.isfinite(total) and rows[c, measures.STRAIN] <= STRAIN_LIMIT)
+        sound = math.isfinite(total) and rows[c, measures.STRAIN] <= STRAIN_LIMIT
+        diverged[c] = unresolved[c] or not sound
         if diverged[c]:
             out[c, :] = 0.0
             out[c, failed] = 1.0

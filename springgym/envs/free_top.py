@@ -74,7 +74,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringFreeTop(Task):
-    """The MDP of `SpringFreeTopEnv`, where it is described."""
+    """Define the MDP of `SpringFreeTopEnv`, which describes it."""
 
     actions: ClassVar = {"push": 3}
     terms = ("upright", "inside", "spin")
@@ -194,12 +194,12 @@ class SpringFreeTop(Task):
             return Scenery(surfaces=(Bowl((0.0, 0.0, BOWL), BOWL),))
         return Scenery(floor=0.0)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         tilt, spin = angle_of.py_func(m.axis[2]), float(m.angular_velocity @ m.axis)
-        push = (0.5 * action[0], 0.5 * action[1], 0.0)
+        push = (0.5 * s.action[0], 0.5 * s.action[1], 0.0)
         return Marks(
             rings=[((0.0, 0.0, 0.0), INSIDE)],
-            arrows=[Arrow(x[self.body.particle("crown")], push)],
+            arrows=[Arrow(s.x[self.body.particle("crown")], push)],
             key=((GREEN, "stay in here"), (RED, "push on the crown")),
             text=(
                 f"tilt {math.degrees(tilt):4.1f}°",
@@ -223,10 +223,10 @@ class FreeTopOptions(EnvOptions, total=False):
 class SpringFreeTopEnv(SpringEnv, gym.Env):
     """
     ## Description
-    A spinning top stands with its bare tip on near-ice, too slow to stand by itself. Keep it upright, at
-    8 rad/s, in a small circle. The top is McDonald's, a ring of 12 particles, a crown and a tip held by 37
-    stiff springs, here low and wide and not pinned. A push on the crown moves the whole top; the tilt that
-    brings it back has to be asked for by pushing it away first.
+    A spinning top stands with its bare tip on a floor almost as smooth as ice, too slow to stand by itself.
+    Keep it upright, at 8 rad/s, in a small circle. 37 stiff springs hold a ring of 12 particles, a crown and
+    a tip, as in McDonald's top, but this one is low and wide and not pinned. A push on the crown moves the
+    whole top. To tilt the top so that it comes back, an agent has to push it away first.
 
     ## Action Space
     `Box(-1, 1, (3,), float32)`, held for a control period of 20 ms.
@@ -259,12 +259,12 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
     rest.
 
     ## Starting State
-    The tip carries the weight, at rest but for the spin: tilt U(0.02, 0.12) rad and spin U(5, 9) rad/s, the
-    tip anywhere within 0.4 m of the middle. Below 10 rad/s the upright top is unstable.
+    The top spins and is otherwise at rest, with its weight on the tip. Tilt U(0.02, 0.12) rad, spin U(5, 9)
+    rad/s, and the tip anywhere within 0.4 m of the middle. Below 10 rad/s the upright top is unstable.
     `reset(options={"tilt": …, "spin": …, "error": …})` sets any of them.
 
     ## Episode End
-    Termination: θ > 0.7 rad, e > 1 m, |ω₃ − 8| > 4.5 rad/s (spun up, the top would stand by itself), or the
+    Termination: θ > 0.7 rad, e > 1 m, |ω₃ − 8| > 4.5 rad/s (a faster top would stand by itself), or the
     simulation diverged (`info["diverged"]`; reward 0). Truncation: 500 steps, 10 s. `info["is_success"]`:
     θ < 0.1 rad, e < 0.15 m and |ω₃ − 8| < 1 rad/s for the last 100 steps.
 
@@ -272,10 +272,10 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
     `tilt` θ [rad], `error` e [m], `spin` ω₃ [rad/s], `energy` and `energy_drift` [J], `strain`.
 
     ## Arguments
-    - `observation`: above.
-    - `surface="bowl"`: in a spherical bowl of 4 m radius instead of on a floor.
-    - `friction=0.1`: instead of 0.02; from about 0.05 on, the tip sticks and the top has to be balanced
-      differently.
+    - `observation`: see above.
+    - `surface="bowl"`: a spherical bowl of 4 m radius instead of a floor.
+    - `friction=0.1`: more friction than the usual 0.02; from about 0.05 on, the tip sticks and the top has to
+      be balanced differently.
     - `hard=True`: tilt U(0.02, 0.16) rad, spin U(4, 7) rad/s, within 0.6 m.
     - `body`: arguments of `springgym.bodies.top`.
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
@@ -293,7 +293,7 @@ class SpringFreeTopEnv(SpringEnv, gym.Env):
 
 
 class SpringFreeTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringFreeTopEnv`."""
+    """Run a native batch of `SpringFreeTopEnv`."""
 
     task_type = SpringFreeTop
 

@@ -67,7 +67,7 @@ def turn_to(axis: np.ndarray) -> np.ndarray:
 
 
 class SpringGyroscope(Task):
-    """The MDP of `SpringGyroscopeEnv`, where it is described."""
+    """Define the MDP of `SpringGyroscopeEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("aligned", "calm")
@@ -154,13 +154,13 @@ class SpringGyroscope(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=-1.3 * float(np.linalg.norm(self.body.positions, axis=1).max()))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        centre = x[self.body.particle("centre")]
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        centre = s.x[self.body.particle("centre")]
         reach = float(np.linalg.norm(self.body.positions, axis=1).max())
-        angle = math.degrees(angle_of.py_func(m.axis @ goal))
+        angle = math.degrees(angle_of.py_func(m.axis @ s.goal))
         return Marks(
-            balls=[(centre + 1.4 * reach * goal, 0.06 * reach)],
-            arrows=[Arrow(centre, 1.3 * reach * goal, GREEN)],
+            balls=[(centre + 1.4 * reach * s.goal, 0.06 * reach)],
+            arrows=[Arrow(centre, 1.3 * reach * s.goal, GREEN)],
             key=((GREEN, "where the axle shall point"),),
             text=(f"off target {angle:5.1f}°", f"spin {float(m.angular_velocity @ m.axis):5.1f} rad/s"),
         )
@@ -179,8 +179,8 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
     """
     ## Description
     A rotor spins on an axle that is pinned at its centre of mass. Turn the axle to a given direction and
-    hold it there. A gyroscope answers a torque at right angles to it: pushing the axle towards the target
-    moves it aside. The rotor is a ring of 12 particles, a centre and two axle ends, held by 50 springs.
+    hold it there. A gyroscope moves at a right angle to a torque: if you push the axle towards the target, it
+    moves aside. 50 springs hold the rotor, a ring of 12 particles, a centre and two axle ends.
 
     ## Action Space
     `Box(-1, 1, (3,), float32)`, held for a control period of 20 ms.
@@ -211,8 +211,9 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
     0 to 1. Its terms are `reward_aligned` and `reward_calm` in `info`.
 
     ## Starting State
-    Axle in any direction, spin U(25, 45) rad/s, otherwise at rest, stretched as in steady rotation; target
-    U(0.5, 1.5) rad away. `reset(options={"spin": …, "angle": …})` sets spin and distance of the target.
+    The axle points in any direction. The rotor spins at U(25, 45) rad/s and is otherwise at rest, stretched
+    as in steady rotation. The target is U(0.5, 1.5) rad away. `reset(options={"spin": …, "angle": …})` sets
+    spin and distance of the target.
 
     ## Episode End
     Termination: only if the simulation diverged (`info["diverged"]`; reward 0). Truncation: 400 steps, 8 s.
@@ -222,8 +223,8 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
     `angle` α [rad], `spin` ω₃ and `precession` |ω⊥| [rad/s], `energy` and `energy_drift` [J], `strain`.
 
     ## Arguments
-    - `observation`, `action`: above.
-    - `hard=True`: spin of either sign: the same push moves the axle the other way.
+    - `observation`, `action`: see above.
+    - `hard=True`: spin of either sign; with the other sign, the same push moves the axle the other way.
     - `body`: arguments of `springgym.bodies.gyroscope`.
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
@@ -240,7 +241,7 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
 
 
 class SpringGyroscopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringGyroscopeEnv`."""
+    """Run a native batch of `SpringGyroscopeEnv`."""
 
     task_type = SpringGyroscope
 

@@ -125,7 +125,7 @@ def ball_entries(which: str) -> tuple[Entry, ...]:
 
 
 class SpringJuggle(Task):
-    """The MDP of `SpringJuggleEnv`, where it is described."""
+    """Define the MDP of `SpringJuggleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 5}
     terms = ("high", "true")
@@ -213,7 +213,7 @@ class SpringJuggle(Task):
 
     def look(self) -> Look:
         radii = np.append(np.zeros(len(self.paddle.masses)), np.full(self.balls, BALL_RADIUS))
-        return replace(film.look(self.scene, None), radii=radii, ball_colors=ORANGE)
+        return replace(film.look(self.scene), radii=radii, ball_colors=ORANGE)
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.3), 1.5, elevation=0.2)
@@ -221,14 +221,14 @@ class SpringJuggle(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=-0.45)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        height = goal[0] + BALL_RADIUS
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        height = s.goal[0] + BALL_RADIUS
         apexes = apex_of.py_func(m.centre[BALL:, 2], m.centre_velocity[BALL:, 2])
         return Marks(
             rings=[((column, 0.0, height), 0.1) for column in self.columns],
-            arrows=[Arrow(m.centre[PADDLE], tuple((0.2 * action[:3]).tolist()))],
+            arrows=[Arrow(m.centre[PADDLE], tuple((0.2 * s.action[:3]).tolist()))],
             key=((GREEN, "bounce up to this ring"),),
-            text=tuple(f"{100 * (reached - goal[0]):+5.1f} cm off the height" for reached in apexes),
+            text=tuple(f"{100 * (reached - s.goal[0]):+5.1f} cm off the height" for reached in apexes),
         )
 
 
@@ -245,17 +245,18 @@ class JuggleOptions(EnvOptions, total=False):
 class SpringJuggleEnv(SpringEnv, gym.Env):
     """
     ## Description
-    A paddle hangs in the air and a ball falls onto it. Each bounce takes some of its energy, and off the
-    middle throws it aside. Keep it bouncing, straight up, to a height that is asked for: hit it at the right
-    time and place, with the right speed and tilt. The paddle is a ring of 6 particles and a crown, flat
-    above, and a tip below; 19 springs hold it. The ball is one particle with a radius, and smooth.
+    A paddle hangs in the air and a ball falls onto it. Keep the ball bouncing, straight up, to a given
+    height. Each bounce takes some of the ball's energy, and a bounce off the middle throws it aside. So an
+    agent has to hit it at the right time and place, with the right speed and tilt. 19 springs hold the
+    paddle, a ring of 6 particles and a crown, flat above, and a tip below. The ball is one smooth particle
+    with a radius.
 
     ## Action Space
     `Box(-1, 1, (5,), float32)`, held for a control period of 20 ms.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"wrench"` | 0–2 | force on the paddle along the world's x, y, z, beside one that carries it | ±30 N |
+    | `"wrench"` | 0–2 | force on the paddle along the world's x, y, z, added to one that carries it | ±30 N |
     | | 3, 4 | torque on it about the world's x, y, less the part along its axis | ±1.5 N·m |
 
     Actions outside of ±1 are clipped.
@@ -266,31 +267,31 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     | `observation` | entries | meaning | unit of 1.0 |
     |---|---|---|---|
     | `"particles"` | 0–14 | positions of ring particles 0, 2, 4, crown and ball, from home | 0.25 m |
-    | | 15–26 | velocities of the paddle's | 1 m/s |
+    | | 15–26 | velocities of the paddle's particles | 1 m/s |
     | | 27–29 | velocity of the ball | 2 m/s |
-    | | 30 | the height that is asked for | 1 m |
+    | | 30 | wanted height | 1 m |
     | `"frame"` | 0–2 | the paddle's centre of mass, from the home of its upper side | 0.1 m |
     | | 3–5 | its velocity | 1 m/s |
     | | 6, 7 | axis of the paddle x, y | 0.2 |
     | | 8, 9 | its angular velocity x, y | 3 rad/s |
-    | | 10 | the height that is asked for | 0.25 m |
+    | | 10 | wanted height | 0.25 m |
     | | 11–13 | ball, from the paddle's home | 0.25 m |
     | | 14–16 | its velocity | 2 m/s |
-    | | 17 | how far the height of its flight is from the one that is asked for | 0.1 m |
+    | | 17 | height of its flight, less the wanted one | 0.1 m |
 
     With `balls=2`, the other ball's entries follow those of the first.
 
     ## Rewards
-    The height of a flight is where the ball's lowest point would come to at its highest, z + v_z²/2g, above
-    the home of the paddle's upper side. With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²),
-    d = max(|x| − b, 0)/m, its error e, the ball's distance r from the vertical through home, and the effort
-    E = 1 − 0.1 mean(a²), the reward is E [L(e; 0.03, 0.3) + G(e; 0.03, 0.15) G(r; 0.05, 0.3)]/2, from 0 to 1.
-    Its terms in `info` are `reward_high` and `reward_true`, the half with L and the one with G. Of two balls
-    it is the mean.
+    The height of a flight is the largest height, z + v_z²/2g, that the ball's lowest point would reach above
+    the home of the paddle's upper side. With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x|
+    − b, 0)/m, its error e, the ball's distance r from the vertical through home, and the effort E = 1 − 0.1
+    mean(a²), the reward is E [L(e; 0.03, 0.3) + G(e; 0.03, 0.15) G(r; 0.05, 0.3)]/2, from 0 to 1. Its terms
+    in `info` are `reward_high` and `reward_true`, the half with L and the one with G. With two balls the
+    reward is the mean.
 
     ## Starting State
     The paddle rests at home, level. The ball is U(0.3, 0.7) m above it, up to 0.1 m off its middle, with
-    U(−0.1, 0.1) m/s along x and y. The height that is asked for is U(0.4, 0.7) m.
+    U(−0.1, 0.1) m/s along x and y. The wanted height is U(0.4, 0.7) m.
     `reset(options={"wanted": …, "height": …, "away": …})` sets any of them.
 
     ## Episode End
@@ -300,17 +301,19 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     for the moments of a hit, |e| < 0.08 m for the last 100 steps.
 
     ## Information
-    `error` e [m], `aside` r [m], `tilt` of the paddle [rad], `energy` and `energy_drift` [J], `strain`.
-    Of the pairs of bodies, since the episode began: `pairs_touching` now, `pairs_impulse` [N·s],
-    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`.
+    `error` e [m], `aside` r [m], `tilt` of the paddle [rad], `energy` and `energy_drift` [J], `strain`. Five
+    entries describe the pairs of bodies. `pairs_touching` counts those that touch now. Since the start of the
+    episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m], at most the reach
+    of their contact, `pairs_missed` counts contacts that were found too late,
+    and `too_fast` those that the step does not compute well.
 
     ## Arguments
-    - `observation`: above.
+    - `observation`: see above.
     - `restitution=0.85`: a ball that loses more in each bounce than the usual one (0.95).
-    - `balls=2`: two balls, that take turns: each bounces on a vertical of its own, 0.12 m left or right of
-      home, and what is said above of the ball holds of each; `error` and `aside` are the larger ones. The
-      other starts on its way up, with the height that is asked for.
-    - `hard=True`: heights of U(0.4, 1) m are asked for.
+    - `balls=2`: two balls that take turns. Each bounces on a vertical of its own, 0.12 m left or right of
+      home, and the text above holds for each. `error` and `aside` are the larger ones. The second ball starts
+      on its way up to the wanted height.
+    - `hard=True`: wanted heights of U(0.4, 1) m.
     - `integrator` ("verlet"), `step` (3.13e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
@@ -326,7 +329,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
 
 
 class SpringJuggleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringJuggleEnv`."""
+    """Run a native batch of `SpringJuggleEnv`."""
 
     task_type = SpringJuggle
 

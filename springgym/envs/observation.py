@@ -34,6 +34,10 @@ class Situation(NamedTuple):
     """(n, A) of the last step, clipped to ±1; 0 before the first"""
     goal: np.ndarray
     """(n, G) what the task wants"""
+    time: np.ndarray
+    """(n,) since the episode began [s]"""
+    memory: np.ndarray
+    """(n, K) what the task remembers of the episode, see `springgym.envs.task.Task`"""
     parameters: np.ndarray
     """the task's own numbers"""
 
@@ -51,7 +55,7 @@ class Entry(NamedTuple):
 
 
 def values(entries: Sequence[Entry], observations: np.ndarray) -> dict[str, np.ndarray]:
-    """What compact observations (n, D) mean: by name of the entry, (n, size) in SI units."""
+    """Return the values that compact observations (n, D) encode, by entry, (n, size) in SI units."""
     observations, found, first = np.asarray(observations, np.float64), {}, 0
     for entry in entries:
         found[entry.name] = entry.about + entry.unit * observations[:, first : first + entry.size]
@@ -61,7 +65,7 @@ def values(entries: Sequence[Entry], observations: np.ndarray) -> dict[str, np.n
 
 @dataclass(frozen=True)
 class ObservedParticles:
-    """The "particles" observation: positions and velocities, scaled particle by particle.
+    """Describe the "particles" observation: positions and velocities, scaled particle by particle.
 
     One scale for all would bury a slow particle under a fast one.
     """

@@ -29,6 +29,7 @@ class SimulationOptions(TypedDict, total=False):
     threads: int
     randomize: Mapping[str, Sequence[float]] | None
     error: bool
+    tolerance: float | None
 
 
 class RewardedOptions(SimulationOptions, total=False):

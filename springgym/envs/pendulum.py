@@ -61,7 +61,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringPendulum(Task):
-    """The MDP of `SpringPendulumEnv`, where it is described."""
+    """Define the MDP of `SpringPendulumEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("raised", "held")
@@ -138,14 +138,14 @@ class SpringPendulum(Task):
         length = float(self.body.lengths.max())
         return Scenery(floor=-1.25 * length, vertical=((0.0, 0.0, 0.0), 1.25 * length))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         tilt = math.degrees(angle_of.py_func(m.axis[2]))
         speed = float(np.linalg.norm(m.angular_velocity))
         top = (0.0, 0.0, float(self.body.lengths.max()))
         impulse = ((RED, "impulse"),) if self.action == "impulse" else ()
         return Marks(
             balls=[(top, 0.04)],
-            arrows=[Arrow(x[FAR], 0.4 * action)] if self.action == "impulse" else [],
+            arrows=[Arrow(s.x[FAR], 0.4 * s.action)] if self.action == "impulse" else [],
             text=(f"tilt {tilt:5.1f}°", f"turning {speed:4.1f} rad/s"),
             key=((GREEN, "where the far corner shall be"), *impulse),
         )
@@ -164,7 +164,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
     """
     ## Description
     A cube hangs from one of its corners. Swing it up and hold it upside down, with half the torque that
-    would lift it. The cube is the one of McDonald's paper: 8 particles, every pair joined by a spring.
+    would lift it. The cube is that of McDonald's paper: a spring joins every pair of its 8 particles.
 
     ## Action Space
     `Box(-1, 1, (3,), float32)`, held for a control period of 40 ms.
@@ -174,8 +174,8 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
     | `"torque"` | 0–2 | torque about the world's x, y, z, its part along the diagonal removed | ±4.25 N·m |
     | `"impulse"` | 0–2 | impulse on the far corner along x, y, z, spread evenly over the period | ±0.1 N·s |
 
-    The diagonal is that through the pin and the far corner: neither mode can spin the cube about it, up
-    into a sleeping top. The weight's largest moment is 8.5 N·m. Actions outside of ±1 are clipped.
+    The diagonal runs through the pin and the far corner. Neither mode can spin the cube about it, so the cube
+    cannot become a sleeping top. The weight exerts at most 8.5 N·m. Actions outside of ±1 are clipped.
 
     ## Observation Space
     `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
@@ -194,21 +194,22 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
     R = ((1 + n_z)/2)² E / 4: from 0 to 1. Its terms are `reward_raised` and `reward_held` in `info`.
 
     ## Starting State
-    At rest, turned at random about the vertical and the diagonal, U(0, 0.3) rad from hanging.
+    The cube is at rest, U(0, 0.3) rad from hanging, and turned at random about the vertical and the diagonal.
     `reset(options={"tilt": …})` sets the tilt from the upright.
 
     ## Episode End
-    Termination: |ω| exceeds 8 rad/s (whirling the cube around is no way up), or the simulation diverged
-    (`info["diverged"]`; reward 0). Truncation: 250 steps, 10 s. `info["is_success"]`: θ < 0.15 rad and
+    Termination: |ω| exceeds 8 rad/s (so that whirling the cube around does not help), or the simulation
+    diverged (`info["diverged"]`; reward 0). Truncation: 250 steps, 10 s. `info["is_success"]`: θ < 0.15 rad
+    and
     |ω| < 0.5 rad/s for the last 25 steps.
 
     ## Information
     `tilt` θ [rad], `speed` |ω| and `spin` ω₃ [rad/s], `energy` and `energy_drift` [J], `strain`.
 
     ## Arguments
-    - `observation`, `action`: above.
-    - `start="mixed"`: half of the episodes start at any tilt U(0, π), the others near hanging: the easier
-      way to learn.
+    - `observation`, `action`: see above.
+    - `start="mixed"`: half of the episodes start at any tilt U(0, π), the others near hanging; this is easier
+      to learn.
     - `body`: arguments of `springgym.bodies.cube`.
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
@@ -225,7 +226,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
 
 
 class SpringPendulumVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringPendulumEnv`."""
+    """Run a native batch of `SpringPendulumEnv`."""
 
     task_type = SpringPendulum
 

@@ -57,7 +57,7 @@ class ParallelOptions(PlayerOptions, total=False):
 
 
 class ParallelDuel(_OneCopy, ParallelEnv):
-    """SpringDuel for two agents, who act at the same time and end together.
+    """Run SpringDuel for two agents, who act at the same time and end together.
 
     Each sees the duel as the agent of `springgym.envs.duel.SpringDuelEnv` does: the own top first, in axes
     that are turned by half a turn for the second. Each has its own reward, of the same kind.
@@ -146,7 +146,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
 
     @guarded
     def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], ...]:
-        """Both act for a control period.
+        """Let both act for a control period.
 
         Raises
         ------
@@ -196,7 +196,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
 
     @property
     def np_random(self) -> np.random.Generator:
-        """The random generator; seeded at random before the first reset."""
+        """Return the random generator; it is seeded at random before the first reset."""
         if self._np_random is None:
             self._np_random, self._np_random_seed = seeding.np_random(None)
         return self._np_random
@@ -208,7 +208,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
 
     @property
     def np_random_seed(self) -> int | None:
-        """The seed of `np_random`, −1 where the generator was set and not seeded."""
+        """Return the seed of `np_random`, −1 where the generator was set and not seeded."""
         return self._np_random_seed if self.np_random else None
 
     @guarded

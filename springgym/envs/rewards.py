@@ -62,6 +62,6 @@ def height_above(place: Vector, point: Vector, normal: Vector) -> float:
 
 @compiled
 def angle_between(u: Vector, w: Vector) -> float:
-    """Angle between two vectors (3,) [rad], exact for small ones."""
+    """Return the angle between two vectors (3,) [rad], exact for small ones."""
     x, y, z = u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]
     return math.atan2(math.sqrt(x * x + y * y + z * z), u[0] * w[0] + u[1] * w[1] + u[2] * w[2])

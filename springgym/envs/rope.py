@@ -58,7 +58,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringRope(Task):
-    """The MDP of `SpringRopeEnv`, where it is described."""
+    """Define the MDP of `SpringRopeEnv`, which describes it."""
 
     actions: ClassVar = {"trolley": 2}
     terms = ("near", "still")
@@ -151,14 +151,14 @@ class SpringRope(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=-1.2 * float(self.body.lengths.sum()))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         floor = -1.2 * float(self.body.lengths.sum())
-        target = (float(goal[0]), float(goal[1]), floor)
-        high = (float(goal[0]), float(goal[1]), float(x[-1, 2]))
-        error = math.hypot(x[-1, 0] - goal[0], x[-1, 1] - goal[1])
+        target = (float(s.goal[0]), float(s.goal[1]), floor)
+        high = (float(s.goal[0]), float(s.goal[1]), float(s.x[-1, 2]))
+        error = math.hypot(s.x[-1, 0] - s.goal[0], s.x[-1, 1] - s.goal[1])
         rails = [
-            ((x[0, 0] - 1.0, x[0, 1], 0.0), (x[0, 0] + 1.0, x[0, 1], 0.0)),
-            ((x[0, 0], x[0, 1] - 1.0, 0.0), (x[0, 0], x[0, 1] + 1.0, 0.0)),
+            ((s.x[0, 0] - 1.0, s.x[0, 1], 0.0), (s.x[0, 0] + 1.0, s.x[0, 1], 0.0)),
+            ((s.x[0, 0], s.x[0, 1] - 1.0, 0.0), (s.x[0, 0], s.x[0, 1] + 1.0, 0.0)),
         ]
         return Marks(
             rings=[(target, 0.3)],
@@ -182,13 +182,14 @@ class RopeOptions(EnvOptions, total=False):
 class SpringRopeEnv(SpringEnv, gym.Env):
     """
     ## Description
-    An overhead crane: a load of 70 kg hangs by a 4 m rope from a trolley. Bring it above the target, and
-    to rest. The rope is eight springs between beads of 0.1 kg, after McDonald's paper; it stretches,
+    A load of 70 kg hangs by a 4 m rope from the trolley of an overhead crane. Bring it above the target, and
+    to rest. The rope consists of eight springs between beads of 0.1 kg, after McDonald's paper. It stretches,
     bounces and swings.
 
     ## Action Space
-    `Box(-1, 1, (2,), float32)`, held for a control period of 50 ms: acceleration of the trolley along x and
-    y, at ±1 ±3 m/s². Its speed along each is limited to 3 m/s. Actions outside of ±1 are clipped.
+    `Box(-1, 1, (2,), float32)`, held for a control period of 50 ms. The entries are the acceleration of the
+    trolley along x and y, at ±1 ±3 m/s². Its speed along each is limited to 3 m/s. Actions outside of ±1 are
+    clipped.
 
     ## Observation Space
     `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
@@ -209,8 +210,8 @@ class SpringRopeEnv(SpringEnv, gym.Env):
     terms are `reward_near` and `reward_still` in `info`.
 
     ## Starting State
-    Trolley at rest at the origin, rope stretched as it hangs, swayed by U(0, 0.25) rad in any direction and
-    swinging at U(−0.3, 0.3) rad/s about any horizontal axis; target U(1.5, 4) m away.
+    The trolley rests at the origin. The rope is stretched as it hangs, sways by U(0, 0.25) rad in any
+    direction and swings at U(−0.3, 0.3) rad/s about any horizontal axis. The target is U(1.5, 4) m away.
     `reset(options={"sway": …, "distance": …})` sets sway and distance.
 
     ## Episode End
@@ -221,10 +222,10 @@ class SpringRopeEnv(SpringEnv, gym.Env):
     `error` e [m], `speed` s [m/s], `energy` and `energy_drift` [J], `strain`.
 
     ## Arguments
-    - `observation`: above.
+    - `observation`: see above.
     - `hard=True`: sway U(0, 0.6) rad, U(−0.8, 0.8) rad/s, target U(1.5, 6) m away.
-    - `material`, `diameter`: of a cable in place of the paper's rope, as `"steel"` and 0.005 [m]. Steel
-      hardly stretches; nylon bounces.
+    - `material`, `diameter`: a cable in place of the paper's rope, as `"steel"` and 0.005 [m]. Steel hardly
+      stretches; nylon bounces.
     - `body`: arguments of `springgym.bodies.rope`, or of `springgym.bodies.solid_rope` with a material.
     - `integrator` ("verlet"), `step`, `dtype`, `randomize`, `sparse`, `render_mode`: see
       `springgym.envs.base.SpringEnv`. A rope has no rigid twin.
@@ -241,7 +242,7 @@ class SpringRopeEnv(SpringEnv, gym.Env):
 
 
 class SpringRopeVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringRopeEnv`."""
+    """Run a native batch of `SpringRopeEnv`."""
 
     task_type = SpringRope
 

@@ -36,7 +36,7 @@ __all__ = ["Monitor", "SB3VecEnv", "StaggeredMonitor", "make_sb3"]
 
 
 class SB3VecEnv(Stateful, VecEnv):
-    """A Gymnasium vector environment of ``n`` copies, seen as a Stable-Baselines3 ``VecEnv``.
+    """Show a Gymnasium vector environment of ``n`` copies as a Stable-Baselines3 ``VecEnv``.
 
     ``step`` returns observations ``(n, ...)``, rewards ``(n,)`` float32, dones ``(n,)`` bool and a
     list of ``n`` dicts. All arrays are the caller's own. The dict of a running copy is empty;
@@ -140,7 +140,7 @@ class SB3VecEnv(Stateful, VecEnv):
         return _own(self.vector_env)._unready
 
     def get_state(self) -> dict[str, Any]:
-        """The state of the vector environment, see `springgym.get_state`."""
+        """Return the state of the vector environment, see `springgym.get_state`."""
         return get_state(self.vector_env)
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -203,7 +203,7 @@ class Monitor(Stateful, VecMonitor):
         return _own(self.venv)._unready
 
     def get_state(self) -> dict[str, Any]:
-        """The state of the vector environment, and what is counted of it."""
+        """Return the state of the vector environment, and the counts of the monitor."""
         return {"env": get_state(self.venv)} | {name: getattr(self, name).copy() for name in self.counted}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -228,7 +228,7 @@ class Monitor(Stateful, VecMonitor):
 
 
 class StaggeredMonitor(Monitor):
-    """A monitor whose copies do not all come to their time limit in the same step.
+    """Monitor copies that do not all reach their time limit in the same step.
 
     Copies that start together and run for as long as their time limit end together, again and again: each
     batch that an algorithm learns from then holds the same part of all episodes. Here a reset starts the

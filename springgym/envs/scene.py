@@ -1,9 +1,10 @@
-"""Environments over a user's own scene: actuators of theirs, a reward function of theirs."""
+"""Environments over a user's own scene: actuators, reward, goals, ends, marks of theirs."""
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import cached_property
@@ -22,7 +23,8 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Start, Task
-from springgym.measures import Measures
+from springgym.measures import Measures, MeasuresOfBodies
+from springgym.records import read_only
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene, WrenchActuator
 from springgym.scenes import film
@@ -30,31 +32,48 @@ from springgym.simulator import STRAIN_LIMIT
 
 WRENCH = ("force", "torque", "body_torque")
 LOUD = nullcontext()
-Reward = Callable[[Measures, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-Seeing = Callable[[Measures, np.ndarray, np.ndarray], np.ndarray]
-Starting = Callable[[Generator], tuple[np.ndarray, np.ndarray]]
+Seeing = Callable[[MeasuresOfBodies, Situation], np.ndarray]
+"""Numbers or bools of all copies, from their measures and situation."""
+Telling = Callable[[MeasuresOfBodies, Situation], Mapping[str, np.ndarray]]
+"""Numbers (n,) of all copies by name."""
+Starting = Callable[..., Start | tuple[np.ndarray, ...]]
+Marking = Callable[[MeasuresOfBodies, Situation], Marks]
+Most = float | Sequence[float]
+"""What an actuator does at 1: one number for all axes, or one for each."""
+
+RESERVED = ("is_success", "diverged", "energy", "energy_drift", "strain", "randomization", "met", "failed")
+"""Names that ``info`` and outcomes have already, beside those that begin as below."""
+RESERVED_BEGINNINGS = ("reward_", "pairs_", "step_error", "_")
 
 
 class SceneOptions(RewardedOptions, total=False):
-    """What `make_scene_env` takes beside its own arguments."""
+    """List what `make_scene_env` takes beside its own arguments."""
 
     failed: Seeing | None
     succeeded: Seeing | None
     hold: int
     wins: bool
     observe: Seeing | None
+    metrics: Telling | None
     start: Starting | None
+    move: Seeing | None
+    memory: Sequence[float]
+    remember: Seeing | None
     period: float
     position_scale: float | None
     velocity_scale: float | None
+    look: Look | None
+    camera: Camera | None
+    scenery: Scenery | None
+    marks: Marking | None
 
 
 @overload
 def make_scene_env(
     scene: Scene | str | Path,
-    reward: Reward,
+    reward: Seeing | Telling,
     *,
-    actuators: Mapping[str, float],
+    actuators: Mapping[str, Most],
     num_envs: None = None,
     max_episode_steps: int | None = 500,
     **options: Unpack[SceneOptions],
@@ -64,9 +83,9 @@ def make_scene_env(
 @overload
 def make_scene_env(
     scene: Scene | str | Path,
-    reward: Reward,
+    reward: Seeing | Telling,
     *,
-    actuators: Mapping[str, float],
+    actuators: Mapping[str, Most],
     num_envs: int,
     max_episode_steps: int | None = 500,
     autoreset_mode: Autoreset = ...,
@@ -76,9 +95,9 @@ def make_scene_env(
 
 def make_scene_env(
     scene: Scene | str | Path,
-    reward: Reward,
+    reward: Seeing | Telling,
     *,
-    actuators: Mapping[str, float],
+    actuators: Mapping[str, Most],
     num_envs: int | None = None,
     max_episode_steps: int | None = 500,
     **options: Any,
@@ -86,20 +105,27 @@ def make_scene_env(
     """Make a Gymnasium environment over a scene, or a native batch of it.
 
     Its ``spec`` makes it again, with `gymnasium.make` or `gymnasium.make_vec`. It pickles if the functions
-    are those of a module; JSON has no functions.
+    are those of a module; JSON has no functions. Making an environment calls ``start``, ``reward``,
+    ``observe`` and ``metrics`` once, to learn how many numbers they give, and under which names.
 
     Parameters
     ----------
     scene
         A `Scene`, the name of a shipped one, or a YAML file; reading those needs the extra ``scenes``.
     reward
-        Takes the `Measures`, positions and velocities (n, N, 3) and clipped actions (n, A) of all copies
-        after a step; returns their rewards (n,). These arrays cannot be written to, and change with the next
-        step: copy what is to be kept.
+        A function ``reward(m, s)`` that is called after each step, for all n copies together, and returns
+        their rewards (n,), or a dict of terms (n,) by name, which sum to the reward and are told in ``info``
+        as ``reward_NAME``. ``m["box"].centre`` are the centres of mass (n, 3) of the body that is called
+        "box", ``m.centre`` of the only body: see `springgym.measures.MeasuresOfBodies`. ``s`` is the
+        `springgym.envs.observation.Situation`: positions ``s.x`` and velocities ``s.v`` (n, N, 3), clipped
+        actions ``s.action`` (n, A), goals ``s.goal`` (n, G), the ``s.time`` (n,) in the episode and the
+        ``s.memory`` (n, K). These arrays cannot be written to, and change with the next step: copy what is
+        to be kept.
     actuators
         What the actions drive, and with how much at ±1: "force" [N], "torque", "body_torque" [N·m] on the
         whole body (three entries each), "thrust" [N] (three for each of its thrusters), "acceleration"
-        [m/s²] of its drive (three). A wrench is added to a body that has none. Of several bodies, the body
+        [m/s²] of its drive (three). Three numbers in place of one are those of the axes; an axis with 0 has
+        no entry in the action. A wrench is added to a body that has none. Of several bodies, the body
         is named before a dot: "left.force".
     num_envs
         None for a single environment, else how many in a batch.
@@ -111,7 +137,8 @@ def make_scene_env(
     Raises
     ------
     TypeError, ValueError
-        Naming what is wrong: an actuator that is unknown or not in the scene, a function that is none.
+        Naming what is wrong: an actuator that is unknown or not in the scene, a function that is none or
+        takes other arguments.
     """
     options |= {"scene": scene, "reward": reward, "actuators": actuators}
     spec = EnvSpec(
@@ -137,73 +164,97 @@ def make_scene_env(
 
 
 class SceneTask(Task):
-    """A task over a given scene.
+    """Make a task of a given scene.
 
     Parameters
     ----------
     scene, reward, actuators
         See `make_scene_env`.
     failed, succeeded
-        Take `Measures`, positions and velocities of all copies; return bools (n,): whether the episode ends,
-        and whether the aim is met now.
+        Take (m, s) as the reward does; return bools (n,): whether the episode ends, and whether the aim is
+        met now.
     hold
         Steps in a row that the aim must be met for ``info["is_success"]``.
     wins
         Whether an episode may end by success: where ``failed`` and ``succeeded`` are both true, it is won.
         Else it is lost there, however long the aim was met before.
     observe
-        Takes the same; returns what is observed (n, D), scaled to order one: it is clipped to ±10. Positions
-        and velocities of all particles that can move, if not given.
+        Takes (m, s); returns what is observed (n, D), scaled to order one: it is clipped to ±10. If not
+        given, positions and velocities of all particles that can move are observed, and the goal.
+    metrics
+        Takes (m, s); returns a dict of numbers (n,) that ``info`` tells by name.
     start
-        Takes a random generator, returns positions and velocities (N, 3) to start from; the scene's own
-        start if not given.
+        ``start(rng)`` returns positions and velocities (N, 3) to start from and, if there is one, the goal:
+        some numbers, as many each time. `springgym.envs.task.Start` has names for the three. Further
+        arguments with defaults are reset options: ``start(rng, tilt=None)`` takes
+        ``env.reset(options={"tilt": 0.1})``. Episodes start as the scene does, without a goal, if it is not
+        given.
+    move
+        Takes (m, s) after each step, before all else; returns the goals (n, G) from now on.
+    memory
+        K numbers that an episode begins with in ``s.memory``.
+    remember
+        Takes (m, s); returns what is remembered (n, K). It is called when the episode has started and after
+        each step, when reward, ends and metrics have seen what was remembered before.
     period
         Control period [s].
     position_scale, velocity_scale
         Observed as 1 [m], [m/s]; derived from size and motion of the scene if not given.
+    look
+        How bodies are drawn; `springgym.scenes.film.look` makes one with colours of yours.
+    camera, scenery
+        From where it is seen, and what stands around; derived from the scene if not given.
+    marks
+        Takes measures and situation of one copy (so ``s.goal`` is (G,)); returns what else is drawn.
     """
 
     observations: ClassVar = ("particles", "own")
     actions: ClassVar = {"actuators": 0}
-    terms = ("own",)
-    metrics = ()
+    terms: ClassVar[tuple[str, ...]] = ()
+    metrics: ClassVar[tuple[str, ...]] = ()
     entries: tuple[Entry, ...] = ()
-    apart = False
 
     def __init__(
         self,
         scene: Scene | str | Path,
-        reward: Reward,
-        actuators: Mapping[str, float],
+        reward: Seeing | Telling,
+        actuators: Mapping[str, Most],
         failed: Seeing | None = None,
         succeeded: Seeing | None = None,
         hold: int = 1,
         wins: bool = False,
         observe: Seeing | None = None,
+        metrics: Telling | None = None,
         start: Starting | None = None,
+        move: Seeing | None = None,
+        memory: Sequence[float] = (),
+        remember: Seeing | None = None,
         period: float = 0.02,
         position_scale: float | None = None,
         velocity_scale: float | None = None,
+        look: Look | None = None,
+        camera: Camera | None = None,
+        scenery: Scenery | None = None,
+        marks: Marking | None = None,
     ) -> None:
         super().__init__("particles" if observe is None else "own", "actuators")
         scene = _loaded(scene) if isinstance(scene, (str, Path)) else instance("scene", scene, Scene)
-        self._reward = _callable("reward", reward)
-        given = {"failed": failed, "succeeded": succeeded, "observe": observe, "start": start}
-        for name, function in given.items():
-            if function is not None:
-                _callable(name, function)
-        self._observe, self._start = observe, start
-        self._judges = (("met", "succeeded", succeeded), ("failed", "failed", failed))
+        self._reward = _function("reward", reward, "m", "s")
+        self._observe, self._metrics = _given("observe", observe), _given("metrics", metrics)
+        self._judges = (
+            ("met", "succeeded", _given("succeeded", succeeded)),
+            ("failed", "failed", _given("failed", failed)),
+        )
         self.hold = checks.whole("hold", hold, 1)  # type: ignore[misc]
         self.wins = checks.flag("wins", wins)  # type: ignore[misc]
         self.period = checks.number("period", period, TINY)  # type: ignore[misc]
         self._actuators = {
-            name: checks.number(f"actuators[{name!r}]", most, TINY)
+            name: _most(f"actuators[{name!r}]", most)
             for name, most in mapping("actuators", actuators).items()
         }
         self._scene = _acted_on(scene, self._actuators)
-        self._sizes = {name: 3 * _thrusters(self._scene, name) for name in self._actuators}
-        self.actions = {"actuators": sum(self._sizes.values())}  # type: ignore[misc]
+        self._thrusters = {name: _thrusters(self._scene, name) for name in self._actuators}
+        self.actions = {"actuators": len(self.limits)}  # type: ignore[misc]
         self._extent = _extent(scene)
         fastest = float(np.linalg.norm(scene.velocities, axis=1).max())
         self._scales = (
@@ -212,6 +263,33 @@ class SceneTask(Task):
             if velocity_scale is None
             else checks.number("velocity_scale", velocity_scale, TINY),
         )
+        self._start = None if start is None else _function("start", start, "rng")
+        self._reset_options = () if start is None else _defaulted(start)
+        self._goal = np.zeros(0) if start is None else self._begun(np.random.default_rng(0), {})[2]
+        self.goal_size = len(self._goal)  # type: ignore[misc]
+        self.memory = checks.array("memory", memory, (None,)).tolist()  # type: ignore[misc]
+        self._move, self._remember = _given("move", move), _given("remember", remember)
+        if move is not None:
+            if not self.goal_size:
+                raise ValueError("move is given, but no goal that could move; start must give one")
+            self.move = self._moved  # type: ignore[misc]
+        if (remember is None) != (not self.memory):
+            raise ValueError(
+                f"memory is {checks.shown(memory)} and remember is {checks.shown(remember)}; both must be "
+                "given, or neither: what is remembered at first, and what then"
+            )
+        if remember is not None:
+            self.remember = self._remembered  # type: ignore[misc]
+        for name, value, kind in (
+            ("look", look, Look),
+            ("camera", camera, Camera),
+            ("scenery", scenery, Scenery),
+        ):
+            instance(name, value, kind, type(None))
+        if look is not None and look.particles > len(scene.masses):
+            raise ValueError(f"look draws {look.particles} particles; the scene has {len(scene.masses)}")
+        self._look, self._camera, self._scenery = look, camera, scenery
+        self._marks = _given("marks", marks)
 
     @property
     def scene(self) -> Scene:
@@ -225,60 +303,126 @@ class SceneTask(Task):
         moving = tuple(i for i in range(count) if i not in held)
         return ObservedParticles(moving, np.full(count, self._scales[0]), np.full(count, self._scales[1]))
 
+    @property
+    def limits(self) -> np.ndarray:
+        each = (np.tile(most[most > 0], self._thrusters[name]) for name, most in self._actuators.items())
+        return np.concatenate([*each])
+
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
-        x, v = self._scene.positions, self._scene.velocities
-        if self._start is not None:
-            begun = self._start(rng)
-            if not isinstance(begun, (tuple, list)) or len(begun) != 2:
-                raise TypeError(f"start gave {checks.shown(begun)}; it must give positions and velocities")
-            shape = x.shape
-            x = checks.array("the positions that start gave", begun[0], shape)
-            v = checks.array("the velocities that start gave", begun[1], shape)
+        if self._start is None:
+            x, v, goal = self._scene.positions, self._scene.velocities, self._goal
+        else:
+            own = {name: options.pop(name) for name in self._reset_options if name in options}
+            x, v, goal = self._begun(rng, own, len(self._goal))
         if factors["scale"] != 1:
             x, v = (_scaled(self._scene, u, factors["scale"]) for u in (x, v))
-        return Start(x, v)
+        return Start(x, v, goal.tolist())
+
+    def _begun(
+        self, rng: Generator, options: Mapping[str, Any], goal_size: int | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Positions, velocities and goal that the user's function starts with, checked."""
+        assert self._start is not None
+        begun = self._start(rng, **options)
+        if not isinstance(begun, (tuple, list)) or len(begun) not in (2, 3):
+            raise TypeError(
+                f"start gave {checks.shown(begun)}; it must give positions and velocities or, with a goal, "
+                "these three"
+            )
+        shape = self._scene.positions.shape
+        x = checks.array("the positions that start gave", begun[0], shape)
+        v = checks.array("the velocities that start gave", begun[1], shape)
+        goal = begun[2] if len(begun) == 3 else ()
+        return x, v, checks.array("the goal that start gave", goal, (goal_size,))
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         values, at = {}, 0
-        for name, size in self._sizes.items():
-            part = self._actuators[name] * action[:, at : at + size]
-            values[name] = part.reshape(len(action), -1, 3) if name.endswith("thrust") else part
+        for name, most in self._actuators.items():
+            count, driven = self._thrusters[name], most > 0
+            size = count * int(driven.sum())
+            part = np.zeros((len(action), count, 3))
+            part[..., driven] = most[driven] * action[:, at : at + size].reshape(len(action), count, -1)
+            values[name] = part if name.endswith("thrust") else part[:, 0]
             at += size
         return values
 
-    def evaluate(self, m: Measures, s: Situation, out: np.ndarray) -> None:
-        shape = (len(out),)
+    def prepare(self, m: Measures, s: Situation) -> None:
+        """See the scene once: what terms the reward has, what metrics there are, how much is observed."""
+        copies = len(s.x)
+        goal, memory = (read_only(np.tile(first, (copies, 1))) for first in (self._goal, self.memory))
+        s = s._replace(goal=goal, memory=memory)
         with _hearing(m):
-            out["reward_own"] = _numbers("reward", self._reward(m, s.x, s.v, s.action), shape, m)
+            self.terms = tuple(self._rewards(m, s))  # type: ignore[misc]
+            self.metrics = tuple(self._told(m, s))  # type: ignore[misc]
+            if self._observe is not None:
+                self.entries = (Entry("own", self._seen(m, s, (copies, None)).shape[1]),)
+
+    def evaluate(self, m: Measures, s: Situation, out: np.ndarray) -> None:
+        with _hearing(m):
+            for name, numbers in self._rewards(m, s, self.terms).items():
+                out[f"reward_{name}"] = numbers
+            for name, numbers in self._told(m, s, self.metrics).items():
+                out[name] = numbers
             for field, name, judge in self._judges:
-                given = np.zeros(shape, bool) if judge is None else judge(m, s.x, s.v)
-                out[field] = _of_shape(name, given, shape, "b", "bools")
+                given = np.zeros(len(out), bool) if judge is None else judge(self._named(m), s)
+                out[field] = _of_shape(name, given, (len(out),), "b", "bools")
+
+    def _rewards(
+        self, m: Measures, s: Situation, names: tuple[str, ...] | None = None
+    ) -> dict[str, np.ndarray]:
+        """Return the terms of the reward."""
+        given = self._reward(self._named(m), s)
+        return _by_name("reward", given if isinstance(given, Mapping) else {"own": given}, m, names)
+
+    def _told(self, m: Measures, s: Situation, names: tuple[str, ...] | None = None) -> dict[str, np.ndarray]:
+        """Return the metrics."""
+        if self._metrics is None:
+            return {}
+        given = mapping("what metrics gave", self._metrics(self._named(m), s))
+        for name in given:
+            if name in RESERVED or str(name).startswith(RESERVED_BEGINNINGS):
+                raise ValueError(f"metrics gave {name!r}, a name that info has already; choose another")
+        return _by_name("metrics", given, m, names)
+
+    def _moved(self, m: Measures, s: Situation, goal: np.ndarray) -> None:
+        assert self._move is not None
+        with _hearing(m):
+            given = _numbers("move", self._move(self._named(m), s), goal.shape, m)
+        goal[:] = np.where(_sound(m)[:, None], given, goal)
+
+    def _remembered(self, m: Measures, s: Situation, memory: np.ndarray) -> None:
+        assert self._remember is not None
+        with _hearing(m):
+            given = _numbers("remember", self._remember(self._named(m), s), memory.shape, m)
+        memory[:] = np.where(_sound(m)[:, None], given, memory)
 
     def compact(self, m: Measures, s: Situation, observation: np.ndarray) -> None:
         observation[:] = np.clip(self._seen(m, s, observation.shape), -BOUND, BOUND)
 
-    def prepare(self, m: Measures, s: Situation) -> None:
-        if self._observe is not None:
-            size = self._seen(m, s, (len(s.x), None)).shape[1]
-            self.entries = (Entry("own", size),)
+    def _named(self, m: Measures) -> MeasuresOfBodies:
+        return MeasuresOfBodies(m, [placed.name for placed in self._scene.bodies], self._scene.number)
 
     def _seen(self, m: Measures, s: Situation, shape: tuple[int | None, ...]) -> np.ndarray:
         assert self._observe is not None
         with _hearing(m):
-            return _numbers("observe", self._observe(m, s.x, s.v), shape, m)
+            return _numbers("observe", self._observe(self._named(m), s), shape, m)
 
     def look(self) -> Look:
-        return film.look(self._scene, None)
+        return film.look(self._scene) if self._look is None else self._look
 
     def camera(self) -> Camera:
+        if self._camera is not None:
+            return self._camera
         centre = tuple(self._scene.positions.mean(axis=0).tolist())
         return Camera.framing(centre, 2.5 * self._extent)
 
     def scenery(self) -> Scenery:
-        return film.surfaces(self._scene)
+        return film.surfaces(self._scene) if self._scenery is None else self._scenery
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        return Marks()
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        if self._marks is None:
+            return Marks()
+        return instance("what marks gave", self._marks(self._named(m), s), Marks)
 
 
 def _loaded(scene: str | Path) -> Scene:
@@ -287,20 +431,77 @@ def _loaded(scene: str | Path) -> Scene:
     return load(str(scene)).scene
 
 
-def _callable(name: str, value: Any) -> Any:
+def _function(name: str, value: Any, *takes: str) -> Any:
+    """A function, checked to be called with so many arguments."""
     if not callable(value):
         raise TypeError(f"{name} is {checks.shown(value)}; it must be a function")
+    try:
+        signature = inspect.signature(value)
+    except ValueError:  # of some that are built in, nobody knows
+        return value
+    try:
+        signature.bind(*takes)
+    except TypeError:
+        raise TypeError(
+            f"{name} takes {signature}; it must be called as {name}({', '.join(takes)})"
+        ) from None
     return value
+
+
+def _given(name: str, value: Any) -> Any:
+    """A function of measures and situation, or None."""
+    return None if value is None else _function(name, value, "m", "s")
+
+
+def _defaulted(function: Callable[..., Any]) -> tuple[str, ...]:
+    """Names of the arguments that a function of one argument takes besides."""
+    try:
+        _, *others = inspect.signature(function).parameters.values()
+    except ValueError:
+        return ()
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    return tuple(own.name for own in others if own.kind in kinds)
+
+
+def _most(name: str, given: Most) -> np.ndarray:
+    """What an actuator does at 1 on each axis, (3,)."""
+    if not isinstance(given, (Sequence, np.ndarray)) or isinstance(given, str) or np.ndim(given) == 0:
+        return np.full(3, checks.number(name, given, TINY))
+    most = checks.array(name, given, (3,), low=0.0)
+    if not most.any():
+        raise ValueError(f"{name} is {checks.shown(given)}; one of its axes must be driven")
+    return most
+
+
+def _by_name(
+    function: str, given: Mapping[str, Any], m: Measures, names: tuple[str, ...] | None
+) -> dict[str, np.ndarray]:
+    """Numbers (n,) by name that a function gave; ``names`` are those that it gave first."""
+    for name in given:
+        if not isinstance(name, str) or not name:
+            raise TypeError(f"{function} gave something by the name {name!r}; a name must be some text")
+    if not given:
+        raise ValueError(f"{function} gave an empty dict; it must give at least one number by name")
+    if names is not None and set(given) != set(names):
+        raise ValueError(
+            f"{function} gave {', '.join(given)}, and first it gave {', '.join(names)}; the names must stay"
+        )
+    own = "own" if function == "reward" else ""
+    return {
+        name: _numbers(function if name == own else f"{function}, {name!r},", numbers, (len(m.strain),), m)
+        for name, numbers in given.items()
+    }
 
 
 def _sound(m: Measures) -> np.ndarray:
     """Which copies have not diverged (n,): of the others, functions may say what they like."""
-    return np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)
+    sound = np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)  # of several bodies, of each
+    return sound.reshape(len(sound), -1).all(axis=1)
 
 
 def _hearing(m: Measures) -> AbstractContextManager[None]:
     """Where functions are called: warnings are not heard while a copy has diverged."""
-    quick = m.strain.dot(m.strain) < STRAIN_LIMIT**2  # then each is within its limit
+    quick = np.vdot(m.strain, m.strain) < STRAIN_LIMIT**2  # then each is within its limit
     return LOUD if quick or _sound(m).all() else np.errstate(all="ignore")
 
 
@@ -364,7 +565,7 @@ def _thrusters(scene: Scene, name: str) -> int:
     return len(thrust.particles) if kind == "thrust" and thrust else 1
 
 
-def _acted_on(scene: Scene, actuators: Mapping[str, float]) -> Scene:
+def _acted_on(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
     """The scene with the actuators that are named, a wrench added if need be."""
     if not actuators:
         raise ValueError("actuators is empty; the actions must drive something")
@@ -382,12 +583,12 @@ def _acted_on(scene: Scene, actuators: Mapping[str, float]) -> Scene:
 
 
 class SceneEnv(SpringEnv, gym.Env):
-    """One environment over a scene: see `make_scene_env`."""
+    """Run one environment over a scene, see `make_scene_env`."""
 
     task_type = SceneTask
 
 
 class SceneVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch over a scene: see `make_scene_env`."""
+    """Run a native batch over a scene, see `make_scene_env`."""
 
     task_type = SceneTask

@@ -108,7 +108,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringShove(Task):
-    """The MDP of `SpringShoveEnv`, where it is described."""
+    """Define the MDP of `SpringShoveEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
     terms = ("approach", "near", "heading")
@@ -190,7 +190,7 @@ class SpringShove(Task):
 
     def look(self) -> Look:
         radii = np.append(RADIUS, np.zeros(len(self.box.masses)))
-        return replace(film.look(self.scene, None), radii=radii, ball_colors=ORANGE)
+        return replace(film.look(self.scene), radii=radii, ball_colors=ORANGE)
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.1), 2.0, elevation=0.9)
@@ -198,7 +198,7 @@ class SpringShove(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         error = math.hypot(m.centre[BOX, 0], m.centre[BOX, 1])
         heading = math.atan2(m.side[BOX, 1], m.side[BOX, 0])
         a, b = SIDES[0] / 2, SIDES[1] / 2
@@ -208,7 +208,9 @@ class SpringShove(Task):
         return Marks(
             lines=edges,
             arrows=[
-                Arrow(m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * action[0], 0.3 * action[1], 0.0)),
+                Arrow(
+                    m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * s.action[0], 0.3 * s.action[1], 0.0)
+                ),
                 Arrow(top, ahead, GREEN),
                 Arrow((0.0, 0.0, 0.0), (0.15, 0.0, 0.0), GREEN),
             ],
@@ -230,8 +232,9 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     """
     ## Description
     A ball pushes a box over the floor. Bring the box to its place, and turn it to its heading. The ball can
-    only push: it has to go around the box to move it another way, and to push beside its middle to turn it.
-    The box is of 8 corners and 28 springs; the ball is a single particle with a radius, which slides.
+    only push. To move the box another way, it has to go around the box; to turn the box, it has to push
+    beside its middle. The box has 8 corners and 28 springs. The ball is a single particle with a radius; it
+    slides.
 
     The target lies at the origin and points along x: the world's axes are those of the target.
 
@@ -242,7 +245,8 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     |---|---|---|---|
     | `"push"` | 0, 1 | force on the ball along x, y | ±12 N |
 
-    Friction on the floor takes 4 N of it, that of the box another 4 N. Actions outside of ±1 are clipped.
+    Friction of the ball takes 4 N of this force, and friction of the box another 4 N. Actions outside of ±1
+    are clipped.
 
     ## Observation Space
     `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
@@ -267,9 +271,9 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     `reward_near` and `reward_heading`, its three products.
 
     ## Starting State
-    Both lie on the floor at rest: the box U(0.3, 0.8) m from its place in any direction, turned by U(−1, 1)
-    rad, the ball U(0.35, 0.6) m from the box on any side. `reset(options={"error": …, "heading": …})` sets
-    any of them.
+    Both lie on the floor at rest. The box is U(0.3, 0.8) m from its place in any direction, and turned by
+    U(−1, 1) rad. The ball is U(0.35, 0.6) m from the box on any side.
+    `reset(options={"error": …, "heading": …})` sets any of them.
 
     ## Episode End
     Termination: ball or box is more than 1.8 m from the place, the box is tipped over, or the simulation
@@ -278,14 +282,16 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     steps.
 
     ## Information
-    `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`.
-    Of the pairs of bodies, since the episode began: `pairs_touching` now, `pairs_impulse` [N·s],
-    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`.
+    `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`. Five entries
+    describe the pairs of bodies. `pairs_touching` counts those that touch now. Since the start of the
+    episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m], at most the reach
+    of their contact, `pairs_missed` counts contacts that were found too late,
+    and `too_fast` those that the step does not compute well.
 
     ## Arguments
-    - `observation`: above.
-    - `friction=0.3`: of the floor, instead of 0.4.
-    - `hard=True`: the box up to 1.2 m away, and turned any way.
+    - `observation`: see above.
+    - `friction=0.3`: a smoother floor than the usual one (0.4).
+    - `hard=True`: a box up to 1.2 m away, and turned any way.
     - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
@@ -301,7 +307,7 @@ class SpringShoveEnv(SpringEnv, gym.Env):
 
 
 class SpringShoveVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringShoveEnv`."""
+    """Run a native batch of `SpringShoveEnv`."""
 
     task_type = SpringShove
 

@@ -92,7 +92,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringStack(Task):
-    """The MDP of `SpringStackEnv`, where it is described."""
+    """Define the MDP of `SpringStackEnv`, which describes it."""
 
     actions: ClassVar = {"push": 2}
     terms = ("approach", "near", "heading")
@@ -181,7 +181,7 @@ class SpringStack(Task):
         return {"pusher.thrust": FORCE * np.pad(action, ((0, 0), (0, 1)))[:, None]}
 
     def look(self) -> Look:
-        shown = film.look(self.scene, None)
+        shown = film.look(self.scene)
         colors, faces = np.array(shown.triangle_colors), len(self.box.triangles)
         colors[faces : 2 * faces] = colors[:faces]
         colors[faces : 2 * faces][(colors[:faces] == BLUE).all(axis=1)] = TEAL
@@ -195,13 +195,15 @@ class SpringStack(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         way = m.centre[BOX] - m.centre[BLOCK]
-        corners = x[9:13]
+        corners = s.x[9:13]
         return Marks(
             lines=[(corners[n], corners[n - 1]) for n in range(4)],
             arrows=[
-                Arrow(m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * action[0], 0.3 * action[1], 0.0)),
+                Arrow(
+                    m.centre[PUSHER] + (0.0, 0.0, 1.2 * RADIUS), (0.3 * s.action[0], 0.3 * s.action[1], 0.0)
+                ),
                 Arrow(m.centre[BOX] + 0.14 * m.axis[BOX], 0.15 * m.side[BOX], GREEN),
             ],
             key=((GREEN, "bring this box onto the other, turned alike"), (RED, "push")),
@@ -219,10 +221,10 @@ class StackOptions(EnvOptions, total=False):
 class SpringStackEnv(SpringEnv, gym.Env):
     """
     ## Description
-    A box lies on a shelf, and beyond the shelf's edge a block stands on the floor. A ball pushes the box over
-    the edge, so that it comes to lie on the block, square on it. The ball can only push, and falls if it
-    follows too far; so does the box if it comes over the edge where the block is not. Box and block are of 8
-    corners and 28 springs each, the shelf is fixed. The ball is a single particle with a radius; it slides.
+    A box lies on a shelf, and beyond the shelf's edge a block stands on the floor. Push the box with a ball
+    over the edge, so that it comes to lie on the block, square on it. The ball can only push, and it falls if
+    it follows too far. The box falls if it crosses the edge where there is no block. Box and block have 8
+    corners and 28 springs each. The shelf is fixed. The ball is a single particle with a radius; it slides.
 
     The shelf's edge is the y axis; the shelf lies at x < 0, 22 cm above the floor, and 5 mm above the block.
 
@@ -233,7 +235,8 @@ class SpringStackEnv(SpringEnv, gym.Env):
     |---|---|---|---|
     | `"push"` | 0, 1 | force on the ball along x, y | ±12 N |
 
-    Friction on the shelf takes 4 N of it, that of the box another 4 N. Actions outside of ±1 are clipped.
+    Friction of the ball takes 4 N of this force, and friction of the box another 4 N. Actions outside of ±1
+    are clipped.
 
     ## Observation Space
     `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
@@ -261,26 +264,28 @@ class SpringStackEnv(SpringEnv, gym.Env):
     products.
 
     ## Starting State
-    All are at rest. The middle of the box is U(0.5, 0.9) m from the edge and U(−0.3, 0.3) m along it from
-    its middle; it is turned by U(−0.5, 0.5) rad. The ball lies U(0.35, 0.5) m from it, away from the edge by
-    up to 60°. The block stands U(0.08, 0.1) m from the shelf and U(−0.3, 0.3) m from its middle, turned as it
-    is.
-    `reset(options={"heading": …})` sets the angle by which the box is turned.
+    Everything is at rest. The middle of the box is U(0.5, 0.9) m from the edge, and U(−0.3, 0.3) m along the
+    edge from the edge's middle. The box is turned by U(−0.5, 0.5) rad. The ball lies U(0.35, 0.5) m from it,
+    on the side away from the edge, by up to 60°. The block stands U(0.08, 0.1) m from the shelf and U(−0.3,
+    0.3) m from the edge's middle, turned as the shelf is. `reset(options={"heading": …})` sets the angle by
+    which the box is turned.
 
     ## Episode End
-    Termination: the middle of box or ball is less than 0.1 m above that of the block, for it has fallen; box
-    or block are tipped over; or the simulation diverged (`info["diverged"]`; reward 0). Truncation:
+    Termination: the middle of box or ball is less than 0.1 m above that of the block, because it has fallen;
+    box or block is tipped over; or the simulation diverged (`info["diverged"]`; reward 0). Truncation:
     300 steps, 12 s. `info["is_success"]`: e < 0.08 m, |φ| < 0.2 rad, and the box moves slower than 0.1 m/s
     (0.2 m times its turning added), for the last 12 steps. A box whose middle is so near the block's lies on
     the block alone, none of it on the shelf.
 
     ## Information
-    `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`.
-    Of the pairs of bodies, since the episode began: `pairs_touching` now, `pairs_impulse` [N·s],
-    `pairs_least_gap` [m], at the most the reach of their contact, `pairs_missed`.
+    `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`. Five entries
+    describe the pairs of bodies. `pairs_touching` counts those that touch now. Since the start of the
+    episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m], at most the reach
+    of their contact, `pairs_missed` counts contacts that were found too late,
+    and `too_fast` those that the step does not compute well.
 
     ## Arguments
-    - `observation`: above.
+    - `observation`: see above.
     - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
@@ -296,7 +301,7 @@ class SpringStackEnv(SpringEnv, gym.Env):
 
 
 class SpringStackVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringStackEnv`."""
+    """Run a native batch of `SpringStackEnv`."""
 
     task_type = SpringStack
 

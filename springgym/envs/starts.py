@@ -44,14 +44,14 @@ def uniform(rng: Generator, low: Sequence[float], high: Sequence[float]) -> list
 
 
 def direction(rng: Generator) -> np.ndarray:
-    """A unit vector (3,), every direction alike."""
+    """Draw a unit vector (3,); every direction is equally likely."""
     z, azimuth = uniform(rng, (-1.0, -math.pi), (1.0, math.pi))
     across = math.sqrt(1 - z * z)
     return np.array([across * math.cos(azimuth), across * math.sin(azimuth), z])
 
 
 def any_rotation(rng: Generator) -> np.ndarray:
-    """A rotation (3, 3), every one alike: from three directions, each alike, by Gram and Schmidt."""
+    """Draw a rotation (3, 3), each equally likely: from three random directions, by Gram and Schmidt."""
     first, second, third = rng.normal(size=(3, 3)).T
     first = _unit(first)
     second = _unit(second - (first * second).sum() * first)

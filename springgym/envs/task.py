@@ -29,7 +29,7 @@ MET, FAILED = -2, -1
 
 
 class Start(NamedTuple):
-    """How an episode starts, or how several do: (k, …)."""
+    """Describe how an episode starts, or how several do: (k, …)."""
 
     positions: np.ndarray
     """(N, 3) [m]"""
@@ -40,7 +40,7 @@ class Start(NamedTuple):
 
 
 class Task:
-    """The MDP of an environment. A subclass states it; its instances are immutable.
+    """Define the MDP of an environment. A subclass states it; its instances are immutable.
 
     Compiled functions a subclass provides, over rows of copies:
 
@@ -48,7 +48,12 @@ class Task:
       for each name in `outcome`: the reward's terms, the metrics, whether the aim is met now, and whether the
       episode has failed;
     - ``compact(m, s, observation)``: the compact observation (n, D);
-    - ``move(goal)``, where there is one: what goals become from one control period to the next.
+    - ``move(m, s, goal)``, where there is one: sets the goals (n, G) of the next control period;
+    - ``remember(m, s, memory)``, where there is one: sets what is remembered (n, K).
+
+    After a step, ``move`` comes first, then ``evaluate``, which sees in ``s.memory`` what was remembered
+    before, then ``remember``, and the observation last. At the start of an episode, the memory is what
+    `memory` says, and ``remember`` is called once.
 
     Of several bodies, m holds the measures of each: scalars (n, bodies), vectors (n, bodies, 3).
     """
@@ -63,6 +68,8 @@ class Task:
     entries: tuple[Entry, ...]
     """what the numbers of the compact observation are, in their order"""
     goal_size: ClassVar[int] = 0
+    memory: ClassVar[Sequence[float]] = ()
+    """the K numbers of the memory before the first call of ``remember``"""
     period: ClassVar[float] = 0.02
     """control period [s]"""
     finest: ClassVar[float] = math.inf
@@ -74,8 +81,10 @@ class Task:
     evaluate: ClassVar[Callable[..., None]]
     compact: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None
-    apart: ClassVar[bool] = True
-    """whether functions are given the measures of each of several bodies, not those of all together"""
+    remember: ClassVar[Callable[..., None] | None] = None
+    prepare: ClassVar[Callable[..., None] | None] = None
+    """takes m and s of the scene as it is, once, before the first episode: it may find out `terms`, `metrics`
+    and `entries`"""
 
     def __init__(self, observation: str = "particles", action: str = "torque") -> None:
         self.observation = chosen("observation", observation, self.observations)
@@ -83,36 +92,36 @@ class Task:
 
     @cached_property
     def reported(self) -> tuple[str, ...]:
-        """Names in ``info`` of the reward's terms and the metrics."""
+        """Return the names in ``info`` of the reward's terms and the metrics."""
         return (*(f"reward_{name}" for name in self.terms), *self.metrics)
 
     @cached_property
     def outcome(self) -> tuple[str, ...]:
-        """Names of all that ``evaluate`` sets: those in ``info``, "met" and "failed"."""
+        """Return the names of all that ``evaluate`` sets: those in ``info``, "met" and "failed"."""
         return (*self.reported, "met", "failed")
 
     @property
     def limits(self) -> np.ndarray:
-        """What the entries of an action do at 1, (A,), in the units that the docstring tells."""
+        """Return the effect of the entries of an action at 1, (A,), in the units that the docstring tells."""
         raise NotImplementedError
 
     def seen(self, observations: np.ndarray) -> dict[str, np.ndarray]:
-        """What compact observations (n, D) mean: by name of the entry, (n, size) in SI units."""
+        """Return the values that compact observations (n, D) encode, by entry, (n, size) in SI units."""
         return values(self.entries, observations)
 
     @property
     def parameters(self) -> np.ndarray:
-        """Numbers that ``evaluate`` and ``compact`` need."""
+        """Return the numbers that ``evaluate`` and ``compact`` need."""
         return np.zeros(0)
 
     @property
     def scene(self) -> Scene:
-        """What is simulated."""
+        """Return the scene."""
         raise NotImplementedError
 
     @property
     def particles(self) -> ObservedParticles:
-        """The "particles" observation."""
+        """Return the "particles" observation."""
         raise NotImplementedError
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
@@ -141,31 +150,28 @@ class Task:
         )
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        """What the actuators do, as `Simulator.actuate` takes it, for clipped actions (n, A)."""
+        """Return the values for `Simulator.actuate` that belong to clipped actions (n, A)."""
         raise NotImplementedError
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
-        """What else acts in all copies, as `Simulator.actuate` takes it: an opponent, who sees the state."""
+        """Return what else acts in all copies, for `Simulator.actuate`: an opponent, who sees the state."""
         return {}
 
     def look(self) -> Look:
-        """How the body is drawn."""
+        """Return how the body is drawn."""
         raise NotImplementedError
 
     def camera(self) -> Camera:
-        """Where it is seen from."""
+        """Return the camera."""
         raise NotImplementedError
 
     def scenery(self) -> Scenery:
-        """What stands around it."""
+        """Return the scenery around the body."""
         return Scenery()
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        """What else is drawn; the arguments are those of one copy."""
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        """Return the marks to draw; the arguments are those of one copy."""
         raise NotImplementedError
-
-    def prepare(self, m: Measures, s: Situation) -> None:
-        """For an observation that is called "own": see the scene once, before the first episode."""
 
     @property
     def observation_space(self) -> spaces.Box:

@@ -71,7 +71,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringTop(Task):
-    """The MDP of `SpringTopEnv`, where it is described."""
+    """Define the MDP of `SpringTopEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("upright", "calm", "spin")
@@ -163,11 +163,11 @@ class SpringTop(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0, vertical=((0.0, 0.0, 0.0), 1.2 * float(self.body.positions[:, 2].max())))
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
+    def marks(self, m: Measures, s: Situation) -> Marks:
         tilt, spin = angle_of.py_func(m.axis[2]), float(m.angular_velocity @ m.axis)
         arrows = []
         if self.action == "impulse":
-            arrows = [Arrow(x[self.upper], 0.4 * action)]
+            arrows = [Arrow(s.x[self.upper], 0.4 * s.action)]
         return Marks(
             arrows=arrows,
             text=(f"tilt {math.degrees(tilt):4.1f}°", f"spin {spin:4.1f} rad/s"),
@@ -187,10 +187,10 @@ class TopOptions(EnvOptions, total=False):
 class SpringTopEnv(SpringEnv, gym.Env):
     """
     ## Description
-    A spinning top stands on its pinned tip, tilted. Erect it, and bring it to 50 rad/s. The top is the
-    flexible one of McDonald's "On flexible body approximations of rigid body dynamics": a ring of 12
-    particles, a crown and a tip, held by 37 stiff springs. It precesses and nutates like a rigid body;
-    to push it where it should go, an agent has to push it elsewhere.
+    A spinning top stands on its pinned tip, tilted. Bring it upright, and to a spin of 50 rad/s. The top is
+    the flexible one of McDonald's "On flexible body approximations of rigid body dynamics": 37 stiff springs
+    hold a ring of 12 particles, a crown and a tip. It precesses and nutates like a rigid body. It moves at a
+    right angle to a push, so an agent must not push it where it should go.
 
     ## Action Space
     `Box(-1, 1, (3,), float32)`, held for a control period of 20 ms.
@@ -201,7 +201,7 @@ class SpringTopEnv(SpringEnv, gym.Env):
     | | 2 | torque about the top's axis | ±15 N·m |
     | `"impulse"` | 0–2 | impulse on the crown along x, y, z, spread evenly over the period | ±0.3 N·s |
 
-    The weight's moment is 88 N·m sin(tilt). Actions outside of ±1 are clipped.
+    The weight exerts a torque of 88 N·m sin(tilt). Actions outside of ±1 are clipped.
 
     ## Observation Space
     `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
@@ -222,8 +222,8 @@ class SpringTopEnv(SpringEnv, gym.Env):
     last L is 1.
 
     ## Starting State
-    Released from rest but for its spin, stretched by it as in steady rotation: tilt U(0.1, 0.6) rad,
-    azimuth U(−π, π), spin U(30, 60) rad/s (with impulses U(40, 60)). Below 39 rad/s the upright top is
+    The top spins, and is otherwise at rest. Its springs are stretched as in steady rotation. Tilt U(0.1, 0.6)
+    rad, azimuth U(−π, π), spin U(30, 60) rad/s (with impulses U(40, 60)). Below 39 rad/s the upright top is
     unstable. `reset(options={"tilt": …, "azimuth": …, "spin": …})` sets any of them.
 
     ## Episode End
@@ -236,11 +236,11 @@ class SpringTopEnv(SpringEnv, gym.Env):
     integrator added to the energy balance since the start), `strain` (largest of any spring).
 
     ## Arguments
-    - `observation`, `action`: above.
+    - `observation`, `action`: see above.
     - `hard=True`: spin U(20, 60) rad/s and torques up to 10 N·m.
-    - `body={"scaled": {0: 1.1}}`: an unbalanced top, a particle of its ring 10 % heavier; from some 20 % on
-      it wobbles more than success allows.
-    - `body={"height": 1.25}`: an elongated top (1 m): a larger moment of the weight for the same spin.
+    - `body={"scaled": {0: 1.1}}`: an unbalanced top, with a particle of its ring 10 % heavier; from some 20 %
+      on it wobbles more than success allows.
+    - `body={"height": 1.25}`: an elongated top (1 m), whose weight exerts a larger torque at the same spin.
     - `body` with a `material`, as `{"material": "beech"}`: a solid cone with the arguments of
       `springgym.bodies.solid_top`, its radius 0.61 m and its height 1 m if not given. Torques and impulses
       at ±1 grow with the moment of its weight, and its heart, two thirds up the axis, stands for the crown.
@@ -260,7 +260,7 @@ class SpringTopEnv(SpringEnv, gym.Env):
 
 
 class SpringTopVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringTopEnv`."""
+    """Run a native batch of `SpringTopEnv`."""
 
     task_type = SpringTop
 

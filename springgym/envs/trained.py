@@ -20,7 +20,7 @@ PUBLISHED = AGENTS / "trained"
 
 
 class Agent(NamedTuple):
-    """Who acts, and where."""
+    """Hold an agent, and the environment that it acts in."""
 
     name: str
     env_id: str
@@ -35,7 +35,7 @@ class Agent(NamedTuple):
 
 @dataclass(frozen=True)
 class Trained:
-    """What stands in the ``config.yaml`` of a run folder."""
+    """Hold the contents of the ``config.yaml`` of a run folder."""
 
     algo: Algorithm
     env_id: str

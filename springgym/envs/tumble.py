@@ -92,7 +92,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 class SpringTumble(Task):
-    """The MDP of `SpringTumbleEnv`, where it is described."""
+    """Define the MDP of `SpringTumbleEnv`, which describes it."""
 
     actions: ClassVar = {"wrench": 6, "impulses": 3 * len(CORNERS)}
     terms = ("near", "placed", "still")
@@ -184,16 +184,16 @@ class SpringTumble(Task):
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0)
 
-    def marks(self, m: Measures, x: np.ndarray, action: np.ndarray, goal: np.ndarray) -> Marks:
-        corner = int(goal[3])
-        error = math.hypot(m.centre[0] - goal[0], m.centre[1] - goal[1])
-        place = (float(goal[0]), float(goal[1]), 0.0)
-        arrows = [Arrow(m.centre, 0.4 * action[:3])]
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        corner = int(s.goal[3])
+        error = math.hypot(m.centre[0] - s.goal[0], m.centre[1] - s.goal[1])
+        place = (float(s.goal[0]), float(s.goal[1]), 0.0)
+        arrows = [Arrow(m.centre, 0.4 * s.action[:3])]
         if self.action == "impulses":
-            arrows = [Arrow(x[n], 0.2 * push) for n, push in enumerate(action.reshape(-1, 3))]
+            arrows = [Arrow(s.x[n], 0.2 * push) for n, push in enumerate(s.action.reshape(-1, 3))]
         return Marks(
             rings=[(place, 0.1), (place, 0.3)],
-            balls=[(x[corner], 0.05)],
+            balls=[(s.x[corner], 0.05)],
             arrows=arrows,
             text=(f"off target {error:4.2f} m",),
             key=((GREEN, "ring: here; ball: this corner up"), (RED, "push")),
@@ -212,13 +212,13 @@ class TumbleOptions(EnvOptions, total=False):
 class SpringTumbleEnv(SpringEnv, gym.Env):
     """
     ## Description
-    An irregular tetrahedron drops to the floor. Bring it to a target and onto one of its faces, drawn each
-    time. The force is half of the weight, so it cannot hover, and less than static friction, so it does not
-    slide unless it is lifted as well: it has to be rolled, edge over edge. Four corners and a centre, every
-    pair joined by a spring.
+    An irregular tetrahedron drops to the floor. Bring it to a target, and onto one of its faces, which is
+    drawn each time. The force is half of the weight, so the body cannot hover. It is less than static
+    friction, so the body does not slide unless it is lifted as well. An agent has to roll it, edge over edge.
+    A spring joins every pair of the four corners and the centre.
 
     ## Action Space
-    `Box(-1, 1, (k,), float32)`, held for a control period of 20 ms, world axes.
+    `Box(-1, 1, (k,), float32)`, held for a control period of 20 ms, in the axes of the world.
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
@@ -252,9 +252,9 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
     `reward_near`, `reward_placed` and `reward_still`, the products with 0.4, 0.3 and 0.7.
 
     ## Starting State
-    In any orientation, the centre of mass U(0.5, 0.9) m above the middle of the floor, at rest but for an
-    angular velocity of U(−4, 4) rad/s about each axis. The target is U(0.5, 1.2) m away, the corner that
-    is to point up (face that is to lie down) any of the four.
+    The body has any orientation. Its centre of mass is U(0.5, 0.9) m above the middle of the floor and at
+    rest; the body turns at U(−4, 4) rad/s about each axis. The target is U(0.5, 1.2) m away. Any of the four
+    corners is to point up, so that the opposite face lies down.
     `reset(options={"height": …, "distance": …, "corner": …})` sets any of them.
 
     ## Episode End
@@ -267,8 +267,8 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
     `energy_drift` [J], `strain`.
 
     ## Arguments
-    - `observation`, `action`: above.
-    - `friction=0.3`: a floor half as rough as the usual one (0.6), on which the body slides.
+    - `observation`, `action`: see above.
+    - `friction=0.3`: a floor that is half as rough as the usual one (0.6), on which the body slides.
     - `hard=True`: forces up to 28 N, torques up to 7.5 N·m and impulses up to 0.14 N·s, the target
       U(0.5, 2) m away.
     - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
@@ -286,7 +286,7 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
 
 
 class SpringTumbleVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """A native batch of `SpringTumbleEnv`."""
+    """Run a native batch of `SpringTumbleEnv`."""
 
     task_type = SpringTumble
 

@@ -32,6 +32,7 @@ from springgym.forces.cycle import Cycle
 from springgym.forces.memory import Memory
 from springgym.forces.pairs.terms import Meets
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
+from springgym.forces.round import Rounds, feature_energy, rolls
 from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
 from springgym.own_forces import OfBody, add_own_forces, own_energy
 
@@ -71,6 +72,8 @@ class Terms(NamedTuple):
     """what acts once in several steps; None if all acts at each"""
     meets: Meets | None = None
     """bodies that collide"""
+    rounds: Rounds | None = None
+    """round features, by which a body that has some meets surfaces"""
     own: tuple[OfBody, ...] | None = None
     """forces that a user wrote, of all bodies"""
     body: int = 0
@@ -224,7 +227,17 @@ def settle(x: Rows, v: Rows, terms: Terms) -> None:
 def potential_energy(x: Numbers, terms: Terms) -> Number:
     """Energies [J] of gravity (0 at the origin), springs and contact, and the largest |L/L₀ − 1|²."""
     weight, elastic, strain = stored_energy(x, terms)
-    return weight, elastic, contact_energy(x, terms.particles, terms.surfaces), strain
+    return weight, elastic, barriers_energy(x, terms, terms.rounds), strain
+
+
+@compiled
+def barriers_energy(x: Numbers, terms: Terms, rounds: Rounds | None) -> Number:
+    """Return the energy of a body in the barriers of all surfaces [J]."""
+    if rounds is None:
+        return contact_energy(x, terms.particles, terms.surfaces)
+    if rolls(rounds):
+        return feature_energy(x, 0.0 * row(x, 0), rounds, terms.surfaces)
+    return contact_energy(x, terms.particles, terms.surfaces)
 
 
 @compiled

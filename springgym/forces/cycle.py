@@ -45,18 +45,19 @@ END, MIDDLE = 1 / 6, 2 / 3
 
 
 class Cycle(NamedTuple):
-    """Where copies are in their cycles, and how those amid one move."""
+    """Record how far copies are in their cycles, and the velocities of those amid one."""
 
     every: int
     """steps of a cycle, even"""
     velocity: np.ndarray
-    """(N, 3) before dampers and wrench acted to be read [m/s]; of copies that are amid a cycle"""
+    """(N, 3) velocities that copies amid a cycle go on with: a reading lets dampers and wrench act for the
+    time since the cycle began, and those velocities are not kept [m/s]"""
     marks: np.ndarray
     """(`MARKS`,)"""
 
 
 def cycle(every: int, particles: int, blocks: Callable[..., np.ndarray]) -> Cycle:
-    """That of copies which begin one."""
+    """Return the `Cycle` of copies that begin one."""
     return Cycle(every, blocks(particles, 3), blocks(MARKS))
 
 

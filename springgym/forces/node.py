@@ -36,12 +36,14 @@ from springgym.forces.barrier import (
 )
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
 from springgym.forces.memory import HELD, halve, turn_drive
+from springgym.forces.round import lifted_feature, roll, rolls
 from springgym.forces.springs import damp
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
     from springgym.forces.actuators import Thrust, Wrench
     from springgym.forces.barrier import Surfaces
+    from springgym.forces.round import Rounds
     from springgym.forces.springs import Dampers
 
 
@@ -81,6 +83,8 @@ class Space(NamedTuple):
     """(N, 3) half of what surfaces are going to give, as far as is known before dampers act [m/s]"""
     pushes: Any
     """(surfaces, 3) change of velocity [m/s] of a particle by each surface, where these are coupled"""
+    rolling: Any
+    """`springgym.forces.round.Rolling`; None without round features"""
 
 
 class Given(NamedTuple):
@@ -367,6 +371,8 @@ def pass_node(
     ``among`` says near which particles surfaces were before: the first of them, and the one behind the last.
     The way of the others begins where that of the last node ended, out of reach.
 
+    A body with round features meets surfaces with them alone, see `springgym.forces.round`.
+
     Returns among which particles surfaces are near now.
     """
     particles, memory = terms.particles, terms.memory
@@ -382,6 +388,8 @@ def pass_node(
         for i in range(v.shape[0]):
             set_row(memory.arrived, i, row(v, i))
     tau = 0.0 if last else h
+    whole = rolls(terms.rounds)
+    touched = whole and rolled(x, v, w, a, span, space.rolling, terms, terms.rounds)
     first, behind = v.shape[0], 0
     for i in range(v.shape[0]):
         place, now, acceleration = row(x, i), row(w, i), row(a, i)
@@ -390,7 +398,7 @@ def pass_node(
         begin = end
         if among[0] <= i < among[1]:
             begin = plus_scaled(place, -1.0 * span.lead, row(v, i))
-        if not (particles.free[i] and any_lane(near(begin, end, terms.surfaces))):
+        if not (touched or (not whole and particles.free[i] and any_lane(near(begin, end, terms.surfaces)))):
             set_row(v, i, soon)
             set_row(x, i, place + tau * soon)
             continue
@@ -400,7 +408,10 @@ def pass_node(
         start = row(v, i)
         begin = plus_scaled(place, -1.0 * span.lead, start)
         smooth = soon - start
-        change, rub, force = impulses(i, begin, end, start, smooth, span, space.pushes, terms)
+        if whole:
+            change, rub, force = of_features(i, start, space.rolling)
+        else:
+            change, rub, force = impulses(i, begin, end, start, smooth, span, space.pushes, terms)
         total = change + rub
         after = soon + total
         mass = load(particles.mass, i)
@@ -420,12 +431,40 @@ def pass_node(
                 set_row(space.given, i, share * total)
     if last:
         halve(ledger, memory)
-        read_amid(x, v, w, a, b, span, ledger, terms)
+        read_amid(x, v, w, a, b, span, space.rolling, ledger, terms)
     return first, behind
 
 
 @compiled
-def read_amid(x: Rows, v: Rows, w: Rows, a: Rows, b: Rows, span: Span, ledger: Ledger, terms: Terms) -> None:
+def rolled(
+    x: Rows, v: Rows, w: Rows, a: Rows, span: Span, rolling: Any, terms: Terms, rounds: Rounds | None
+) -> bool:
+    """Ask surfaces what they give a body by round features; whether they touch it in any copy."""
+    if rounds is None:
+        return False
+    return roll(x, v, w, a, span, rolling, rounds, terms)
+
+
+@compiled
+def of_features(i: int, like: Vector, rolling: Any) -> Any:
+    """Return what surfaces give particle ``i`` by round features, as `Given`."""
+    if rolling is None:
+        return nothing_given(like)
+    return Given(row(rolling.change, i), row(rolling.rub, i), row(rolling.force, i))
+
+
+@compiled
+def held_by_features(x: Rows, v: Rows, span: Span, rolling: Any, terms: Terms, rounds: Rounds | None) -> Any:
+    """Return what `springgym.forces.round.lifted_feature` does; nothing without features."""
+    if rounds is None:
+        return 0.0 * span.out, 0.0 * row(x, 0)
+    return lifted_feature(x, v, span, rolling, rounds, terms)
+
+
+@compiled
+def read_amid(
+    x: Rows, v: Rows, w: Rows, a: Rows, b: Rows, span: Span, rolling: Any, ledger: Ledger, terms: Terms
+) -> None:
     """Read a node that is passed but for the drift after it: lift it, take the mean velocity, enter what half
     of it lacks, and keep what contact holds.
 
@@ -435,7 +474,10 @@ def read_amid(x: Rows, v: Rows, w: Rows, a: Rows, b: Rows, span: Span, ledger: L
     particles, memory = terms.particles, terms.memory
     none = 0.0 * span.out
     held, swung, thrown, touched, swing = none, none, none, none, none
-    raised = False
+    raised, whole = False, rolls(terms.rounds)
+    raising = 0.0 * row(x, 0)
+    if whole:
+        held, raising = held_by_features(x, v, span, rolling, terms, terms.rounds)
     for i in range(v.shape[0]):
         place, start, after = row(x, i), row(memory.arrived, i), row(v, i)
         set_row(v, i, 0.5 * (start + after))
@@ -449,12 +491,14 @@ def read_amid(x: Rows, v: Rows, w: Rows, a: Rows, b: Rows, span: Span, ledger: L
             held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
             touched = touched + dot(total, total)
             swing = swing + mass * swing_of(acceleration, terms.gravity)
-            begin = plus_scaled(place, -1.0 * span.lead, start)
-            finish = plus_scaled(place, span.out, after)
-            lift = lifted(place, begin, finish, terms)
-            held = held + 0.5 * energy_at(begin, terms.surfaces)
-            held = held + 0.5 * energy_at(finish, terms.surfaces)
-            held = held - energy_at(place + lift, terms.surfaces)
+            lift = raising
+            if not whole:
+                begin = plus_scaled(place, -1.0 * span.lead, start)
+                finish = plus_scaled(place, span.out, after)
+                lift = lifted(place, begin, finish, terms)
+                held = held + 0.5 * energy_at(begin, terms.surfaces)
+                held = held + 0.5 * energy_at(finish, terms.surfaces)
+                held = held - energy_at(place + lift, terms.surfaces)
             if any_lane(dot(lift, lift) > 0.0):
                 raised = True
             set_row(x, i, place + lift)

@@ -43,7 +43,7 @@ from springgym.forces.node import (
 )
 from springgym.forces.pairs import terms as told
 from springgym.forces.pairs.friction import SWEEPS, TURNS, rub
-from springgym.forces.pairs.impulses import account, account_start, prepare, sweep, taper
+from springgym.forces.pairs.impulses import account, account_start, lift_apart, prepare, sweep, taper
 from springgym.forces.pairs.search import find
 from springgym.forces.pairs.terms import (
     ENERGY,
@@ -97,6 +97,8 @@ class Bodies(NamedTuple):
     """what surfaces give: see `springgym.forces.node.Given`"""
     rub: Ragged
     force: Ragged
+    shift: Ragged
+    """how far off others a particle is shown where a node is read [m]"""
     stirred: np.ndarray
     """(bodies,) whether anything of a body is busy"""
     room: Room
@@ -370,11 +372,11 @@ def leave(
                 held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
                 touched = touched + dot(total, total)
                 swing = swing + mass * swing_of(acceleration, terms.gravity)
-                more, lift = held_at(row(x, i), start, after, span, terms, terms.surfaces)
+                more, lift = held_at(place, row(own.shift, i), start, after, span, terms, terms.surfaces)
                 held = held + more
                 if any_lane(dot(lift, lift) > 0.0):
                     raised = True
-                place = row(x, i) + lift
+                place = place + lift
         if last:
             set_row(x, i, place)
             set_row(memory.arrived, i, start)
@@ -402,21 +404,34 @@ def leave(
 @compiled
 def held_at(
     place: Vector,
+    shift: Vector,
     start: Vector,
     after: Vector,
     span: Any,
     terms: Terms,
     surfaces: Surfaces | None,
 ) -> Any:
-    """What surfaces' barriers hold around a node beside what they hold where it is read, and its lift."""
-    energy, lift = 0.0 * place[0], 0.0 * place
+    """What surfaces' barriers hold around a node beside what they hold where it is read, and its lift.
+
+    That is what it is lifted off surfaces by, beside the ``shift`` [m] off other bodies.
+    """
+    energy, lift = 0.0 * place[0], shift
     if surfaces is not None:
         begin = plus_scaled(place, -1.0 * span.lead, start)
         finish = plus_scaled(place, span.out, after)
-        lift = lifted(place, begin, finish, terms)
+        lift = shift + lifted(place + shift, begin, finish, terms)
         energy = 0.5 * (energy_at(begin, surfaces) + energy_at(finish, surfaces))
         energy = energy - energy_at(place + lift, surfaces)
     return energy, lift
+
+
+@compiled
+def shift_shown(span: Any, contacts: Number, pairs: Any, work: Any) -> None:
+    """Find how far off others particles are shown at a node."""
+    shift = work.shift.values
+    for i in range(shift.shape[0]):
+        set_row(shift, i, vec(0.0, 0.0, 0.0))
+    lift_apart(shift, work.velocity.values, span, contacts, pairs, work.room)
 
 
 @compiled
@@ -491,6 +506,8 @@ def pass_together(
     account(work.velocity.values, span, contacts, meets.pairs, room, meets.tally, meets.told)
     if contacts > 0:
         enter(span, ledger, meets.pairs, room)
+    if last:
+        shift_shown(span, contacts, meets.pairs, work)
     for body in range(count):
         own, entries = of_body(work, body), of_body(ledger, body)
         here, velocities, terms_of = of_body(x, body), of_body(v, body), of_body(terms, body)

@@ -13,6 +13,7 @@ from numpy.typing import DTypeLike
 from springgym import checks
 from springgym.core.blocks import aligned_zeros
 from springgym.core.ragged import stacked
+from springgym.forces.round import ARRAYS
 from springgym.integrators.envelope import envelope
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact
@@ -66,12 +67,12 @@ class Integrator:
 
     @property
     def splits_dampers(self) -> bool:
-        """Whether each damper decays exactly, one after the other."""
+        """Tell whether each damper decays exactly, one after the other."""
         return math.isinf(self.real_limit) and not self.implicit
 
     @property
     def controlled(self) -> bool:
-        """Whether it has a tolerance, and is given a `Control` in place of h."""
+        """Tell whether it has a tolerance, and is given a `Control` in place of h."""
         return self.adaptive or self.iterative
 
 
@@ -80,7 +81,7 @@ COUNTS = 3
 
 
 class Phase(NamedTuple):
-    """Where copies are, how they move, and what became of their energy.
+    """The state of copies: positions, velocities, and the ledger of their energy.
 
     Of several bodies, each field is a `Ragged`.
     """
@@ -94,7 +95,7 @@ class Phase(NamedTuple):
 
 
 class Control(NamedTuple):
-    """What a method that controls its error is given in place of h.
+    """The tolerance and the bounds of steps, which a method that controls its error takes in place of h.
 
     An adaptive method keeps the error of each step, root mean squares over the particles, below
     ``absolute`` + ``relative`` × longest spring in position [m] and ``absolute`` + ``relative`` × speed in
@@ -111,10 +112,15 @@ class Control(NamedTuple):
 
 
 def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Any:
-    """What a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's matrix."""
+    """Return what a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's
+    matrix."""
     bodies = [placed.body for placed in scene.bodies]
-    rows = max(max(len(body.masses), len(body.springs), len(scene.surfaces)) for body in bodies)
-    arrays = aligned_zeros((method.workspace, rows, 3), dtype)
+    rows = max(
+        max(len(body.masses), len(body.springs), len(scene.surfaces) * max(len(body.rounds), 1))
+        for body in bodies
+    )
+    more = ARRAYS if scene.surfaces and any(body.rounds for body in bodies) else 0
+    arrays = aligned_zeros((method.workspace + more, rows, 3), dtype)
     if not method.implicit:
         return arrays
     return arrays, stacked([envelope(len(body.masses), body.springs, dtype) for body in bodies], blocks=False)
@@ -146,6 +152,14 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
             f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
             "node of that kind; say collisions=None to let bodies pass through each other"
         )
+    rolls = scene.surfaces and any(placed.body.rounds for placed in scene.bodies)
+    if rolls and scene.meetings:
+        return (
+            "bodies collide in a scene where some meet surfaces by round features, which cannot be together "
+            "yet; say collisions=None, or give them scenes of their own"
+        )
+    if rolls and isinstance(scene.contact, PaperContact):
+        return "the paper's contact knows particles alone, and no round features; use Contact"
     if scene.surfaces and isinstance(scene.contact, PaperContact):
         if method.name != "rk4":
             return (

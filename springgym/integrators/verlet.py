@@ -41,6 +41,7 @@ from springgym.forces.memory import (
     steer,
 )
 from springgym.forces.node import Space, next_phase, pass_node, span_of
+from springgym.forces.round import rolling_of
 from springgym.forces.together import (
     START,
     acts_amid,
@@ -55,6 +56,9 @@ if TYPE_CHECKING:
     from springgym.forces import Terms
 
 
+OWN_ARRAYS = 6
+"""Arrays of the workspace; those of round features follow."""
+
 RECORD = Integrator(
     name="verlet",
     order=2,
@@ -63,7 +67,7 @@ RECORD = Integrator(
     real_limit=float("inf"),
     symplectic=True,
     negative_substeps=False,
-    workspace=6,
+    workspace=OWN_ARRAYS,
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
     meets_bodies=True,
     meets_surfaces=True,
@@ -148,7 +152,8 @@ def integrate_among_surfaces(
     steps as `springgym.forces.together.LOOK`.
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
-    space = Space(direction, workspace[3], workspace[4])
+    rolling = rolling_of(workspace, OWN_ARRAYS, terms.rounds)
+    space = Space(direction, workspace[3], workspace[4], rolling)
     memory, w = terms.memory, workspace[5]
     phase = resume(x, v, ledger, memory)
     recall(phase, space.given, memory.given)

@@ -68,12 +68,13 @@ def _colors(name: str, value: ArrayLike | None, default: Color, count: int) -> N
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """How to draw one body of N particles; built once, checked at construction.
+    """The look of one body of N particles; it is built once, and checked then.
 
     Parameters
     ----------
     triangles : (T, 3) array_like of int
-        Particle indices of the surface, anticlockwise seen from outside.
+        Indices of the surface's corners, anticlockwise seen from outside: particles, and behind them the
+        points of the skin.
     triangle_colors : (T, 3) or (3,) array_like, optional
         RGB, 0..255, of each triangle or of all. See `two_tone`.
     opacity : float or (T,) array_like
@@ -93,6 +94,9 @@ class Look:
         Particle pairs, drawn when a frame is given their strains.
     strain_scale : float
         Strain of the full colour, blue at minus and red at plus this value.
+    skin : (V, N) array_like, optional
+        Weights by which the N particles carry further points: that of a row is the sum of the particles'
+        positions, each times its weight.
     trace : int, optional
         Particle that leaves a fading trace.
     trace_length : int
@@ -114,6 +118,7 @@ class Look:
     ball_colors: ArrayLike | None = None
     springs: ArrayLike = ()
     strain_scale: float = 1e-3
+    skin: ArrayLike = ()
     trace: int | None = None
     trace_length: int = 300
 
@@ -143,6 +148,10 @@ class Look:
         if opacity.shape not in ((), (triangles,)) or not ((opacity > 0.0) & (opacity <= 1.0)).all():
             raise ValueError(f"Look.opacity must be one or {triangles} numbers in (0, 1], got {self.opacity}")
         put("opacity", np.array(np.broadcast_to(opacity, triangles)))
+        skin = np.array(self.skin, dtype=float)
+        if skin.size and (skin.ndim != 2 or not np.isfinite(skin).all()):
+            raise ValueError(f"Look.skin must be finite weights (V, N), got shape {skin.shape}")
+        put("skin", skin)
         if not self.strain_scale > 0.0:
             raise ValueError(f"Look.strain_scale must be positive, got {self.strain_scale}")
         if self.trace is not None and self.trace < 0:
@@ -153,10 +162,20 @@ class Look:
     @property
     def particles(self) -> int:
         """The least number of particles that the body must have."""
-        tables = (np.asarray(t) for t in (self.triangles, self.bars, self.springs))
+        skin, triangles = np.asarray(self.skin), np.asarray(self.triangles)
+        if skin.size:
+            triangles = triangles[:0]
+        tables = (triangles, np.asarray(self.bars), np.asarray(self.springs))
         ends = [int(table.max()) + 1 for table in tables if table.size]
         traced = 0 if self.trace is None else self.trace + 1
-        return max([0, *ends, len(np.asarray(self.radii)), traced])
+        return max([0, *ends, len(np.asarray(self.radii)), traced, skin.shape[1] if skin.size else 0])
+
+    def points(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """All points that are drawn (…, N + V, 3): the particles, and those of the skin behind them."""
+        skin = np.asarray(self.skin)
+        if not skin.size:
+            return positions
+        return np.concatenate([positions, skin @ positions[..., : skin.shape[1], :]], axis=-2)
 
     @cached_property
     def edges(self) -> NDArray[np.intp]:
@@ -171,7 +190,7 @@ class Look:
 
     @cached_property
     def solids(self) -> NDArray[np.intp]:
-        """Which of the separate surfaces each triangle is of, (T,), from 0."""
+        """Return which of the separate surfaces each triangle is of, (T,), from 0."""
         triangles = np.asarray(self.triangles)
         of_particle = np.arange(int(triangles.max(initial=-1)) + 1)
         while len(triangles):
@@ -197,15 +216,23 @@ def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = N
     """
     starts = np.cumsum([0, *counts[:-1]])
 
+    skins = [np.asarray(look.skin).reshape(-1, count) for look, count in zip(looks, counts, strict=True)]
+    behind = sum(counts) + np.cumsum([0, *(len(skin) for skin in skins[:-1])])
+    skin = np.zeros((sum(len(own) for own in skins), sum(counts)))
+    for own, start, first in zip(skins, starts, behind - sum(counts), strict=True):
+        skin[first : first + len(own), start : start + own.shape[1]] = own
+
     def moved(name: str) -> NDArray[np.intp]:
-        tables = zip(looks, starts, strict=True)
-        return np.concatenate([np.asarray(getattr(look, name)) + start for look, start in tables])
+        """Of particles and, from ``count`` on, of the skin: of each body behind those of the others."""
+        tables = [np.asarray(getattr(look, name)) for look in looks]
+        each = zip(tables, counts, starts, behind, strict=True)
+        return np.concatenate([np.where(t < n, t + start, t - n + first) for t, n, start, first in each])
 
     def joined(name: str) -> NDArray[Any]:
         return np.concatenate([np.asarray(getattr(look, name)) for look in looks])
 
     def balls(name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-        """Of every particle: a look may have balls for none of its own."""
+        """Return a property of the balls of all particles: a look may give balls to none of its own."""
         filled = [np.zeros((count, *shape)) for count in counts]
         for look, table in zip(looks, filled, strict=True):
             table[: len(np.asarray(look.radii))] = getattr(look, name)
@@ -221,6 +248,7 @@ def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = N
         radii=balls("radii", ()),
         ball_colors=balls("ball_colors", (3,)),
         springs=moved("springs"),
+        skin=skin if skin.size else (),
         trace=trace,
     )
 
@@ -235,7 +263,7 @@ class Arrow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scenery:
-    """What stands still around the body. Surfaces receive the body's shadow.
+    """The still things around a body. Surfaces receive the shadow of the body.
 
     Parameters
     ----------
@@ -257,7 +285,7 @@ class Scenery:
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """What may change with every frame beside the body.
+    """The marks that may change with every frame beside the body.
 
     Parameters
     ----------

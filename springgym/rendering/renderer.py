@@ -104,7 +104,7 @@ class Renderer:
         if not self._told:
             self._leave(x)
         with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is not drawn
-            picture = self._paint(x, marks if marks is not None else Marks(), s)
+            picture = self._paint(look.points(x), marks if marks is not None else Marks(), s)
         return self._show(picture)
 
     def follow(self, positions: ArrayLike) -> None:

@@ -170,7 +170,7 @@ def beneath(
     size: float,
     radius: float,
 ) -> NDArray[np.bool_]:
-    """Which faces (T, 3, 3) a ball hides, if any: they look at the eye, and it is outside of them.
+    """Return which faces (T, 3, 3) a ball hides, if any: they look at the eye, and it is outside of them.
 
     Their middles may be nearer than the ball's. ``pixels`` (T, 3, 2) is where their corners are seen,
     ``center`` and ``size`` the ball's place and radius there.
@@ -224,7 +224,7 @@ def is_behind(
     normal: Array,
     eye: Array,
 ) -> bool | None:
-    """Whether solid n lies behind m, by the face of either that parts them most; None if none does."""
+    """Tell whether solid n lies behind m, by the face of either that parts them most; None if none does."""
     best, found = 0.0, None
     for one, other in ((n, m), (m, n)):
         on = corners[own[one], 0]

@@ -150,6 +150,11 @@ def check_rigid(scene: Scene, method: Integrator) -> None:
 def _check_body(scene: Scene) -> None:
     """Refuse a body that moves and would not hold its shape, or has no inertia or orientation."""
     body = scene.body
+    if body.rounds and scene.surfaces:
+        raise ValueError(
+            f"body {body.name!r} meets surfaces with round features, which rigid dynamics does not know; use "
+            "springs"
+        )
     if not scene.free.any():
         return
     if body.floppy:

@@ -27,7 +27,7 @@ from springgym.forces.ledger import CONTACT, WORK, record
 from springgym.forces.memory import HELD, PHASE, halve, remember, resume, share_actions
 from springgym.forces.node import span_of
 from springgym.forces.pairs.friction import SWEEPS, rub
-from springgym.forces.pairs.impulses import account, prepare, sweep, taper
+from springgym.forces.pairs.impulses import account, lift_apart, prepare, sweep, taper
 from springgym.forces.pairs.search import find
 from springgym.forces.pairs.solids import CHANGE, GOING
 from springgym.forces.pairs.terms import Room, note
@@ -94,6 +94,8 @@ class Company(NamedTuple):
     """before bodies gave each other more"""
     pairs: np.ndarray
     """what bodies gave each other"""
+    shift: np.ndarray
+    """how far off others bodies are shown where a node is read [m]; the second row of each is 0"""
     lean: np.ndarray
     """(1,) 1 where bodies may have given each other more since `lean`"""
     room: Room
@@ -352,7 +354,8 @@ def go_on(
     if last:
         for i in range(x.shape[0]):
             set_row(terms.memory.arrived, i, row(v, i))
-        read = read_node(free, end, sum_of(by_bodies, 1.0, given), ledger, solid)
+        shift = row(space.shift, 2 * body)
+        read = read_node(free, end, sum_of(by_bodies, 1.0, given), shift, ledger, solid)
         set_particles(x, v, read, solid)
     else:
         state = fly(end, span.out, solid.rigid, solid.asymmetry)
@@ -421,6 +424,10 @@ def pass_together(
     account(space.velocity, span, contacts, meets.pairs, room, meets.tally, meets.told)
     if contacts > 0:
         enter(span, ledger, meets.pairs, room)
+    if last:
+        for n in range(2 * count):
+            set_row(space.shift, n, vec(0.0, 0.0, 0.0))
+        lift_apart(space.shift, space.velocity, span, contacts, meets.pairs, room)
     for body in range(count):
         here, velocities, entries = of_body(x, body), of_body(v, body), of_body(ledger, body)
         go_on(body, here, velocities, span, last, entries, space, of_body(twins, body))

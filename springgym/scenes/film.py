@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from springgym.bodies import Body
+from springgym.bodies.round import points_of
+from springgym.checks import instance, whole_array
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Renderer, Scenery, save_video, two_tone
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, ORANGE, STEEL, TEAL, Color, together
@@ -31,6 +33,12 @@ FAR = 8.0
 """Bodies that go farther than so many times their size are followed by the camera."""
 BALLS = (BLUE, ORANGE, TEAL, AMBER, GREEN)
 """Colours of round bodies in turn."""
+ROWS, COLUMNS = 10, 24
+"""Facets of what is round, from pole to pole and around."""
+FLAT = 1e-4
+"""Share of the largest squared semi-axis below which the least is that of a disk."""
+THIN = 0.02
+"""Half of the thickness of a flat round feature as it is drawn, as a share of its radius."""
 CALM = 0.5
 """Seconds over which the camera's way is smoothed."""
 
@@ -73,7 +81,7 @@ def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -
 
 
 def told(pace: float) -> str:
-    """How fast a film is, in words: "1/8 of real time"."""
+    """Return how fast a film is, in words: "1/8 of real time"."""
     return f"{Fraction(pace)} {'of' if pace < 1 else '×'} real time"
 
 
@@ -95,11 +103,12 @@ def camera(recording: Recording, size: tuple[int, int] = SIZE) -> Camera:
     along = way(recording)
     if along is not None:
         x = x - along[:, None]
-    radii = np.asarray(look(scene, None).radii)
+    drawn = look(scene, None)
+    radii = np.asarray(drawn.radii)
     thick = float(radii.max()) if len(radii) else 0.0
     thick *= 1 if x.shape[1] > 1 else 3  # a ball alone would fill the picture
     corners = thick * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-    seen = x[:: max(1, len(x) // 500)].reshape(-1, 1, 3) + corners
+    seen = drawn.points(x[:: max(1, len(x) // 500)]).reshape(-1, 1, 3) + corners
     return Camera.fitting(seen, size, view.azimuth, view.elevation)
 
 
@@ -181,12 +190,33 @@ def scenery(recording: Recording) -> Scenery:
     )
 
 
-def look(scene: Scene, trace: int | None) -> Look:
-    """How bodies are drawn; ``trace`` is the particle, among all, that leaves a trace."""
+def look(scene: Scene, trace: int | None = None, colors: Mapping[str, Color] | None = None) -> Look:
+    """Return how the bodies of a scene are drawn.
+
+    Parameters
+    ----------
+    trace
+        The particle, among all, that leaves a trace.
+    colors
+        Red, green and blue, 0 to 255, of bodies by name: they take the place of the blue that bodies have.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there is no such body, or a colour is none.
+    """
+    given = {
+        scene.number(instance("a name in colors", name, str)): tuple(
+            whole_array(f"colors[{name!r}]", color, (3,), high=255).tolist()
+        )
+        for name, color in ({} if colors is None else instance("colors", colors, Mapping)).items()
+    }
     if len(scene.bodies) == 1:
-        return _look(scene.body, trace)
+        return _look(scene.body, trace, given.get(0, BLUE))
     bodies = [placed.body for placed in scene.bodies]
-    looks = [_look(body, None, color) for body, color in zip(bodies, cycle(BALLS))]  # endless
+    usual = zip(range(len(bodies)), cycle(BALLS))  # endless
+    round_ = {n: color for n, color in usual if bodies[n].radius > 0}
+    looks = [_look(body, None, (round_ | given).get(n, BLUE)) for n, body in enumerate(bodies)]
     return together(looks, [len(body.masses) for body in bodies], trace)
 
 
@@ -197,7 +227,13 @@ def _look(body: Body, trace: int | None, color: Color = BLUE) -> Look:
         drawn = _faces if len(body.triangles) else _balls
     if body.radius > 0:
         drawn = partial(_round, color=color)
-    return Look(springs=body.springs, trace=trace, **drawn(body, size if size > 0 else 0.5))
+    if body.rounds and not len(body.triangles):
+        drawn = partial(_rolling, color=color)
+    shown = drawn(body, size if size > 0 else 0.5)
+    for name in shown.keys() & {"triangle_colors", "ball_colors"}:
+        table = np.asarray(shown[name])
+        shown[name] = np.where((table == BLUE).all(axis=-1, keepdims=True), color, table)
+    return Look(springs=body.springs, trace=trace, **shown)
 
 
 def _faces(body: Body, size: float) -> dict[str, Any]:
@@ -218,6 +254,55 @@ def _round(body: Body, size: float, color: Color) -> dict[str, Any]:
         "radii": np.full(len(body.masses), body.radius),
         "ball_colors": color,
     }
+
+
+def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
+    """As its round features, in octants of two colours, one of them odd: they show how it turns."""
+    skins, triangles, colors, first = [], [], [], len(body.masses)
+    for feature in body.rounds:
+        squares, axes = np.linalg.eigh(feature.matrix)
+        semi = np.maximum(np.sqrt(np.maximum(squares, 0.0)), THIN * feature.extent)
+        points, faces, sector = _globe(upright=squares[0] < FLAT * squares[2])
+        axes[:, 0] *= np.sign(np.linalg.det(axes))
+        # a flat one is a coin: its first axis is that of the globe
+        skin = feature.centre + (points[:, [2, 0, 1]] * semi) @ axes.T
+        skins.append(points_of(body.masses, body.positions, feature, skin))
+        triangles.append(faces + first)
+        table = np.array([color, IVORY, color, IVORY, IVORY, color, AMBER, color], np.uint8)
+        colors.append(table[sector])
+        first += len(points)
+    return {
+        "triangles": np.concatenate(triangles),
+        "triangle_colors": np.concatenate(colors),
+        "skin": np.concatenate(skins),
+    }
+
+
+def _globe(upright: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points (V, 3) of a unit sphere, its triangles (T, 3) and of each the octant (T,), 0 to 7.
+
+    If it is to be pressed flat, its rows lie ``upright`` at the rim, so that what is left is a coin.
+    """
+    sines = np.array([0.9999, 1.0, 1.0, 0.9999]) if upright else np.sin(np.pi * np.arange(1, ROWS) / ROWS)
+    heights = np.array([1.0, 0.99, -0.99, -1.0]) if upright else np.cos(np.pi * np.arange(1, ROWS) / ROWS)
+    angles = 2 * np.pi * np.arange(COLUMNS) / COLUMNS
+    rings = [
+        np.stack([s * np.cos(angles), s * np.sin(angles), np.full(COLUMNS, z)], axis=1)
+        for s, z in zip(sines, heights, strict=True)
+    ]
+    points = np.concatenate([[[0.0, 0.0, 1.0]], *rings, [[0.0, 0.0, -1.0]]])
+    faces, sectors = [], []
+    last, rows = len(points) - 1, len(rings)
+    for n in range(COLUMNS):
+        m, sector = (n + 1) % COLUMNS, 4 * n // COLUMNS
+        for k in range(rows - 1):
+            upper, lower = 1 + k * COLUMNS, 1 + (k + 1) * COLUMNS
+            a, b, c, d = upper + n, upper + m, lower + n, lower + m
+            faces += [(a, c, d), (a, d, b)]
+            sectors += 2 * [sector + 4 * (2 * k + 2 > rows)]
+        faces += [(0, 1 + n, 1 + m), (last, 1 + (rows - 1) * COLUMNS + m, 1 + (rows - 1) * COLUMNS + n)]
+        sectors += [sector, sector + 4]
+    return points, np.array(faces), np.array(sectors)
 
 
 def _top(body: Body, size: float) -> dict[str, Any]:

@@ -37,9 +37,11 @@ KINETIC, GRAVITY, SPRINGS, CONTACT, LOST = "#2b5c96", "#22966a", "#d39b2a", "#3e
 TURNING = ("#b58bd6", "#8048a0", "#4a1f66")
 OF_BODIES = ("#2b5c96", "#e45e2c", "#22966a", "#8048a0", "#d39b2a", "#3e929e", "#be323c", "#8b98a9")
 DASHES = (0, (4, 3))
+SMALL = 12.0
+"""The smallest text [pt]: 11 pixels where a page shows a figure of 11 inches 736 pixels wide."""
 STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 9.5,
+    "font.size": SMALL,
+    "axes.titlesize": SMALL,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.spines.top": False,
@@ -48,7 +50,8 @@ STYLE: dict[Any, Any] = {
     "grid.color": "#e6e9ed",
     "axes.axisbelow": True,
     "legend.frameon": False,
-    "legend.fontsize": 8,
+    "legend.fontsize": SMALL,
+    "legend.handlelength": 1.2,
     "lines.linewidth": 1.3,
 }
 DPI = 130
@@ -75,7 +78,7 @@ def draw(recording: Recording) -> Figure:
     plan = recording.plan
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11, 4.6 if plan.plot == "top" else 5.8), dpi=DPI, layout="constrained")
-        figure.suptitle(plan.title[0].upper() + plan.title[1:], fontsize=11)
+        figure.suptitle(plan.title[0].upper() + plan.title[1:], fontsize=13)
         PLOTS[plan.plot](recording, figure)
     return figure
 
@@ -157,7 +160,7 @@ def _clock(
                 xytext=(0, 7),
                 textcoords="offset points",
                 ha="center",
-                fontsize=7.5,
+                fontsize=SMALL,
                 color=CENTRE,
             )
 
@@ -171,7 +174,7 @@ def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int], recording: Recor
     length = max(k * power for k in (1.0, 2.0, 5.0) if k * power <= most)
     left, low = 0.04 * pixels[0], 0.965 * pixels[1]
     axes.plot([left, left + length * a_metre], [low, low], color=CENTRE, linewidth=2, solid_capstyle="butt")
-    axes.text(left, low - 0.012 * pixels[1], _metres(length), fontsize=7.5, color=CENTRE, va="bottom")
+    axes.text(left, low - 0.012 * pixels[1], _metres(length), fontsize=SMALL, color=CENTRE, va="bottom")
 
 
 def _metres(length: float) -> str:
@@ -207,28 +210,29 @@ def _named(axes: Axes, x: float, y: float, text: str, color: Any, **options: Any
         textcoords="offset points",
         va="center",
         color=color,
-        fontsize=8,
+        fontsize=SMALL,
         **options,
     )
 
 
 def _legend(axes: Axes, below: bool = False) -> None:
-    """Above the panel, beside its title; or below it."""
-    rows: Any = axes.get_subplotspec()
-    gap = -0.3 if len(rows.rowspan) == 1 else -0.15
-    place: Any = ("upper center", (0.5, gap)) if below else ("lower right", (1.01, 0.985))
+    """Draw the legend between a panel and its title, or below the panel."""
+    entries = len(axes.get_legend_handles_labels()[0])
+    columns = entries if entries <= 4 else 3
+    place: Any
+    if below:
+        rows: Any = axes.get_subplotspec()
+        place, spot = "upper center", (0.5, -0.36 if len(rows.rowspan) == 1 else -0.17)
+    else:
+        place, spot = "lower left", (-0.01, 0.985)
+        axes.set_title(axes.get_title("left"), pad=5 + 1.5 * SMALL * -(-entries // max(columns, 1)))
     axes.legend(
-        loc=place[0],
-        bbox_to_anchor=place[1],
-        ncols=6,
-        columnspacing=1.0,
-        handlelength=1.4,
-        borderpad=0,
+        loc=place, bbox_to_anchor=spot, ncols=columns, columnspacing=1.0, handlelength=1.4, borderpad=0
     )
 
 
 def _energies(recording: Recording, figure: Figure, place: SubplotSpec, change: bool = False) -> None:
-    """Where the energy is, and where it went; or how much of it moved since the start.
+    """Return where the energy is, and where it went; or how much of it moved since the start.
 
     Those of gravity and of the springs count from their least.
     """
@@ -469,7 +473,7 @@ def ringing(recording: Recording, figure: Figure) -> None:
 
 
 def _straight(recording: Recording) -> bool:
-    """Whether the particles of the body's triad lie on a line, so that it has a third axis alone."""
+    """Tell whether the particles of the body's triad lie on a line, so that it has a third axis alone."""
     return bool((np.linalg.norm(recording.measures.side, axis=1) < 0.5).any())
 
 

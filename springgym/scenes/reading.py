@@ -16,9 +16,12 @@ from springgym.bodies import (
     ball,
     box,
     cube,
+    disk,
+    ellipsoid,
     from_mesh,
     from_points,
     gyroscope,
+    rolling_ball,
     rope,
     solid_box,
     solid_hull,
@@ -40,7 +43,7 @@ from springgym.scene import GRAVITY, Placed, Scene
 from springgym.scenes.checks import CHECKS, of_all
 from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
-from springgym.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, scales
+from springgym.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, heights, scales
 from springgym.theory.contact import rest_height
 from springgym.theory.rope import catenary
 from springgym.theory.top import steady_precession
@@ -77,7 +80,7 @@ def load(scene: str, changes: Changes | None = None) -> Plan:
 
 
 def document(scene: str) -> Tree:
-    """What the file of a scene says, unchecked; see `load`."""
+    """Return what the file of a scene says, unchecked; see `load`."""
     with _file(scene) as path:
         return read_yaml(path)
 
@@ -332,6 +335,9 @@ KINDS: dict[str, Callable[..., Body]] = {
     "box": box,
     "rope": rope,
     "ball": ball,
+    "rolling_ball": rolling_ball,
+    "ellipsoid": ellipsoid,
+    "disk": disk,
     "points": from_points,
     "mesh": _mesh,
     "net": _net,
@@ -424,7 +430,8 @@ def _met(
 
 
 def _collisions(tree: Tree) -> Collisions:
-    """Which bodies meet: "all", "none", how all do, or a list of pairs, each with its ``contact`` or not."""
+    """Return which bodies meet: "all", "none", how all do, or a list of pairs, each with its ``contact`` or
+    not."""
     given = tree.value.get("collisions", ALL)
     if given is None or given == "none":
         return None
@@ -525,15 +532,15 @@ def _lifted(
     """Positions moved along the normal of a plane to a height of the lowest particle."""
     if not isinstance(surface, Plane):
         raise ValueError("height is above a plane; give a position above other surfaces")
-    heights = surface.height(positions) - body.radius
+    found = heights(body, positions, surface)
     if height == "rest":
         strength, reach = scales(contact, body)
-        below = int(np.sum(heights < heights.min() + 1e-3 * reach))
+        below = int(np.sum(found < found.min() + 1e-3 * reach))
         weight = -body.mass * float(np.dot(gravity, surface.normal))
         if weight <= 0:
             raise ValueError("height: gravity does not press the body on the surface, where it is to rest")
         height = rest_height(weight / below, strength, reach)
-    return positions + (height - heights.min()) * np.array(surface.normal)
+    return positions + (height - found.min()) * np.array(surface.normal)
 
 
 def _hung(body: Body, first: np.ndarray, last: np.ndarray, gravity: Vector) -> np.ndarray:

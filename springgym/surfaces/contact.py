@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from springgym.bodies import Body
+from springgym.bodies import Body, vibrations
 from springgym.checks import TINY, array, number
 from springgym.surfaces.plane import Plane
+from springgym.surfaces.round import heights
 from springgym.surfaces.surface import Surface
 
 REACH = 0.01
@@ -31,7 +32,7 @@ stays a tenth of Δ away."""
 
 @dataclass(frozen=True)
 class Contact:
-    """How a body meets surfaces: by a barrier that keeps its energy, see `springgym.forces.barrier`.
+    """Describe how bodies meet surfaces: by a barrier that keeps energy, see `springgym.forces.barrier`.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class PaperContact:
-    """How the paper's bodies meet surfaces, see `springgym.forces.paper_contact`; for rk4 alone.
+    """Describe the paper's contact with surfaces, see `springgym.forces.paper_contact`; for rk4 only.
 
     Parameters
     ----------
@@ -121,6 +122,33 @@ def derived_strength(stiffness: Any, mass: Any, reach: Any) -> np.ndarray:
     cubes = np.array([one**3 for one in each.tolist()])  # NumPy's power may differ from this in the last bit
     edge = stiffness * cubes[which]
     return np.asarray(np.clip(mass * IMPACT**2 * reach / 64.8, SOFTEST * edge, STIFFEST * edge))
+
+
+@lru_cache(maxsize=256)
+def slowest_vibration(body: Body) -> float:
+    """Return ω [rad/s] of a free body's slowest vibration; infinite of one that has none, or is floppy."""
+    if body.floppy or len(body.masses) < 2:
+        return math.inf
+    return float(vibrations(body)[0][0])
+
+
+def faithful_speed(reach: float, *bodies: Body) -> float:
+    """Return the speed [m/s] up to which bodies rebound as their restitution says, to about .02.
+
+    A body that is struck closes for as long as its slowest vibration ω takes, by some v/ω. That fits into the
+    reach Δ where v ≤ Δ ω/3; what is faster leaves energy in vibrations, whatever the strength of contact.
+    """
+    return reach * min(map(slowest_vibration, bodies)) / 3
+
+
+def restitution_at_most(speed: float, faithful: float) -> float:
+    """Estimate the restitution that is to be had at a speed, given the `faithful_speed`; both in m/s.
+
+    It is a curve through what was measured of stiff and soft cubes, face on face, to .07: 1 up to .8 of the
+    faithful speed, .75 at twice that, and half far beyond.
+    """
+    beyond = max(speed / faithful - 0.8, 0.0) / 1.3
+    return 0.5 + 0.5 / (1.0 + beyond**1.3)
 
 
 def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
@@ -191,42 +219,42 @@ def check_heights(
     reach: Any,
     positions: np.ndarray,
     free: Any,
+    body: Body,
     copies: Any = None,
-    called: Callable[[int], str] = "particle {}".format,
-    radius: Any = 0.0,
+    owner: str = "",
 ) -> None:
     """Refuse starts behind or too near a surface.
 
     Parameters
     ----------
-    reach : (N,) or a number
-        Δ of each particle's contact [m].
+    reach
+        Δ of the body's contact [m].
     positions : (N, 3) or (k, N, 3)
         [m]
     free : (N,)
         The particles that surfaces act on: those that are not pinned.
+    body
+        Heights count from the skin of its balls or rods, and are of its round features if it has some.
     copies : (k,), optional
         What the copies are called.
-    called
-        What errors call a particle.
-    radius : (N,) or a number
-        Of the balls or rods that particles are of [m]: heights count from their surface.
+    owner
+        What is said behind the particle's number: " of" its body, if there are several.
 
     Raises
     ------
     ValueError
-        Naming the particle, the copy if there are several, and the surface.
+        Naming the particle or feature, the copy if there are several, and the surface.
     """
-    least = np.broadcast_to(NEAREST * np.asarray(reach), positions.shape[-2])
+    what, acts = ("round feature", np.array(True)) if body.rounds else ("particle", free)
     for n, surface in enumerate(surfaces):
-        heights = surface.height(np.asarray(positions, float)) - radius
-        wrong = (heights < least) & free
+        found = heights(body, positions, surface)
+        wrong = ~(found >= NEAREST * reach) & acts
         if wrong.any():
-            *row, particle = first = np.argwhere(wrong)[0].tolist()
-            h = heights[tuple(first)]
+            *row, part = first = np.argwhere(wrong)[0].tolist()
+            h = found[tuple(first)]
             of = f" of copy {copies[row[0]]}" if row and copies is not None else ""
             where = f"{-h:g} m behind" if h < 0 else f"only {h:g} m above"
             raise ValueError(
-                f"{called(particle)}{of} starts {where} surface {n}, {surface}; it must be at least "
-                f"{least[particle]:g} m above, and is free of its force from {least[particle] / NEAREST:g} m"
+                f"{what} {part}{owner}{of} starts {where} surface {n}, {surface}; it must be at least "
+                f"{NEAREST * reach:g} m above, and is free of its force from {reach:g} m"
             )

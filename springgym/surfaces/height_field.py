@@ -32,18 +32,19 @@ MOST = 1_000_000
 
 
 class HeightFields(NamedTuple):
-    """Height fields, for compiled code."""
+    """Hold the height fields of a scene for compiled code."""
 
     corner: np.ndarray
-    """(fields, 3) x and y of the first height [m], and 0"""
+    """(fields, 3) position of the corner of the grid where it begins, its z being 0 [m]"""
     density: np.ndarray
-    """(fields,) cells a metre"""
+    """(fields,) cells of the grid per metre [1/m]"""
     cells: np.ndarray
-    """(fields, 2) along x and y"""
+    """(fields, 2) number of cells along x and along y"""
     first: np.ndarray
-    """(fields,) where the field's coefficients begin"""
+    """(fields,) index of the first coefficient of the field"""
     coefficients: np.ndarray
-    """of the B-splines [m]: of each field (cells along x + 3)(cells along y + 3), row by row"""
+    """coefficients of the B-splines of all fields [m]: (cells along x + 3)(cells along y + 3) of each, row by
+    row"""
 
     @staticmethod
     @compiled
@@ -151,7 +152,7 @@ def ground(along_x: Any, along_y: Any, k: int, own: Any) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class HeightField(Surface):
-    """Uneven ground z = f(x, y), smooth through heights on a grid of square cells; what is above it is free.
+    """Describe uneven ground z = f(x, y), smooth through heights on a grid of square cells; above it is free.
 
     Parameters
     ----------
@@ -184,7 +185,7 @@ class HeightField(Surface):
 
     @cached_property
     def coefficients(self) -> np.ndarray:
-        """Of the B-splines [m], (m + 2, n + 2)."""
+        """Coefficients of the B-splines [m], (m + 2, n + 2)."""
         return _coefficients(_coefficients(np.array(self.heights)).T).T
 
     @property

@@ -17,7 +17,7 @@ from springgym.surfaces.surface import Surface, points
 
 
 class Pipes(NamedTuple):
-    """Pipes, for compiled code."""
+    """Hold the pipes of a scene for compiled code."""
 
     point: np.ndarray
     """(pipes, 3) of the axis [m]"""
@@ -47,7 +47,7 @@ def off_axis(place: Vector, k: int, own: Any) -> Any:
 
 @dataclass(frozen=True)
 class Pipe(Surface):
-    """The inside of a round pipe without ends, around an axis through a point; of a gutter, its lower part.
+    """Describe the inside of a round pipe without ends, around an axis through a point; or its lower part.
 
     An axis of any length is made a unit vector.
     """

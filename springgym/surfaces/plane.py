@@ -18,7 +18,7 @@ from springgym.surfaces.surface import Surface, points
 
 
 class Planes(NamedTuple):
-    """Planes, for compiled code."""
+    """Hold the planes of a scene for compiled code."""
 
     normal: np.ndarray
     """(planes, 3) unit vectors"""
@@ -43,7 +43,7 @@ class Planes(NamedTuple):
 
 @dataclass(frozen=True)
 class Plane(Surface):
-    """A plane, with the free side where its normal points; normals of any length are made unit vectors."""
+    """Describe a plane whose normal points to the free side; normals of any length become unit vectors."""
 
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -54,7 +54,7 @@ class Plane(Surface):
 
     @property
     def offset(self) -> float:
-        """normal · point [m]"""
+        """Return normal · point [m]."""
         return float(np.dot(self.normal, self.point))
 
     def height(self, positions: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ from springgym.checks import array
 
 
 class Surface(ABC):
-    """Bounds where particles may be: they stay where its height is positive."""
+    """Bound where particles may be: they stay where the gap to the surface, its height, is positive."""
 
     @abstractmethod
     def height(self, positions: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ NumPy alone; functions that need SciPy say so and import it when called.
 `impact`       a body of springs that hits a floor
 `dominoes`     the wave in a row of falling dominoes
 `oscillation`  damped oscillator, spin-stretched pair, spin-down of implicit Euler
+`rolling`      balls, a tippe-top, a rattleback and Euler's disk that roll
 `solid`        elastic solids: inertia, free vibration, growth under spin (Rayleigh-Ritz)
 `frames`       Euler angles to frames, and particles carried by a frame
 =============  ==================================================================================
@@ -26,6 +27,7 @@ from springgym.theory import (
     impact,
     oscillation,
     pendulum,
+    rolling,
     rope,
     solid,
     top,
@@ -39,6 +41,7 @@ __all__ = [
     "impact",
     "oscillation",
     "pendulum",
+    "rolling",
     "rope",
     "solid",
     "top",

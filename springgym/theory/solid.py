@@ -49,7 +49,7 @@ class Rule(NamedTuple):
 
 
 class ElasticSolid(NamedTuple):
-    """What `elastic_solid` finds of a solid.
+    """The mass, the moments, the vibrations and the growth under spin of an elastic solid.
 
     `mass`, kg; `centre`, shape (3,), m; `second`, shape (3, 3), int rho r r^T about the centre, kg m^2;
     `frequencies`, shape (n,), rad/s, ascending, those of the free solid without rigid motion;
@@ -179,7 +179,7 @@ def ball_rule(radius: float, degree: int = DEGREE) -> Rule:
 
 
 def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, degree: int = DEGREE) -> Rule:
-    """What a closed surface of triangles bounds.
+    """Return what a closed surface of triangles bounds.
 
     A sum over the tetrahedra between each triangle and the mean of the points. Where the surface is
     not convex some have negative volume, and the sum is as exact.

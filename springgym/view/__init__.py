@@ -88,7 +88,7 @@ def show(subject: Subject, port: int = PORT, browser: bool = True) -> None:
 
 
 def _subject(args: argparse.Namespace) -> Subject:
-    """What the arguments name."""
+    """Return what the arguments name."""
     if args.agent is None and not _is_environment(args.what):
         return scenes(args.what)
     from springgym.view.episodes import episodes, find_agent
@@ -97,7 +97,7 @@ def _subject(args: argparse.Namespace) -> Subject:
 
 
 def _is_environment(what: str) -> bool:
-    """Whether a name ends as the id of an environment does, and is not that of a file."""
+    """Tell whether a name ends as the id of an environment does, and is not that of a file."""
     return re.search(r"-v[0-9]+$", what) is not None and not Path(what).is_file()
 
 

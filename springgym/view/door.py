@@ -165,7 +165,7 @@ class Door:
 
 
 def taken(handle: Any, value: Any) -> Any:
-    """What a part of the panel takes for a value that it is given.
+    """Return what a part of the panel takes for a value that it is given.
 
     Raises
     ------

@@ -96,8 +96,7 @@ def played(agent: Agent, seed: int) -> Motion:
         rows.append(simulator.readout.rows[0].copy())
         bodies.append(simulator.readout.bodies[0].copy())
         positions.append(simulator.readout.positions[0].copy())
-        m = inner.episodes.measures_of(0)
-        marks.append(task.marks(m, positions[-1], inner.episodes.action[0], inner.episodes.goal[0]))
+        marks.append(task.marks(*inner.episodes.seen_of(0)))
 
     keep()
     total, over = 0.0, False

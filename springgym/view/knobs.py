@@ -31,7 +31,7 @@ class Knob(NamedTuple):
 
     @property
     def start(self) -> float:
-        """Where the slider stands for the file's value."""
+        """Return where the slider stands for the file's value."""
         return math.log10(self.value) if self.exponent else self.value
 
     def number(self, shown: float) -> float:
@@ -123,7 +123,7 @@ def _found(text: Mapping[str, Any]) -> Iterator[Knob]:
 
 
 def _of_body(text: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[Knob]:
-    """How a body starts, and what it is made of: its part of a file, which stands at ``path``."""
+    """Return how a body starts, and what it is made of: its part of a file, which stands at ``path``."""
     body = text.get("body")
     kind = body.get("kind") if isinstance(body, Mapping) else None
     yield from _section(text, path, "start", {})

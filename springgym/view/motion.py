@@ -74,7 +74,7 @@ class Motion:
 
     @property
     def extent(self) -> float:
-        """Of the body in the picture, see `extent_of` [m]."""
+        """Return the extent of the body in the picture [m], see `extent_of`."""
         return extent_of(self.positions)
 
     @property
@@ -85,7 +85,8 @@ class Motion:
         return apart / self.lengths - 1.0
 
     def speed(self, fps: float) -> float:
-        """How fast it is to be played or, if nothing says so, can be for the eye to follow the rotation."""
+        """Return how fast it is to be played or, if nothing says so, can be for the eye to follow the
+        rotation."""
         return self.pace or film.visible_speed(self.fastest, fps)
 
     def at(self, time: float) -> tuple[int, float]:
@@ -177,7 +178,7 @@ def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:
 
 
 def _turns(scene: Scene) -> bool:
-    """Whether it is one body, which holds its shape, so that tilt and spin mean something."""
+    """Tell whether it is one body, which holds its shape, so that tilt and spin mean something."""
     return len(scene.bodies) == 1 and not scene.body.floppy and len(scene.body.springs) > 0
 
 
@@ -212,7 +213,8 @@ def _arrows(recording: Recording) -> dict[str, Arrows]:
 
 
 def _supported_at(recording: Recording) -> np.ndarray:
-    """Where the support acts, (T, 3): the pin, or the middle of the particles within reach of a surface."""
+    """Return where the support acts, (T, 3): the pin, or the middle of the particles within reach of a
+    surface."""
     scene, x = recording.plan.scene, recording.positions
     if scene.pinned:
         return x[:, list(scene.pinned)].mean(axis=1)

@@ -43,7 +43,7 @@ Changes = Mapping[tuple[str, ...], float]
 
 
 class Subject(NamedTuple):
-    """What a page is about."""
+    """A kind of thing that a page shows, scenes or environments."""
 
     kind: str
     """what is chosen"""
@@ -221,7 +221,7 @@ class Page:
             self._draw(read=True)
 
     def _tell_legend(self) -> None:
-        """What the colours mean that are shown."""
+        """Return what the colours mean that are shown."""
         shown = {name for name, tick in self._ticks.items() if tick.value and tick.visible}
         lines = []
         if "springs" in shown:
@@ -399,7 +399,7 @@ def _unit(graph: str) -> str:
 
 
 def _there(tick: str, motion: Motion) -> bool:
-    """Whether a motion has what a tick would show."""
+    """Tell whether a motion has what a tick would show."""
     return {
         "trace": motion.look.trace is not None,
         "springs": len(motion.lengths) > 0,

@@ -168,7 +168,7 @@ class Stage:
         )
 
     def _add_body(self, motion: Motion, size: float) -> None:
-        look, x = motion.look, motion.positions[0]
+        look, x = motion.look, motion.look.points(motion.positions[0])
         triangles, colors = np.asarray(look.triangles), np.asarray(look.triangle_colors)
         self._faces: list[tuple[Any, np.ndarray]] = []
         self._opacities: list[float | None] = []
@@ -235,6 +235,7 @@ class Stage:
         assert motion is not None
         n, share = motion.at(time)
         x = motion.positions[n] + share * (motion.positions[n + 1] - motion.positions[n])
+        x = motion.look.points(x)
         if self._follows:
             way = motion.centre[n] + share * (motion.centre[n + 1] - motion.centre[n]) - motion.centre[0]
             self._world.position = self._ground.position = -way
@@ -371,7 +372,7 @@ def record(server: Any, stage: Stage, motion: Motion, fps: float, speed: float) 
 
 
 def look_from(server: Any, camera: Camera) -> None:
-    """Where clients look from when they come, and those that are there from now on."""
+    """Return where clients look from when they come, and those that are there from now on."""
     for view in (server.initial_camera, *(client.camera for client in server.get_clients().values())):
         view.fov = camera.fov
         view.position = np.array(camera.eye)

@@ -77,7 +77,10 @@ def test_command_line(classical, tmp_path, capsys):
     ("arguments", "says"),
     [
         (["zero"], "name the environment with --env, or give a run folder"),
-        (["clasical", "--env", "Toy-v0"], "unknown controller 'clasical': use zero, random or"),
+        (
+            ["clasical", "--env", "Toy-v0"],
+            "unknown controller 'clasical': use zero, random, classical or module:function",
+        ),
         (["classical", "--env", "Toy-v0"], "no classical controller for Toy-v0 with action=None"),
         (["zero", "--env", "Toy-v0", "--set", "push"], "--set push: write it as key=value"),
         *(

@@ -2,15 +2,20 @@
 
 import json
 import re
+import shlex
 from pathlib import Path
 
 import config
+import controllers
 import evaluate
 import gymnasium as gym
+import numpy as np
 import pytest
 import train
 import watch
 from toy_env import LIMIT, ToyEnv
+
+from springgym import cli
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "environment.md"
 BRIEF = ["n_envs=4", "n_steps=64", "batch_size=64", "checkpoint_every=256", "total_timesteps=512"]
@@ -43,6 +48,67 @@ def test_the_environment_of_the_tutorial_trains(hover, tmp_path, capsys, monkeyp
     assert evaluate.main([*agents, "--env", hover, "--episodes", "2"]) == 0
     assert watch.main([str(run), "--env", hover, "--out", "hover.gif"]) == 0
     assert (tmp_path / "hover.gif").read_bytes().startswith(b"GIF8")
+
+
+@pytest.fixture
+def escort(tmp_path, monkeypatch):
+    """The rest of the page on a task from beginning to end, its file in the current folder."""
+    head, rest = (TUTORIAL.parent / "task.md").read_text(encoding="utf-8").split("## Try it\n")
+    code = re.findall(r"^```python\n(.*?)^```", head, re.M | re.S)
+    (tmp_path / "escort.py").write_text("".join(code), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    gym.registry.pop("Escort-v0", None)  # by pages that ran before
+    return rest
+
+
+@pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_a_task_from_beginning_to_end_is_followed_word_for_word(escort, brief, tmp_path, capsys):
+    """Commands and code in their order; if brief, training is cut short, and so are evaluations."""
+    namespace = {}
+    done = []
+    for language, text in re.findall(r"^```(python|sh)\n(.*?)^```", escort, re.M | re.S):
+        if language == "python":
+            exec("from escort import *\n" + text, namespace)
+            continue
+        for line in text.splitlines():
+            program, command, *words = shlex.split(line)
+            assert program == "springgym"
+            if command == "evaluate":
+                words += ["--json", "compared.json", *(["--episodes", "3"] if brief else [])]
+            if command == "train" and brief:
+                words += ["--timesteps", "512", "--episodes", "0", "--set", *BRIEF]
+            assert cli.main([command, *words]) == 0
+            done.append(command)
+    assert done == ["train", "evaluate", "watch"]
+    assert (tmp_path / "escort.gif").read_bytes().startswith(b"GIF8")
+    trained, controller, *others = json.loads((tmp_path / "compared.json").read_text())
+    assert controller["agent"] == "escort:controller"
+    assert controller["success_rate"] == 1.0
+    assert [other["success_rate"] for other in others] == [0.0, 0.0]
+    if not brief:
+        assert trained["success_rate"] > 0.9
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("absent:act", "no controller 'absent:act': No module named 'absent'"),
+        (":act", "no controller ':act': Empty module name"),
+        ("math:act", "no controller 'math:act': module 'math' has no attribute 'act'"),
+        ("math:pi", "math:pi is 3.14"),
+        (
+            "builtins:len",
+            r"builtins:len gave int64 of shape \(\); it must give finite actions of shape \(2, 3\)",
+        ),
+        ("numpy:log", r"numpy:log gave float64 of shape \(2, 9\); it must give"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:divide by zero")
+def test_a_controller_of_one_s_own_is_checked(name, says):
+    space = gym.spaces.Box(-1, 1, (3,))
+    with pytest.raises(config.ConfigError, match=says):
+        controllers.make_controller(name, "ToyAlone-v0", {}, space)(np.zeros((2, 9)))
 
 
 @pytest.mark.parametrize("algo", ["ppo", "linear"])

@@ -12,7 +12,7 @@ ODDS = 10.0 ** (np.array([0.0, 200.0, 500.0]) / 400.0)
 
 
 def played(duels: int) -> list[self_play.Duels]:
-    """What players of known ratings reach, on average."""
+    """Return what players of known ratings reach, on average."""
     pairs = [(0, 1), (0, 2), (1, 2)]
     return [self_play.Duels(i, j, np.full(duels, ODDS[i] / (ODDS[i] + ODDS[j]))) for i, j in pairs]
 

@@ -254,7 +254,7 @@ def copied(finished, tmp_path):
 
 
 def refused(folder, capsys, *options):
-    """What is said in a line, where a run cannot go on; the folder stays as it is."""
+    """Return what is said in a line, where a run cannot go on; the folder stays as it is."""
     before = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
     assert train.main(["--resume", str(folder), *options]) == 2
     assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before

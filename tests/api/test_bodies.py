@@ -10,13 +10,19 @@ import pytest
 from springgym.bodies import (
     Body,
     InitialState,
+    Round,
     box,
     cube,
+    disk,
+    ellipsoid,
+    ellipsoid_of,
     from_mesh,
     from_points,
     gyroscope,
     relative_equilibrium,
     rigid_velocities,
+    rim,
+    rolling_ball,
     rope,
     rotation,
     softened,
@@ -24,6 +30,7 @@ from springgym.bodies import (
     solid_hull,
     solid_rope,
     solid_top,
+    sphere,
     start,
     stretched_shapes,
     top,
@@ -48,6 +55,7 @@ DOORS: list[Door] = [
         stiffness=np.ones(6),
         damping=np.ones(6),
         lengths=np.ones(6),
+        rounds=(sphere(1.0),),
         markers=(0, 1, 2),
         parts={"tip": (3,)},
         triangles=[(0, 1, 2)],
@@ -78,6 +86,21 @@ DOORS: list[Door] = [
     door(solid_hull, points=TETRAHEDRON, material="steel"),
     door(solid_rope, material="nylon", diameter=0.01),
     door(softened, body=TOP, factor=2.0),
+    door(Round, matrix=np.eye(3), centre=(0.0, 0.0, 0.1), particles=(0, 1, 2, 3)),
+    door(sphere, radius=0.1, centre=(0.0, 0.0, 0.1), particles=(0, 1, 2, 3)),
+    door(ellipsoid_of, semi_axes=(0.1, 0.2, 0.3), centre=(0.0, 0.0, 0.1), particles=(0, 1, 2, 3)),
+    door(rim, radius=0.1, axis=(0.0, 0.0, 1.0), centre=(0.0, 0.0, 0.1), particles=(0, 1, 2, 3)),
+    door(rolling_ball, radius=0.1, mass=1.0, moment=0.4, stiffness=1e5, damping=1.0),
+    door(
+        ellipsoid,
+        semi_axes=(0.1, 0.2, 0.3),
+        mass=1.0,
+        inertia=(0.01, 0.01, 0.01),
+        centre_of_mass=(0.0, 0.0, 0.0),
+        stiffness=1e5,
+        damping=1.0,
+    ),
+    door(disk, radius=0.1, mass=1.0, thickness=0.01, stiffness=1e5, damping=1.0),
     door(vibrations, body=TOP),
     door(heavy_top, body=TOP, pinned=(6,), gravity=(0.0, 0.0, -1.0)),
     door(precession_gap, body=TOP, pinned=(6,), gravity=(0.0, 0.0, -1.0), tilt=0.3, spin=40.0),
@@ -86,12 +109,12 @@ DOORS: list[Door] = [
 
 
 def wrong_for(right: Any) -> list[Any]:
-    """What an argument could be given in place of what is right."""
+    """Return what an argument could be given in place of what is right."""
     held = [CUBE, [CUBE], [CUBE, CUBE], (CUBE, LARGE), {0: 0.0}, {0: np.nan}, {99: 1.0}, {0.5: 1.0}]
     held += [{"tip": 3}, {"tip": ()}, {"tip": (9,)}, {"tip": (-1,)}, {3: (3,)}, {"tip": (0.5,)}]
     held += [(0, 1), (0, 0), (-1,), (99,), (0.5,), (True,), [True] * 4, [False] * 8]
     held += [(0, 1, 2), (0, 0, 1), (3, 2, 1)]
-    if isinstance(right, (tuple, list, np.ndarray)) and not isinstance(right[0], Body):
+    if isinstance(right, (tuple, list, np.ndarray)) and not isinstance(right[0], (Body, Round)):
         held += arrays(np.shape(right))
     return KINDS + NUMBERS + held
 
@@ -117,6 +140,8 @@ def finite_numbers(result: Any) -> list[Any]:
         assert all(0 <= i < len(result.masses) and type(i) is int for i in result.markers)
         held = ("positions", "masses", "stiffness", "damping", "lengths", "mass")
         return [getattr(result, name) for name in held]
+    if isinstance(result, Round):
+        return [result.matrix, result.centre, result.extent]
     if isinstance(result, (Material, Grain, HeavyTop)):
         return [value for value in vars(result).values() if isinstance(value, float)]
     if isinstance(result, (InitialState, tuple)):

@@ -184,7 +184,7 @@ class Uncompiled(NamedTuple):
 
 
 class Short(NamedTuple):
-    """This force has a function with too few parameters."""
+    """A force whose `add` takes two parameters in place of three."""
 
     particle: int
 

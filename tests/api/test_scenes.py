@@ -120,7 +120,7 @@ def test_an_argument_is_refused_by_name_or_right(number: int, argument: str) -> 
 
 
 def check(result: Any) -> None:
-    """What is made holds finite numbers of the types that compiled code is given."""
+    """Assert that what is made holds finite numbers of the types that compiled code is given."""
     if isinstance(result, (Scene, Placed)):
         if isinstance(result, Scene):
             assert result.gravity is None or [type(n) for n in result.gravity] == [float] * 3

@@ -199,6 +199,27 @@ def test_what_bodies_have_lies_one_body_after_another() -> None:
         first = mine.stop
 
 
+def test_bodies_without_a_name_of_their_own_are_numbered() -> None:
+    apart = [Placed(cube(), cube().positions + 3.0 * n) for n in range(3)]
+    other = Placed(TOP, TOP.positions + 9.0)
+    names = [placed.name for placed in Scene(bodies=(apart[0], other, *apart[1:])).bodies]
+    assert names == ["cube0", "top", "cube1", "cube2"]
+    scene = Scene(bodies=(replace(apart[0], name="left"), apart[1]))
+    assert [placed.name for placed in scene.bodies] == ["left", "cube"]
+    nameless = Placed(Body("", [[0, 0, 5.0]], 1.0, [], 1e5, 0.0))
+    scene = Scene(bodies=(*apart, nameless))
+    assert [placed.name for placed in scene.bodies] == ["cube0", "cube1", "cube2", "body0"]
+    assert [placed.name for placed in scene.with_(gravity=None).bodies] == [
+        "cube0",
+        "cube1",
+        "cube2",
+        "body0",
+    ]
+    assert scene.number("cube1") == 1
+    with pytest.raises(ValueError, match="both called 'cube0'"):
+        Scene(bodies=(replace(apart[0], name="cube0"), *apart[1:]))
+
+
 def test_one_body_is_the_short_form() -> None:
     placed = Placed(TOP, pinned=(TIP,), wrench=WrenchActuator())
     short, long = Scene(TOP, pinned=(TIP,), wrench=WrenchActuator()), Scene(bodies=(placed,))
@@ -222,7 +243,11 @@ MOVED = Placed(TOP, TOP.positions + 5.0, pinned=(TIP,))
 @pytest.mark.parametrize(
     ("make", "error", "says"),
     [
-        (lambda: Scene(bodies=(Placed(TOP), Placed(TOP))), ValueError, r"both called 'top'"),
+        (
+            lambda: Scene(bodies=(Placed(TOP, name="a"), Placed(TOP, name="a"))),
+            ValueError,
+            r"both called 'a'",
+        ),
         (lambda: Scene(bodies=(Placed(TOP), Placed(cube(), name="a.b"))), ValueError, "without a dot"),
         (lambda: Scene(cube(), bodies=(Placed(TOP),)), ValueError, "body is given beside bodies"),
         (lambda: Scene(TOP, bodies=(MOVED,)), ValueError, "body is given beside bodies; .* with_"),
@@ -268,7 +293,7 @@ def test_an_environment_over_two_bodies_is_the_same_single_and_in_a_batch() -> N
     def made(**options):
         return springgym.make_scene_env(
             scene,
-            lambda m, x, v, action: 1 / (1 + m.kinetic / 1e3),
+            lambda m, s: 1 / (1 + (m["left"].kinetic + m["right"].kinetic) / 1e3),
             actuators={"left.torque": 5.0, "right.thrust": 1.0, "right.force": 3.0},
             randomize={"masses": (0.9, 1.1), "scale": (0.9, 1.1)},
             **options,
@@ -303,4 +328,4 @@ def replace_actuators(scene: Scene) -> Scene:
 )
 def test_an_actuator_of_no_body_is_refused(actuators, says: str) -> None:
     with pytest.raises(ValueError, match=says):
-        springgym.make_scene_env(tops(TOP), lambda m, x, v, a: m.energy, actuators=actuators)
+        springgym.make_scene_env(tops(TOP), lambda m, s: m.energy, actuators=actuators)

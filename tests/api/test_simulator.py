@@ -299,7 +299,7 @@ def simulator() -> Simulator:
 
 
 def values_of(simulator: Simulator, name: str) -> np.ndarray:
-    """What the copies hold, (COPIES, …), in the body's order."""
+    """Return what the copies hold, (COPIES, …), in the body's order."""
     if name in ("positions", "velocities"):
         return getattr(simulator, name)
     if name not in VARYING:

@@ -86,7 +86,7 @@ def arrays(shape: tuple[int, ...]) -> list[Any]:
 
 
 def attempt(names: Sequence[str], value: Any, call: Callable[[], Any], *also: type[Exception]) -> Any:
-    """What a call gives with a value of an argument; None if it is refused as it must be.
+    """Return what a call gives with a value of an argument; None if it is refused as it must be.
 
     A refusal is a TypeError or ValueError whose message names the argument, the first of the names, or if the
     value is of the right kind another argument that it does not fit, or the body that cannot be so.

@@ -42,6 +42,7 @@ class Stepped:
                 copies=copies,
                 dtype=dtype,
                 threads=threads,
+                unresolved="count",
                 varying=() if lean else varying,
             )
         self.step = self.simulator.step
@@ -77,7 +78,8 @@ class Stepped:
         return np.concatenate([(m * v).sum(1), (m * np.cross(x, v)).sum(1)], axis=1)
 
     def energy(self) -> np.ndarray:
-        """What the method keeps of the energy (copies,): without contact, less h²/8 a·M a of the springs."""
+        """Return what the method keeps of the energy (copies,): without contact, less h²/8 a·M a of the
+        springs."""
         measured, x = self.simulator.measure(), self.x
         i, j = self.scene.springs.T
         along = x[:, j] - x[:, i]

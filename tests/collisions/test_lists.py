@@ -63,7 +63,7 @@ class Blocks:
         return told
 
     def compare(self, x: np.ndarray, v: np.ndarray) -> tuple[int, bool]:
-        """How many contacts there are, and whether lists lasted, of which nothing is to be seen."""
+        """Return how many contacts there are, and whether lists lasted, of which nothing is to be seen."""
         kept, anew = self.search(x, v, self.kept), self.search(x, v, self.empty())
         for one, other in zip(kept, anew, strict=True):
             assert np.array_equal(one, other)

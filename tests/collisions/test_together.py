@@ -41,7 +41,7 @@ def put(body: Body, place: Any, name: str) -> Placed:
 
 
 def same(one: Simulator, n: int, other: Simulator, k: int) -> bool:
-    """Whether a copy of one is as one of the other, to the bit, and what is told of it."""
+    """Tell whether a copy of one is as one of the other, to the bit, and what is told of it."""
     measured = zip(one.measure(), other.measure(), strict=True)
     told = zip(one.pairs(), other.pairs(), strict=True)
     return (

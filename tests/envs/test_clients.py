@@ -194,12 +194,12 @@ sys.meta_path.insert(0, Absent())
 import gymnasium as gym, numpy as np, springgym
 from springgym.bodies import cube
 from springgym.scene import Scene
-env = springgym.make_scene_env(Scene(cube()), lambda m, x, v, a: m.centre[:, 2], actuators={"force": 20.0})
+env = springgym.make_scene_env(Scene(cube()), lambda m, s: m.centre[:, 2], actuators={"force": 20.0})
 env.reset(seed=0)
 env.step(np.ones(3, np.float32))
 env.unwrapped.episodes.task.look()
 try:
-    springgym.make_scene_env("top", lambda m, x, v, a: m.centre[:, 2], actuators={"force": 20.0})
+    springgym.make_scene_env("top", lambda m, s: m.centre[:, 2], actuators={"force": 20.0})
 except ImportError as error:
     print(error)
 """

@@ -327,12 +327,13 @@ def with_bodies(scene: Scene, name: str, factor: float) -> Scene:
 
 
 def answer(task: Task, simulator: Simulator, goal: np.ndarray) -> dict[str, np.ndarray]:
-    """What acts beside the actions on the one copy of a simulator."""
+    """Return what acts beside the actions on the one copy of a simulator."""
     simulator.read()
     rows, x, v, bodies = simulator.readout
     m = measures.view(bodies if len(simulator.scene.bodies) > 1 else rows)
     action = np.zeros((1, *task.action_space.shape))
-    return task.respond(m, Situation(x, v, action, goal, task.parameters))
+    nothing = np.zeros((1, 0))
+    return task.respond(m, Situation(x, v, action, goal, np.zeros(1), nothing, task.parameters))
 
 
 SCALED: dict[str, Callable[[Scene, float], Scene]] = {

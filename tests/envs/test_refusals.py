@@ -14,8 +14,9 @@ import springgym
 from springgym.bodies import Body, cube, rope
 from springgym.envs.base import SpringEnv, SpringVectorEnv, _Common
 from springgym.envs.episodes import MOST_STEPS
+from springgym.envs.observation import Situation
 from springgym.envs.scene import SceneTask
-from springgym.measures import Measures
+from springgym.measures import MeasuresOfBodies
 from springgym.scene import Scene, ThrustActuator
 from springgym.simulator import STRAIN_LIMIT
 from springgym.surfaces import floor
@@ -59,7 +60,7 @@ def lives(env: Any) -> None:
 
 
 def tried(call: Callable[[], Any], name: str) -> Iterator[Any]:
-    """What a call gives, unless it is refused by an error that names the argument."""
+    """Return what a call gives, unless it is refused by an error that names the argument."""
     try:
         result = call()
     except REFUSED as error:
@@ -234,11 +235,14 @@ def test_factors_that_tear_the_body_are_refused() -> None:
 # --- Scenes of one's own ------------------------------------------------------------------------------
 
 
-def height(m: Measures, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
+def height(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
     return m.centre[:, 2]
 
 
 RIGHT: dict[str, Any] = {"scene": Scene(cube(), gravity=None), "reward": height, "actuators": {"torque": 2.0}}
+
+
+FUNCTIONS = ("reward", "failed", "succeeded", "observe", "metrics", "start", "move", "remember", "marks")
 
 
 def test_every_argument_of_a_scene_environment() -> None:
@@ -251,7 +255,7 @@ def test_every_argument_of_a_scene_environment() -> None:
             called = name
             if name == "scene" and isinstance(junk, str):
                 called = "scene"
-            if (junk is int or junk is len) and name in ("reward", "start", "failed", "succeeded", "observe"):
+            if (junk is int or junk is len) and name in FUNCTIONS:
                 continue  # functions, but which give something else: below
             for env in tried(lambda given=given: springgym.make_scene_env(**given), called):
                 made += 1
@@ -265,24 +269,31 @@ ANSWERS: tuple[Any, ...] = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["reward", "failed", "succeeded", "observe", "start"])
+BESIDE: dict[str, dict[str, Any]] = {
+    "move": {"start": lambda rng: (cube().positions, np.zeros((8, 3)), (0.0, 1.0))},
+    "remember": {"memory": (0.0, 1.0)},
+}
+"""What a function needs beside itself."""
+
+
+@pytest.mark.parametrize("name", [name for name in FUNCTIONS if name != "marks"])
 def test_every_answer_of_a_users_function(name: str) -> None:
     for answer in ANSWERS:
-        given = RIGHT | {name: lambda *_, answer=answer: answer, "num_envs": 2}
+        given = RIGHT | BESIDE.get(name, {}) | {name: lambda *_, answer=answer: answer, "num_envs": 2}
         accepted = 0
         for env in tried(lambda given=given: springgym.make_scene_env(**given), name):
             for _ in tried(lambda env=env: (env.reset(seed=0), env.step(np.zeros((2, 3)))), name):
                 accepted += 1
-        right = {"observe": [(2, 2)], "reward": []}.get(name, [])
+        right = [(2, 2)] if name in ("observe", "move", "remember") else []
         assert accepted == (np.shape(np.array(answer, object)) in right)
 
 
 def test_functions_cannot_write_to_what_they_see() -> None:
-    def meddling(m: Measures, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
-        for array in (*m, x, v, action):
+    def meddling(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+        for array in (*m[0], *s):
             with pytest.raises(ValueError, match="read-only"):
                 array[:] = 0
-        return np.zeros(len(x))
+        return np.zeros(len(s.x))
 
     for env in (springgym.make_scene_env(**RIGHT | {"reward": meddling, "num_envs": n}) for n in (None, 2)):
         env.reset(seed=0)
@@ -294,7 +305,7 @@ def test_function_that_fails_in_a_reset_changes_nothing() -> None:
 
     def start(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         calls.append(rng.uniform())
-        if len(calls) > 3:
+        if len(calls) > 4:  # one to learn how long the goal is, two of a reset, and the first copy's
             raise ZeroDivisionError("mine")
         return cube().positions, np.zeros((8, 3))
 
@@ -313,7 +324,7 @@ def below(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 
 def test_start_behind_a_surface_changes_nothing() -> None:
     scene = Scene(cube(), cube().positions + np.array([0, 0, 2.0]), surfaces=(floor(),))
-    starts = iter([(scene.positions, scene.velocities)])
+    starts = iter([(scene.positions, scene.velocities)] * 2)  # one to learn how long the goal is
     env: Any = springgym.make_scene_env(
         scene,
         height,
@@ -368,9 +379,9 @@ def test_diverged_copies_do_not_reach_the_reward_check() -> None:
 
     envs: Any = springgym.make_scene_env(
         scene,
-        lambda m, x, v, action: 1.0 + 0.0 * corner(x)[:, 0],
+        lambda m, s: 1.0 + 0.0 * corner(s.x)[:, 0],
         actuators={"thrust": 1.0},
-        observe=lambda m, x, v: corner(x),
+        observe=lambda m, s: corner(s.x),
         num_envs=2,
         autoreset_mode="Disabled",
     )

@@ -262,7 +262,7 @@ def test_copies_that_cannot_be_staggered_start_together():
 
 
 def followed(env, steps):
-    """What steps give, without the time that episodes took."""
+    """Return what steps give, without the time that episodes took."""
     found = []
     for _ in range(steps):
         observations, rewards, dones, infos = env.step(np.zeros((env.num_envs, *env.action_space.shape)))

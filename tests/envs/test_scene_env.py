@@ -12,13 +12,14 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import springgym
-from springgym.bodies import cube
+from springgym.bodies import box, cube
+from springgym.envs.observation import Situation
 from springgym.envs.sb3 import make_sb3
-from springgym.measures import Measures
-from springgym.scene import Scene, ThrustActuator
+from springgym.measures import Measures, MeasuresOfBodies
+from springgym.scene import Placed, Scene, ThrustActuator
 
 
-def lifted(m: Measures, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
+def lifted(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
     return m.centre[:, 2]
 
 
@@ -41,7 +42,7 @@ def test_checker() -> None:
 
 
 def test_reward_and_end_are_the_users() -> None:
-    env = make(failed=lambda m, x, v: m.centre[:, 2] > 0.5, max_episode_steps=50)
+    env = make(failed=lambda m, s: m.centre[:, 2] > 0.5, max_episode_steps=50)
     env.reset(seed=0)
     up = np.array([0, 0, 0, 0, 0, 1, 0, 0, 1], np.float32)
     start = env.unwrapped.episodes.measures.momentum[0, 2]
@@ -96,7 +97,7 @@ def test_scaled_scene_starts_unstrained() -> None:
     np.testing.assert_allclose(scaled_v, v, atol=1e-12)  # it flies without turning
 
 
-def seen(m: Measures, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+def seen(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
     return np.concatenate([m.centre, m.axis, 100 * m.angular_velocity], axis=1)
 
 
@@ -111,7 +112,7 @@ def test_observation_of_ones_own() -> None:
     for _ in range(30):
         np.testing.assert_array_equal(batch[1], first)
         m = env.unwrapped.episodes.measures
-        expected = np.clip(seen(m, *env.unwrapped.episodes.particles)[0], -10, 10)
+        expected = np.clip(seen(m, env.unwrapped.episodes.seen[1])[0], -10, 10)
         np.testing.assert_allclose(first, expected, rtol=1e-6, atol=1e-7)
         first, *_ = env.step(action)
         batch, *_ = envs.step(np.tile(action, (2, 1)))
@@ -121,7 +122,7 @@ def test_observation_of_ones_own() -> None:
 
 def test_success_of_ones_own() -> None:
     """It is met for ``hold`` steps in a row."""
-    env = make(succeeded=lambda m, x, v: m.centre[:, 2] > 0.02, hold=3)
+    env = make(succeeded=lambda m, s: m.centre[:, 2] > 0.02, hold=3)
     env.reset(seed=0)
     up = np.array([0, 0, 0, 0, 0, 1, 0, 0, 1], np.float32)
     met, reported = [], []
@@ -138,11 +139,11 @@ def test_success_of_ones_own() -> None:
 @pytest.mark.parametrize("wins", [False, True])
 @pytest.mark.parametrize("copies", [None, 2])
 def test_an_end_is_lost_unless_it_is_said_to_win(copies: int | None, wins: bool) -> None:
-    def above(m: Measures, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def above(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
         return m.centre[:, 2] > 0.2
 
-    def anywhere(m: Measures, x: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return np.ones(len(x), bool)
+    def anywhere(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+        return np.ones(len(s.x), bool)
 
     env = make(failed=above, succeeded=anywhere, hold=3, wins=wins, num_envs=copies, sparse=True)
     env.reset(seed=0 if copies is None else [0] * copies)
@@ -162,8 +163,8 @@ def test_an_end_is_lost_unless_it_is_said_to_win(copies: int | None, wins: bool)
         make(wins=1)
 
 
-def pinned_height(m: Measures, x: np.ndarray, v: np.ndarray, action: np.ndarray) -> np.ndarray:
-    return x[:, 1, 2].copy()
+def pinned_height(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+    return s.x[:, 1, 2].copy()
 
 
 @pytest.mark.parametrize("scene", ["cube-pendulum", Scene(cube(), gravity=None)], ids=["name", "scene"])
@@ -229,3 +230,71 @@ def test_camera_keeps_the_body_in_view() -> None:
     env.reset(seed=0)
     env.render()
     assert env.unwrapped._canvas.camera == env.unwrapped.episodes.task.camera()
+
+
+# --- Several bodies ------------------------------------------------------------------------------------
+
+
+def two(**options: Any) -> Any:
+    """A cube that turns, and a box beside it that is pushed; they pass through each other."""
+    turning = np.cross((0.0, 0.0, 2.0), cube().positions - cube().centre)
+    aside = box().positions + np.array([3.0, 0.0, 0.0])
+    scene = Scene(bodies=(Placed(cube(), None, turning), Placed(box(), aside)), gravity=None, collisions=None)
+    settings: dict[str, Any] = {"reward": lambda m, s: m["box"].centre[:, 0]}
+    return springgym.make_scene_env(scene, **(settings | {"actuators": {"box.force": 2.0}} | options))
+
+
+@pytest.mark.parametrize("copies", [None, 2])
+def test_functions_get_the_measures_of_each_body_by_name(copies: int | None) -> None:
+    def observe(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+        assert m.names == ("cube", "box")
+        for body, own in (("cube", slice(8)), ("box", slice(8, 16))):
+            np.testing.assert_allclose(m[body].centre_velocity, mean(s.v[:, own], body), atol=1e-12)
+        for name, by_name, by_number in zip(Measures._fields, m["box"], m[1], strict=True):
+            np.testing.assert_array_equal(by_name, by_number, err_msg=name)
+        np.testing.assert_allclose(np.linalg.norm(m["cube"].axis, axis=1), 1.0)
+        return np.column_stack([m["cube"].angular_velocity, m["box"].momentum])
+
+    def mean(values: np.ndarray, body: str) -> np.ndarray:
+        masses = {"cube": cube(), "box": box()}[body].masses
+        return np.einsum("i,nik->nk", masses, values) / masses.sum()
+
+    env = two(observe=observe, num_envs=copies)
+    env.reset(seed=0)
+    push = np.ones(3 if copies is None else (copies, 3), np.float32)
+    for n in range(1, 6):
+        seen, reward, *_ = env.step(push)
+        seen = np.atleast_2d(seen)[0]
+        np.testing.assert_allclose(seen[:3], [0, 0, 2], atol=1e-5)
+        np.testing.assert_allclose(seen[3:], np.full(3, 2.0 * 0.02 * n), rtol=1e-6)
+        assert np.atleast_1d(reward)[0] > 3.0
+
+
+@pytest.mark.parametrize(
+    ("ask", "error", "says"),
+    [
+        (
+            lambda m: m.axis,
+            AttributeError,
+            r"name one of them, as in m\['cube'\].axis. There are 'cube', 'box'",
+        ),
+        (lambda m: m.axes, AttributeError, "measures have no 'axes'; there are kinetic, gravity"),
+        (lambda m: m["bix"], ValueError, "body is 'bix'; it must be one of 'cube', 'box'"),
+        (lambda m: m[2], ValueError, "body is 2"),
+        (lambda m: m[-1], ValueError, "body is -1"),
+        (lambda m: m[True], TypeError, "body is True"),
+        (lambda m: m[0.0], TypeError, "body is 0.0"),
+        (lambda m: m[:, 0], TypeError, "body is "),
+        (lambda m: list(m), TypeError, "not iterable"),
+    ],
+)
+def test_what_is_asked_of_no_body_is_told(ask: Any, error: type[Exception], says: str) -> None:
+    with pytest.raises(error, match=says):
+        two(reward=lambda m, s: ask(m))
+
+
+def test_one_body_has_a_name_too() -> None:
+    env = make(reward=lambda m, s: m["cube"].centre[:, 2] + m[0].centre[:, 2] - m.centre[:, 2])
+    env.reset(seed=0)
+    reward = env.step(np.ones(9, np.float32))[1]
+    assert reward == env.unwrapped.episodes.measures.centre[0, 2] != 0

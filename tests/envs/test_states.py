@@ -91,7 +91,7 @@ def test_state_of_a_scene_environment_returns() -> None:
     def make_own() -> Any:
         return springgym.make_scene_env(
             Scene(cube(), gravity=None),
-            lambda m, x, v, action: m.centre[:, 2],
+            lambda m, s: m.centre[:, 2],
             actuators={"torque": 1.0},
             max_episode_steps=LIMIT,
         )
@@ -368,3 +368,191 @@ def test_other_environments_have_no_such_state() -> None:
             springgym.get_state(env)
         with pytest.raises(TypeError, match="of springgym"):
             springgym.set_state(env, {})
+
+
+# --- Copies of a batch --------------------------------------------------------------------------------
+
+
+def followed(env: Any, steps: np.ndarray) -> list[Any]:
+    """What a single environment sees and earns, reset where its episode ends, as batches do it."""
+    found, ended = [], False
+    for action in steps:
+        if ended:
+            found.append((env.reset()[0], 0.0, False, False))
+        else:
+            found.append(env.step(action)[:4])
+        ended = found[-1][2] or found[-1][3]
+    return found
+
+
+def check_continued(envs: Any, copies: Any, steps: np.ndarray, expected: list[Any]) -> None:
+    """Step a batch, some copies as a single environment was and the others otherwise; these are its twins."""
+    own = np.arange(envs.num_envs)[copies]
+    for n, step in enumerate(expected):
+        taken = np.random.default_rng(n).uniform(-1, 1, envs.action_space.shape)
+        taken[own] = steps[n]
+        for part, wanted in zip(envs.step(taken)[:4], step, strict=True):
+            same(part[own], np.stack([wanted] * len(own)).astype(part.dtype), f"step {n}")
+
+
+FACTORS = {"masses": (0.9, 1.1), "stiffness": (0.8, 1.2), "actuator": (0.5, 1.0)}
+
+
+@pytest.mark.parametrize(
+    ("env_id", "options"),
+    [
+        (IDS[0], {}),
+        (IDS[0], {"randomize": FACTORS}),
+        ("SpringGyroscope-v0", {"sparse": True}),  # with a goal
+        ("SpringTumble-v0", {}),  # which hits the floor, with a particle for a goal
+        pytest.param("SpringFreeTop-v0", {"randomize": {"masses": (0.9, 1.1)}}, marks=pytest.mark.slow),
+        pytest.param("SpringBalance-v0", {}, marks=pytest.mark.slow),  # between bodies
+        pytest.param(IDS[0], {"dynamics": "rigid"}, marks=pytest.mark.slow),
+    ],
+)
+def test_copies_continue_a_single_environment(env_id: str, options: dict[str, Any]) -> None:
+    """To the bit, over two ends of its episodes; what the other copies do is not touched."""
+    single = make(env_id, max_episode_steps=30, **options)
+    single.reset(seed=11)
+    steps = actions(single, 80)
+    followed(single, steps[:9])
+    state = pickle.loads(pickle.dumps(springgym.get_state(single)))
+    expected = followed(single, steps[9:])
+    assert sum(step[2] or step[3] for step in expected) >= 2
+    envs, other = (make_vec(env_id, 20, "native", "NextStep", max_episode_steps=30, **options) for _ in "12")
+    for batch in (envs, other):
+        batch.reset(seed=0)
+        batch.step(actions(batch, 1)[0])
+    copies = np.array([17, 0, 3, 15, 16])
+    springgym.set_state(envs, state, copies)
+    left = np.setdiff1d(np.arange(20), copies)
+    same(springgym.get_state(envs, left), springgym.get_state(other, left))
+    assert envs.unwrapped.np_random_seed[17] == 11
+    assert len({id(rng) for rng in envs.unwrapped.np_random}) == 20
+    check_continued(envs, copies, steps[9:], expected)
+    fresh = make_vec(env_id, 2, "native", "NextStep", max_episode_steps=30, **options)
+    springgym.set_state(fresh, state, [0, 1])  # of which no episode has begun
+    check_continued(fresh, [0, 1], steps[9:], expected)
+
+
+@pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])
+def test_copies_continue_copies_of_another_batch(autoreset: str) -> None:
+    """Through wrappers, in another order, or one in all; where they have ended, too."""
+    options = {"max_episode_steps": LIMIT, "randomize": FACTORS}
+    of, into, alike = (make_vec(IDS[0], n, "native", autoreset, **options) for n in (18, 35, 3))
+    of.reset(seed=0)
+    wrapped = gym.wrappers.vector.ClipReward(into, 0.0, 0.5)
+    steps = np.random.default_rng(0).uniform(-1, 1, (2 * LIMIT, 18, 3))
+    for taken in steps[:LIMIT]:
+        of.step(taken)
+    state = springgym.get_state(of, [17, 2, 16])
+    one = springgym.get_state(of, np.arange(18) == 2)
+    wrapped.reset(seed=9)
+    springgym.set_state(wrapped, state, [1, 34, 0])
+    springgym.set_state(wrapped, one, range(2, 34))
+    springgym.set_state(alike, state)  # which is that of a batch of three
+    for taken in steps[LIMIT:]:
+        expected = of.step(taken)
+        which = np.array([16, 17, *[2] * 33])
+        for own, found in ((which, into.step(taken[which])), ([17, 2, 16], alike.step(taken[[17, 2, 16]]))):
+            for theirs, got in zip(expected[:4], found[:4], strict=True):
+                same(got, theirs[own])
+
+
+def test_copies_that_no_state_can_be_set_into_are_refused() -> None:
+    single, envs = make(IDS[0]), make_vec(IDS[0], 4, "native", "NextStep")
+    for env in (single, envs):
+        env.reset(seed=0)
+    state, two = springgym.get_state(single), springgym.get_state(envs, [0, 1])
+    before = frozen(envs)
+    wrong: list[tuple[Any, Any, type[Exception], str]] = [
+        (state, [], ValueError, "copies is .*must name a copy"),
+        (state, np.zeros(4, bool), ValueError, "must name a copy"),
+        (state, [1, 1], ValueError, "names 1 twice"),
+        (state, [4], ValueError, r"copies\[0\] is 4; it must be a whole number from 0 to 3"),
+        (state, [-1], ValueError, r"copies\[0\] is -1"),
+        (state, 2, ValueError, r"of shape \(\)"),
+        (state, True, ValueError, r"of shape \(\)"),
+        (state, [1.0], TypeError, "whole numbers"),
+        (state, ["1"], TypeError, "whole numbers"),
+        (state, [True, 2], TypeError, "numbers and bools"),
+        (state, [True, False], ValueError, "is a mask of shape"),
+        (state, [[0, 1]], ValueError, "of shape"),
+        (
+            two,
+            [0, 1, 2],
+            ValueError,
+            "the state is of 2 copies, and copies names 3; it must be of as many",
+        ),
+        (two, [3], ValueError, "the state is of 2 copies, and copies names 1"),
+        (before, [3], ValueError, "the state is of 4 copies"),
+        (state | {"ready": False}, [3], ValueError, r"state\['ready'\] is False; .*must have begun"),
+        (
+            two | {"rng": two["rng"][:1]},
+            [0, 1],
+            ValueError,
+            r"'rng'\] is of 1 copies; it must be of 2",
+        ),
+        (two | {"ended": np.zeros((2, 1), bool)}, [0, 1], ValueError, "it must be a mask"),
+        (two | {"seed": [1, -2]}, [0, 1], ValueError, r"state\['seed'\]\[1\] is -2"),
+        (state, None, ValueError, "it must hold episodes, rng, seed, ready, ended"),
+        ({}, [0], ValueError, "it holds nothing"),
+        (None, [0], ValueError, "it is None"),
+        (state | {"episodes": 3}, [0], ValueError, "state is not one of an environment"),
+    ]
+    for given, copies, kind, says in wrong:
+        with pytest.raises(kind, match=says):
+            springgym.set_state(envs, given, copies)
+        same(frozen(envs), before, f"{copies}")
+    others = variants()
+    springgym.set_state(envs, others.pop("one copy of a batch"), [2])  # which is none of others
+    before = frozen(envs)
+    for name, given in others.items():
+        with pytest.raises(ValueError, match=r"state.* is another one: its|the state is of 2 copies"):
+            springgym.set_state(envs, given, [2])
+        same(frozen(envs), before, name)
+
+
+def test_mangled_states_are_set_into_no_copies() -> None:
+    single, envs = make(IDS[0]), make_vec(IDS[0], 4, "native", "NextStep")
+    for env in (single, envs):
+        env.reset(seed=0)
+    before = frozen(envs)
+    for name, given in mangled(frozen(single)).items():
+        with pytest.raises((ValueError, TypeError), match="state"):
+            springgym.set_state(envs, given, [1, 2])
+        same(frozen(envs), before, name)
+    two = springgym.get_state(envs, [0, 1])
+    episodes = two["episodes"]
+    one = springgym.get_state(envs, [0])["episodes"]
+    for name in episodes:
+        if name not in ("of", "factors"):  # of which there are none
+            mixed = two | {"episodes": episodes | {name: one[name]}}
+            with pytest.raises(ValueError, match="state"):
+                springgym.set_state(envs, mixed, [1, 2])
+            same(frozen(envs), before, name)
+
+
+def test_copies_of_a_batch_in_which_no_episode_has_begun() -> None:
+    single, envs = make(IDS[0]), make_vec(IDS[0], 4, "native", "NextStep")
+    with pytest.raises(ValueError, match="its episode must have begun"):
+        springgym.set_state(envs, springgym.get_state(single), range(4))
+    single.reset(seed=0)
+    state = springgym.get_state(single)
+    with pytest.raises(ValueError, match="copies leaves out some, and no episode has begun"):
+        springgym.set_state(envs, state, [0, 1])
+    with pytest.raises(gym.error.ResetNeeded):
+        envs.step(actions(envs, 1)[0])
+    springgym.set_state(envs, state, range(4))
+    envs.step(actions(envs, 1)[0])
+
+
+def test_only_a_native_batch_has_copies_to_choose_from() -> None:
+    env = make(IDS[0])
+    env.reset(seed=0)
+    state = springgym.get_state(env)
+    says = r"copies is \[0\]; it must be left out: only a native batch"
+    with pytest.raises(TypeError, match=says):
+        springgym.set_state(env, state, [0])
+    with pytest.raises(TypeError, match=says):
+        springgym.get_state(env, [0])

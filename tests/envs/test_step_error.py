@@ -140,7 +140,7 @@ def test_a_new_episode_has_no_error_yet(mode: str) -> None:
 def test_of_a_scene_of_ones_own() -> None:
     env = springgym.make_scene_env(
         Scene(cube(), velocities=np.cross((3.0, 0.0, 0.0), cube().positions - cube().centre)),
-        reward=lambda m, x, v, action: m.energy,
+        reward=lambda m, s: m.energy,
         actuators={"force": 20.0},
         error=True,
     )

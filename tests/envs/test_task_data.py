@@ -131,7 +131,7 @@ def test_entries_of_observations(row: Row) -> None:
 
 
 def looked_up(task: Task, m: Any, x: np.ndarray, v: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
-    """What entries must be, from measures; those that no measure is."""
+    """Return what entries must be, from measures; those that no measure is."""
     turning = m.angular_velocity
     spin = np.sum(turning * m.axis, axis=1, keepdims=True)
     triad = np.stack([m.side, np.cross(m.axis, m.side), m.axis], axis=1)

@@ -227,7 +227,7 @@ def arc(angles):
 
 
 def orange(picture, point):
-    """How much of the trace's colour is near a world point."""
+    """Return how much of the trace's colour is near a world point."""
     x, y = FRONT.project(point, picture.shape[1::-1])[0].astype(int)
     patch = picture[y - 2 : y + 3, x - 2 : x + 3]
     return (patch[..., 0] - patch[..., 2]).max()

@@ -144,6 +144,19 @@ _TABLE: tuple[tuple[str, str, Change], ...] = (
     ("sliding-block", "stopping", {"start.omega": [0, 0, 6]}),
     ("block-holds", "slope", {"start.velocity": [3, 0, 0]}),
     ("block-slides", "slope", {"start.omega": [0, 0, 6]}),
+    # what rolls: spun the wrong way, too soft, too slow to turn over, on ice, too slow to lie so, thrown
+    ("ball-rolls", "rolling", {"start.omega": [0, 40, 0]}),
+    ("ball-skids", "skidding", {"body.stiffness": 5e3}),
+    ("tippe-top", "tippe_top", {"start.omega": [0, 0, 30]}),
+    ("rattleback", "rattleback", {"contact.friction": 0.02}),
+    ("euler-disk", "euler_disk", {"start.precession": 30}),
+    (
+        "ball-rolls ball-skids",
+        "energy",
+        {"start.velocity": [0, 0, -5], "body.damping": 0, "interval": 0.001, "step": 1e-3},
+    ),
+    ("tippe-top rattleback", "energy", {"start.velocity": [0, 0, -30]}),
+    ("euler-disk", "energy", {"start.velocity": [0, 0, -5]}),
     ("bowl-ball", "bowl_period", {"start.position": [1.0, 0, 0.288]}),
     ("pipe-ball", "pipe_period", {"start.position": [1.0, -1, 0.288]}),
     ("rubber-cube", "impact", {"start.turn": [0.3, 0.2, 0]}),
@@ -219,7 +232,7 @@ def changed(scene: str, change: Change, folder: Path) -> Plan:
 
 
 def after(scene: str, name: str, change: Change, folder: Path) -> list[Check]:
-    """What a check says of a scene with a change."""
+    """Return what a check says of a scene with a change."""
     plan = changed(scene, change, folder)
     parts = tuple(replace(part, checks=(name,)) for part in plan.parts)
     plan = (
@@ -232,7 +245,7 @@ def after(scene: str, name: str, change: Change, folder: Path) -> list[Check]:
 
 
 def notices(found: list[Check]) -> bool:
-    """Whether a check saw something, and does not pass."""
+    """Tell whether a check saw something, and does not pass."""
     return any(not result.passed and not np.isnan(result.measured) for result in found)
 
 

@@ -19,6 +19,7 @@ from springgym.scenes.checks import (
     contact,
     fitting,
     free,
+    rolling,
     solids,
     swings,
     together,
@@ -168,6 +169,9 @@ WITHIN = {
     "ring_frequency": [solids.TUNED, solids.DAMPED],
     "wobble": [solids.WOBBLE],
     "cable": [solids.STRETCH, solids.BOUNCE],
+    "rolling": [rolling.ROLLED, rolling.SKIDDED],
+    "tippe_top": [rolling.KEPT, rolling.TURNED],
+    "rattleback": [rolling.TURNED],
     "straight_fall": [contact.SWUNG],
     "exchange": [together.MET, together.EQUAL],
     "slab": [contact.WITHIN],
@@ -304,6 +308,13 @@ def slowed(recording):
     return replace(recording, measures=m._replace(angular_velocity=slower))
 
 
+def slowed_about_the_upright(recording):
+    """With an angular momentum that falls by 1 %."""
+    m = recording.measures
+    less = m.angular_momentum * np.linspace(1, 0.99, len(recording.times))[:, None]
+    return replace(recording, measures=m._replace(angular_momentum=less))
+
+
 BROKEN = [
     ("top-with-friction", "axial_spin", slowed),
     ("top-with-friction", "rubbing", rougher),
@@ -324,6 +335,11 @@ BROKEN = [
     ("cube-pendulum", "pendulum", heavier_gravity),
     ("cube-pendulum-high", "pendulum", heavier_gravity),
     ("cube-drop", "rest_height", heavier_gravity),
+    ("ball-rolls", "rolling", heavier_gravity),
+    ("ball-skids", "skidding", rougher),
+    ("tippe-top", "tippe_top", slowed_about_the_upright),
+    ("rattleback", "rattleback", heavier_gravity),
+    ("euler-disk", "euler_disk", heavier_gravity),
     ("bowl-ball", "bowl_period", heavier_gravity),
     ("pipe-ball", "pipe_period", heavier_gravity),
     ("elongated-top", "nutation", heavier_gravity),
@@ -424,6 +440,12 @@ MISFITS = [
     ("spun-pair", "flips", "two of its moments of inertia are equal", None),
     ("cube-pendulum", "bowl_period", "it is of a single particle, and this body has 8", None),
     ("bouncing-ball", "bowl_period", "it has no bowl", None),
+    ("block-slides", "rolling", "body 'box' has 0 round features", None),
+    ("euler-disk", "skidding", "body 'disk' is no sphere about its centre of mass", None),
+    ("tippe-top", "rolling", "body 'ellipsoid' is no sphere about its centre of mass", None),
+    ("ball-skids", "tippe_top", "is no sphere whose centre of mass is off its centre", None),
+    ("euler-disk", "rattleback", "the round feature of body 'disk' is flat", None),
+    ("rattleback", "euler_disk", "body 'ellipsoid' is no disk", None),
     ("bowl-ball", "pipe_period", "it has no level pipe", None),
     ("top-in-bowl", "slope", "its first surface is no plane", None),
     ("cube-drop", "slope", "its first surface is level", None),

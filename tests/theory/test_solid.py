@@ -86,7 +86,7 @@ def test_orthotropic_answers_a_pull_and_a_shear_by_its_constants():
 
 
 def antisymmetric():
-    """What makes a map of matrices invertible that takes no notice of their antisymmetric parts."""
+    """Return what makes a map of matrices invertible that takes no notice of their antisymmetric parts."""
     swap = np.eye(9).reshape(3, 3, 3, 3).transpose(1, 0, 2, 3).reshape(9, 9)
     return (np.eye(9) - swap) / 2
 

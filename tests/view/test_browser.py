@@ -27,6 +27,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
 from springgym import view
+from tests.test_docs import page_writer
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
 
@@ -103,18 +104,18 @@ def labelled(browser, label):
 
 
 def picture(browser):
-    """What the canvas shows, as numbers."""
+    """Return what the canvas shows, as numbers."""
     image = Image.open(io.BytesIO(browser.find_element(By.CSS_SELECTOR, "canvas").screenshot_as_png))
     return np.asarray(image.convert("RGB"), float)
 
 
 def changes(browser, before):
-    """Whether the canvas comes to show something else."""
+    """Tell whether the canvas comes to show something else."""
     until(lambda: np.abs(picture(browser) - before).mean() > 0.2)
 
 
 def settled(browser):
-    """What the canvas shows when nothing moves any more."""
+    """Return what the canvas shows when nothing moves any more."""
     before = picture(browser)
     for _ in range(60):
         time.sleep(0.5)
@@ -275,3 +276,20 @@ def test_saved_viewer_plays_recordings_beside_it(browser, tmp_path):
         finally:
             server.shutdown()
             thread.join()
+
+
+def test_viewer_of_the_site_plays_scenes_from_a_folder(browser, tmp_path):
+    """Without a server, as ``docs/build.py`` says to open the site."""
+    pytest.importorskip("imageio_ffmpeg")
+    media = page_writer("media")
+    media.viewer(tmp_path)
+    view.save_page(view.simulated("bowl-ball", {}), tmp_path / "ball.viser")
+    script = media.embedded(tmp_path / "ball.viser")
+    (tmp_path / "bowl-ball.js").write_text(script, encoding="utf-8")
+    (tmp_path / "ball.viser").unlink()
+    browser.get(f"{(tmp_path / 'view.html').as_uri()}?bowl-ball")
+    until(lambda: browser.find_elements(By.CSS_SELECTOR, "canvas"))
+    until(lambda: np.ptp(picture(browser), axis=(0, 1)).min() > 60)
+    changes(browser, picture(browser))
+    assert requested(browser) == set()
+    assert not complaints(browser)

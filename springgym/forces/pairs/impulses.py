@@ -55,6 +55,7 @@ from springgym.forces.pairs.terms import (
     ENTRIES,
     FAR,
     FAST,
+    FASTEST,
     GAP,
     IMPULSE,
     MET,
@@ -72,10 +73,14 @@ if TYPE_CHECKING:
 
 
 LOW = 0.02
-"""What begins a step nearer than this share of Δ was missed before. It is taken as this near."""
+"""What begins a step nearer than this share of Δ was missed before. It is taken as this near: what sweeps
+leave over brings contacts nearer than they were solved for, and their energy has no bound."""
 
 QUICK = 0.2
 """Share of Δ that a contact may move by in a step, to be computed well."""
+
+LIFTS = 8
+"""Turns in which contacts are lifted, one after another, where a node is read."""
 
 
 @compiled
@@ -212,6 +217,51 @@ def ends(v: Rows, span: Any, k: Number, reach: Number, pairs: Any, room: Any) ->
     d = load(room.distance, k)
     first = maximum(d - span.lead * load(room.before, k), LOW * reach)
     return first, maximum(d + span.out * speed(v, k, pairs, room, room.solids), LOW * reach)
+
+
+@compiled
+def lift_apart(shift: Rows, v: Rows, span: Any, count: int, pairs: Any, room: Any) -> bool:
+    """Find how far to shift what is read [m], so that bodies are not shown in each other; whether at all.
+
+    A node lies amid two ways. Where these are long, a contact may be closed there that is open at both ends
+    of the step: it is shown with half of the lower of both distances, or of Δ. ``shift`` (N, 3) is 0 at
+    first; of rigid bodies it has two rows for each, of which the first is used.
+    """
+    shifted = False
+    for _ in range(LIFTS):
+        again = False
+        for k in range(count):
+            reach, inverse = pairs.reach[room.pair[k]], room.inverse
+            first, last = ends(v, span, k, reach, pairs, room)
+            here = load(room.distance, k) + speed(shift, k, pairs, room, room.solids)
+            short = 0.5 * minimum(minimum(first, last), reach) - here
+            on = select(load(inverse, k) > 0.0, short, 0.0) > 0.0
+            if any_lane(on):
+                shift_apart(shift, k, short, on, pairs, room, room.solids)
+                again = True
+        shifted = shifted or again
+        if not again:
+            break
+    return shifted
+
+
+@compiled
+def shift_apart(
+    shift: Rows, k: int, short: Number, on: Mask, pairs: Any, room: Any, solids: Solids | None
+) -> None:
+    """Shift what contact k touches by ``short`` [m] in all along its normal, in some lanes: the heavier less.
+
+    Rigid bodies are not turned.
+    """
+    n = row(room.toward, k)
+    if solids is not None:
+        a, b = pairs.first[room.pair[k]], pairs.second[room.pair[k]]
+        both = load(solids.lightness, a) + load(solids.lightness, b)
+        size = select(both > 0.0, short / (both + TINY), 0.0)
+        push_body(shift, a, size, n, 0.0 * n, on, solids)
+        push_body(shift, b, -1.0 * size, n, 0.0 * n, on, solids)
+    else:
+        push_apart(shift, k, short / (load(room.inverse, k) + TINY) * n, on, pairs, room, solids)
 
 
 @compiled
@@ -361,8 +411,10 @@ def account(v: Rows, span: Any, count: Any, pairs: Any, room: Any, tally: Number
         tell(tally, p, CONTACT, lost)
         spend(room, p, 0, lost)
         spend(room, p, 2, given)
-        quick = maximum(u0, -u0) * span.whole > QUICK * reach
-        tell(tally, p, FAST, select(touches, select(quick, 1.0 + 0.0 * push, 0.0), 0.0))
+        fast = select(touches, maximum(u0, -u0), 0.0)
+        store(tally, at + FASTEST, maximum(load(tally, at + FASTEST), fast))
+        quick = fast * span.whole > QUICK * reach
+        tell(tally, p, FAST, select(quick, 1.0 + 0.0 * push, 0.0))
 
 
 @compiled

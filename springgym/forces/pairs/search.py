@@ -52,10 +52,14 @@ from springgym.forces.pairs.features import (
 from springgym.forces.pairs.terms import CLOSE, FAR, MET, NONE, ROWS, WATCHED, Near, Search
 
 SPARE = 1.05
-"""Contacts are looked for up to this many Δ, and farther by the way of half a step."""
+"""Contacts are looked for up to this many Δ, and farther by the way of half a step, however long that is."""
 
 FARTHEST = 4.0
-"""But not by more than so many Δ."""
+"""Way of two bodies in half a step, in Δ, up to which it need not be known how fast pairs that are not near
+each other move: a body that makes more than half of it counts as one that has moved by the rest already."""
+
+WIDEST = 1e3
+"""[m] Contacts are never looked for farther than this: what is no contact lies at `FAR`."""
 
 ROUNDING = 1.001
 """Features are listed a little farther than contacts are looked for: rounding decides nothing."""
@@ -109,7 +113,7 @@ def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> int:
     ``span`` is the time of the node, a `springgym.forces.node.Span`.
     """
     shapes, seen = pairs.shapes, Search(x, w, pairs, room)
-    measure_moved(x, shapes, room)
+    measure_moved(x, w, span, pairs, room)
     fresh = not all_far_are_far(room)
     if fresh:
         watch(x, w, span, pairs, room)
@@ -168,14 +172,17 @@ def watch(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> None:
     for body in range(shapes.radius.size):
         sides, mean = row(room.high, body) - row(room.low, body), row(room.mean, body)
         longest = maximum(maximum(sides[0], sides[1]), sides[2]) + 2.0 * shapes.radius[body]
-        way = PATIENT * 2.0 * span.out * (sqrt(dot(mean, mean)) + load(room.turning, body))
-        store(room.margin, body, minimum(maximum(ROOMY * longest, way), 0.5 * FAR))
+        half = span.out * (sqrt(dot(mean, mean)) + load(room.turning, body))  # the way in half a step
+        store(room.margin, body, minimum(maximum(ROOMY * longest, PATIENT * 2.0 * half), 0.5 * FAR))
+        ahead = maximum(half - 0.5 * FARTHEST * pairs.least_reach, 0.0)  # as in `measure_moved`
+        store(room.ahead, body, ahead)
     for p in range(pairs.first.size):
         a, b = pairs.first[p], pairs.second[p]
         gap = outside(row(room.low, a), row(room.high, a), b, room)
         margin = load(room.margin, a) + load(room.margin, b)
         if any_lane(gap - margin <= near_enough(p, a, b, pairs)):
-            store(room.listed, p, gap + (load(room.moved, a) + load(room.moved, b)))
+            ahead = load(room.ahead, a) + load(room.ahead, b)
+            store(room.listed, p, (gap - ahead) + (load(room.moved, a) + load(room.moved, b)))
             room.watched[count] = p
             count += 1
     room.length[WATCHED] = count
@@ -205,16 +212,24 @@ def measure_boxes(x: Rows, shapes: Any, room: Any) -> None:
 
 
 @compiled
-def measure_moved(x: Rows, shapes: Any, room: Any) -> None:
-    """Find how far the vertices of each body are from where they were when features were listed."""
+def measure_moved(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> None:
+    """Find how far the vertices of each body are from where they were when features were listed.
+
+    What is fast is taken for farther, see `FARTHEST`, so that no pair is left out which may meet in a step.
+    """
+    shapes, usual = pairs.shapes, 0.5 * FARTHEST * pairs.least_reach
     for body in range(shapes.radius.size):
         farthest = 0.0 * load(x, (0, 0))
+        fastest = farthest
         for k in range(shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]):
             i = shapes.vertices[k, 0]
+            speed = row(w, i)
+            fastest = maximum(dot(speed, speed), fastest)
             shift = row(x, i) - row(room.origin, i)
             set_row(room.shift, i, shift)
             farthest = maximum(dot(shift, shift), farthest)
-        store(room.moved, body, sqrt(farthest))
+        ahead = maximum(span.out * sqrt(fastest) - usual, 0.0)
+        store(room.moved, body, sqrt(farthest) + ahead)
 
 
 @compiled
@@ -233,7 +248,7 @@ def lists_hold(w: Rows, span: Any, pairs: Any, room: Any) -> bool:
             if not averaged:
                 average(w, shapes, room.mean, room.turning)
                 averaged = True
-            way = minimum(span.out * approach(a, b, room.mean, room.turning), FARTHEST * reach)
+            way = minimum(span.out * approach(a, b, room.mean, room.turning), WIDEST)
             far = SPARE * reach + way + radius
             store(room.reach, p, far)
             if any_lane(listed - moved <= ROUNDING * far):  # unless both moved together
@@ -338,7 +353,8 @@ def list_features(near: Near, span: Any, seen: Search, triangles: Any, edges: An
                 list_kind(EDGES, side, body, other, wide, brief, near, seen, edges)
     store(room.gap, p, gap)
     store(room.nearest, p, gap)
-    store(room.listed, p, minimum(maximum(gap, wide), 0.5 * FAR))
+    far = ROUNDING * ((SPARE + FARTHEST) * seen.pairs.reach[p] + near.radius)  # as in `lists_hold`
+    store(room.listed, p, minimum(maximum(gap, minimum(wide, far)), 0.5 * FAR))
     return brief
 
 

@@ -56,6 +56,8 @@ class Pairs(NamedTuple):
     second: np.ndarray
     reach: np.ndarray
     """Δ [m]"""
+    least_reach: float
+    """the least of them [m]"""
     parallel: np.ndarray
     """σ² of edges [1]"""
     strength: np.ndarray
@@ -108,6 +110,8 @@ class Room(NamedTuple):
     """(pairs,) how far to look for contacts at this node [m]"""
     watched: np.ndarray
     """(pairs,) list: pairs of bodies that are not far apart in some copy, ascending"""
+    ahead: np.ndarray
+    """(bodies,) by how much the way in half a step exceeds what is allowed for, as pairs were watched [m]"""
     margin: np.ndarray
     """(bodies,) how far a body may move before these are listed anew [m]"""
     travelled: np.ndarray
@@ -248,12 +252,16 @@ class Search(NamedTuple):
     room: Room
 
 
-TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW = range(9)
+TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW, FASTEST = range(10)
 """What a tally holds of each pair: whether it touches; the sum of J [N·s] and the least distance [m] since it
 was emptied; the energy in the barriers [J]; what was lost to damping and to friction [J]; and how often a
-contact was found too late, was faster than it is computed well for, or had no room."""
+contact was found too late, was faster than it is computed well for, or had no room; and the largest speed
+along its normal that any contact which pushes was reached with [m/s]."""
 
-ENTRIES = 9
+ENTRIES = 10
+
+RESOLVED = 1.0
+"""Share of Δ that a contact may move by in a step: what is faster is not in reach before it is through."""
 
 
 class PairReadings(NamedTuple):
@@ -272,11 +280,13 @@ class PairReadings(NamedTuple):
     friction_loss: np.ndarray
     """and to friction [J]"""
     misses: np.ndarray
-    """how often a contact was found only when the bodies were in each other, or almost"""
+    """how often a contact was found when the bodies were in each other already, or almost, or were read so"""
     too_fast: np.ndarray
     """how often one came faster than it is computed well for: a fifth of Δ in a step"""
     overflow: np.ndarray
     """how often one was left out for want of room"""
+    fastest: np.ndarray
+    """the largest speed along its normal that any contact which pushes was reached with [m/s]"""
 
 
 class Meets(NamedTuple):
@@ -410,6 +420,7 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         reach=lanes(count),
         watched=np.zeros(count, np.int64),
         margin=lanes(bodies),
+        ahead=lanes(bodies),
         travelled=lanes(bodies),
         close=np.zeros(count, np.int64),
         met=np.zeros(count, np.int64),

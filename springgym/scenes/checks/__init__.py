@@ -5,20 +5,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from springgym.scene import Scene
-from springgym.scenes.checks import contact, free, solids, swings, together, tops  # noqa: F401  (they fill CHECKS)
+from springgym.scenes.checks import (  # noqa: F401  (they fill CHECKS)
+    contact,
+    free,
+    rolling,
+    solids,
+    swings,
+    together,
+    tops,
+)
 from springgym.scenes.checks.basis import CHECKS, NEEDS, NOT_COVERED, TOGETHER, Check
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
 
 
 def of_all(scene: Scene, names: Sequence[str]) -> list[str]:
-    """Which of the checks are of all bodies together: where they collide, none keeps its own energy."""
+    """Return which of the checks are of all bodies together: where they collide, none keeps its own
+    energy."""
     of_them = TOGETHER | {"energy", "momentum"} if scene.meetings else TOGETHER
     return [name for name in names if name in of_them]
 
 
 def fitting(plan: Plan) -> None:
-    """Make sure that all checks of a scene mean something for it.
+    """Refuse the checks of a scene that say nothing about such a scene.
 
     Raises
     ------
@@ -36,7 +45,7 @@ def fitting(plan: Plan) -> None:
 
 
 def check(recording: Recording) -> list[Check]:
-    """All that a scene file asks to check, of several bodies together and then one after another.
+    """Make the checks that a scene file asks for, of several bodies together and then one after another.
 
     Raises
     ------

@@ -18,13 +18,14 @@ Checking = Callable[[Recording], "list[Check]"]
 Need = Callable[[Plan], None]
 
 CHECKS: dict[str, Checking] = {}
-"""By the name that a scene file gives them."""
+"""Checks by the names that scene files give them."""
 
 NEEDS: dict[str, tuple[Need, ...]] = {}
-"""By the same name, what must be met for it to mean something: of `springgym.scenes.checks.needs`."""
+"""What a scene must have for a check to say something about it, by the name of the check: functions of
+`springgym.scenes.checks.needs`."""
 
 TOGETHER: set[str] = set()
-"""Checks of all bodies that collide."""
+"""Names of the checks that, where bodies collide, judge all bodies together, not each alone."""
 
 
 def applies(*needs: Need, together: bool = False) -> Callable[[Checking], Checking]:
@@ -63,7 +64,7 @@ class Check(NamedTuple):
 
     @property
     def covered(self) -> bool:
-        """Whether theory says the quantity to within the tolerance; a doubt that is NaN is none."""
+        """Tell whether theory says the quantity to within the tolerance; a doubt that is NaN is none."""
         return bool(self.doubt <= self.tolerance)
 
     @property
@@ -75,7 +76,7 @@ class Check(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether theory covers the run and the difference lies within the tolerance; NaN does not."""
+        """Tell whether theory covers the run and the difference lies within the tolerance; NaN does not."""
         return self.covered and bool(abs(self.measured - self.theory) <= self.tolerance)
 
 
@@ -99,7 +100,7 @@ def slack(recording: Recording, rate: float) -> float:
 
 
 def spread(of: Callable[..., float], *arguments: float, by: float) -> float:
-    """How much a value changes when each of its arguments is off by a share ``by``, added up."""
+    """Return how much a value changes when each of its arguments is off by a share ``by``, added up."""
     value = of(*arguments)
     changed = [
         of(*arguments[:n], argument * (1 + sign * by), *arguments[n + 1 :])

@@ -67,7 +67,7 @@ def _met(recording: Recording) -> tuple[Contact | PaperContact, float, float, fl
 
 
 def _carried(recording: Recording) -> np.ndarray:
-    """Which particles the first surface carries at the end, (N,)."""
+    """Return which particles the first surface carries at the end, (N,)."""
     _, _, reach, _ = _met(recording)
     return recording.plan.scene.surfaces[0].height(recording.positions[-1]) < reach
 
@@ -116,7 +116,7 @@ def restitution(recording: Recording) -> list[Check]:
 
 @applies(needs.level, needs.gravity)
 def rest_height(recording: Recording) -> list[Check]:
-    """What the particles carry that a body at rest stands on: together its weight."""
+    """Return what the particles carry that a body at rest stands on: together its weight."""
     _, c, reach, g = _met(recording)
     surface, below = recording.plan.scene.surfaces[0], _carried(recording)
     weight = recording.plan.scene.body.mass * g
@@ -154,7 +154,7 @@ def stopping(recording: Recording) -> list[Check]:
 
 @applies(needs.slope, needs.gravity)
 def slope(recording: Recording) -> list[Check]:
-    """Whether a block on a slope stays, or how it slides."""
+    """Tell whether a block on a slope stays, or how it slides."""
     contact, _, _, g = _met(recording)
     surface = recording.plan.scene.surfaces[0]
     assert isinstance(surface, Plane)

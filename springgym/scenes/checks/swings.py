@@ -41,7 +41,7 @@ def _gravity(recording: Recording) -> float:
 
 
 def _pin(recording: Recording) -> np.ndarray:
-    """Where the body is pinned, (3,) [m]."""
+    """Return where the body is pinned, (3,) [m]."""
     scene = recording.plan.scene
     return np.asarray(scene.positions[scene.pinned[0]])
 
@@ -188,7 +188,7 @@ def rope_swing(recording: Recording) -> list[Check]:
 
 @applies(needs.rope, needs.gravity)
 def bungee(recording: Recording) -> list[Check]:
-    """How deep a jumper falls on a light cord: until weight and stretch balance the start.
+    """Return how deep a jumper falls on a light cord: until weight and stretch balance the start.
 
     Of the cord's own energy, at the most its fall along itself, some is left in vibration, and dampers take
     some: both make the fall shorter by their share of the force at the lowest point.

@@ -1,0 +1,165 @@
+"""Bodies that roll: a ball, an ellipsoid, a disk; six particles with the mass and inertia of a solid one.
+
+The particles lie at ± the columns of S = √(3 C) about the centre of mass, a sixth of the mass M at each:
+their second moments Σ m X Xᵀ = M C are those of a solid whose inertia is M (tr C 1 − C). Every two are
+joined. The body meets surfaces with one round feature, see `springgym.bodies.round`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from springgym.bodies.body import Body
+from springgym.bodies.round import Round, ellipsoid_of, rim, sphere
+from springgym.checks import TINY, array, number
+
+SOLID = 0.4
+"""Moment of inertia of a solid ball, as a share of m r²."""
+
+
+def rolling_ball(
+    radius: float = 0.1,
+    mass: float = 1.0,
+    moment: float = SOLID,
+    stiffness: float = 1e5,
+    damping: float = 10.0,
+) -> Body:
+    """Make a ball that turns: six particles inside a sphere, by which it meets surfaces and rolls on them.
+
+    Parameters
+    ----------
+    radius
+        r [m].
+    mass
+        m [kg].
+    moment
+        I/(m r²) about any axis: 2/5 of a solid ball, 2/3 of a hollow one; at most 2/3.
+    stiffness, damping
+        k [N/m], c [kg/s] of every spring.
+
+    Raises
+    ------
+    ValueError
+        If a value is not positive, or the moment is larger than that of a hollow ball.
+    """
+    feature, mass = sphere(radius), number("mass", mass, low=TINY)
+    radius = feature.extent
+    moment = number("moment", moment, 1e-3, 2 / 3)
+    inertia = moment * mass * radius**2 * np.eye(3)
+    return _carrier("rolling ball", mass, inertia, np.zeros(3), feature, stiffness, damping)
+
+
+def ellipsoid(
+    semi_axes: Sequence[float] = (0.15, 0.1, 0.08),
+    mass: float = 1.0,
+    inertia: Sequence[float] | Sequence[Sequence[float]] | None = None,
+    centre_of_mass: Sequence[float] = (0.0, 0.0, 0.0),
+    stiffness: float = 1e5,
+    damping: float = 10.0,
+) -> Body:
+    """Make an ellipsoid about the origin that rolls: a rattleback, a tippe-top, an egg.
+
+    Parameters
+    ----------
+    semi_axes : (3,)
+        Along x, y and z [m].
+    mass
+        m [kg].
+    inertia : (3,) or (3, 3), optional
+        Tensor about the centre of mass, or its diagonal [kg·m²]; that of a uniform solid,
+        m (b² + c²)/5 and so on, if none is given.
+    centre_of_mass : (3,)
+        [m]
+    stiffness, damping
+        k [N/m], c [kg/s] of every spring.
+
+    Raises
+    ------
+    ValueError
+        If a value is not positive, or the inertia is none that a body with some thickness can have: each
+        principal moment must be less than the sum of the others.
+    """
+    feature = ellipsoid_of(semi_axes)
+    mass = number("mass", mass, low=TINY)
+    centre = array("centre_of_mass", centre_of_mass, (3,))
+    if inertia is None:
+        squares = np.diag(feature.matrix)
+        tensor = np.diag(mass / 5 * (squares.sum() - squares))
+    else:
+        given = array("inertia", inertia, (3,), (3, 3))
+        tensor = np.diag(given) if given.ndim == 1 else given
+    return _carrier("ellipsoid", mass, tensor, centre, feature, stiffness, damping)
+
+
+def disk(
+    radius: float = 0.1,
+    mass: float = 1.0,
+    thickness: float = 0.01,
+    stiffness: float = 1e5,
+    damping: float = 10.0,
+) -> Body:
+    """Make a coin about the z axis: it meets surfaces with the rim of its middle plane.
+
+    Its inertia is that of a cylinder. It touches a plane in one point at a time, see `springgym.bodies.rim`.
+    Where it strikes almost flat, that point runs from side to side within a step, and it may gain energy:
+    `Measures.balance` shows it.
+
+    Parameters
+    ----------
+    radius
+        R [m].
+    mass
+        m [kg].
+    thickness
+        t [m], from R/100 up, which its moments m (R²/4 + t²/12) and m R²/2 know of, and the springs that keep
+        it flat.
+    stiffness, damping
+        k [N/m], c [kg/s] of every spring.
+
+    Raises
+    ------
+    ValueError
+        If a value is not positive, or the disk is thinner than R/100.
+    """
+    radius, mass = number("radius", radius, low=TINY), number("mass", mass, low=TINY)
+    thickness = number("thickness", thickness, radius / 100, 2 * radius)
+    across = mass * (radius**2 / 4 + thickness**2 / 12)
+    inertia = np.diag([across, across, mass * radius**2 / 2])
+    return _carrier("disk", mass, inertia, np.zeros(3), rim(radius), stiffness, damping)
+
+
+def _carrier(
+    name: str,
+    mass: float,
+    inertia: np.ndarray,
+    centre: np.ndarray,
+    feature: Round,
+    stiffness: float,
+    damping: float,
+) -> Body:
+    """Make the six particles that carry a feature, with a mass, an inertia tensor and a centre of mass."""
+    size = float(np.abs(inertia).max())
+    if np.abs(inertia - inertia.T).max() > 1e-12 * size:
+        raise ValueError(f"inertia is {inertia.tolist()}; it must be symmetric")
+    second = (np.trace(inertia) / 2 * np.eye(3) - inertia) / mass
+    moments, axes = np.linalg.eigh(0.5 * (second + second.T))
+    if not moments[0] > 1e-6 * moments[2]:
+        principal = ", ".join(f"{moment:g}" for moment in np.linalg.eigvalsh(inertia))
+        raise ValueError(
+            f"inertia has the principal moments {principal} kg·m²; each must be less than the sum of the "
+            "others, as of a body that is not flat"
+        )
+    arms = (axes * np.sqrt(3 * moments)) @ axes.T
+    return Body(
+        name=name,
+        positions=centre + np.concatenate([arms.T, -arms.T]),
+        masses=np.full(6, mass / 6),
+        springs=np.array(list(combinations(range(6), 2))),
+        stiffness=stiffness,  # type: ignore[arg-type]
+        damping=damping,  # type: ignore[arg-type]
+        markers=(5, 2, 0),
+        rounds=(feature,),
+    )

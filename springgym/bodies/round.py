@@ -1,0 +1,189 @@
+"""Round features of a body of springs: ellipsoids, spheres and rims that its particles carry.
+
+In the rest shape a feature has a centre ξc and a symmetric matrix A: its points are ξc + √A u with |u| ≤ 1.
+A = r² 1 is a sphere, A = Q diag(a², b², c²) Qᵀ an ellipsoid of semi-axes a, b, c; a very flat one is a disk.
+Its farthest point against a direction g, the support point, is
+
+    ξ = ξc − A g/√(g · A g).
+
+Where a material point ξ of the body is, its particles say by weights that are constant,
+
+    x(ξ) = Σ wᵢ(ξ) xᵢ,    wᵢ(ξ) = (mᵢ/M) (1 + (Xᵢ − X̄) · C⁻¹ (ξ − X̄)),    C = Σ mᵢ (Xᵢ − X̄)(Xᵢ − X̄)ᵀ/M,
+
+with the rest shape X, its centre of mass X̄ and the mass M: of all weights with Σ w = 1 and Σ w X = ξ those
+with the least Σ w²/m, so that an impulse at ξ, shared by them, moves the particles as those of a rigid body.
+They are affine in ξ: a direction n of space is g = Σ (n · xᵢ) ∇wᵢ in the rest shape, and the feature needs
+no orientation of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from springgym.checks import TINY, array, direction, indices, number, whole_array
+from springgym.records import ReadOnly
+
+EDGE = 3e-3
+"""Least share of the largest semi-axis that the least may be. The lowest point of what is thinner jumps from
+side to side when it lies flat, which no step follows."""
+
+SMALLEST, LARGEST = 1e-14, 1e14
+"""Bounds of a semi-axis [m], whose square is a number that is checked."""
+
+FLAT = 1e-9
+"""Share of the largest extent of its carriers below which they lie in a plane, and carry nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Round(ReadOnly):
+    """An ellipsoid that particles of a body carry, and by which the body meets surfaces.
+
+    Parameters
+    ----------
+    matrix : (3, 3)
+        A [m²] in the rest shape, symmetric; its eigenvalues are the squares of the semi-axes, of which the
+        least is at least `EDGE` of the largest. See `sphere`, `ellipsoid_of`, `rim`.
+    centre : (3,)
+        ξc [m] in the rest shape.
+    particles
+        Those that carry it, at least four that do not lie in a plane; all of the body if none are given.
+
+    Raises
+    ------
+    TypeError
+        Naming what is of the wrong kind, see `springgym.checks`.
+    ValueError
+        If the matrix is not symmetric, has a negative eigenvalue, is zero, or makes something flatter.
+    """
+
+    matrix: np.ndarray
+    centre: np.ndarray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    particles: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        matrix = array("matrix of a round feature", self.matrix, (3, 3))
+        size = float(np.abs(matrix).max())
+        if not size > TINY:
+            raise ValueError("matrix of a round feature is zero; a feature must have some extent")
+        if np.abs(matrix - matrix.T).max() > 1e-12 * size:
+            raise ValueError(f"matrix of a round feature is {matrix.tolist()}; it must be symmetric")
+        matrix = 0.5 * (matrix + matrix.T)
+        if (least := float(np.linalg.eigvalsh(matrix)[0])) < -1e-12 * size:
+            raise ValueError(
+                f"matrix of a round feature has the eigenvalue {least:g}; none may be negative: they are the "
+                "squares of semi-axes"
+            )
+        if least < (1 - 1e-9) * EDGE**2 * float(np.linalg.eigvalsh(matrix)[-1]):
+            raise ValueError(
+                f"matrix of a round feature makes it flatter than {EDGE:g} of its largest semi-axis; what is "
+                "flatter has no lowest point when it lies flat"
+            )
+        self.keep("matrix", matrix)
+        self.keep("centre", array("centre of a round feature", self.centre, (3,)))
+        particles = whole_array("particles of a round feature", self.particles, (None,), (0,))
+        object.__setattr__(self, "particles", tuple(particles.tolist()))
+
+    @property
+    def extent(self) -> float:
+        """Largest semi-axis [m]."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.matrix)[-1]))
+
+    def carriers(self, count: int, what: str = "particles of a round feature") -> np.ndarray:
+        """Numbers of the particles that carry it, of a body that has ``count``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If one does not exist or is named twice.
+        """
+        if not self.particles:
+            return np.arange(count)
+        return indices(what, self.particles, count, once=True)
+
+    def support(self, toward: np.ndarray) -> np.ndarray:
+        """Return its farthest points (…, 3) [m] against directions (…, 3) of the rest shape."""
+        pull = toward @ self.matrix
+        size = np.sqrt(np.maximum((toward * pull).sum(axis=-1, keepdims=True), TINY))
+        return np.asarray(self.centre - pull / size)
+
+    def __repr__(self) -> str:
+        axes = np.sqrt(np.maximum(np.linalg.eigvalsh(self.matrix)[::-1], 0.0))
+        return f"Round(semi-axes {', '.join(f'{axis:g}' for axis in axes)} m)"
+
+
+def sphere(radius: float, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[int, ...] = ()) -> Round:
+    """Return the round feature that is a sphere.
+
+    Raises
+    ------
+    ValueError
+        If the radius [m] is not positive.
+    """
+    return Round(number("radius", radius, SMALLEST, LARGEST) ** 2 * np.eye(3), centre, particles)  # type: ignore[arg-type]
+
+
+def ellipsoid_of(
+    semi_axes: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[int, ...] = ()
+) -> Round:
+    """Return the round feature that is an ellipsoid with semi-axes (3,) [m] along x, y and z.
+
+    Raises
+    ------
+    ValueError
+        If one is not positive.
+    """
+    axes = array("semi_axes", semi_axes, (3,), low=SMALLEST, high=LARGEST)
+    return Round(np.diag(axes**2), centre, particles)  # type: ignore[arg-type]
+
+
+def rim(
+    radius: float,
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+    centre: ArrayLike = (0.0, 0.0, 0.0),
+    particles: tuple[int, ...] = (),
+) -> Round:
+    """Return the round feature that is a thin disk across an axis, with half of its thickness `EDGE` R.
+
+    It is an ellipsoid: one point at a time touches a surface, near the rim as long as the disk is tilted by
+    more than `EDGE`.
+
+    Raises
+    ------
+    ValueError
+        If the radius [m] is not positive, or the axis has no length.
+    """
+    along = direction("axis", axis)
+    flat = np.eye(3) - (1 - EDGE**2) * np.outer(along, along)
+    return Round(number("radius", radius, SMALLEST, LARGEST) ** 2 * flat, centre, particles)  # type: ignore[arg-type]
+
+
+def weights(masses: np.ndarray, positions: np.ndarray, carriers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return w₀ (n,) and B (n, 3) [1/m] of the weights w(ξ) = w₀ + B ξ of the carriers (n,).
+
+    Raises
+    ------
+    ValueError
+        If the carriers lie in a plane, or are fewer than four.
+    """
+    mass, place = masses[carriers], positions[carriers]
+    share = mass / mass.sum()
+    centre = share @ place
+    arms = place - centre
+    extents = np.linalg.svd(arms, compute_uv=False)
+    if len(carriers) < 4 or not extents[2] > FLAT * extents[0]:
+        raise ValueError("at least four particles that do not lie in a plane must carry a round feature")
+    spread = (share * arms.T) @ arms
+    slope = np.linalg.solve(spread, (share[:, None] * arms).T).T
+    return share - slope @ centre, slope
+
+
+def points_of(masses: np.ndarray, positions: np.ndarray, feature: Round, points: np.ndarray) -> np.ndarray:
+    """Return weights (n, N) by which a body's particles say where ``points`` (n, 3) [m] of a feature are."""
+    carriers = feature.carriers(len(masses))
+    base, slope = weights(masses, positions, carriers)
+    found = np.zeros((len(points), len(masses)))
+    found[:, carriers] = base + points @ slope.T
+    return found

@@ -1,0 +1,57 @@
+"""How high a body is above a surface: its particles, or its round features if it has some."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from springgym.bodies import Body, Round
+from springgym.bodies.round import weights
+from springgym.surfaces.plane import Plane
+from springgym.surfaces.surface import Surface
+
+TRIED = 1e-4
+"""Share of a feature's extent over which the height of a curved surface is differentiated."""
+
+BENDS = 20
+"""Turns in which a point and the normal of a curved surface find each other."""
+
+
+def heights(body: Body, positions: np.ndarray, surface: Surface) -> np.ndarray:
+    """Return the heights [m] of a body's particles (…, N), or of its round features (…, F) if it has some.
+
+    Heights count from the skin of balls and rods, and from the nearest point of a feature.
+    """
+    positions = np.asarray(positions, float)
+    if not body.rounds:
+        return np.asarray(surface.height(positions) - body.radius)
+    return np.stack([_height(body, feature, positions, surface) for feature in body.rounds], axis=-1)
+
+
+def _height(body: Body, feature: Round, positions: np.ndarray, surface: Surface) -> np.ndarray:
+    """Return the heights (…,) of one feature, see `springgym.forces.round`."""
+    carriers = feature.carriers(len(body.masses))
+    base, slope = weights(body.masses, body.positions, carriers)
+    x = positions[..., carriers, :]
+    normal = _gradient(surface, np.einsum("i,...ij->...j", base + slope @ feature.centre, x), feature.extent)
+    height = np.full(x.shape[:-2], np.nan)
+    for _ in range(1 if isinstance(surface, Plane) else BENDS):
+        toward = np.einsum("...j,...ij,ik->...k", normal, x, slope)
+        share = base + feature.support(toward) @ slope.T
+        place = np.einsum("...i,...ij->...j", share, x)
+        height, normal = _surface_height(surface, place), _gradient(surface, place, feature.extent)
+    return height
+
+
+def _surface_height(surface: Surface, places: np.ndarray) -> np.ndarray:
+    """Return the heights (…,) of places (…, 3) of any number of axes."""
+    return np.asarray(surface.height(places.reshape(-1, 3))).reshape(places.shape[:-1])
+
+
+def _gradient(surface: Surface, places: np.ndarray, extent: float) -> np.ndarray:
+    """Return the gradients (…, 3) of a height at places (…, 3)."""
+    if isinstance(surface, Plane):
+        return np.broadcast_to(np.asarray(surface.normal), places.shape)
+    step = TRIED * extent
+    steps = step * np.eye(3)
+    slopes = [_surface_height(surface, places + d) - _surface_height(surface, places - d) for d in steps]
+    return np.stack(slopes, axis=-1) / (2 * step)

@@ -1,0 +1,405 @@
+"""Tasks of one's own over a scene: goals, time, memory, drawn starts, marks, as the package's have them."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from numpy.random import Generator
+
+import springgym
+from springgym.bodies import box, cube, gyroscope, rigid_velocities, rotation, stretched_shapes
+from springgym.envs.observation import Situation
+from springgym.envs.sb3 import make_sb3
+from springgym.envs.starts import direction, tilted, uniform
+from springgym.envs.task import Start
+from springgym.measures import MeasuresOfBodies
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.rendering.look import AMBER, BLUE, GREEN, TEAL
+from springgym.scene import Placed, Scene, ThrustActuator, WrenchActuator
+from springgym.scenes import film
+
+# --- SpringGyroscope, by public words alone -----------------------------------------------------------
+
+ROTOR = gyroscope()
+SHAPE = stretched_shapes(ROTOR, (0, 0, 1), 100.0, ROTOR.parts["centre"])
+CENTRE = ROTOR.particle("centre")
+REACH = float(np.linalg.norm(ROTOR.positions, axis=1).max())
+
+
+def measured(m: MeasuresOfBodies, s: Situation) -> dict[str, np.ndarray]:
+    away = np.linalg.norm(np.cross(m.axis, s.goal), axis=1)
+    spin = np.einsum("nk,nk->n", m.angular_velocity, m.axis)
+    across = np.linalg.norm(m.angular_velocity - spin[:, None] * m.axis, axis=1)
+    angle = np.arctan2(away, np.einsum("nk,nk->n", m.axis, s.goal))
+    return {"angle": angle, "spin": spin, "precession": across}
+
+
+def long_tail(value: np.ndarray, margin: float, bound: float) -> np.ndarray:
+    return 1 / (1 + 9 * (np.maximum(value - bound, 0) / margin) ** 2)
+
+
+def reward(m: MeasuresOfBodies, s: Situation) -> dict[str, np.ndarray]:
+    seen = measured(m, s)
+    thrift = 1 - 0.1 * (s.action**2).mean(axis=1)
+    aligned = long_tail(seen["angle"], 0.5, 0.03) / 2 * thrift
+    return {"aligned": aligned, "calm": aligned * long_tail(seen["precession"], 1.5, 0.1)}
+
+
+def pointed(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+    seen = measured(m, s)
+    return (seen["angle"] < 0.1) & (seen["precession"] < 0.3)
+
+
+def observe(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+    spin = measured(m, s)["spin"][:, None]
+    return np.hstack([m.axis, m.angular_velocity - spin * m.axis, (spin - 35.0) / 20.0, s.goal])
+
+
+def start(rng: Generator, spin: float | None = None, angle: float | None = None) -> Start:
+    axis, sideways = direction(rng), rng.uniform(-math.pi, math.pi)
+    drawn_spin, drawn_angle = uniform(rng, (25.0, 0.5), (45.0, 1.5))
+    spin = drawn_spin if spin is None else spin
+    angle = drawn_angle if angle is None else angle
+    turn = tilted(math.atan2(axis[1], axis[0]), math.acos(axis[2]))
+    goal = turn @ rotation((0, 0, 1), sideways) @ rotation((0, 1, 0), angle) @ (0.0, 0.0, 1.0)
+    positions = SHAPE(spin) @ turn.T
+    return Start(positions, rigid_velocities(positions, spin * axis, positions[CENTRE]), goal)
+
+
+def marks(m: MeasuresOfBodies, s: Situation) -> Marks:
+    angle = math.degrees(math.acos(m.axis @ s.goal))
+    return Marks(
+        balls=[(1.4 * REACH * s.goal, 0.06 * REACH)],
+        arrows=[Arrow((0, 0, 0), 1.3 * REACH * s.goal, GREEN)],
+        key=((GREEN, "where the axle shall point"),),
+        text=(f"off target {angle:5.1f}°", f"spin {float(m.angular_velocity @ m.axis):5.1f} rad/s"),
+    )
+
+
+def rebuilt(**options: Any) -> Any:
+    scene = Scene(
+        ROTOR,
+        velocities=rigid_velocities(ROTOR.positions, (0, 0, 35.0), ROTOR.positions[CENTRE]),
+        pinned=ROTOR.parts["centre"],
+        wrench=WrenchActuator(axial=False),
+    )
+    foot, head = ROTOR.parts["foot"][0], ROTOR.parts["head"][0]
+    return springgym.make_scene_env(
+        scene,
+        reward,
+        actuators={"torque": 20.0},
+        succeeded=pointed,
+        hold=50,
+        observe=observe,
+        metrics=measured,
+        start=start,
+        look=Look(
+            triangles=ROTOR.triangles,
+            triangle_colors=two_tone(len(ROTOR.parts["ring"])),
+            opacity=0.85,
+            bars=[(foot, head)],
+            springs=ROTOR.springs,
+            trace=head,
+        ),
+        camera=Camera.framing((0, 0, 0), 2.6 * REACH),
+        scenery=Scenery(floor=-1.3 * REACH),
+        marks=marks,
+        **options,
+    )
+
+
+def test_one_of_the_package_s_tasks_is_made_again_by_public_words() -> None:
+    """SpringGyroscope: same starts, observations, rewards and their terms, metrics, success, pictures."""
+    ours = gym.make_vec(
+        "SpringGyroscope-v0", 3, "vector_entry_point", observation="frame", render_mode="rgb_array"
+    )
+    theirs = rebuilt(num_envs=3, max_episode_steps=400, render_mode="rgb_array")
+    options = {"angle": 0.05}  # the second time, so that the aim is met
+    for given in ({}, options):
+        seen, again = ours.reset(seed=1, options=given)[0], theirs.reset(seed=1, options=given)[0]
+        np.testing.assert_allclose(seen, again, atol=1e-6)
+        for n in range(60):
+            action = 0.3 * np.sin(n + np.arange(9.0)).reshape(3, 3) * (not given)
+            seen, earned, *ends, info = ours.step(action)
+            again, earned_again, *ends_again, info_again = theirs.step(action)
+            np.testing.assert_allclose(again, seen, atol=2e-6)
+            np.testing.assert_allclose(earned_again, earned, rtol=1e-9)
+            np.testing.assert_array_equal(ends_again, ends)
+            for name in info:
+                # Of a rotor that only spins, the angular velocity across the axle is a difference of squares.
+                np.testing.assert_allclose(info_again[name], info[name], rtol=1e-6, atol=1e-6, err_msg=name)
+        assert info["is_success"].all() == bool(given)
+    for picture, picture_again in zip(ours.render(), theirs.render(), strict=True):
+        assert (picture != picture_again).mean() < 1e-4  # the last digit of a number may be rounded otherwise
+    ours.close()
+    theirs.close()
+
+
+# --- Goals, time, memory ------------------------------------------------------------------------------
+
+
+def begun(rng: Generator, far: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return cube().positions, np.zeros((8, 3)), far * np.array([rng.uniform(1, 2), 0.5])
+
+
+def turned(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+    """The goal doubles each second, and its second number is the time."""
+    return np.column_stack([s.goal[:, 0] * 2**0.02, s.time])
+
+
+def way(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+    return s.goal[:, 0] - m.centre[:, 0]
+
+
+def nearer(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+    return s.memory[:, 0] - way(m, s)
+
+
+def kept(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+    """The way that was left, and how often this was called."""
+    return np.column_stack([way(m, s), s.memory[:, 1] + 1])
+
+
+def looked(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
+    return np.column_stack([s.time, s.memory, s.goal])
+
+
+def chase(reward: Any = nearer, **options: Any) -> Any:
+    settings: dict[str, Any] = {
+        "actuators": {"force": 5.0},
+        "start": begun,
+        "move": turned,
+        "memory": (0.0, -1.0),
+        "remember": kept,
+        "observe": looked,
+    }
+    return springgym.make_scene_env(Scene(cube(), gravity=None), reward, **(settings | options))
+
+
+def test_goals_time_and_memory_are_of_each_copy() -> None:
+    envs, env = chase(num_envs=2, max_episode_steps=4, autoreset_mode="SameStep"), chase()
+    generators = [np.random.default_rng(seed) for seed in (7, 8)]
+    first = np.array([rng.uniform(1, 2) for rng in generators])
+    seen, _ = envs.reset(seed=7)
+    np.testing.assert_allclose(seen, [[0, goal, 0, goal, 0.5] for goal in first], rtol=1e-6)
+    single, _ = env.reset(seed=8)
+    goal, left = first, first
+    action = np.array([[1.0, 0, 0], [-1.0, 0, 0]])
+    for n in range(1, 10):
+        seen, earned, _, truncated, infos = envs.step(action)
+        in_episode = (n - 1) % 4 + 1
+        if in_episode == 1 and n > 1:
+            goal = left = np.array([rng.uniform(1, 2) for rng in generators])
+        goal = goal * 2**0.02
+        reached = 0.5 * action[:, 0] * 5.0 * (0.02 * in_episode) ** 2  # of 1 kg, from rest
+        expected = left - (goal - reached)
+        np.testing.assert_allclose(earned, expected, atol=1e-3)
+        left = goal - reached
+        if in_episode < 4:
+            rows = np.column_stack([np.full(2, 0.02 * in_episode), left, [in_episode] * 2, goal])
+            np.testing.assert_allclose(seen[:, :4], rows, atol=1e-3)
+            np.testing.assert_allclose(seen[:, 4], 0.02 * in_episode, atol=1e-6)
+        else:
+            assert truncated.all()
+            np.testing.assert_allclose(np.stack(infos["final_obs"])[:, 2], 4.0)
+            np.testing.assert_array_equal(seen[:, [0, 2, 4]], [[0, 0, 0.5]] * 2)  # it has begun anew
+        if n < 4:
+            single, alone, *_ = env.step(action[1])
+            np.testing.assert_array_equal(single, seen[1])
+            assert alone == earned[1]
+
+
+def test_memory_and_time_are_part_of_the_state() -> None:
+    env, other = chase(), chase()
+    env.reset(seed=1)
+    actions = np.linspace(-1, 1, 18).reshape(6, 3)
+    for action in actions[:3]:
+        env.step(action)
+    state = pickle.loads(pickle.dumps(springgym.get_state(env)))
+    springgym.set_state(other, state)
+    for action in actions[3:]:
+        (seen, earned, *_), (again, earned_again, *_) = env.step(action), other.step(action)
+        np.testing.assert_array_equal(seen, again)
+        assert earned == earned_again
+    with pytest.raises(ValueError, match=r"state\['memory'\] is float64 of shape \(1, 3\)"):
+        springgym.set_state(other, state | {"episodes": state["episodes"] | {"memory": np.zeros((1, 3))}})
+    assert pickle.loads(pickle.dumps(env.spec)).kwargs["remember"] is kept
+
+
+def test_time_begins_at_0_in_episodes_that_are_cut_short() -> None:
+    """A training begins the clock of the time limit later in some copies: the task does not know."""
+    envs = make_sb3(chase(max_episode_steps=8).spec, num_envs=4, stagger=True)
+    np.testing.assert_array_equal(envs.reset()[:, 0], 0.0)
+    for n in range(1, 3):
+        seen, _, dones, infos = envs.step(np.zeros((4, 3)))
+        np.testing.assert_allclose(np.where(dones, 0.02 * n, seen[:, 0]), 0.02 * n, rtol=1e-6)
+    np.testing.assert_array_equal(dones, [False, False, False, True])
+    assert infos[3]["terminal_observation"][0] == np.float32(0.04)
+
+
+def test_a_goal_is_observed_with_the_particles_and_set_by_reset_options() -> None:
+    env = chase(way, observe=None, move=None, remember=None, memory=())
+    assert env.observation_space.shape == (2 * 24 + 2,)
+    seen, _ = env.reset(seed=3, options={"far": 0.1})
+    again, _ = env.reset(seed=3)
+    np.testing.assert_allclose(10 * seen[-2:], again[-2:], rtol=1e-6)
+    with pytest.raises(ValueError, match="no reset option 'near'"):
+        env.reset(options={"near": 1.0})
+
+
+def test_copies_that_diverge_keep_finite_goals_and_memories() -> None:
+    envs = chase(num_envs=2, autoreset_mode="NextStep")
+    envs.reset(seed=0)
+    simulator = envs.episodes.simulator
+    velocities = simulator.velocities
+    velocities[1, 0] = 1e25
+    simulator.place(simulator.positions, velocities)
+    *_, infos = envs.step(np.zeros((2, 3)))
+    np.testing.assert_array_equal(infos["diverged"], [False, True])
+    state = springgym.get_state(envs)
+    assert np.isfinite(state["episodes"]["memory"]).all()
+    springgym.set_state(envs, state)
+    envs.step(np.zeros((2, 3)))
+
+
+# --- Actuators by axis, terms, metrics ----------------------------------------------------------------
+
+
+def test_actuators_by_axis() -> None:
+    scene = Scene(cube(), gravity=None, thrust=ThrustActuator((1, 6)))
+    env = springgym.make_scene_env(
+        scene, lambda m, s: 0.0 * s.time, actuators={"torque": (3.0, 0.0, 1.0), "thrust": (0, 0, 2.0)}
+    )
+    task = env.unwrapped.episodes.task
+    np.testing.assert_array_equal(task.limits, [3.0, 1.0, 2.0, 2.0])
+    assert env.action_space.shape == (4,)
+    given = task.actuate(np.array([[0.5, -1.0, 1.0, -0.5]]))
+    np.testing.assert_array_equal(given["torque"], [[1.5, 0.0, -1.0]])
+    np.testing.assert_array_equal(given["thrust"], [[[0, 0, 2.0], [0, 0, -1.0]]])
+
+
+def test_terms_of_the_reward_sum_to_it() -> None:
+    env = springgym.make_scene_env(
+        Scene(cube(), gravity=None),
+        lambda m, s: {"a": m.centre[:, 0], "b": 2.0 + s.action[:, 0]},
+        actuators={"force": 1.0},
+        metrics=lambda m, s: {"speed": np.linalg.norm(m.centre_velocity, axis=1)},
+    )
+    _, info = env.reset(seed=0)
+    assert info["reward_a"] == info["reward_b"] == info["speed"] == 0.0
+    _, earned, *_, info = env.step([1.0, 0, 0])
+    assert earned == info["reward_a"] + info["reward_b"]
+    assert info["reward_b"] == 3.0
+    assert info["speed"] == pytest.approx(0.02, rel=1e-6)
+
+
+# --- How it is drawn ----------------------------------------------------------------------------------
+
+
+def test_colors_by_name() -> None:
+    scene = Scene(bodies=(Placed(cube()), Placed(box(), box().positions + 3.0)), collisions=None)
+    plain, shown = film.look(scene), film.look(scene, colors={"box": TEAL})
+    count = len(cube().triangles)
+    before, after = np.asarray(plain.triangle_colors), np.asarray(shown.triangle_colors)
+    np.testing.assert_array_equal(after[:count], before[:count])
+    blue = (before[count:] == BLUE).all(axis=1)
+    assert blue.any()
+    np.testing.assert_array_equal(after[count:][blue], [TEAL] * blue.sum())
+    np.testing.assert_array_equal(after[count:][~blue], before[count:][~blue])
+    one = film.look(Scene(cube()), colors={"cube": AMBER})
+    assert not (np.asarray(one.triangle_colors) == BLUE).all(axis=1).any()
+    for colors, error, says in (
+        ({"ball": TEAL}, ValueError, "body is 'ball'; it must be one of 'cube', 'box'"),
+        ({"box": (1, 2)}, ValueError, r"colors\['box'\]"),
+        ({"box": (1, 2, 256)}, ValueError, r"colors\['box'\]"),
+        ({"box": (0.5, 0, 0)}, TypeError, r"colors\['box'\]"),
+        ({1: TEAL}, TypeError, "a name in colors is 1"),
+        ([TEAL], TypeError, "colors is"),
+    ):
+        with pytest.raises(error, match=says):
+            film.look(scene, colors=colors)  # type: ignore[arg-type]
+
+
+def test_marks_are_marks() -> None:
+    env = chase(marks=lambda m, s: "here", render_mode="rgb_array")
+    env.reset(seed=0)
+    with pytest.raises(TypeError, match="what marks gave is 'here'; it must be Marks"):
+        env.render()
+
+
+# --- What is refused ----------------------------------------------------------------------------------
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "says"),
+    [
+        ({"observe": lambda m, x, v: x}, TypeError, r"observe takes \(m, x, v\); .* as observe\(m, s\)"),
+        ({"metrics": lambda m: {}}, TypeError, r"metrics takes \(m\); it must be called as metrics\(m, s\)"),
+        ({"start": lambda: begun}, TypeError, r"start takes \(\); it must be called as start\(rng\)"),
+        ({"start": lambda rng: 3}, TypeError, "start gave 3; it must give positions and velocities"),
+        ({"start": lambda rng: (0, 0, 0, 0)}, TypeError, "start gave"),
+        ({"start": lambda rng: (*begun(rng)[:2], NAN)}, ValueError, "the goal that start gave is nan"),
+        ({"start": lambda rng: (*begun(rng)[:2], (1, NAN))}, ValueError, r"the goal that start gave\[1\]"),
+        ({"start": lambda rng: (*begun(rng)[:2], "up")}, TypeError, "the goal that start gave"),
+        ({"start": None}, ValueError, "move is given, but no goal"),
+        ({"memory": ()}, ValueError, "memory is .*; both must be given, or neither"),
+        ({"remember": None}, ValueError, "remember is None; both must be given, or neither"),
+        ({"memory": (NAN, 0)}, ValueError, r"memory\[0\]"),
+        ({"memory": "ab"}, TypeError, "memory"),
+        ({"metrics": lambda m, s: m.centre}, TypeError, "what metrics gave"),
+        ({"metrics": lambda m, s: {"energy": s.time}}, ValueError, "'energy', a name that info has already"),
+        ({"metrics": lambda m, s: {"failed": s.time}}, ValueError, "'failed', a name that info has already"),
+        ({"metrics": lambda m, s: {3: s.time}}, TypeError, "by the name 3"),
+        ({"metrics": lambda m, s: {"a": m.centre}}, ValueError, "metrics, 'a', gave"),
+        ({"metrics": lambda m, s: {"a": NAN * s.time}}, ValueError, "metrics, 'a', gave nan for copy 0"),
+        ({"actuators": {"force": (1.0, 2.0)}}, ValueError, r"actuators\['force'\]"),
+        ({"actuators": {"force": (1.0, -2.0, 0)}}, ValueError, r"actuators\['force'\]"),
+        ({"actuators": {"force": (0, 0, 0)}}, ValueError, "one of its axes must be driven"),
+        ({"actuators": {"force": True}}, TypeError, r"actuators\['force'\]"),
+        ({"look": {}}, TypeError, "look is"),
+        ({"look": Look(radii=np.ones(9))}, ValueError, "look draws 9 particles; the scene has 8"),
+        ({"camera": (0, 0, 1)}, TypeError, "camera is"),
+        ({"scenery": 1.0}, TypeError, "scenery is 1.0"),
+        ({"marks": Marks()}, TypeError, "marks is Marks"),
+    ],
+)
+def test_what_a_task_cannot_be_is_told(given: dict[str, Any], error: type[Exception], says: str) -> None:
+    with pytest.raises(error, match=says):
+        chase(**given)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"move": lambda m, s: s.goal[:, 0]}, r"move gave .*; it must give numbers of shape \(1, 2\)"),
+        ({"move": lambda m, s: NAN * s.goal}, "move gave .* for copy 0; it must be finite"),
+        ({"remember": lambda m, s: s.memory[0]}, r"remember gave .*; it must give numbers of shape \(1, 2\)"),
+        ({"remember": lambda m, s: s.memory / 0}, "remember gave .* for copy 0; it must be finite"),
+        ({"metrics": lambda m, s: {f"at {s.time[0]}": s.time}}, "the names must stay"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:divide by zero", "ignore:invalid value")
+def test_what_a_function_cannot_give_is_told(given: dict[str, Any], says: str) -> None:
+    def play() -> None:
+        env = chase(**given)
+        env.reset(seed=0)
+        env.step([0, 0, 0])
+
+    with pytest.raises(ValueError, match=says):
+        play()
+
+
+def test_a_goal_of_another_length_is_refused_and_changes_nothing() -> None:
+    sizes = iter([2, 2, 3])
+    env = chase(start=lambda rng: (*begun(rng)[:2], np.ones(next(sizes))), move=None)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="the goal that start gave"):
+        env.reset()
+    env.step([0, 0, 0])

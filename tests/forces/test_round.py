@@ -1,0 +1,439 @@
+"""Bodies that roll: against theory, against rigid bodies, and what they must not be asked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym import Simulator
+from springgym.bodies import (
+    Body,
+    Round,
+    cube,
+    disk,
+    ellipsoid,
+    ellipsoid_of,
+    rim,
+    rolling_ball,
+    sphere,
+    start,
+)
+from springgym.bodies.rotations import rotating
+from springgym.bodies.round import points_of, weights
+from springgym.measures import Measures
+from springgym.scene import Placed, Scene
+from springgym.surfaces import (
+    Bowl,
+    Contact,
+    PaperContact,
+    Pipe,
+    Plane,
+    Surface,
+    floor,
+    heights,
+    incline,
+    scales,
+    waves,
+)
+from springgym.theory import rolling
+from springgym.theory.contact import force, rest_height
+from tests.forces.rigid_rolling import Solid, motion
+
+G = 9.81
+BALL = rolling_ball(0.1, 1.0)
+GRIP = Contact(friction=0.5, restitution=0.5)
+
+
+def placed(
+    body: Body,
+    surfaces: tuple[Surface, ...] = (floor(),),
+    contact: Contact = GRIP,
+    up: float | None = None,
+    **begins: Any,
+) -> Scene:
+    """A body above its first surface, a plane, at the height at which it rests if none is given."""
+    begun, normal = start(body, **begins), np.array(surfaces[0].normal)  # type: ignore[attr-defined]
+    strength, reach = scales(contact, body)
+    up = rest_height(body.mass * G * normal[2], strength, reach) if up is None else up
+    height = heights(body, begun.positions, surfaces[0]).min()
+    return Scene(
+        body, begun.positions + (up - height) * normal, begun.velocities, surfaces=surfaces, contact=contact
+    )
+
+
+def run(scene: Scene, duration: float, every: int = 20, **options: Any) -> tuple[np.ndarray, Measures]:
+    """Times and measures (T, …) of a copy."""
+    simulator = Simulator(scene, **options)
+    rows = [[np.array(field[0]) for field in simulator.measure()]]
+    for _ in range(round(duration / simulator.step / every)):
+        simulator.advance(every)
+        rows.append([np.array(field[0]) for field in simulator.measure()])
+    return simulator.step * every * np.arange(len(rows)), Measures(*map(np.array, zip(*rows, strict=True)))
+
+
+# --- Features and weights -------------------------------------------------------------------------------
+
+
+def test_weights_say_where_material_points_are_with_the_least_sum_of_squares_over_masses() -> None:
+    draw = np.random.default_rng(1)
+    masses, places = draw.uniform(0.5, 2.0, 7), draw.normal(size=(7, 3))
+    base, slope = weights(masses, places, np.arange(7))
+    for point in draw.normal(size=(5, 3)):
+        w = base + slope @ point
+        assert w.sum() == pytest.approx(1.0, abs=1e-13)
+        np.testing.assert_allclose(w @ places, point, atol=1e-12)
+        rows = np.vstack([np.ones(7), places.T])
+        least = masses * (rows.T @ np.linalg.solve((rows * masses) @ rows.T, [1.0, *point]))
+        np.testing.assert_allclose(w, least, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "feature",
+    [
+        sphere(0.3, (0.1, 0.0, 0.2)),
+        ellipsoid_of((0.3, 0.2, 0.1), (0.0, 0.1, 0.0)),
+        rim(0.3, (1.0, 2.0, 2.0)),
+        Round([[0.05, 0.01, 0.0], [0.01, 0.04, 0.0], [0.0, 0.0, 0.02]]),
+    ],
+    ids=repr,
+)
+def test_height_is_that_of_the_lowest_of_all_points(feature: Round) -> None:
+    draw = np.random.default_rng(2)
+    body = BALL.with_(rounds=(feature,))
+    squares, axes = np.linalg.eigh(feature.matrix)
+    around = draw.normal(size=(200_000, 3))
+    around /= np.linalg.norm(around, axis=1)[:, None]
+    skin = feature.centre + (around * np.sqrt(np.maximum(squares, 0.0))) @ axes.T
+    x = start(body, turn=(0.5, -0.3, 0.2), position=(0, 0, 1.0)).positions
+    plane = Plane((0, 0, 0), (0.1, -0.2, 1.0))
+    lowest = plane.height(points_of(body.masses, body.positions, feature, skin) @ x).min()
+    found = float(heights(body, x, plane)[0])
+    assert lowest - 3e-5 <= found <= lowest + 1e-12
+
+
+def test_bodies_have_the_inertia_they_are_said_to_have() -> None:
+    np.testing.assert_allclose(BALL.inertia(), 0.4 * 0.01 * np.eye(3), rtol=1e-12, atol=1e-17)
+    egg = ellipsoid((0.3, 0.2, 0.1), 2.0)
+    np.testing.assert_allclose(np.diag(egg.inertia()), [0.4 * 0.05, 0.4 * 0.1, 0.4 * 0.13])
+    tensor = [[2e-4, -2e-5, 0], [-2e-5, 16e-4, 0], [0, 0, 17e-4]]
+    stone = ellipsoid((0.2, 0.03, 0.02), 1.0, tensor, (0, 0, -0.01))
+    np.testing.assert_allclose(stone.inertia(), tensor, atol=1e-17)
+    np.testing.assert_allclose(stone.centre, (0, 0, -0.01), atol=1e-17)
+    coin = disk(0.1, 3.0, 0.02)
+    np.testing.assert_allclose(np.diag(coin.inertia()), [0.0076, 0.0076, 0.015])
+    assert BALL.size == BALL.swept == pytest.approx(0.2)
+
+
+# --- Balls ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("angle", "friction", "moment"), [(0.2, 0.5, 0.4), (0.5, 0.5, 0.4), (0.5, 0.5, 0.6), (0.5, 0.1, 0.4)]
+)
+def test_ball_rolls_down_a_slope_or_skids(angle: float, friction: float, moment: float) -> None:
+    contact = replace(GRIP, friction=friction)
+    times, m = run(placed(rolling_ball(moment=moment), (incline(angle),), contact), 1.0)
+    down = np.array([-math.cos(angle), 0.0, -math.sin(angle)])
+    speed = m.centre_velocity @ down
+    rolls = friction > rolling.needed_friction(angle, moment)
+    expected = rolling.acceleration(angle, moment) if rolls else G * (math.sin(angle) - 0.1 * math.cos(angle))
+    assert np.polyfit(times, speed, 1)[0] == pytest.approx(expected, rel=1e-3)
+    slip = speed[-1] + 0.1 * m.angular_velocity[-1, 1]
+    assert (abs(slip) < 2e-3 * speed[-1]) == rolls
+    heat = friction * G * math.cos(angle) * np.trapezoid(speed + 0.1 * m.angular_velocity[:, 1], times)
+    assert m.friction_loss[-1] == pytest.approx(0.0 if rolls else heat, abs=2e-3 * m.kinetic[-1])
+    assert np.ptp(m.balance) < 2e-4 * m.kinetic[-1]
+
+
+def test_ball_that_skids_rolls_with_five_sevenths_of_its_speed_and_goes_on() -> None:
+    times, m = run(placed(BALL, contact=replace(GRIP, friction=0.2), velocity=(2.0, 0, 0)), 2.0)
+    late = times > 0.5
+    np.testing.assert_allclose(m.centre_velocity[late, 0], 10 / 7, rtol=1e-3)
+    np.testing.assert_allclose(0.1 * m.angular_velocity[late, 1], 10 / 7, rtol=2e-3)
+    assert m.friction_loss[-1] == pytest.approx(0.5 * 2**2 * 2 / 7, rel=1e-3)
+    assert np.ptp(m.friction_loss[late]) < 1e-5  # what rolls rubs nothing
+    assert np.ptp(m.centre_velocity[late, 0]) < 1e-3
+
+
+def test_ball_at_rest_stays() -> None:
+    """Nothing holds it in its place but that nothing pushes it: rounding of 1e-16 a step adds up."""
+    _, m = run(placed(BALL), 2.0)
+    assert np.abs(m.centre[-1, :2] - m.centre[0, :2]).max() < 1e-7
+    assert np.abs(m.angular_velocity[-1]).max() < 1e-6
+
+
+@pytest.mark.parametrize(("restitution", "within"), [(1.0, 0.02), (0.8, 0.02), (0.5, 0.02), (0.2, 0.1)])
+def test_ball_rebounds_with_its_restitution(restitution: float, within: float) -> None:
+    """With a contact so soft, for springs so stiff, that its impact does not ring them.
+
+    What springs store on the way in they give back on the way out, be the contact's restitution 0.
+    """
+    body = rolling_ball(stiffness=1e7)
+    contact = Contact(0.3, restitution, strength=4e-5)
+    scene = placed(body, contact=contact, up=0.01, velocity=(0, 0, -0.5))
+    _, m = run(scene.with_(gravity=None), 0.1, 20)
+    assert m.centre_velocity[-1, 2] == pytest.approx(0.5 * restitution, abs=within * 0.5)
+    lost = 0.5 * 0.25 * (1 - (m.centre_velocity[-1, 2] / 0.5) ** 2)
+    assert m.contact_loss[-1] + m.damping_loss[-1] == pytest.approx(lost, abs=2e-3)
+    assert abs(m.balance[-1] - m.balance[0]) < 1e-4 * m.kinetic[0]
+
+
+def test_energy_of_hops_with_spin_is_entered_to_the_square_of_the_step() -> None:
+    off = []
+    for step in (2e-4, 1e-4, 5e-5):
+        scene = placed(
+            BALL, contact=replace(GRIP, friction=0.3), up=0.05, velocity=(0.5, 0, -0.5), omega=(3, 0, 20)
+        )
+        _, m = run(scene, 0.3, 10, step=step)
+        assert m.friction_loss[-1] > 0.02
+        off.append(float(np.abs(m.balance - m.balance[0]).max()))
+    assert off[0] < 1e-3 * 0.5
+    assert off[2] < 0.2 * off[0]
+
+
+@pytest.mark.parametrize(
+    ("surface", "across"),
+    [(Bowl((0, 0, 1.0), 1.0), 0.9), (Pipe((0, 0, 1.0), (0, 1, 0), 1.0), 0.9)],
+    ids=["bowl", "pipe"],
+)
+def test_ball_rolls_to_and_fro(surface: Surface, across: float) -> None:
+    """ω² = g/((R − r)(1 + I/m r²)), for small swings."""
+    swing = 0.1
+    contact = Contact(friction=0.8, restitution=0.5, reach=1e-3)
+    strength, reach = scales(contact, BALL)
+    arm = across - rest_height(G, strength, reach)
+    place = np.array([arm * math.sin(swing), 0.0, 1.0 - arm * math.cos(swing)])
+    begun = start(BALL, position=place)
+    times, m = run(Scene(BALL, begun.positions, surfaces=(surface,), contact=contact), 8.0)
+    angle = np.arctan2(m.centre[:, 0], 1.0 - m.centre[:, 2])
+    ups = np.flatnonzero((angle[:-1] < 0) & (angle[1:] >= 0))
+    at = times[ups] - angle[ups] * np.diff(times)[0] / (angle[ups + 1] - angle[ups])
+    period = 2 * math.pi * math.sqrt(1.4 * arm / G) * (1 + swing**2 / 16)
+    assert np.diff(at).mean() == pytest.approx(period, rel=1e-3)
+    assert np.abs(angle[-400:]).max() > 0.995 * swing
+    assert np.ptp(m.balance) < 1e-4
+
+
+def test_ellipsoid_tumbles_over_waves_and_keeps_its_energy() -> None:
+    egg = ellipsoid((0.06, 0.04, 0.03), 0.5)
+    begun = start(egg, position=(0.1, 0.0, 0.15), omega=(3, -4, 2), velocity=(0.4, 0.2, 0))
+    scene = Scene(
+        egg,
+        begun.positions,
+        begun.velocities,
+        surfaces=(waves(0.03, 0.5, 2.0, 0.04),),
+        contact=Contact(friction=0.3, restitution=0.6),
+    )
+    _, m = run(scene, 1.5, step=1e-4)
+    assert m.friction_loss[-1] > 1e-3
+    assert m.contact_loss[-1] > 1e-2
+    assert np.abs(m.balance - m.balance[0]).max() < 2e-3 * 0.5 * G * 0.15
+    assert (heights(egg, scene.positions, scene.surfaces[0]) > 0).all()
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0), (0.1, 0.05, 0), (0.4, 0, 0)])
+def test_coin_that_is_dropped_gains_no_energy(turn: tuple[float, float, float]) -> None:
+    scene = placed(disk(), up=0.05, turn=turn, velocity=(0, 0, -1.0), omega=(0, 0, 2.0))
+    _, m = run(scene, 1.5)
+    assert m.energy.max() < 1.002 * m.energy[0]
+    assert m.energy[-1] < 0.2 * m.energy[0]
+
+
+def test_ball_comes_to_rest_in_a_notch() -> None:
+    """Two planes at once: each pushes with m g/√2, but for what friction bears of the weight, or adds."""
+    walls = (Plane((0, 0, 0), (1, 0, 1)), Plane((0, 0, 0), (-1, 0, 1)))
+    ball = rolling_ball()
+    begun = start(ball, position=(0.0, 0.0, 0.17), velocity=(0.1, 0.0, 0.0))
+    scene = Scene(ball, begun.positions, begun.velocities, surfaces=walls, contact=GRIP)
+    _, m = run(scene, 3.0)
+    gaps = m.centre[-1, [2, 2]] + m.centre[-1, 0] * np.array([1, -1])
+    pushes = force(gaps / math.sqrt(2) - 0.1, *scales(GRIP, ball))
+    shares = pushes / (G / math.sqrt(2))
+    assert ((shares > 1 / 1.5) & (shares < 1 / 0.5)).all()
+    assert np.abs(m.centre_velocity[-1]).max() < 1e-4
+    assert abs(m.balance[-1] - m.balance[0]) < 1e-4
+
+
+# --- Against rigid bodies -----------------------------------------------------------------------------------
+
+
+def rigid(body: Body) -> Solid:
+    feature = body.rounds[0]
+    return Solid(body.mass, body.inertia(), feature.centre - body.centre, feature.matrix)
+
+
+def on_hard_ground(body: Body, reach: float, friction: float, **begins: Any) -> Scene:
+    """On a floor that gives way by less than a tenth of its reach."""
+    contact = Contact(friction, 1.0, 10 * body.mass * G * reach**2, reach)
+    return placed(body, contact=contact, **begins)
+
+
+STONE = ellipsoid(
+    (0.2, 0.03, 0.02),
+    1.0,
+    [[2e-4, -2e-5, 0], [-2e-5, 16e-4, 0], [0, 0, 17e-4]],
+    (0, 0, -0.01),
+    stiffness=5e6,
+    damping=0.0,
+)
+"""The rattleback of Kane and Levinson (1982)."""
+
+
+@pytest.mark.parametrize("spin", [-2.0, 2.0])
+def test_rattleback_is_the_rigid_one_and_turns_back_one_way_only(spin: float) -> None:
+    omega, velocity = (0.0, 1.0, spin), (0.01, 0.0, 0.0)
+    scene = on_hard_ground(STONE, 5e-5, 5.0, omega=omega, velocity=velocity)
+    times, m = run(scene, 5.0)
+    _, _, spins, _ = motion(rigid(STONE), np.eye(3), omega, velocity, times)
+    own, rigid_one = m.angular_velocity[:, 2] * np.sign(spin), spins[:, 2] * np.sign(spin)
+    late = times > 4.5
+    assert own[late].mean() == pytest.approx(rigid_one[late].mean(), rel=0.01)
+    assert np.abs(own).max() == pytest.approx(np.abs(rigid_one).max(), rel=0.01)
+    assert (own > 0).all() == (rigid_one > 0).all() == (spin > 0)
+    if spin < 0:
+        turns = [times[np.argmax(each < 0)] for each in (own, rigid_one)]
+        assert turns[0] == pytest.approx(turns[1], rel=0.01)
+        assert own[late].mean() < -0.9 * 2
+    by_theory, _ = rolling.rolling_ellipsoid(
+        (0.2, 0.03, 0.02), STONE.inertia(), (0, 0, 0.01), np.eye(3), omega, times[:500]
+    )
+    np.testing.assert_allclose(by_theory, spins[:500], atol=1e-5)
+
+
+def test_tippe_top_is_the_rigid_one_and_turns_over() -> None:
+    moment = 0.4 * 0.02 * 0.02**2
+    top = ellipsoid(
+        3 * (0.02,), 0.02, (0.95 * moment, 0.95 * moment, moment), (0, 0, -0.004), stiffness=1e5, damping=0.0
+    )
+    scene = on_hard_ground(top, 2e-5, 0.1, turn=(0, 0.1, 0), omega=(0, 0, 150))
+    times, m = run(scene, 3.5, 100)
+    tilt = np.arccos(m.axis[:, 2])
+    _, _, _, frames = motion(
+        rigid(top), rotating((0, 0.1, 0)), (0, 0, 150), (0, 0, 0), times, 0.1, 1e-3, 5e-5
+    )
+    np.testing.assert_allclose(tilt, np.arccos(frames[:, 2, 2]), atol=0.01 * math.pi)
+    assert tilt[-1] > 2.9
+    kept = rolling.jellett(m.angular_momentum, m.axis, 0.02, 0.004)
+    np.testing.assert_allclose(kept, kept[0], rtol=1e-3)
+    assert m.friction_loss[-1] > 0.4 * m.kinetic[0]
+    assert np.ptp(m.balance) < 1e-3 * m.kinetic[0]
+
+
+@pytest.mark.parametrize("angle", [0.3, 0.6])
+def test_disk_rolls_round_as_the_rigid_one(angle: float) -> None:
+    coin = disk(0.1, 1.0, 0.01, stiffness=1e6, damping=0.0)
+    across = float(coin.inertia()[0, 0])
+    rate = rolling.disk_rate(angle, 0.1, across)
+    assert rate == pytest.approx(math.sqrt(4 * G / (0.1 * math.sin(angle))), rel=2e-3)
+    scene = on_hard_ground(coin, 2e-5, 2.0, tilt=angle, precession=rate)
+    times, m = run(scene, 0.5)
+    frame = rotating((0, angle, 0))
+    omega = rate * (np.array([0, 0, 1.0]) - frame[2, 2] * frame[:, 2])
+    _, _, _, frames = motion(rigid(coin), frame, omega, (0, 0, 0), times, finest=2e-5)
+    rates = [
+        np.polyfit(times, np.unwrap(np.arctan2(axis[:, 1], axis[:, 0])), 1)[0]
+        for axis in (m.axis, frames[:, :, 2])
+    ]
+    assert rates[0] == pytest.approx(rates[1], rel=1e-4)
+    assert rates[0] == pytest.approx(rate, rel=3e-4)  # half of (EDGE/tan α)² of it is the rim's, 5e-5
+    assert np.abs(m.centre[:, :2] - m.centre[0, :2]).max() < 1e-3 * 0.1
+
+
+# --- Copies, calls, bodies --------------------------------------------------------------------------------
+
+
+def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
+    scene = placed(
+        rolling_ball(), (incline(0.3), Plane((-0.5, 0, 0), (math.cos(0.3), 0, math.sin(0.3)))), GRIP, up=0.01
+    )
+    draw = np.random.default_rng(3)
+    x = scene.positions + draw.uniform(0.0, 0.02, (18, 1, 1)) * np.array(scene.surfaces[0].normal)  # type: ignore[attr-defined]
+    v = scene.velocities + draw.normal(size=(18, 1, 3))
+    many = Simulator(scene, copies=18)
+    many.place(x, v)
+    many.advance(300)
+    many.advance(301)
+    for n in (0, 7, 16, 17):
+        one = Simulator(scene)
+        one.place(x[n], v[n])
+        one.advance(601)
+        assert (one.positions[0] == many.positions[n]).all()
+        assert (one.velocities[0] == many.velocities[n]).all()
+        for field, fields in zip(one.measure(), many.measure(), strict=True):
+            assert (np.asarray(field)[0] == np.asarray(fields)[n]).all()
+
+
+def test_bodies_that_pass_through_each_other_move_as_if_alone() -> None:
+    ball = placed(rolling_ball(), velocity=(1.0, 0, 0))
+    block = Scene(cube(0.1), cube(0.1).positions + np.array([0, 0, 0.06]), surfaces=(floor(),), contact=GRIP)
+    both = Scene(
+        bodies=(
+            Placed(ball.body, ball.positions, ball.velocities),
+            Placed(block.body, block.positions, block.velocities),
+        ),
+        surfaces=(floor(),),
+        contact=GRIP,
+        collisions=None,
+    )
+    step = 1e-4
+    together = Simulator(both, step=step)
+    together.advance(500)
+    for n, scene in enumerate((ball, block)):
+        alone = Simulator(scene, step=step)
+        alone.advance(500)
+        assert (together.positions[0, both.slices[n]] == alone.positions[0]).all()
+
+
+# --- What makes no sense ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "told"),
+    [
+        (lambda: sphere(0.0), ValueError, "radius"),
+        (lambda: sphere(float("nan")), ValueError, "radius"),
+        (lambda: sphere(True), TypeError, "radius"),
+        (lambda: Round(np.eye(2)), ValueError, "matrix of a round feature"),
+        (lambda: Round(np.zeros((3, 3))), ValueError, "zero"),
+        (lambda: Round(np.diag([1.0, 1.0, -1.0])), ValueError, "eigenvalue -1"),
+        (lambda: Round([[1, 2, 0], [0, 1, 0], [0, 0, 1]]), ValueError, "symmetric"),
+        (lambda: Round(np.diag([1.0, 1.0, 0.0])), ValueError, "flatter than 0.003"),
+        (lambda: Round(np.eye(3), (0, 0)), ValueError, "centre of a round feature"),
+        (lambda: Round(np.eye(3), particles=3), ValueError, "particles of a round feature"),
+        (lambda: rim(0.1, (0, 0, 0)), ValueError, "axis"),
+        (lambda: ellipsoid_of((0.1, -0.1, 0.1)), ValueError, "semi_axes"),
+        (lambda: rolling_ball(moment=0.7), ValueError, "moment"),
+        (lambda: rolling_ball(mass=-1), ValueError, "mass"),
+        (lambda: ellipsoid(inertia=(1e-3, 1e-3, 2e-3)), ValueError, "less than the sum"),
+        (lambda: ellipsoid(inertia=(1e-3, 1e-3, -2e-3)), ValueError, "inertia"),
+        (lambda: ellipsoid(inertia=[[1, 1, 0], [0, 1, 0], [0, 0, 1]]), ValueError, "symmetric"),
+        (lambda: disk(0.1, thickness=1e-4), ValueError, "thickness"),
+        (lambda: BALL.with_(rounds=sphere(0.1)), TypeError, "rounds"),
+        (lambda: BALL.with_(rounds=(0.1,)), TypeError, r"rounds\[0\]"),
+        (lambda: BALL.with_(rounds=(sphere(0.1, particles=(0, 1, 2)),)), ValueError, "at least four"),
+        (lambda: BALL.with_(rounds=(sphere(0.1, particles=(0, 1, 3, 4)),)), ValueError, "plane"),
+        (lambda: BALL.with_(rounds=(sphere(0.1, particles=(0, 1, 2, 6)),)), ValueError, "6"),
+        (lambda: BALL.with_(rounds=(sphere(0.1, particles=(0, 1, 2, 2)),)), ValueError, "twice"),
+        (lambda: BALL.with_(radius=0.1), ValueError, "one or the other"),
+        (lambda: placed(BALL, up=-0.05), ValueError, "round feature 0 starts 0.05 m behind"),
+    ],
+)
+def test_errors_say_what_is_wrong(make: Any, error: type[Exception], told: str) -> None:
+    with pytest.raises(error, match=told):
+        make()
+
+
+def test_what_round_features_cannot_do_is_refused() -> None:
+    scene = placed(BALL)
+    with pytest.raises(ValueError, match="round features, which rigid dynamics does not know"):
+        Simulator(scene, dynamics="rigid")
+    with pytest.raises(ValueError, match="no round features; use Contact"):
+        Simulator(scene.with_(contact=PaperContact(strength=1e-4, reach=1e-3)), integrator="rk4")
+    block = Placed(cube(0.1), cube(0.1).positions + np.array([1, 0, 0.06]))
+    ball = Placed(BALL, scene.positions)
+    with pytest.raises(ValueError, match="neither triangles nor a radius"):
+        Scene(bodies=(ball, block), surfaces=(floor(),), contact=GRIP)
