@@ -371,7 +371,7 @@ class Scene(ReadOnly):
         bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))
         if len(bodies) > MOST_BODIES:
             raise ValueError(f"bodies are {len(bodies)}; there must be at most {MOST_BODIES}")
-        bodies, first = _numbered(bodies), {}
+        bodies, first = _numbered(bodies), dict[str, int]()
         for n, name in enumerate(placed.name for placed in bodies):
             if len(bodies) > 1 and (not name or "." in name):
                 raise ValueError(

@@ -90,9 +90,9 @@ class Meetings(ReadOnly):
         return len(self.first)
 
     def __getitem__(self, pair: int) -> Meeting:
-        numbers = (int(of[pair]) for of in (self.first, self.second))
+        first, second = int(self.first[pair]), int(self.second[pair])
         contact = self.contacts[self.how[pair]]
-        return Meeting(*numbers, contact, float(self.strength[pair]), float(self.reach[pair]))
+        return Meeting(first, second, contact, float(self.strength[pair]), float(self.reach[pair]))
 
     def __iter__(self) -> Iterator[Meeting]:
         return (self[pair] for pair in range(len(self)))
@@ -150,9 +150,10 @@ def meetings(collisions: Collisions, contact: Contact | PaperContact, bodies: Se
                 f"collisions is {shown(collisions)}; it must be {ALL!r}, None, a Contact, or a tuple of Pair"
             )
         named = _numbered(collisions, bodies)
-        ways += [pair.contact for pair in collisions if pair.contact is not None]
-        own = np.cumsum([pair.contact is not None for pair in collisions], dtype=int)
-        given = np.array([pair.contact is not None for pair in collisions], bool)
+        owned = [pair.contact for pair in collisions if isinstance(pair, Pair)]
+        ways += [contact for contact in owned if contact is not None]
+        given = np.array([contact is not None for contact in owned], bool)
+        own = np.cumsum(given)
         first, second = np.array(named, int).reshape(-1, 2).T
         order = np.argsort(first * count + second)
         first, second, how = first[order], second[order], np.where(given, own, 0)[order]

@@ -101,12 +101,12 @@ def check_apart(
     if wrong < len(pair):
         row = slice(wrong, wrong + 1)
         bodies = (int(first[wrong]), int(second[wrong]))
-        of = f" in copy {copies[copy[wrong]]}" if positions.ndim == 3 and copies is not None else ""
+        where = f" in copy {copies[copy[wrong]]}" if positions.ndim == 3 and copies is not None else ""
         found = _distances(
             (shapes[bodies[0]], shapes[bodies[1]]),
             *(_of_bodies(x, copy[row], starts, np.array([body])) for body in bodies),
         )
-        _refuse(list(found), (names[bodies[0]], names[bodies[1]]), float(met.reach[pair[wrong]]), of)
+        _refuse(list(found), (names[bodies[0]], names[bodies[1]]), float(met.reach[pair[wrong]]), where)
 
 
 def overlapping(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
