@@ -416,6 +416,20 @@ def forget_pairs(meets: Meets) -> None:
         array[:, FASTEST::ENTRIES] = 0.0
 
 
+def recall_told(meets: Meets) -> None:
+    """Find from the tally, which was set, which pairs there is something to be told of."""
+    told = numbers(meets.told)[:, :, 0]
+    tally, before = (
+        by_pairs.reshape(len(told), -1, ENTRIES, by_pairs.shape[-1])
+        for by_pairs in (numbers(meets.tally), numbers(meets.before))
+    )
+    rests = (tally == before).all(axis=(2, 3))
+    rests &= (tally[:, :, TOUCHING] <= 0.0).all(axis=-1) & (tally[:, :, ENERGY] <= 0.0).all(axis=-1)
+    for row, own in zip(told, rests, strict=True):
+        pairs = np.flatnonzero(~own)
+        row[0], row[1 : 1 + len(pairs)] = len(pairs), pairs
+
+
 def empty_tally(meets: Meets, index: Any) -> None:
     """Let some copies (k,) begin with an empty tally."""
     for array in (meets.tally, meets.before):

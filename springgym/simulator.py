@@ -636,6 +636,7 @@ class Simulator:
                 )
         if copies is None:
             _set(own.values(), (state[name] for name in own))
+            self._recall()
             return
         rows = np.zeros(len(index), int) if count == 1 else np.arange(count)
         arrays, values, where = [], [], []
@@ -645,6 +646,12 @@ class Simulator:
             values.append(get_copies(state[name], rows) if blocks else state[name][rows])
             where.append((index // self.width, index % self.width) if blocks else index)
         _set(arrays, values, where)
+        self._recall()
+
+    def _recall(self) -> None:
+        """Find what follows from a state that was set, and is not part of it."""
+        if self._terms.meets is not None:
+            packing.recall_told(self._terms.meets)
 
     @guarded
     def take_over(self, other: Simulator) -> None:
@@ -664,6 +671,7 @@ class Simulator:
         theirs = dict(other._changing())
         own = {name: array for name, array in self._changing() if not name.startswith(OF_A_STEP)}
         _set(own.values(), (theirs[name] for name in own))
+        self._recall()
         packing.renew(self._terms, np.arange(self.copies))
         self._meet(np.arange(self.copies))
 
@@ -1161,9 +1169,13 @@ def _set(
 
 
 def _blocks_in(name: str, term: Any) -> Iterator[tuple[str, np.ndarray]]:
-    """The arrays of values per copy in nested tuples, with names that say where they are."""
+    """Find the arrays of values per copy in nested tuples, with names that say where they are.
+
+    Lists of whole numbers, which all copies of a block share, follow from them.
+    """
     if isinstance(term, np.ndarray) and term.dtype.names:
-        yield name, term
+        if numbers(term).dtype.kind == "f":
+            yield name, term
     elif isinstance(term, tuple):
         for key, part in zip(getattr(term, "_fields", range(len(term))), term, strict=True):
             yield from _blocks_in(f"{name}.{key}", part)
