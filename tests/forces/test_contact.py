@@ -397,7 +397,7 @@ def test_walls_hold_what_is_fast(speed: float, restitution: float) -> None:
 def test_corners_keep_the_books_of_what_is_fast(angle: float, restitution: float) -> None:
     """Thrown into a corner at three times the reach a step: never behind, the ledger to 1e-3.
 
-    In a wide corner without loss, one throw of 256 is off by 2e-3: the turns of both surfaces do not settle it.
+    In a wide corner without loss, one throw of 256 is off by 2e-3: turns of both surfaces do not settle it.
     """
     off = 1e-2 if angle == 170 else 1e-3
     draw, planes, speed = np.random.default_rng(0), corner(angle), 3 * REACH / 1e-3
