@@ -10,9 +10,9 @@ import numpy as np
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
-from springgym.collisions import shape as shape_of
 from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies, to_copies
 from springgym.core.kinds import Ragged
+from springgym.core.lanes import block_dtype
 from springgym.core.ragged import share, stacked
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
@@ -20,17 +20,23 @@ from springgym.forces.barrier import Surfaces
 from springgym.forces.cycle import cycle
 from springgym.forces.memory import HELD, memory
 from springgym.forces.node import Space
+from springgym.forces.pairs.shown import Outlines, outlines
 from springgym.forces.pairs.solids import Solids
 from springgym.forces.pairs.terms import (
     ENERGY,
     ENTRIES,
     FAR,
+    FASTEST,
     GAP,
+    MISSES,
+    OVERFLOW,
+    RESOLVED,
     TOUCHING,
     Meets,
     PairReadings,
     Pairs,
     Room,
+    longest_edge,
     most_contacts,
     packed_shapes,
     parallel,
@@ -137,7 +143,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
     if scene.gravity is not None:
         gravity = options.parameter({"gravity"}, np.array(scene.gravity, float))
     if not surfaces:
-        of_pairs = {"friction", "restitution"} if any(_as_the_scene_says(scene)) else set()
+        of_pairs = {"friction", "restitution"} if _as_the_scene_says(scene).any() else set()
         if unused := varying & {"friction", "restitution", "strength"} - of_pairs:
             raise ValueError(
                 f"{sorted(unused)[0]!r} cannot vary: the scene has no surfaces"
@@ -241,37 +247,38 @@ def _meets(scene: Scene, options: Options) -> Meets | None:
         return None
     pairs = pack_pairs(scene, options)
     tally, before = (options.blocks(len(scene.meetings) * ENTRIES) for _ in range(2))
-    meets = Meets(pairs, tally, before)
+    told = aligned_zeros((len(tally), 1 + len(scene.meetings)), block_dtype(np.int64, 1))
+    meets = Meets(pairs, tally, before, told)
     empty_tally(meets, slice(None))
     return meets
 
 
-def _as_the_scene_says(scene: Scene) -> list[bool]:
+def _as_the_scene_says(scene: Scene) -> np.ndarray:
     """Return which pairs meet by the scene's contact, and vary with it."""
-    return [met.contact is scene.contact for met in scene.meetings]
+    return scene.meetings.by(scene.contact)
 
 
 def pack_pairs(scene: Scene, options: Options) -> Pairs:
     """The pairs of a scene's bodies that collide."""
     met = scene.meetings
-    bodies = [placed.body for placed in scene.bodies]
-    shapes = [shape_of(body) for body in bodies]
-    places = [body.positions for body in bodies]
-    frictions = np.array([of.contact.friction for of in met])
-    loss = loss_of([of.contact.restitution for of in met])
-    varying = options.varying if any(_as_the_scene_says(scene)) else frozenset()
+    frictions = met.of_contacts("friction")
+    restitutions = met.of_contacts("restitution")
+    varying = options.varying if _as_the_scene_says(scene).any() else frozenset()
     rubs = frictions.any() or "friction" in varying
-    loses = any(of.contact.restitution < 1 for of in met) or "restitution" in varying
+    loses = bool((restitutions < 1).any()) or "restitution" in varying
+    each = zip(scene.bodies, scene.shapes, strict=True)
+    longest = [longest_edge(placed.body, shape) for placed, shape in each]
     return Pairs(
-        first=np.array([of.first for of in met]),
-        second=np.array([of.second for of in met]),
-        reach=np.array([of.reach for of in met]),
-        parallel=np.array([parallel(of, shapes, places) for of in met]),
-        strength=np.array([of.strength for of in met]),
+        first=np.array(met.first),
+        second=np.array(met.second),
+        reach=np.array(met.reach),
+        least_reach=float(np.min(met.reach)),
+        parallel=parallel(met, longest),
+        strength=np.array(met.strength),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
-        loss=options.parameter({"restitution"} & varying, loss) if loses else None,
-        shapes=packed_shapes(shapes, [own.start for own in scene.slices]),
-        most=most_contacts(met, shapes)[0],
+        loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
+        shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
+        most=most_contacts(met, scene.shapes)[0],
     )
 
 
@@ -288,7 +295,7 @@ def workspaces(
 
 def pack_room(scene: Scene, pairs: Pairs, dtype: Any) -> Room:
     """Return what a thread finds contacts in, on elements of ``dtype``."""
-    rows = most_contacts(scene.meetings, [shape_of(placed.body) for placed in scene.bodies])[1]
+    rows = most_contacts(scene.meetings, scene.shapes)[1]
     return room(pairs, len(scene.positions), rows, dtype)
 
 
@@ -316,6 +323,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
         change=rows(),
         rub=rows(),
         force=rows(),
+        shift=rows(),
         stirred=np.zeros(len(scene.bodies), bool),
         room=pack_room(scene, pairs, dtype),
     )
@@ -348,6 +356,7 @@ def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
         velocity=lanes(2 * count, 3),
         base=lanes(2 * count, 3),
         pairs=lanes(2 * count, 3),
+        shift=lanes(2 * count, 3),
         lean=lanes(1),
         room=rows._replace(solids=solids),
     )
@@ -366,6 +375,34 @@ def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
     )
 
 
+def resolved_speeds(meets: Meets, step: float) -> np.ndarray:
+    """The largest speed [m/s] of a contact that a step [s] resolves, of each pair (pairs,)."""
+    return RESOLVED / step * meets.pairs.reach
+
+
+def unresolved(meets: Meets, step: float, blocks: slice) -> np.ndarray:
+    """Whether bodies met in a way that a step [s] cannot resolve, (blocks, copies of a block)."""
+    tally = numbers(meets.tally)[blocks]
+    limit = resolved_speeds(meets, step)[:, None]
+    late, left_out = tally[:, MISSES::ENTRIES], tally[:, OVERFLOW::ENTRIES]
+    found = (late + left_out > 0.0) | (tally[:, FASTEST::ENTRIES] > limit)
+    return np.asarray(found.any(axis=1))
+
+
+def pack_outlines(scene: Scene) -> Outlines:
+    """What of bodies may be shown in others."""
+    return outlines(scene.shapes, scene.starts[:-1].tolist(), len(scene.positions))
+
+
+def count_shown(meets: Meets, first: int, found: np.ndarray) -> None:
+    """Count as a miss of each copy, from the ``first`` on, and pair that it is shown in each other."""
+    for array in (meets.tally, meets.before):
+        lanes = numbers(array)
+        for n, pair in np.argwhere(found).tolist():
+            block, lane = divmod(first + n, lanes.shape[-1])
+            lanes[block, pair * ENTRIES + MISSES, lane] += 1.0
+
+
 def forget_pairs(meets: Meets) -> None:
     """Empty the tally; of the last node, which the next call makes anew, half is left to be told."""
     tally, before = numbers(meets.tally), numbers(meets.before)
@@ -376,6 +413,21 @@ def forget_pairs(meets: Meets) -> None:
             tally[:, entry::ENTRIES] = 0.0
     for array in (tally, before):
         array[:, GAP::ENTRIES] = FAR
+        array[:, FASTEST::ENTRIES] = 0.0
+
+
+def recall_told(meets: Meets) -> None:
+    """Find from the tally, which was set, which pairs there is something to be told of."""
+    told = numbers(meets.told)[:, :, 0]
+    tally, before = (
+        by_pairs.reshape(len(told), -1, ENTRIES, by_pairs.shape[-1])
+        for by_pairs in (numbers(meets.tally), numbers(meets.before))
+    )
+    rests = (tally == before).all(axis=(2, 3))
+    rests &= (tally[:, :, TOUCHING] <= 0.0).all(axis=-1) & (tally[:, :, ENERGY] <= 0.0).all(axis=-1)
+    for row, own in zip(told, rests, strict=True):
+        pairs = np.flatnonzero(~own)
+        row[0], row[1 : 1 + len(pairs)] = len(pairs), pairs
 
 
 def empty_tally(meets: Meets, index: Any) -> None:
@@ -466,12 +518,12 @@ def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
     return found
 
 
-def renew(packed: Packed, index: np.ndarray) -> None:
-    """Let some copies (k,) begin anew from where they are and how they move."""
-    if packed.terms.memory:
-        set_copies(packed.terms.memory.marks, index, 0.0)
-    if packed.terms.cycle:
-        set_copies(packed.terms.cycle.marks, index, 0.0)
+def renew(terms: Terms, index: np.ndarray) -> None:
+    """Let some copies (k,) of one body or of all begin anew from where they are and how they move."""
+    for kept in (terms.memory, terms.cycle):
+        if kept is not None:
+            marks: Any = kept.marks
+            set_copies(marks.values if isinstance(marks, Ragged) else marks, index, 0.0)
 
 
 def swing(packed: Packed, x: np.ndarray) -> np.ndarray:
@@ -498,9 +550,9 @@ def swing(packed: Packed, x: np.ndarray) -> np.ndarray:
 def vary_pairs(meets: Meets | None, scene: Scene, index: np.ndarray, given: Mapping[str, np.ndarray]) -> None:
     """Set how bodies that meet as the scene's contact says do so in some copies (k,), from values (k,)."""
     contact = scene.contact
-    if meets is None or not isinstance(contact, Contact) or not any(_as_the_scene_says(scene)):
+    if meets is None or not isinstance(contact, Contact) or not _as_the_scene_says(scene).any():
         return
-    of = np.array(_as_the_scene_says(scene))
+    of = _as_the_scene_says(scene)
     for name, array in (("friction", meets.pairs.friction), ("restitution", meets.pairs.loss)):
         if name in given and array is not None:
             value = loss_of(given[name]) if name == "restitution" else given[name]
@@ -524,7 +576,7 @@ def vary(
         `rigid.shape_values` of each copy in rigid dynamics, if masses are given.
     """
     terms = packed.terms
-    renew(packed, index)
+    renew(terms, index)
     for name, value in given.items():
         if name == "restitution":
             value = loss_of(value)

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
 
-from springgym.bodies import Body
+from springgym.bodies import Body, Round
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
-from springgym.collisions import Collisions, Meeting, check_apart, meetings, shape
+from springgym.collisions import Collisions, Meetings, Shape, check_apart, meetings, shape
 from springgym.collisions.meeting import ALL, Named
 from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
 from springgym.surfaces import Contact, PaperContact, Surface, check_heights, check_surfaces, scales
+from springgym.surfaces.contact import NEAREST, faithful_speed, restitution_at_most
 
 GRAVITY = (0.0, 0.0, -9.81)
 
@@ -27,6 +29,9 @@ MOST_SURFACES = 100
 
 MOST_BODIES = 1000
 """A scene has no more."""
+
+MOST_TOLD = 20
+"""Pairs of bodies that the text of a scene names."""
 
 
 @dataclass(frozen=True)
@@ -162,9 +167,8 @@ class Placed(ReadOnly):
                 refuse(driven > self.drive.speed, fast % (self.drive.particle, self.drive.speed))
                 moves[..., self.drive.particle] = False
             refuse(moves, "pinned particle {n}{of} has a velocity; it must be zero")
-        first, second = self.body.springs.T
-        apart = np.abs(positions.take(second, axis=-2) - positions.take(first, axis=-2)).max(axis=-1)
-        refuse(apart < TINY, "spring {n}{of} starts with both ends at the same place; it has no direction")
+        short = too_short(self.body.springs, positions)
+        refuse(short, "spring {n}{of} starts with both ends at the same place; it has no direction")
 
     @cached_property
     def free(self) -> np.ndarray:
@@ -185,6 +189,17 @@ class Placed(ReadOnly):
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
         called = f"{self.name}: " if self.name != self.body.name else ""
         return f"{called}{self.body!r}{rest}"
+
+
+def _as_bytes(feature: Round) -> tuple[bytes, bytes, tuple[int, ...]]:
+    return feature.matrix.tobytes(), feature.centre.tobytes(), feature.particles
+
+
+def too_short(springs: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Tell which springs (…, S) have no direction, with particles at positions (…, N, 3) [m]."""
+    first, second = springs.T
+    apart = np.abs(positions.take(second, axis=-2) - positions.take(first, axis=-2)).max(axis=-1)
+    return np.asarray(apart < TINY)
 
 
 def _numbered(bodies: tuple[Placed, ...]) -> tuple[Placed, ...]:
@@ -276,24 +291,26 @@ class Scene(ReadOnly):
     @cached_property
     def identity(self) -> dict[str, Any]:
         """Plain data by name that decide how the scene moves, all but its start: see `springgym.identity`."""
+        met = self.meetings
         made: dict[str, Any] = {
             "gravity": None if self.gravity is None else list(self.gravity),
             "number of bodies": len(self.bodies),
             "number of surfaces": len(self.surfaces),
-            "collisions": [[met.first, met.second] for met in self.meetings],
+            "collisions": digest((met.first, met.second)),
+            "contact of each pair of bodies": digest(met.how),
+            "c of pairs of bodies": digest(met.strength),
+            "Δ of pairs of bodies": digest(met.reach),
         }
         made |= {f"surface {n}": repr(surface) for n, surface in enumerate(self.surfaces)}
         contacts = {"": self.contact} if self.surfaces else {}
-        for met in self.meetings:
-            of = f" of bodies {met.first} and {met.second}"
-            contacts[of] = met.contact
-            made |= {f"c{of}": float(met.strength), f"Δ{of}": float(met.reach)}
+        contacts |= {f" {n} of bodies": contact for n, contact in enumerate(met.contacts)}
         for of, contact in contacts.items():
             made[f"contact{of}"] = type(contact).__name__
             made |= {f"{own.name} of the contact{of}": getattr(contact, own.name) for own in fields(contact)}
-        for placed in self.bodies:
+        digests = [{name: digest(getattr(one, name)) for name in OF_A_BODY} for one in self._different]
+        for kind, placed in zip(self.kinds, self.bodies, strict=True):
             of = self._of(placed)
-            made |= {f"{name}{of}": digest(getattr(placed.body, name)) for name in OF_A_BODY}
+            made |= {f"{name}{of}": digests[kind][name] for name in OF_A_BODY}
             made |= {f"radius{of}": placed.body.radius, f"floppy{of}": placed.body.floppy}
             for n, feature in enumerate(placed.body.rounds):
                 told = [feature.matrix, feature.centre, np.array(feature.particles, int)]
@@ -303,9 +320,39 @@ class Scene(ReadOnly):
         return made
 
     @cached_property
-    def meetings(self) -> tuple[Meeting, ...]:
+    def kinds(self) -> tuple[int, ...]:
+        """Return for each body its kind: bodies of one kind are equal in all that decides how they move."""
+        known: dict[int, int] = {}
+        kinds: dict[Any, int] = {}
+        for body in (placed.body for placed in self.bodies):
+            if id(body) not in known:
+                given = tuple(np.asarray(getattr(body, name)).tobytes() for name in OF_A_BODY)
+                features = tuple(_as_bytes(feature) for feature in body.rounds)
+                key = (*given, body.radius, body.floppy, features)
+                known[id(body)] = kinds.setdefault(key, len(kinds))
+        return tuple(known[id(placed.body)] for placed in self.bodies)
+
+    @cached_property
+    def _different(self) -> tuple[Body, ...]:
+        """Return the first body of each kind: what follows from it is found once for all of them."""
+        first = {
+            kind: placed.body for kind, placed in reversed(list(zip(self.kinds, self.bodies, strict=True)))
+        }
+        return tuple(first[kind] for kind in range(len(first)))
+
+    @cached_property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Return for each body its features that others meet; bodies of one kind share them."""
+        each = [shape(body) for body in self._different]
+        return tuple(each[kind] for kind in self.kinds)
+
+    @cached_property
+    def meetings(self) -> Meetings:
         """Return the pairs of bodies that may meet, and how."""
-        named = [Named(placed.name, placed.body, bool(placed.free.any())) for placed in self.bodies]
+        named = [
+            Named(placed.name, self._different[kind], bool(placed.free.any()))
+            for kind, placed in zip(self.kinds, self.bodies, strict=True)
+        ]
         return meetings(self.collisions, self.contact, named)
 
     def _placed(self) -> tuple[Placed, ...]:
@@ -324,17 +371,16 @@ class Scene(ReadOnly):
         bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))
         if len(bodies) > MOST_BODIES:
             raise ValueError(f"bodies are {len(bodies)}; there must be at most {MOST_BODIES}")
-        bodies = _numbered(bodies)
-        names = [placed.name for placed in bodies]
-        for n, name in enumerate(names):
-            if len(names) > 1 and (not name or "." in name):
+        bodies, first = _numbered(bodies), dict[str, int]()
+        for n, name in enumerate(placed.name for placed in bodies):
+            if len(bodies) > 1 and (not name or "." in name):
                 raise ValueError(
                     f"bodies[{n}] is called {name!r}; among several, the name of a body must be some text "
                     "without a dot"
                 )
-            if name in names[:n]:
+            if first.setdefault(name, n) < n:
                 raise ValueError(
-                    f"bodies[{names.index(name)}] and bodies[{n}] are both called {name!r}; give "
+                    f"bodies[{first[name]}] and bodies[{n}] are both called {name!r}; give "
                     "each Placed a name of its own"
                 )
         return bodies
@@ -360,34 +406,62 @@ class Scene(ReadOnly):
         object.__setattr__(self, "surfaces", tuple(made))
         instance("contact", self.contact, Contact, PaperContact)
         if self.surfaces:
-            for placed in self.bodies:
-                check_surfaces(self.surfaces, scales(self.contact, placed.body)[1])
+            for body in self._different:
+                check_surfaces(self.surfaces, scales(self.contact, body)[1])
 
     def _check_heights(self, positions: np.ndarray, copies: Any = None) -> None:
-        if self.surfaces:
-            for placed, own in zip(self.bodies, self.slices, strict=True):
-                reach = scales(self.contact, placed.body)[1]
-                check_heights(
-                    self.surfaces,
-                    reach,
-                    positions[..., own, :],
-                    placed.free,
-                    placed.body,
-                    copies,
-                    self._of(placed),
-                )
+        if self.surfaces and not self._well_above(positions):
+            self._check_each(positions, copies)
+
+    def _well_above(self, positions: np.ndarray) -> bool:
+        """Tell whether all particles are far enough above all surfaces, of bodies without round features."""
+        if any(body.rounds for body in self._different):
+            return False
+        each = [(scales(self.contact, body)[1], body.radius) for body in self._different]
+        reach, radius = self.of_particles([each[kind] for kind in self.kinds]).T
+        least = NEAREST * reach + radius
+        return all(
+            bool((~self.free | (surface.height(np.asarray(positions, float)) >= least)).all())
+            for surface in self.surfaces
+        )
+
+    def _check_each(self, positions: np.ndarray, copies: Any) -> None:
+        for placed, own in zip(self.bodies, self.slices, strict=True):
+            reach = scales(self.contact, placed.body)[1]
+            of = self._of(placed)
+            check_heights(self.surfaces, reach, positions[..., own, :], placed.free, placed.body, copies, of)
 
     def _check_apart(self, positions: np.ndarray, copies: Any = None) -> None:
+        names = [placed.name for placed in self.bodies]
+        check_apart(self.shapes, names, self.starts, self.meetings, positions, copies)
+
+    @cached_property
+    def faithful_speed(self) -> float:
+        """The speed [m/s] up to which all impacts rebound as asked, to about .02; infinite if nothing does.
+
+        It is that of the softest body, see `springgym.surfaces.contact.faithful_speed`. What is faster leaves
+        energy in vibrations; `restitution_at` tells what is to be had then.
+        """
+        found = [math.inf]
+        if self.surfaces and isinstance(self.contact, Contact) and self.contact.restitution > 0:
+            for placed in self.bodies:
+                found.append(faithful_speed(scales(self.contact, placed.body)[1], placed.body))
         for met in self.meetings:
-            pair = (self.bodies[met.first], self.bodies[met.second])
-            first, second = (positions[..., self.slices[n], :] for n in met[:2])
-            check_apart(
-                (shape(pair[0].body), shape(pair[1].body)),
-                (pair[0].name, pair[1].name),
-                met.reach,
-                (first, second),
-                copies,
-            )
+            if met.contact.restitution > 0:
+                pair = [self.bodies[n] for n in met[:2]]
+                moving = [placed.body for placed in pair if placed.free.any()]
+                found.append(faithful_speed(met.reach, *moving))
+        return min(found)
+
+    def restitution_at(self, speed: float) -> float:
+        """Estimate the largest restitution to be had of the softest contact at a speed [m/s], to .07.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the speed is not a number, or negative.
+        """
+        return restitution_at_most(number("speed", speed, low=0.0), self.faithful_speed)
 
     def _of(self, placed: Placed) -> str:
         """What errors add to a particle's number: nothing if there is only one body."""
@@ -409,7 +483,10 @@ class Scene(ReadOnly):
             If `Placed.check_start` refuses what a body starts with, a particle is behind a surface, or bodies
             that collide are in each other.
         """
-        for placed, own in zip(self.bodies, self.slices, strict=True):
+        short = too_short(self.springs, positions).any(axis=tuple(range(positions.ndim - 2)))
+        doubtful = set(self._springs_of[short].tolist()) | self._held
+        for n in sorted(doubtful):
+            placed, own = self.bodies[n], self.slices[n]
             try:
                 placed.check_start(positions[..., own, :], velocities[..., own, :], copies)
             except ValueError as error:
@@ -427,10 +504,30 @@ class Scene(ReadOnly):
         return tuple(self.with_(bodies=(placed,), collisions=None) for placed in self.bodies)
 
     @cached_property
+    def starts(self) -> np.ndarray:
+        """Where the particles of each body begin among all, and the end, (bodies + 1,)."""
+        starts = np.cumsum([0, *(len(placed.body.masses) for placed in self.bodies)])
+        starts.setflags(write=False)
+        return starts
+
+    @cached_property
     def slices(self) -> tuple[slice, ...]:
         """Return for each body where its particles lie among all."""
-        ends = accumulate((len(placed.body.masses) for placed in self.bodies), initial=0)
-        return tuple(slice(first, last) for first, last in pairwise(ends))
+        return tuple(slice(first, last) for first, last in pairwise(self.starts.tolist()))
+
+    @cached_property
+    def _springs_of(self) -> np.ndarray:
+        """Return the body that each spring is of, (S,)."""
+        return np.repeat(np.arange(len(self.bodies)), [len(placed.body.springs) for placed in self.bodies])
+
+    @cached_property
+    def _held(self) -> frozenset[int]:
+        """Return the bodies that particles are pinned of."""
+        return frozenset(n for n, placed in enumerate(self.bodies) if placed.pinned)
+
+    def of_particles(self, each: Sequence[Any]) -> np.ndarray:
+        """Return what each particle's body has, (N, …), of values given for each body."""
+        return np.repeat(np.asarray(each), np.diff(self.starts), axis=0)
 
     def number(self, body: int | str | None) -> int:
         """Return the number of a body, given by number or name; None stands for the only one.
@@ -459,9 +556,8 @@ class Scene(ReadOnly):
     @cached_property
     def sizes(self) -> np.ndarray:
         """Return for each particle the size of its body, (N,) [m]."""
-        sizes = np.repeat(
-            [placed.body.size for placed in self.bodies], [own.stop - own.start for own in self.slices]
-        )
+        each = [body.size for body in self._different]
+        sizes = self.of_particles([each[kind] for kind in self.kinds])
         sizes.setflags(write=False)
         return sizes
 
@@ -492,11 +588,13 @@ class Scene(ReadOnly):
         """Return the masses of the particles of all bodies [kg], (N,)."""
         return self.of_bodies("masses")
 
-    @property
+    @cached_property
     def springs(self) -> np.ndarray:
         """Return the springs of all bodies as pairs of particles, numbered among all particles, (S, 2)."""
         each = zip(self.bodies, self.slices, strict=True)
-        return np.concatenate([placed.body.springs + own.start for placed, own in each])
+        springs = np.concatenate([placed.body.springs + own.start for placed, own in each])
+        springs.setflags(write=False)
+        return springs
 
     @property
     def pivot(self) -> int:
@@ -516,12 +614,21 @@ class Scene(ReadOnly):
             kept["bodies"] = (Placed(**own),)
         return type(self)(**{**kept, **changes})
 
+    def _pairs(self) -> str:
+        """Say which bodies may meet, or how many pairs there are if they are many."""
+        if len(self.meetings) > MOST_TOLD:
+            return f"{len(self.meetings)} pairs"
+        return ", ".join(f"{met.first}–{met.second}" for met in self.meetings)
+
     def __repr__(self) -> str:
         parts = {
             "gravity": "" if self.gravity is None else f"{self.gravity} m/s²",
             "surfaces": ", ".join(map(repr, self.surfaces)),
             "contact": repr(self.contact) if self.surfaces else "",
-            "collisions": ", ".join(f"{met.first}–{met.second}" for met in self.meetings),
+            "collisions": self._pairs(),
+            "rebounds": "",
         }
+        if self.faithful_speed < math.inf:
+            parts["rebounds"] = f"as asked up to {self.faithful_speed:.3g} m/s"
         rest = "".join(f"; {name} {value}" for name, value in parts.items() if value)
         return f"Scene({' | '.join(map(repr, self.bodies))}{rest})"

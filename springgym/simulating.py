@@ -139,17 +139,17 @@ def _summary(recording: Recording) -> str:
 def _between(recording: Recording) -> Iterator[str]:
     """What happened between bodies that met, a line a pair."""
     scene, pairs = recording.plan.scene, recording.pairs
-    for n, met in enumerate(scene.meetings):
-        names = " and ".join(scene.bodies[body].name for body in met[:2])
+    told = pairs.impulse[-1] + pairs.misses[-1] + pairs.too_fast[-1] + pairs.overflow[-1]
+    for n in np.flatnonzero(told > 0).tolist():
+        names = " and ".join(scene.bodies[body].name for body in scene.meetings[n][:2])
         wrong = {
             "found too late": pairs.misses[-1, n],
             "too fast": pairs.too_fast[-1, n],
             "left out": pairs.overflow[-1, n],
         }
         counts = "".join(f", {count:.0f} {what}" for what, count in wrong.items() if count)
-        if pairs.impulse[-1, n] > 0 or counts:
-            lost = pairs.contact_loss[-1, n] + pairs.friction_loss[-1, n]
-            yield f"{names}: impulse {pairs.impulse[-1, n]:.4g} N·s, lost {lost:.3g} J{counts}"
+        lost = pairs.contact_loss[-1, n] + pairs.friction_loss[-1, n]
+        yield f"{names}: impulse {pairs.impulse[-1, n]:.4g} N·s, lost {lost:.3g} J{counts}"
 
 
 def _whole(recording: Recording, lost: float) -> str:

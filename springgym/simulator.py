@@ -15,8 +15,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from springgym import checks, measures, packing, stability
+from springgym import checks, contacts, measures, packing, stability
 from springgym.checks import FLOAT, HUGE, MANY, TINY, sum_of_squares
+from springgym.contacts import Contacts
 from springgym.core.blocks import (
     WIDTH,
     aligned_zeros,
@@ -35,8 +36,10 @@ from springgym.core.kinds import Ragged
 from springgym.core.ragged import share, stacked
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
-from springgym.forces.pairs import PairReadings
-from springgym.forces.together import START
+from springgym.forces.pairs import Meets, PairReadings
+from springgym.forces.pairs.shown import tell_shown
+from springgym.forces.pairs.terms import RESOLVED
+from springgym.forces.together import LOOK, START
 from springgym.guard import Guard, guarded
 from springgym.identity import check_same
 from springgym.integrators.clock import Clock
@@ -64,6 +67,9 @@ AT_ONCE = 4_000_000
 """Springs and pairs of bodies × steps × blocks of one compiled call at the most, some 0.1 s, of implicit
 methods some seconds: Python serves Ctrl-C between the calls."""
 
+NEIGHBOURS = 6
+"""Pairs of a body that may be at work at once: what is far apart costs nothing."""
+
 FEWEST = 64
 """Steps of one compiled call that are taken whatever they cost: a call begins and ends with half a step."""
 
@@ -87,8 +93,17 @@ class SimulationDivergedError(ArithmeticError):
     """Say that a copy has diverged: a number is not finite, or a spring is strained beyond its limit."""
 
 
+class UnresolvedContactError(SimulationDivergedError):
+    """Bodies met in a way that a step cannot resolve: too fast, too deep in each other, or in too many
+    points."""
+
+
 class PrecisionWarning(UserWarning):
     """Warn that a simulation is less accurate than it seems, see `STRAINED` and `COARSE`; only once."""
+
+
+UNRESOLVED = ("raise", "count")
+"""What may be done where bodies meet in a way that a step cannot resolve."""
 
 
 class Simulator:
@@ -129,6 +144,9 @@ class Simulator:
     strain_limit
         Largest |L/L₀ − 1| of a spring; a copy beyond it has diverged. If it is given, strains up to it are
         meant, and no `PrecisionWarning` tells of them; if not, it is `STRAIN_LIMIT`.
+    unresolved
+        What `advance` does where bodies meet in a way that a step cannot resolve: "raise" an error, or
+        "count" it, for `pairs` and `unresolved` to tell.
     damping_every
         Steps after which dampers and the wrench act for all of them at once, see `springgym.forces.cycle`: 1
         or an even number of at most `springgym.stability.LONGEST_CYCLE`. If not given, it is
@@ -160,6 +178,7 @@ class Simulator:
         tolerance: tuple[float, float] | None = None,
         strain_limit: float | None = None,
         damping_every: int | None = None,
+        unresolved: str = "raise",
     ) -> None:
         self._guard = Guard()
         self.scene = checks.instance("scene", scene, Scene)
@@ -197,6 +216,10 @@ class Simulator:
         self._ledger = self._blocks(bodies * ENTRIES) if ledger else None
         shares = range(min(self.threads, self._x.shape[0]))
         self._control = self._controlled(tolerance)
+        self.unresolved = np.zeros(self.copies, bool)
+        """which copies had bodies meet in a way that a step cannot resolve, since they were placed or
+        forgotten, see `pairs`: found where they are read; of no use to write to"""
+        self._raises = checks.chosen("unresolved", unresolved, UNRESOLVED) == UNRESOLVED[0]
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
         each = rows[:, None] if bodies == 1 else np.zeros((self.copies, bodies, measures.SIZE))
         self.readout = Readout(rows, np.zeros(shape), np.zeros(shape), each)
@@ -207,12 +230,15 @@ class Simulator:
             stacked([placed.pivot for placed in scene.bodies]),
             stacked([np.array(placed.body.markers, np.uint32) for placed in scene.bodies]),
         )
-        self._busy = len(scene.springs) + len(scene.meetings)
+        self._busy = len(scene.springs) + min(len(scene.meetings), NEIGHBOURS * bodies)
         options = Options(self.integrator, self.step, self.damping_every, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
         self._workspace = packing.workspaces(
             scene, self.integrator, self._terms.meets, self._kind.rigid, self._x.dtype, len(shares)
         )
+        self._outlines = packing.pack_outlines(scene)
+        self._boxes = np.zeros((len(shares), bodies + 1, 2, 3))
+        self._shown = np.zeros((self.copies, len(scene.meetings)), bool)
         self._varying = sorted(varying)
         self._actuators = self._actuated()
         self._advance = self._kernel()
@@ -370,10 +396,10 @@ class Simulator:
         set_copies(self._x, index, x)
         set_copies(self._v, index, v)
         self._settle(index)
-        for packed in self._packed:
-            packing.renew(packed, index)
+        packing.renew(self._terms, index)
         if self._terms.meets is not None:
             packing.empty_tally(self._terms.meets, index)
+            self.unresolved[index] = False
         if self._ledger is not None:
             set_copies(self._ledger, index, 0.0)
         self._meet(index)
@@ -610,6 +636,7 @@ class Simulator:
                 )
         if copies is None:
             _set(own.values(), (state[name] for name in own))
+            self._recall()
             return
         rows = np.zeros(len(index), int) if count == 1 else np.arange(count)
         arrays, values, where = [], [], []
@@ -619,6 +646,12 @@ class Simulator:
             values.append(get_copies(state[name], rows) if blocks else state[name][rows])
             where.append((index // self.width, index % self.width) if blocks else index)
         _set(arrays, values, where)
+        self._recall()
+
+    def _recall(self) -> None:
+        """Find what follows from a state that was set, and is not part of it."""
+        if self._terms.meets is not None:
+            packing.recall_told(self._terms.meets)
 
     @guarded
     def take_over(self, other: Simulator) -> None:
@@ -638,8 +671,8 @@ class Simulator:
         theirs = dict(other._changing())
         own = {name: array for name, array in self._changing() if not name.startswith(OF_A_STEP)}
         _set(own.values(), (theirs[name] for name in own))
-        for packed in self._packed:
-            packing.renew(packed, np.arange(self.copies))
+        self._recall()
+        packing.renew(self._terms, np.arange(self.copies))
         self._meet(np.arange(self.copies))
 
     def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
@@ -686,6 +719,9 @@ class Simulator:
             If ``steps`` is not a whole number, at least 0, or a flag no bool; nothing is changed.
         SimulationDivergedError
             If ``check`` and a copy has diverged. The other copies are not touched by it.
+        UnresolvedContactError
+            If ``check``, and bodies of a copy met in a way that a step cannot resolve since the copy was
+            placed, or `pairs` forgot; unless the simulator is to count that.
         """
         # Compiled code is given an int and a bool, and no other type: see `SameTypes`.
         if steps.__class__ is not int or not 0 <= steps <= MANY:
@@ -710,6 +746,8 @@ class Simulator:
                 f"copy {n} diverged before t = {self.time[n]:g} s: {what}; step {self.step:g} s, "
                 f"stability limit {self.largest_step:g} s"
             )
+        if self._raises and self.unresolved.any():
+            raise UnresolvedContactError(self._what_is_unresolved(int(np.argmax(self.unresolved))))
         if (strain > self._strained).any():
             n = int(np.argmax(strain > self._strained))
             self._strained = math.inf
@@ -720,6 +758,29 @@ class Simulator:
             )
         if self._far < math.inf:
             self._check_distance(self.readout.positions)
+
+    def _what_is_unresolved(self, copy: int) -> str:
+        """Say of a copy which bodies met in a way that a step cannot resolve, how, and what would help."""
+        meets = self._terms.meets
+        assert meets is not None
+        told = PairReadings(*(of[copy] for of in packing.read_pairs(meets, self.copies)))
+        resolved = packing.resolved_speeds(meets, self.step)
+        n = int(np.argmax((told.fastest > resolved) | (told.misses > 0) | (told.overflow > 0)))
+        met = self.scene.meetings[n]
+        names = " and ".join(repr(self.scene.bodies[body].name) for body in met[:2])
+        how = [
+            (told.fastest[n] > resolved[n], f"at {told.fastest[n]:.4g} m/s"),
+            (told.misses[n] > 0, f"{told.misses[n]:.0f} times found only in each other, or almost"),
+            (told.overflow[n] > 0, f"{told.overflow[n]:.0f} times in more points than there is room for"),
+        ]
+        finer = self.step * min(1.0, resolved[n] / max(told.fastest[n], TINY))
+        return (
+            f"bodies {names} of copy {copy} met before t = {self.time[copy]:g} s "
+            f"{' and '.join(what for wrong, what in how if wrong)}: a step of {self.step:g} s cannot resolve "
+            f"that. It resolves contacts of up to {resolved[n]:.4g} m/s, which move by {RESOLVED:g} of their "
+            f"reach of {met.reach:g} m. Take a step of less than {finer:.2g} s, a larger reach or stiffer "
+            'contact, or say unresolved="count" to go on'
+        )
 
     def _check_distance(self, positions: np.ndarray) -> None:
         """Warn if positions (copies, N, 3) are so far away that their rounding stretches springs."""
@@ -762,6 +823,19 @@ class Simulator:
             reads,
             self._clock,
         )
+        if reads and steps > 0 and self._terms.meets is not None:
+            self._tell_unresolved(self._terms.meets, thread, first, last)
+
+    def _tell_unresolved(self, meets: Meets, thread: int, first: int, last: int) -> None:
+        """Find in which copies of blocks, that were read, bodies met in a way that a step cannot resolve."""
+        start = first * self.width
+        copies = slice(start, min(last * self.width, self.copies))
+        shown = self._shown[copies]
+        place, pairs = self.readout.positions[copies], meets.pairs
+        if tell_shown(place, pairs.first, pairs.second, self._outlines, self._boxes[thread], shown):
+            packing.count_shown(meets, start, shown)
+        found = packing.unresolved(meets, self.step, slice(first, last)).ravel()
+        self.unresolved[copies] = found[: len(shown)]
 
     @guarded
     def counts(self) -> np.ndarray:
@@ -817,6 +891,8 @@ class Simulator:
     def pairs(self, *, forget: bool = False) -> PairReadings:
         """Return what happened between colliding bodies since the copies were placed or forgotten.
 
+        There is an entry for each pair, of 1000 bodies half a million; `contacts` tells of those that touch.
+
         Parameters
         ----------
         forget
@@ -832,6 +908,33 @@ class Simulator:
         if forget and self._terms.meets is not None:
             packing.forget_pairs(self._terms.meets)
         return found
+
+    @guarded
+    def contacts(self) -> Contacts:
+        """What touches what at the node where the state is read, and with which impulse.
+
+        That node is made anew to be looked at, in all copies: it takes about as long as a step. Nothing is
+        changed, and where nobody asks, nothing is spent. Copies that were placed and took no step since show
+        what the second half of a node would give, see `Contacts`.
+
+        Raises
+        ------
+        ValueError
+            If the method has no nodes, see `springgym.integrators`, or if the scene has surfaces and its
+            bodies are rigid, or are several that do not collide.
+        """
+        if reason := contacts.refusal(self.scene, self._kind.rigid, self._terms):
+            raise ValueError(reason)
+        blocks = [array for _, array in self._changing() if array.dtype.names]
+        before, found = [array.copy() for array in blocks], []
+        try:
+            for block in range(self._x.shape[0]) if contacts.any_possible(self.scene) else ():
+                self._run(0, block, block + 1, LOOK, settles=False, reads=False)
+                here = contacts.Here(block, self._x, self._v, self._workspace[0], self._terms, self.step)
+                found.append(contacts.of_block(self.scene, here))
+        finally:
+            _set(blocks, before)
+        return contacts.padded(found, self.copies)
 
     @guarded
     def read(self, copies: Any = None) -> None:
@@ -1066,9 +1169,13 @@ def _set(
 
 
 def _blocks_in(name: str, term: Any) -> Iterator[tuple[str, np.ndarray]]:
-    """The arrays of values per copy in nested tuples, with names that say where they are."""
+    """Find the arrays of values per copy in nested tuples, with names that say where they are.
+
+    Lists of whole numbers, which all copies of a block share, follow from them.
+    """
     if isinstance(term, np.ndarray) and term.dtype.names:
-        yield name, term
+        if numbers(term).dtype.kind == "f":
+            yield name, term
     elif isinstance(term, tuple):
         for key, part in zip(getattr(term, "_fields", range(len(term))), term, strict=True):
             yield from _blocks_in(f"{name}.{key}", part)

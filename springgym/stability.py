@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -48,7 +48,13 @@ SWEEP, TURN = 0.8, 0.45
 
 def highest_frequency(scene: Scene) -> float:
     """ω_max = √λ_max(M⁻¹K) [rad/s] of the springs about the unstretched shape, pins held; of all bodies."""
-    return max(map(_frequency, scene.parts))
+    return max(map(_frequency, _different(scene)))
+
+
+def _different(scene: Scene) -> Collection[Scene]:
+    """Return of a scene's bodies by themselves those that differ: equal ones vibrate alike."""
+    each = zip(scene.kinds, scene.parts, strict=True)
+    return {(kind, part.pinned): part for kind, part in each}.values()
 
 
 def _frequency(part: Scene) -> float:
@@ -57,7 +63,7 @@ def _frequency(part: Scene) -> float:
 
 def highest_decay_rate(scene: Scene) -> float:
     """λ_max(M⁻¹C) [1/s] of the dampers about the unstretched shape, pins held; of all bodies."""
-    return max(map(_decay_rate, scene.parts))
+    return max(map(_decay_rate, _different(scene)))
 
 
 def _decay_rate(part: Scene) -> float:
@@ -112,14 +118,16 @@ class Vibrations(NamedTuple):
 
 def vibrations(scene: Scene) -> Vibrations:
     """Find the vibrations of all bodies. How dampers couple them is left out."""
-    frequencies, rates = [], []
-    for part in scene.parts:
+    frequencies, rates, slowness = [], [], 0.0
+    for part in _different(scene):
         squares, modes = np.linalg.eigh(_weighted(part, part.body.stiffness))
         swings = squares > RIGID * squares[-1]
         modes = modes[:, swings]
         frequencies.append(np.sqrt(squares[swings]))
         rates.append(0.5 * ((_weighted(part, part.body.damping) @ modes) * modes).sum(axis=0))
-    slowness = max(float((part.body.damping / part.body.stiffness).max(initial=0.0)) for part in scene.parts)
+    slowness = max(
+        float((part.body.damping / part.body.stiffness).max(initial=0.0)) for part in _different(scene)
+    )
     return Vibrations(np.concatenate(frequencies), np.concatenate(rates), slowness)
 
 

@@ -62,7 +62,7 @@ def colliding_tops() -> np.ndarray:
         Placed(body, body.positions + np.array([x, 0.0, 0.0]), [[v, 0.0, 0.0]] * len(body.masses), name=name)
         for name, x, v in (("left", 0.0, 20.0), ("right", apart, -20.0))
     )
-    simulator = Simulator(Scene(bodies=tuple(placed), collisions="all"))
+    simulator = Simulator(Scene(bodies=tuple(placed), collisions="all"), unresolved="count")
     simulator.advance(8)
     assert simulator.pairs().impulse[0, 0] > 1.0
     return np.concatenate([simulator.positions.ravel(), simulator.velocities.ravel()])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shlex
@@ -52,7 +51,7 @@ def test_containers_of_the_image_start_at_once(tmp_path: Path) -> None:
     assert told.stderr == ""
     compiled = entries(folder)
     assert any("integrators.advance" in name for name in compiled)
-    (run,) = (json.loads(text) for step, text in steps if step == "CMD")
+    (run,) = (shlex.split(text) for step, text in steps if step == "CMD")
     assert run[0] == "python"
     command = [sys.executable, *run[1:]]
     container = {**environment, "HOME": "/nonexistent"}

@@ -1,7 +1,7 @@
 """Which bodies of a scene collide, and how. `springgym.forces.pairs` computes with it."""
 
-from springgym.collisions.meeting import Collisions, Meeting, Pair, meetings
+from springgym.collisions.meeting import Collisions, Meeting, Meetings, Pair, meetings
 from springgym.collisions.overlap import check_apart
 from springgym.collisions.shape import Shape, shape
 
-__all__ = ["Collisions", "Meeting", "Pair", "Shape", "check_apart", "meetings", "shape"]
+__all__ = ["Collisions", "Meeting", "Meetings", "Pair", "Shape", "check_apart", "meetings", "shape"]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from springgym.bodies import Body
 from springgym.checks import instance, shown, whole
 from springgym.collisions.shape import check_shape
+from springgym.records import ReadOnly
 from springgym.surfaces import REACH, Contact, PaperContact, derived_strength
 
 ALL = "all"
@@ -61,6 +64,57 @@ class Meeting(NamedTuple):
     """Δ [m]"""
 
 
+@dataclass(frozen=True, eq=False)
+class Meetings(ReadOnly):
+    """The pairs of bodies that may meet, ordered by their bodies, as arrays of shape (pairs,).
+
+    A thousand bodies make half a million pairs: each `Meeting` is made when it is asked for.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    contacts: tuple[Contact, ...]
+    """the ways in which bodies meet"""
+    how: np.ndarray
+    """which of them each pair meets in"""
+    strength: np.ndarray
+    """c [N·m²]"""
+    reach: np.ndarray
+    """Δ [m]"""
+
+    def __post_init__(self) -> None:
+        for name in ("first", "second", "how", "strength", "reach"):
+            self.keep(name, getattr(self, name))
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    def __getitem__(self, pair: int) -> Meeting:
+        first, second = int(self.first[pair]), int(self.second[pair])
+        contact = self.contacts[self.how[pair]]
+        return Meeting(first, second, contact, float(self.strength[pair]), float(self.reach[pair]))
+
+    def __iter__(self) -> Iterator[Meeting]:
+        return (self[pair] for pair in range(len(self)))
+
+    def of_contacts(self, name: str) -> np.ndarray:
+        """Return what a field of its `Contact` says for each pair, (pairs,)."""
+        return np.array([getattr(contact, name) for contact in self.contacts])[self.how]
+
+    def by(self, contact: Any) -> np.ndarray:
+        """Tell which pairs meet by this very contact, (pairs,)."""
+        return np.array([own is contact for own in self.contacts], bool)[self.how]
+
+    def numbers(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Return the pairs (n,) of bodies ``first`` < ``second`` (n,); −1 for those that never meet."""
+        if not len(self):
+            return np.full(len(first), -1)
+        most = int(self.second.max()) + 1
+        ordered, asked = self.first * most + self.second, first * most + second
+        found = np.minimum(np.searchsorted(ordered, asked), len(self) - 1)
+        return np.where((ordered[found] == asked) & (second < most), found, -1)
+
+
 class Named(NamedTuple):
     """A body of a scene, as far as collisions know of it."""
 
@@ -70,10 +124,8 @@ class Named(NamedTuple):
     """whether any of its particles is free"""
 
 
-def meetings(
-    collisions: Collisions, contact: Contact | PaperContact, bodies: Sequence[Named]
-) -> tuple[Meeting, ...]:
-    """The pairs that follow from what a scene says of collisions, ordered by their bodies.
+def meetings(collisions: Collisions, contact: Contact | PaperContact, bodies: Sequence[Named]) -> Meetings:
+    """Find the pairs that follow from what a scene says of collisions.
 
     Raises
     ------
@@ -82,67 +134,102 @@ def meetings(
     ValueError
         Naming the bodies: unknown, named twice, unfit to collide; or if c or Δ cannot be derived.
     """
+    ways: list[Contact | PaperContact] = [contact]
+    count = len(bodies)
     if collisions is None:
-        return ()
-    if isinstance(collisions, Contact) or (isinstance(collisions, str) and collisions == ALL):
-        how = collisions if isinstance(collisions, Contact) else contact
-        count = range(len(bodies))
-        found = [(i, j, how) for i in count for j in count[i + 1 :] if bodies[i].moves or bodies[j].moves]
+        first = second = how = np.zeros(0, int)
+    elif isinstance(collisions, Contact) or (isinstance(collisions, str) and collisions == ALL):
+        ways = [collisions if isinstance(collisions, Contact) else contact]
+        moves = np.array([named.moves for named in bodies], bool)
+        first, second = np.triu_indices(count, 1)
+        move = moves[first] | moves[second]
+        first, second, how = first[move], second[move], np.zeros(np.count_nonzero(move), int)
     else:
         if isinstance(collisions, str) or not isinstance(collisions, Sequence):
             raise TypeError(
                 f"collisions is {shown(collisions)}; it must be {ALL!r}, None, a Contact, or a tuple of Pair"
             )
-        found = [_numbered(f"collisions[{n}]", pair, contact, bodies) for n, pair in enumerate(collisions)]
-        for n, (i, j, _) in enumerate(found):
-            if any((i, j) == of[:2] for of in found[:n]):
-                raise ValueError(
-                    f"collisions[{n}] is of {bodies[i].name!r} and {bodies[j].name!r}, "
-                    "which were paired before"
-                )
-    return tuple(_meeting(i, j, how, bodies) for i, j, how in sorted(found, key=lambda of: of[:2]))
+        named = _numbered(collisions, bodies)
+        owned = [pair.contact for pair in collisions if isinstance(pair, Pair)]
+        ways += [contact for contact in owned if contact is not None]
+        given = np.array([contact is not None for contact in owned], bool)
+        own = np.cumsum(given)
+        first, second = np.array(named, int).reshape(-1, 2).T
+        order = np.argsort(first * count + second)
+        first, second, how = first[order], second[order], np.where(given, own, 0)[order]
+    return _meetings(first, second, ways, how, bodies)
 
 
-def _numbered(
-    what: str, pair: Any, contact: Contact | PaperContact, bodies: Sequence[Named]
-) -> tuple[int, int, Contact | PaperContact]:
-    """The numbers of a pair's bodies, ascending, and how they meet."""
-    instance(what, pair, Pair)
-    names = [named.name for named in bodies]
-    numbers = []
-    for given in (pair.first, pair.second):
-        if isinstance(given, str) and given not in names:
-            raise ValueError(f"{what} names {given!r}; it must be one of {', '.join(map(repr, names))}")
-        number = names.index(given) if isinstance(given, str) else whole(what, given, high=len(names) - 1)
-        numbers.append(number)
-    i, j = sorted(numbers)
-    if i == j:
-        raise ValueError(f"{what} pairs {names[i]!r} with itself; it must name two bodies")
-    return i, j, contact if pair.contact is None else pair.contact
+def _numbered(pairs: Sequence[Any], bodies: Sequence[Named]) -> list[tuple[int, int]]:
+    """Return the numbers of each pair's bodies, ascending."""
+    numbers = {named.name: n for n, named in enumerate(bodies)}
+    found: dict[tuple[int, int], None] = {}
+    for n, pair in enumerate(pairs):
+        what = f"collisions[{n}]"
+        instance(what, pair, Pair)
+        for given in (pair.first, pair.second):
+            if isinstance(given, str) and given not in numbers:
+                raise ValueError(f"{what} names {given!r}; it must be one of {', '.join(map(repr, numbers))}")
+            if not isinstance(given, str):
+                whole(what, given, high=len(bodies) - 1)
+        i, j = sorted(numbers[of] if isinstance(of, str) else of for of in (pair.first, pair.second))
+        if i == j:
+            raise ValueError(f"{what} pairs {bodies[i].name!r} with itself; it must name two bodies")
+        if (i, j) in found:
+            raise ValueError(
+                f"{what} is of {bodies[i].name!r} and {bodies[j].name!r}, which were paired before"
+            )
+        found[i, j] = None
+    return list(found)
 
 
-def _meeting(i: int, j: int, contact: Any, bodies: Sequence[Named]) -> Meeting:
-    """How two bodies meet, with c and Δ, both fit for it."""
-    pair = (bodies[i], bodies[j])
-    called = f"bodies {pair[0].name!r} and {pair[1].name!r}"
-    if not isinstance(contact, Contact):
+def _meetings(
+    first: np.ndarray, second: np.ndarray, ways: Sequence[Any], how: np.ndarray, bodies: Sequence[Named]
+) -> Meetings:
+    """Find c and Δ of each pair, and refuse bodies that are not fit to meet."""
+    used = np.unique(how)
+    for way in used:
+        if not isinstance(ways[way], Contact):
+            pair = int(np.argmax(how == way))
+            raise ValueError(
+                f"{_called(first[pair], second[pair], bodies)} cannot collide by the scene's "
+                f"{type(ways[way]).__name__}; give collisions a Contact, or say collisions=None"
+            )
+    contacts = tuple(ways[way] for way in used)
+    how = np.searchsorted(used, how)
+
+    def given(name: str) -> np.ndarray:
+        """Return what contacts say for each pair, not a number where they say nothing."""
+        return np.array([getattr(contact, name) for contact in contacts], float)[how]
+
+    def of_both(values: list[float]) -> tuple[np.ndarray, np.ndarray]:
+        return np.array(values)[first], np.array(values)[second]
+
+    reach = given("reach")
+    derived = REACH * np.minimum(*of_both([named.body.swept for named in bodies]))
+    reach = np.where(np.isnan(reach), derived, reach)
+    farthest = np.zeros(len(bodies))
+    for of in (first, second):
+        np.maximum.at(farthest, of, reach)
+    for named, most in zip(bodies, farthest.tolist(), strict=True):
+        if most > 0:
+            check_shape(named.name, named.body, most)
+    stiff = [float(of.body.stiffness.max(initial=0.0)) or np.inf for of in bodies]
+    softer = np.minimum(*of_both(stiff))
+    inverse = np.add(*of_both([1 / of.body.mass if of.moves else 0.0 for of in bodies]))
+    strength = given("strength")
+    mass = np.divide(1.0, inverse, out=np.zeros(len(inverse)), where=inverse > 0)
+    derived = derived_strength(np.where(np.isinf(softer), 0.0, softer), mass, reach)
+    strength = np.where(np.isnan(strength), derived, strength)
+    wrong = ~((reach > 0) & (strength > 0))
+    if wrong.any():
+        pair = int(np.argmax(wrong))
         raise ValueError(
-            f"{called} cannot collide by the scene's {type(contact).__name__}; give collisions a Contact, or "
-            "say collisions=None"
+            f"{_called(first[pair], second[pair], bodies)} have no size or no springs to derive their "
+            "contact from; give the contact of the pair a strength and a reach"
         )
-    reach, strength = contact.reach, contact.strength
-    if reach is None:
-        reach = REACH * min(named.body.swept for named in pair)
-    if reach > 0:
-        for named in pair:
-            check_shape(named.name, named.body, reach)
-    if strength is None:
-        stiff = [float(of.body.stiffness.max()) for of in pair if len(of.body.springs)]
-        inverse = sum(1 / of.body.mass for of in pair if of.moves)
-        strength = derived_strength(min(stiff, default=0.0), 1 / inverse if inverse else 0.0, reach)
-    if not (reach > 0 and strength > 0):
-        raise ValueError(
-            f"{called} have no size or no springs to derive their contact from; give the contact of the pair "
-            "a strength and a reach"
-        )
-    return Meeting(i, j, contact, strength, reach)
+    return Meetings(first, second, contacts, how, strength, reach)
+
+
+def _called(first: Any, second: Any, bodies: Sequence[Named]) -> str:
+    return f"bodies {bodies[first].name!r} and {bodies[second].name!r}"

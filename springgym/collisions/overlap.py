@@ -1,112 +1,197 @@
-"""Whether bodies start in each other: no vertex inside, no edge through a face, none nearer than 1e-3 Δ."""
+"""Whether bodies start in each other: no vertex inside, no edge through a face, none nearer than 1e-3 Δ.
+
+Boxes around the bodies are sorted by where they begin along an axis: only those that begin before another
+ends can overlap it (sweep and prune: Cohen et al. 1995, doi:10.1145/199404.199437). Bodies whose boxes
+overlap are compared feature by feature.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.bodies import surface
 from springgym.collisions import distance
+from springgym.collisions.meeting import Meetings
 from springgym.collisions.shape import Shape
 from springgym.surfaces import NEAREST
 
 CHUNK = 100_000
 """Pairs of features looked at in one go: some 50 MB of numbers."""
 
+BOXES = 1_000_000
+"""Pairs of boxes looked at in one go: some 100 MB of numbers."""
+
+ROUNDING = 1.001
+"""Boxes are grown a little more than must be: rounding decides nothing."""
+
+
+class Found(NamedTuple):
+    """Distances of features of one kind from the other body."""
+
+    own: int
+    """0 if they are the first body's, 1 if the second's"""
+    members: np.ndarray
+    """(F, 1) or (F, 2) their particles"""
+    apart: np.ndarray
+    """(k, F) [m], less the radii"""
+    through: bool = False
+    """whether it says only how deep edges are through faces"""
+
 
 def check_apart(
-    shapes: tuple[Shape, Shape],
-    names: tuple[str, str],
-    reach: float,
-    positions: tuple[np.ndarray, np.ndarray],
+    shapes: Sequence[Shape],
+    names: Sequence[str],
+    starts: np.ndarray,
+    met: Meetings,
+    positions: np.ndarray,
     copies: Any = None,
 ) -> None:
     """Refuse bodies that start in each other, or too near.
 
     Parameters
     ----------
-    shapes, names
-        Of both bodies.
-    reach
-        Δ of their contact [m].
+    shapes, names : (bodies,)
+        Of all bodies; a shape may be shared.
+    starts : (bodies + 1,)
+        Where each body's particles begin among all, and the end.
+    met
+        The pairs that must be apart.
     positions : (N, 3) or (k, N, 3)
-        Of each body's particles [m].
+        Of all particles [m].
     copies : (k,), optional
         What the copies are called.
 
     Raises
     ------
     ValueError
-        Naming the bodies, the copy if there are several, how deep they are in each other, and where.
+        Naming the first pair of bodies that is wrong, the copy if there are several, how deep they are in
+        each other, and where.
     """
-    first, second = (x.reshape(-1, *x.shape[-2:]) for x in positions)
-    least = NEAREST * reach
-    margin = least + shapes[0].radius + shapes[1].radius
-    low = np.maximum(first.min(axis=1), second.min(axis=1))
-    high = np.minimum(first.max(axis=1), second.max(axis=1))
-    near = np.flatnonzero((low <= high + margin).all(axis=1))
-    rows = max(1, CHUNK // (_features(shapes[0]) * _features(shapes[1])))
-    for start in range(0, len(near), rows):
-        some = near[start : start + rows]
-        kinds = list(_distances(shapes, names, first[some], second[some]))
-        nearest = np.stack([apart.min(axis=1) for _, apart in kinds])
-        wrong = np.flatnonzero(~(nearest.min(axis=0) >= least))
-        if len(wrong):
-            row = int(wrong[0])
-            each = nearest[:, row]  # of an edge through a face, no more than that is known: it comes last
-            kind = each[:-1].argmin() if each[:-1].min() < 0 else each.argmin()
-            called, apart = kinds[int(kind)]
-            d, copy = float(apart[row].min()), some[row]
-            of = f" in copy {copies[copy]}" if positions[0].ndim == 3 and copies is not None else ""
-            where = f"{-d:g} m deep in each other" if d < 0 else f"only {abs(d):g} m apart"
-            raise ValueError(
-                f"bodies {names[0]!r} and {names[1]!r} start {where}{of}, by "
-                f"{called[int(apart[row].argmin())]}; they must be at least {least:g} m apart, and are "
-                f"free of each other from {reach:g} m. Move one, or say collisions=None to let bodies pass "
-                "through each other"
-            )
+    if not len(met):
+        return
+    x = positions.reshape(-1, *positions.shape[-2:])
+    reaches = np.zeros(len(shapes))
+    for of in (met.first, met.second):
+        np.maximum.at(reaches, of, met.reach)
+    wide = (ROUNDING * (np.array([shape.radius for shape in shapes]) + 0.5 * NEAREST * reaches))[:, None]
+    low = np.minimum.reduceat(x, starts[:-1], axis=1) - wide
+    high = np.maximum.reduceat(x, starts[:-1], axis=1) + wide
+    copy, first, second = overlapping(low, high)
+    pair = met.numbers(first, second)
+    rows = np.flatnonzero(pair >= 0)
+    rows = rows[np.lexsort((copy[rows], pair[rows]))]
+    copy, first, second, pair = copy[rows], first[rows], second[rows], pair[rows]
+    each = {id(shape): n for n, shape in enumerate(shapes)}
+    kind = np.array([each[id(shape)] for shape in shapes])
+    kinds = kind[first] * len(shapes) + kind[second]
+    wrong = len(pair)
+    for one in np.unique(kinds):
+        alike = np.flatnonzero(kinds == one)
+        both = (shapes[first[alike[0]]], shapes[second[alike[0]]])
+        chunk = max(1, CHUNK // (_features(both[0]) * _features(both[1])))
+        for start in range(0, len(alike), chunk):
+            some = alike[start : start + chunk]
+            pairs = [_of_bodies(x, copy[some], starts, of[some]) for of in (first, second)]
+            nearest = np.min([found.apart.min(axis=1) for found in _distances(both, *pairs)], axis=0)
+            late = ~(nearest >= NEAREST * met.reach[pair[some]])
+            wrong = min(wrong, int(some[late].min(initial=wrong)))
+    if wrong < len(pair):
+        row = slice(wrong, wrong + 1)
+        bodies = (int(first[wrong]), int(second[wrong]))
+        where = f" in copy {copies[copy[wrong]]}" if positions.ndim == 3 and copies is not None else ""
+        found = _distances(
+            (shapes[bodies[0]], shapes[bodies[1]]),
+            *(_of_bodies(x, copy[row], starts, np.array([body])) for body in bodies),
+        )
+        _refuse(list(found), (names[bodies[0]], names[bodies[1]]), float(met.reach[pair[wrong]]), where)
+
+
+def overlapping(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find which boxes (k, bodies, 3) overlap: their copies, and their bodies, the smaller number first."""
+    swept = min((_begun(low[..., axis], high[..., axis]) for axis in range(3)), key=lambda of: of[2].sum())
+    ordered, place, count = swept
+    bodies, begins, ends = low.shape[1], low.reshape(-1, 3), high.reshape(-1, 3)
+    all_before = np.cumsum(count)
+    ends_of_chunks = np.searchsorted(all_before, np.arange(BOXES, all_before[-1], BOXES))
+    found = []
+    for start, behind in pairwise([0, *np.unique(ends_of_chunks).tolist(), len(count)]):
+        several = count[start:behind]
+        one = np.repeat(np.arange(start, behind), several)
+        turn = np.arange(len(one)) - np.repeat(np.cumsum(several) - several, several)
+        other = ordered[place[one] + 1 + turn]
+        meet = ((begins[one] <= ends[other]) & (begins[other] <= ends[one])).all(axis=1)
+        found.append(np.sort([one[meet], other[meet]], axis=0))
+    one, other = np.concatenate(found, axis=1)
+    return one // bodies, one % bodies, other % bodies
+
+
+def _begun(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Order intervals (k, bodies) of each copy by where they begin.
+
+    The intervals in this order, numbered through all copies; the place of each; and how many of the next ones
+    begin before it ends.
+    """
+    count = low.size
+    copy = np.repeat(np.arange(len(low)), low.shape[1])
+    ends = np.arange(2 * count) >= count
+    order = np.lexsort((ends, np.concatenate([low.ravel(), high.ravel()]), np.tile(copy, 2)))
+    begun = np.empty(2 * count, int)
+    begun[order] = np.cumsum(~ends[order])
+    place = begun[:count] - 1
+    ordered = np.empty(count, int)
+    ordered[place] = np.arange(count)
+    return ordered, place, begun[count:] - begun[:count]
+
+
+def _of_bodies(x: np.ndarray, copy: np.ndarray, starts: np.ndarray, bodies: np.ndarray) -> np.ndarray:
+    """Return the particles (k, N, 3) of bodies (k,) of equal shapes in copies (k,)."""
+    count = starts[bodies[0] + 1] - starts[bodies[0]]
+    return x[copy[:, None], starts[bodies][:, None] + np.arange(count)]
+
+
+def _refuse(found: list[Found], names: tuple[str, str], reach: float, of: str) -> None:
+    """Raise an error that says where two bodies are in each other, or too near."""
+    others = [each for each in found if not each.through]
+    deep = min(float(each.apart.min()) for each in others) < 0
+    kind = min(others if deep else found, key=lambda each: float(each.apart.min()))
+    d, feature = float(kind.apart.min()), kind.members[int(kind.apart[0].argmin())].tolist()
+    where = f"{-d:g} m deep in each other" if d < 0 else f"only {abs(d):g} m apart"
+    what = "particle" if len(feature) == 1 else "the edge"
+    raise ValueError(
+        f"bodies {names[0]!r} and {names[1]!r} start {where}{of}, by "
+        f"{what} {'–'.join(map(str, feature))} of {names[kind.own]!r}; "
+        f"they must be at least {NEAREST * reach:g} m apart, and are free of each other from {reach:g} m. "
+        "Move one, or say collisions=None to let bodies pass through each other"
+    )
 
 
 def _features(shape: Shape) -> int:
-    return len(shape.vertices) + len(shape.triangles) + len(_lines(shape))
+    return len(shape.vertices) + len(shape.triangles) + len(shape.lines)
 
 
-def _lines(shape: Shape) -> np.ndarray:
-    """All edges (E, 2): of a closed surface the flat ones, too."""
-    return surface.all_edges(shape.triangles) if len(shape.triangles) else shape.edges
-
-
-def _distances(
-    shapes: tuple[Shape, Shape], names: tuple[str, str], first: np.ndarray, second: np.ndarray
-) -> Iterator[tuple[list[str], np.ndarray]]:
-    """What features are called, and their distances (k, F) from the other body [m], less the radii."""
+def _distances(shapes: tuple[Shape, Shape], first: np.ndarray, second: np.ndarray) -> Iterator[Found]:
+    """Find how far features are from the other body."""
     radius = shapes[0].radius + shapes[1].radius
     positions = (first, second)
-    called: list[str] = []
-    pierced: list[np.ndarray] = [np.full((len(first), 1), np.inf)]
     for own, other in ((0, 1), (1, 0)):
         mine, theirs, x, y = shapes[own], shapes[other], positions[own], positions[other]
-        points = x[:, mine.vertices]
-        particles = [f"particle {n} of {names[own]!r}" for n in mine.vertices.tolist()]
+        points, particles = x[:, mine.vertices], mine.vertices[:, None]
         if len(theirs.triangles):
-            faces, lines = y[:, theirs.triangles], _lines(mine)
-            yield particles, distance.point_surface(points, faces) - radius
-            called += _called(lines, names[own])
-            depth = distance.pierced(x[:, lines], faces).max(axis=2)
-            pierced.append(np.where(depth > 0, -depth - radius, np.inf))
+            faces = y[:, theirs.triangles]
+            yield Found(own, particles, distance.point_surface(points, faces) - radius)
+            if len(mine.lines):
+                depth = distance.pierced(x[:, mine.lines], faces).max(axis=2)
+                yield Found(own, mine.lines, np.where(depth > 0, -depth - radius, np.inf), through=True)
         elif len(theirs.edges):
-            yield particles, distance.point_segment(points, y[:, theirs.edges]).min(axis=2) - radius
+            apart = distance.point_segment(points, y[:, theirs.edges]).min(axis=2)
+            yield Found(own, particles, apart - radius)
         elif not len(mine.triangles) and not len(mine.edges):
             apart = np.linalg.norm(points[:, :, None] - y[:, None, theirs.vertices], axis=-1)
-            yield particles, apart.min(axis=2) - radius
-    lines, others = _lines(shapes[0]), _lines(shapes[1])
+            yield Found(own, particles, apart.min(axis=2) - radius)
+    lines, others = shapes[0].lines, shapes[1].lines
     if len(lines) and len(others):
         between = distance.segment_segment(first[:, lines], second[:, others]).min(axis=2)
-        yield _called(lines, names[0]), between - radius
-    yield ["", *called], np.concatenate(pierced, axis=1)
-
-
-def _called(lines: np.ndarray, name: str) -> list[str]:
-    return [f"the edge {i}–{j} of {name!r}" for i, j in lines.tolist()]
+        yield Found(0, lines, between - radius)

@@ -24,14 +24,17 @@ class Shape(NamedTuple):
     """(E, 2) its sharp edges, or the rods of a body without faces: its springs"""
     radius: float
     """[m] of balls around the vertices and of rods; 0 for a closed surface"""
+    lines: np.ndarray
+    """(L, 2) all edges: of a closed surface the flat ones, too"""
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=1024)
 def shape(body: Body) -> Shape:
     """What of a body others meet; see `check_shape` for whether they can."""
     if len(body.triangles):
-        return Shape(np.unique(body.triangles), body.triangles, body.edges, 0.0)
-    return Shape(np.arange(len(body.masses)), body.triangles, body.springs, body.radius)
+        lines = surface.all_edges(body.triangles)
+        return Shape(np.unique(body.triangles), body.triangles, body.edges, 0.0, lines)
+    return Shape(np.arange(len(body.masses)), body.triangles, body.springs, body.radius, body.springs)
 
 
 def check_shape(name: str, body: Body, reach: float) -> None:
@@ -57,9 +60,9 @@ def _unfit(body: Body, reach: float) -> str | None:
             return "it has neither triangles nor a radius, so that there is nothing to meet"
     elif not body.closed:
         return "its triangles do not enclose it, and an open sheet has no inside to be kept out of"
-    elif not surface.faces_out(body.positions, body.triangles):
+    elif not _faces_out(body):
         return "its triangles enclose nothing, cut each other, or their normals point inwards"
-    lines = surface.all_edges(given.triangles) if len(given.triangles) else given.edges
+    lines = given.lines
     if len(lines):
         ends = body.positions[lines]
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -75,3 +78,8 @@ def _unfit(body: Body, reach: float) -> str | None:
             f"{THIN} times the reach of the contact"
         )
     return None
+
+
+@lru_cache(maxsize=1024)
+def _faces_out(body: Body) -> bool:
+    return surface.faces_out(body.positions, body.triangles)

@@ -257,10 +257,11 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
 
     ## Information
     `error` e [m], `tilt` of the plate [rad], `gap` between ball and plate's plane [m], `energy` and
-    `energy_drift` [J], `strain`. Four entries describe the pairs of bodies. `pairs_touching` counts those
+    `energy_drift` [J], `strain`. Five entries describe the pairs of bodies. `pairs_touching` counts those
     that touch now. Since the start of the episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap`
-    their least gap [m], at most the reach of their contact, and `pairs_missed` counts contacts that were
-    found too late.
+    their least gap [m], at most the reach of their contact, `pairs_missed` counts contacts that were
+    found too late,
+    and `too_fast` those that the step does not compute well.
 
     ## Arguments
     - `observation`: see above.

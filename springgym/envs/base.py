@@ -156,11 +156,12 @@ class _Common(Stateful):
         if self.chosen is not None:
             always["error_bound"] = np.full(episodes.copies, SAFETY * self.chosen.error)[copies]
         if task.scene.meetings:
-            met, reach = episodes.simulator.pairs(), [meeting.reach for meeting in task.scene.meetings]
+            met, reach = episodes.simulator.pairs(), task.scene.meetings.reach
             always["pairs_touching"] = met.touching[copies].sum(axis=-1, dtype=float)
             always["pairs_impulse"] = met.impulse[copies].sum(axis=-1)
             always["pairs_least_gap"] = np.minimum(met.least_gap[copies], reach).min(axis=-1)
             always["pairs_missed"] = met.misses[copies].sum(axis=-1)
+            always["too_fast"] = met.too_fast[copies].sum(axis=-1)
         if episodes.ranges:
             drawn = episodes.factors[copies]
             always["randomization"] = {name: drawn[..., n] for n, name in enumerate(episodes.ranges)}

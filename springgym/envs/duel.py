@@ -399,10 +399,11 @@ class SpringDuelEnv(SpringEnv, gym.Env):
     the own one is not, for the last 1 steps: the duel is won.
 
     ## Information
-    `tilt` θ [rad], `away` a [m], `other_away` b [m], `energy` and `energy_drift` [J], `strain`. Four entries
+    `tilt` θ [rad], `away` a [m], `other_away` b [m], `energy` and `energy_drift` [J], `strain`. Five entries
     describe the pairs of bodies. `pairs_touching` counts those that touch now. Since the start of the
     episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m], at most the reach
-    of their contact, and `pairs_missed` counts contacts that were found too late.
+    of their contact, `pairs_missed` counts contacts that were found too late,
+    and `too_fast` those that the step does not compute well.
 
     ## Arguments
     - `observation`: see above.

@@ -72,6 +72,8 @@ class Part(NamedTuple):
     held: np.ndarray
     elapsed: np.ndarray
     diverged: np.ndarray
+    unresolved: np.ndarray
+    """`springgym.simulator.Simulator.unresolved`"""
 
 
 STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
@@ -376,7 +378,8 @@ class Episodes:
             self._move(*own[:2], self.goal[share])
         self._evaluate(*own[:2], own.outcome)
         terms, wins, limit = self.rewarded, self.task.wins, self.max_episode_steps
-        self._finish(own.rows, own.out, terms, wins, own.held, own.elapsed, limit, own.diverged, result)
+        ends = (own.held, own.elapsed, limit, own.diverged, own.unresolved)
+        self._finish(own.rows, own.out, terms, wins, *ends, result)
         if self._remember is not None:
             self._remember(*own[:2], self.memory[share])
         if seen is not None:
@@ -434,6 +437,7 @@ class Episodes:
             self.held[copies],
             self.elapsed[copies],
             self.diverged[copies],
+            self.simulator.unresolved[copies],
         )
 
     def _seen_in(self, copies: np.ndarray | slice) -> tuple[Measures, Situation]:
@@ -676,9 +680,11 @@ def finish(
     elapsed: np.ndarray,
     limit: int,
     diverged: np.ndarray,
+    unresolved: np.ndarray,
     result: Step,
 ) -> None:
-    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0.
+    """Sum rewards, count steps, end episodes; a copy that has diverged ends with reward 0, and so does one
+    where bodies met in a way that a step cannot resolve, which counts as diverged.
 
     The terms of the reward are the first ``terms`` columns; if `SPARSE`, it is whether the aim is met. Who
     fails has not met it, unless the episode ``wins`` by its end.
@@ -688,7 +694,8 @@ def finish(
         total = 0.0
         for n in range(rows.shape[1]):
             total += rows[c, n]
-        diverged[c] = not (math.isfinite(total) and rows[c, measures.STRAIN] <= STRAIN_LIMIT)
+        sound = math.isfinite(total) and rows[c, measures.STRAIN] <= STRAIN_LIMIT
+        diverged[c] = unresolved[c] or not sound
         if diverged[c]:
             out[c, :] = 0.0
             out[c, failed] = 1.0

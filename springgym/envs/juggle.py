@@ -301,10 +301,11 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     for the moments of a hit, |e| < 0.08 m for the last 100 steps.
 
     ## Information
-    `error` e [m], `aside` r [m], `tilt` of the paddle [rad], `energy` and `energy_drift` [J], `strain`. Four
+    `error` e [m], `aside` r [m], `tilt` of the paddle [rad], `energy` and `energy_drift` [J], `strain`. Five
     entries describe the pairs of bodies. `pairs_touching` counts those that touch now. Since the start of the
     episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m], at most the reach
-    of their contact, and `pairs_missed` counts contacts that were found too late.
+    of their contact, `pairs_missed` counts contacts that were found too late,
+    and `too_fast` those that the step does not compute well.
 
     ## Arguments
     - `observation`: see above.

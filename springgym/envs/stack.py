@@ -278,10 +278,11 @@ class SpringStackEnv(SpringEnv, gym.Env):
     the block alone, none of it on the shelf.
 
     ## Information
-    `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`. Four entries
+    `error` e [m], `heading` φ [rad], `speed` [m/s], `energy` and `energy_drift` [J], `strain`. Five entries
     describe the pairs of bodies. `pairs_touching` counts those that touch now. Since the start of the
     episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m], at most the reach
-    of their contact, and `pairs_missed` counts contacts that were found too late.
+    of their contact, `pairs_missed` counts contacts that were found too late,
+    and `too_fast` those that the step does not compute well.
 
     ## Arguments
     - `observation`: see above.

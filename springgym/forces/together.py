@@ -43,9 +43,19 @@ from springgym.forces.node import (
 )
 from springgym.forces.pairs import terms as told
 from springgym.forces.pairs.friction import SWEEPS, TURNS, rub
-from springgym.forces.pairs.impulses import account, account_start, prepare, sweep, taper
+from springgym.forces.pairs.impulses import account, account_start, lift_apart, prepare, sweep, taper
 from springgym.forces.pairs.search import find
-from springgym.forces.pairs.terms import ENERGY, ENTRIES, IMPULSE, Room
+from springgym.forces.pairs.terms import (
+    ENERGY,
+    ENTRIES,
+    IMPULSE,
+    MET,
+    TOUCHING,
+    Room,
+    entry_of,
+    note,
+    set_entry,
+)
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -54,6 +64,9 @@ if TYPE_CHECKING:
 
 START = -1
 """As a number of steps: none, but it is told which bodies of fresh copies touch."""
+
+LOOK = -2
+"""As a number of steps: none, but the node where the state was read is made anew, to look at its contacts."""
 
 
 class Bodies(NamedTuple):
@@ -84,6 +97,8 @@ class Bodies(NamedTuple):
     """what surfaces give: see `springgym.forces.node.Given`"""
     rub: Ragged
     force: Ragged
+    shift: Ragged
+    """how far off others a particle is shown where a node is read [m]"""
     stirred: np.ndarray
     """(bodies,) whether anything of a body is busy"""
     room: Room
@@ -357,11 +372,11 @@ def leave(
                 held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
                 touched = touched + dot(total, total)
                 swing = swing + mass * swing_of(acceleration, terms.gravity)
-                more, lift = held_at(row(x, i), start, after, span, terms, terms.surfaces)
+                more, lift = held_at(place, row(own.shift, i), start, after, span, terms, terms.surfaces)
                 held = held + more
                 if any_lane(dot(lift, lift) > 0.0):
                     raised = True
-                place = row(x, i) + lift
+                place = place + lift
         if last:
             set_row(x, i, place)
             set_row(memory.arrived, i, start)
@@ -389,27 +404,41 @@ def leave(
 @compiled
 def held_at(
     place: Vector,
+    shift: Vector,
     start: Vector,
     after: Vector,
     span: Any,
     terms: Terms,
     surfaces: Surfaces | None,
 ) -> Any:
-    """What surfaces' barriers hold around a node beside what they hold where it is read, and its lift."""
-    energy, lift = 0.0 * place[0], 0.0 * place
+    """What surfaces' barriers hold around a node beside what they hold where it is read, and its lift.
+
+    That is what it is lifted off surfaces by, beside the ``shift`` [m] off other bodies.
+    """
+    energy, lift = 0.0 * place[0], shift
     if surfaces is not None:
         begin = plus_scaled(place, -1.0 * span.lead, start)
         finish = plus_scaled(place, span.out, after)
-        lift = lifted(place, begin, finish, terms)
+        lift = shift + lifted(place + shift, begin, finish, terms)
         energy = 0.5 * (energy_at(begin, surfaces) + energy_at(finish, surfaces))
         energy = energy - energy_at(place + lift, surfaces)
     return energy, lift
 
 
 @compiled
+def shift_shown(span: Any, contacts: Number, pairs: Any, work: Any) -> None:
+    """Find how far off others particles are shown at a node."""
+    shift = work.shift.values
+    for i in range(shift.shape[0]):
+        set_row(shift, i, vec(0.0, 0.0, 0.0))
+    lift_apart(shift, work.velocity.values, span, contacts, pairs, work.room)
+
+
+@compiled
 def enter(span: Any, ledger: Ledger, pairs: Any, room: Any) -> None:
     """Enter what pairs lost, half for each body; of the half node of a fresh copy, all that it lost."""
-    for p in range(pairs.first.size):
+    for n in range(room.length[MET]):
+        p = room.met[n]
         rubbed = load(room.spent, (p, 1))
         lost = select(span.lead > 0.0, load(room.spent, (p, 0)), load(room.spent, (p, 2)) - rubbed)
         for side in range(2):
@@ -419,10 +448,12 @@ def enter(span: Any, ledger: Ledger, pairs: Any, room: Any) -> None:
 
 
 @compiled
-def hold(pairs: Any, tally: Numbers, memory: Any, share: Number) -> None:
+def hold(meets: Any, memory: Any, share: Number) -> None:
     """Let each body of a pair hold a share, half, of the energy in its barriers."""
-    for p in range(pairs.first.size):
-        half = share * load(tally, p * ENTRIES + ENERGY)
+    pairs = meets.pairs
+    for n in range(1, entry_of(meets.told, 0) + 1):
+        p = entry_of(meets.told, n)
+        half = share * load(meets.tally, p * ENTRIES + ENERGY)
         for side in range(2):
             marks = of_body(memory, pairs.first[p] if side == 0 else pairs.second[p]).marks
             store(marks, HELD, load(marks, HELD) + half)
@@ -432,11 +463,12 @@ def hold(pairs: Any, tally: Numbers, memory: Any, share: Number) -> None:
 def begin(phase: Number, contacts: Number, meets: Any, room: Any, memory: Any) -> None:
     """Tell of fresh copies which of their bodies touch, and let them hold what is in the barriers between."""
     fresh, none = phase < 0.5, 0.0 * phase
-    account_start(fresh, contacts, meets.pairs, room, meets.tally)
+    note(room, meets.told)
+    account_start(fresh, contacts, meets.pairs, room, meets.tally, meets.told)
     for body in range(bodies_of(memory.marks)):
         marks = of_body(memory, body).marks
         store(marks, HELD, select(fresh, none, load(marks, HELD)))
-    hold(meets.pairs, meets.tally, memory, select(fresh, 0.5 + none, 0.0))
+    hold(meets, memory, select(fresh, 0.5 + none, 0.0))
 
 
 @compiled
@@ -455,6 +487,7 @@ def pass_together(
     if not goes:
         begin(phase, contacts, meets, room, terms.memory)
         return
+    note(room, meets.told)
     if contacts > 0:
         here, met = x.values, work.met.values
         prepare(here, v.values, span, contacts, particles, meets.pairs, room, meets.tally, met)
@@ -470,16 +503,18 @@ def pass_together(
         here, velocities = of_body(x, body), of_body(v, body)
         work.stirred[body] = go_on(here, velocities, span, h, last, own, terms_of)
     touch(x, v, span, contacts, particles, work, terms)
-    account(work.velocity.values, span, contacts, meets.pairs, room, meets.tally)
+    account(work.velocity.values, span, contacts, meets.pairs, room, meets.tally, meets.told)
     if contacts > 0:
         enter(span, ledger, meets.pairs, room)
+    if last:
+        shift_shown(span, contacts, meets.pairs, work)
     for body in range(count):
         own, entries = of_body(work, body), of_body(ledger, body)
         here, velocities, terms_of = of_body(x, body), of_body(v, body), of_body(terms, body)
         if work.stirred[body]:
             leave(here, velocities, span, h, last, entries, own, terms_of)
     if last:
-        hold(meets.pairs, meets.tally, terms.memory, 0.5)
+        hold(meets, terms.memory, 0.5)
 
 
 # --- The tally ------------------------------------------------------------------------------------------
@@ -488,20 +523,33 @@ def pass_together(
 @compiled
 def resume_tally(phase: Any, meets: Any) -> None:
     """Put the tally back to what it was before the last node; that of fresh copies stays."""
-    for n in range(meets.pairs.first.size * ENTRIES):
-        store(meets.tally, n, select(phase < 0.5, load(meets.tally, n), load(meets.before, n)))
+    for m in range(1, entry_of(meets.told, 0) + 1):
+        first = entry_of(meets.told, m) * ENTRIES
+        for n in range(first, first + ENTRIES):
+            store(meets.tally, n, select(phase < 0.5, load(meets.tally, n), load(meets.before, n)))
 
 
 @compiled
 def remember_tally(meets: Any) -> None:
-    for n in range(meets.pairs.first.size * ENTRIES):
-        store(meets.before, n, load(meets.tally, n))
+    """Remember the tally before the last node; pairs that are apart then are told of when they meet again."""
+    kept, tally = 0, meets.tally
+    for m in range(1, entry_of(meets.told, 0) + 1):
+        p = entry_of(meets.told, m)
+        first = p * ENTRIES
+        for n in range(first, first + ENTRIES):
+            store(meets.before, n, load(tally, n))
+        touching, energy = load(tally, first + TOUCHING), load(tally, first + ENERGY)
+        if any_lane(select(energy <= 0.0, touching, 1.0 + 0.0 * touching) > 0.5):  # be it no number
+            kept += 1
+            set_entry(meets.told, kept, p)
+    set_entry(meets.told, 0, kept)
 
 
 @compiled
 def halve_tally(meets: Any) -> None:
     """Leave half of the impulses and losses that the node added."""
-    for p in range(meets.pairs.first.size):
+    for m in range(1, entry_of(meets.told, 0) + 1):
+        p = entry_of(meets.told, m)
         for entry in (IMPULSE, told.CONTACT, told.FRICTION):
             n = p * ENTRIES + entry
             store(meets.tally, n, 0.5 * (load(meets.before, n) + load(meets.tally, n)))

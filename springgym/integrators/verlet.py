@@ -148,7 +148,8 @@ def integrate_among_surfaces(
 ) -> None:
     """The same where there are surfaces: all acts at nodes, between drifts of h; see `springgym.forces.node`.
 
-    The state is read amid the last node, which the next call makes anew.
+    The state is read amid the last node, which the next call makes anew; and no other if it takes as many
+    steps as `springgym.forces.together.LOOK`.
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
     rolling = rolling_of(workspace, OWN_ARRAYS, terms.rounds)
@@ -156,8 +157,8 @@ def integrate_among_surfaces(
     memory, w = terms.memory, workspace[5]
     phase = resume(x, v, ledger, memory)
     recall(phase, space.given, memory.given)
-    among = (0, x.shape[0])
-    for n in range(steps + 1):
+    among, end = (0, x.shape[0]), max(steps, 0)
+    for n in range(end + 1):
         set_forces(x, a, direction, terms)
         actuate(x, b, terms)
         divide_and_kick(a, v, w, span_of(phase, h).lead, terms.particles)
@@ -165,10 +166,10 @@ def integrate_among_surfaces(
             share_actions(b, phase, memory, memory.pushed, terms.drive)
         else:
             steer(memory, terms.drive)
-        if n == steps:
+        if n == end:
             remember(x, b, phase, ledger, memory, memory.pushed)
             keep_foreseen(among, space.given, memory.given)
-        among = pass_node(x, v, w, a, b, phase, h, n == steps, among, space, ledger, terms)
+        among = pass_node(x, v, w, a, b, phase, h, n == end, among, space, ledger, terms)
         phase = next_phase(phase)
 
 
@@ -179,9 +180,10 @@ def integrate_together(
     """The same where bodies collide: all of them take each step together.
 
     ``x``, ``v`` and ``ledger`` are those of all bodies; ``workspace`` is of `springgym.forces.together`. As
-    many steps as `START` are none: it is told which bodies of fresh copies touch.
+    many steps as `START` and `LOOK` are none: it is told which bodies of fresh copies touch, or the last node
+    is made anew.
     """
-    phase, goes = load(of_body(terms.memory, 0).marks, PHASE), steps != START
+    phase, goes, end = load(of_body(terms.memory, 0).marks, PHASE), steps != START, max(steps, 0)
     if goes:
         for body in range(bodies_of(x)):
             kept, own = of_body(terms.memory, body), of_body(workspace, body)
@@ -190,11 +192,11 @@ def integrate_together(
             resume(of_body(x, body), of_body(v, body), of_body(ledger, body), kept)
             recall(phase, own.space.given, kept.given)
         resume_tally(phase, terms.meets)
-    for n in range(steps + 1 if goes else 1):
+    for n in range(end + 1):
         if goes:
-            come_together(x, v, h, phase, n == 0, n == steps, ledger, workspace, terms)
-        pass_together(x, v, phase, h, n == steps, goes, ledger, workspace, terms)
-        if n < steps:
+            come_together(x, v, h, phase, n == 0, n == end, ledger, workspace, terms)
+        pass_together(x, v, phase, h, n == end, goes, ledger, workspace, terms)
+        if n < end:
             phase = next_phase(phase)
     if goes:
         halve_tally(terms.meets)

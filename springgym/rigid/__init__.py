@@ -169,7 +169,7 @@ def automatic_step(scene: Scene, method: Integrator, period: float | None = None
     longest = LONGEST_TOUCHING if scene.surfaces or scene.meetings else LONGEST
     fastest = float(np.linalg.norm(scene.velocities, axis=1).max())
     if scene.meetings and fastest > 0:
-        longest = min(longest, CLOSER * min(met.reach for met in scene.meetings) / fastest)
+        longest = min(longest, CLOSER * float(scene.meetings.reach.min()) / fastest)
     step = min(longest, TURN / rate) if rate > 0 else longest
     return step if period is None else period / math.ceil(period / step - 1e-9)
 

@@ -384,9 +384,10 @@ def record_losses(
 
 
 @compiled
-def shown_at(node: Node, end: State, solid: Solid, surfaces: Surfaces | None) -> Any:
-    """Where the body's point is shown: lifted off surfaces, if there are any, unless it is pinned."""
-    shown, terms = node.state.position, solid.terms
+def shown_at(node: Node, end: State, shift: Vector, solid: Solid, surfaces: Surfaces | None) -> Any:
+    """Where the body's point is shown: with the ``shift`` [m] off other bodies, and lifted off surfaces, if
+    there are any, unless it is pinned."""
+    shown, terms = node.state.position + shift, solid.terms
     if surfaces is not None:
         begun, ended = turned(solid.axes, node.begin.q), turned(solid.axes, end.q)
         for i in range(terms.particles.mass.size):
@@ -399,13 +400,13 @@ def shown_at(node: Node, end: State, solid: Solid, surfaces: Surfaces | None) ->
 
 
 @compiled
-def read_node(node: Node, end: State, given: Vector, ledger: Ledger, solid: Solid) -> Any:
+def read_node(node: Node, end: State, given: Vector, shift: Vector, ledger: Ledger, solid: Solid) -> Any:
     """The state amid a node, where it is read; half of the node's entries are left in the ledger."""
     memory, terms = solid.terms.memory, solid.terms
     halve(ledger, memory)
     record(ledger, WORK, -0.125 * product_of(node.thrown, node.thrown, solid))
     held = 0.125 * product_of(given, sum_of(given, 2.0, node.thrown), solid)
-    state, shown = node.state, shown_at(node, end, solid, terms.surfaces)
+    state, shown = node.state, shown_at(node, end, shift, solid, terms.surfaces)
     _, push = weight(state.q, 1.0, terms.gravity, solid)
     held = held + dot(push, shown - state.position)
     spin = 0.5 * (state.spin + (node.soon[1] + given[1]))

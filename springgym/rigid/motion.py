@@ -210,7 +210,7 @@ def take_among_surfaces(
         node = reach_node(begin, state, span, b, solid)
         end, near, given = pass_node(node, near, ledger, workspace, solid)
         if n == steps:
-            read = read_node(node, end, given, ledger, solid)
+            read = read_node(node, end, given, 0.0 * node.before[0], ledger, solid)
         span = span_of(1.0 + 0.0 * phase, h)
         begin, state = end, fly(end, span.out, solid.rigid, solid.asymmetry)
     return read

@@ -27,11 +27,12 @@ from springgym.forces.ledger import CONTACT, WORK, record
 from springgym.forces.memory import HELD, PHASE, halve, remember, resume, share_actions
 from springgym.forces.node import span_of
 from springgym.forces.pairs.friction import SWEEPS, rub
-from springgym.forces.pairs.impulses import account, prepare, sweep, taper
+from springgym.forces.pairs.impulses import account, lift_apart, prepare, sweep, taper
 from springgym.forces.pairs.search import find
 from springgym.forces.pairs.solids import CHANGE, GOING
-from springgym.forces.pairs.terms import Room
+from springgym.forces.pairs.terms import Room, note
 from springgym.forces.together import (
+    START,
     begin,
     enter,
     halve_tally,
@@ -93,6 +94,8 @@ class Company(NamedTuple):
     """before bodies gave each other more"""
     pairs: np.ndarray
     """what bodies gave each other"""
+    shift: np.ndarray
+    """how far off others bodies are shown where a node is read [m]; the second row of each is 0"""
     lean: np.ndarray
     """(1,) 1 where bodies may have given each other more since `lean`"""
     room: Room
@@ -351,7 +354,8 @@ def go_on(
     if last:
         for i in range(x.shape[0]):
             set_row(terms.memory.arrived, i, row(v, i))
-        read = read_node(free, end, sum_of(by_bodies, 1.0, given), ledger, solid)
+        shift = row(space.shift, 2 * body)
+        read = read_node(free, end, sum_of(by_bodies, 1.0, given), shift, ledger, solid)
         set_particles(x, v, read, solid)
     else:
         state = fly(end, span.out, solid.rigid, solid.asymmetry)
@@ -414,16 +418,21 @@ def pass_together(
         arrive(body, here, velocities, phase, span, first, last, entries, space, of_body(twins, body))
     if last:
         remember_tally(meets)
+    note(room, meets.told)
     prepare(x.values, space.before, span, contacts, particles, meets.pairs, room, meets.tally, None)
     touch(x, span, contacts, meets, particles, space, twins)
-    account(space.velocity, span, contacts, meets.pairs, room, meets.tally)
+    account(space.velocity, span, contacts, meets.pairs, room, meets.tally, meets.told)
     if contacts > 0:
         enter(span, ledger, meets.pairs, room)
+    if last:
+        for n in range(2 * count):
+            set_row(space.shift, n, vec(0.0, 0.0, 0.0))
+        lift_apart(space.shift, space.velocity, span, contacts, meets.pairs, room)
     for body in range(count):
         here, velocities, entries = of_body(x, body), of_body(v, body), of_body(ledger, body)
         go_on(body, here, velocities, span, last, entries, space, of_body(twins, body))
     if last:
-        hold(meets.pairs, meets.tally, terms.memory, 0.5)
+        hold(meets, terms.memory, 0.5)
 
 
 @compiled
@@ -431,7 +440,7 @@ def move_together(phase: Any, space: Company, h: Number, steps: int, settles: bo
     """Take all bodies through the steps together; the last node is made anew by the next call.
 
     None only makes them rigid, if it ``settles``; as many as `springgym.forces.together.START` tell which
-    bodies of fresh copies touch.
+    bodies of fresh copies touch, as many as `LOOK` make the last node anew.
     """
     x, v, ledger = phase
     if steps == 0:
@@ -440,14 +449,14 @@ def move_together(phase: Any, space: Company, h: Number, steps: int, settles: bo
                 settle(of_body(x, body), of_body(v, body), of_body(twins, body))
     else:
         memory, meets = twins[2].memory, twins[2].meets
-        fresh, goes = load(of_body(memory, 0).marks, PHASE), steps > 0
+        fresh, goes, end = load(of_body(memory, 0).marks, PHASE), steps != START, max(steps, 0)
         if goes:
             for body in range(bodies_of(x)):
                 resume(of_body(x, body), of_body(v, body), of_body(ledger, body), of_body(memory, body))
             resume_tally(fresh, meets)
-        for n in range(steps + 1 if goes else 1):
+        for n in range(end + 1):
             mark = fresh if n == 0 else 1.0 + 0.0 * fresh
-            pass_together(x, v, mark, h, n == 0, n == steps, goes, ledger, space, twins)
+            pass_together(x, v, mark, h, n == 0, n == end, goes, ledger, space, twins)
         if goes:
             halve_tally(meets)
 

@@ -443,7 +443,7 @@ def bodies(recording: Recording, figure: Figure) -> None:
         _legend(high)
     if met:
         given = _panel(figure, grid[2, 1], "impulse from body to body, so far", "", "[N·s]")
-        for n in np.flatnonzero(recording.pairs.impulse[-1] > 0):
+        for n in np.flatnonzero(recording.pairs.impulse[-1] > 0).tolist():
             given.plot(t, recording.pairs.impulse[:, n], color=OF_BODIES[met[n].first % len(OF_BODIES)])
     _energies(recording, figure, grid[-1, 1])
 

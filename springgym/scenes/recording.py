@@ -168,7 +168,9 @@ def _check_size(plan: Plan, step: float, steps: int, count: int) -> None:
             f"a step of {step:g} s makes {steps:g} of an interval of {plan.interval:g} s, and at most "
             f"{MOST_STEPS:g} are taken: {why}"
         )
-    size = count * (2 * plan.scene.positions.nbytes + 8 * SIZE * (1 + len(bodies) if len(bodies) > 1 else 1))
+    told = SIZE * (1 + len(bodies) if len(bodies) > 1 else 1)
+    told += len(PairReadings._fields) * len(plan.scene.meetings)
+    size = count * (2 * plan.scene.positions.nbytes + 8 * told)
     if size > MOST_BYTES:
         raise ValueError(
             f"{plan.duration:g} s at intervals of {plan.interval:g} s are {count:g} states of "

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from springgym.bodies import Body
+from springgym.bodies import Body, vibrations
 from springgym.checks import TINY, array, number
 from springgym.surfaces.plane import Plane
 from springgym.surfaces.round import heights
@@ -102,8 +103,8 @@ def loss_of(restitution: Any) -> np.ndarray:
     return np.asarray((1.0 - square) / (1.0 + square))
 
 
-def derived_strength(stiffness: float, mass: float, reach: float) -> float:
-    """Return c [N·m²] where none is given.
+def derived_strength(stiffness: Any, mass: Any, reach: Any) -> np.ndarray:
+    """Return c [N·m²] where none is given, for numbers or arrays of one shape.
 
     A corner of a block counts as a quarter of its mass, or less; of ½ (m/4) v² = c (Δ − h)²/(h Δ²) and
     h = Δ/10 follows c = m v² Δ/64.8. It is kept between `SOFTEST` and `STIFFEST` of k Δ³.
@@ -117,8 +118,37 @@ def derived_strength(stiffness: float, mass: float, reach: float) -> float:
     reach
         Δ [m]
     """
-    edge = stiffness * reach**3
-    return min(max(mass * IMPACT**2 * reach / 64.8, SOFTEST * edge), STIFFEST * edge)
+    each, which = np.unique(reach, return_inverse=True)
+    cubes = np.array([one**3 for one in each.tolist()])  # NumPy's power may differ from this in the last bit
+    edge = stiffness * cubes[which]
+    return np.asarray(np.clip(mass * IMPACT**2 * reach / 64.8, SOFTEST * edge, STIFFEST * edge))
+
+
+@lru_cache(maxsize=256)
+def slowest_vibration(body: Body) -> float:
+    """Return ω [rad/s] of a free body's slowest vibration; infinite of one that has none, or is floppy."""
+    if body.floppy or len(body.masses) < 2:
+        return math.inf
+    return float(vibrations(body)[0][0])
+
+
+def faithful_speed(reach: float, *bodies: Body) -> float:
+    """Return the speed [m/s] up to which bodies rebound as their restitution says, to about .02.
+
+    A body that is struck closes for as long as its slowest vibration ω takes, by some v/ω. That fits into the
+    reach Δ where v ≤ Δ ω/3; what is faster leaves energy in vibrations, whatever the strength of contact.
+    """
+    return reach * min(map(slowest_vibration, bodies)) / 3
+
+
+def restitution_at_most(speed: float, faithful: float) -> float:
+    """Estimate the restitution that is to be had at a speed, given the `faithful_speed`; both in m/s.
+
+    It is a curve through what was measured of stiff and soft cubes, face on face, to .07: 1 up to .8 of the
+    faithful speed, .75 at twice that, and half far beyond.
+    """
+    beyond = max(speed / faithful - 0.8, 0.0) / 1.3
+    return 0.5 + 0.5 / (1.0 + beyond**1.3)
 
 
 def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
@@ -133,7 +163,7 @@ def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
     if reach is None:
         reach = REACH * body.swept
     if strength is None:
-        strength = derived_strength(float(body.stiffness.max(initial=0.0)), body.mass, reach)
+        strength = float(derived_strength(float(body.stiffness.max(initial=0.0)), body.mass, reach))
     if not (reach > 0 and strength > 0):
         raise ValueError(
             f"body {body.name!r} has no size or no springs to derive the contact from; "
@@ -186,7 +216,7 @@ def _planes(surfaces: tuple[Surface, ...]) -> list[tuple[int, int, float]]:
 
 def check_heights(
     surfaces: tuple[Surface, ...],
-    reach: float,
+    reach: Any,
     positions: np.ndarray,
     free: Any,
     body: Body,
@@ -197,6 +227,8 @@ def check_heights(
 
     Parameters
     ----------
+    reach
+        Δ of the body's contact [m].
     positions : (N, 3) or (k, N, 3)
         [m]
     free : (N,)

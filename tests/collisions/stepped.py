@@ -42,6 +42,7 @@ class Stepped:
                 copies=copies,
                 dtype=dtype,
                 threads=threads,
+                unresolved="count",
                 varying=() if lean else varying,
             )
         self.step = self.simulator.step

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 from unittest import mock
 
@@ -12,6 +13,7 @@ import pytest
 from springgym.bodies import ball, cube, rope
 from springgym.core.blocks import block_array, numbers, set_all
 from springgym.forces.pairs import terms
+from springgym.forces.pairs.terms import ROWS, WATCHED
 from springgym.packing import pack_room
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
@@ -36,15 +38,15 @@ SCENE = Scene(
 class Blocks:
     """A block of copies, what it is searched in, and what was found in it."""
 
-    def __init__(self) -> None:
-        meets = Simulator(SCENE, copies=COPIES)._terms.meets
+    def __init__(self, scene: Scene = SCENE) -> None:
+        meets = Simulator(scene, copies=COPIES)._terms.meets
         assert meets is not None
-        self.pairs = meets.pairs
-        self.x, self.v = (block_array(COPIES, (len(SCENE.positions), 3), float) for _ in range(2))
+        self.scene, self.pairs = scene, meets.pairs
+        self.x, self.v = (block_array(COPIES, (len(scene.positions), 3), float) for _ in range(2))
         self.kept = self.empty()
 
     def empty(self) -> Any:
-        return pack_room(SCENE, self.pairs, self.x.dtype)
+        return pack_room(self.scene, self.pairs, self.x.dtype)
 
     def search(self, x: np.ndarray, v: np.ndarray, room: Any) -> list[Any]:
         """All contacts of each copy."""
@@ -55,7 +57,8 @@ class Blocks:
         several = {"particle": 4, "weight": 4, "toward": 1, "distance": 1, "share": 1}
         told = [numbers(room.left_out).copy(), room.pair[:rows].copy(), room.members[:rows].copy(), there]
         for name, each in several.items():
-            values = numbers(getattr(room, name))[: each * rows].reshape(rows, -1, COPIES)
+            values = numbers(getattr(room, name))[: each * rows]
+            values = values.reshape(rows, values.size // max(rows * COPIES, 1), COPIES)
             told.append(np.where(there[:, None], values, 0.0))
         return told
 
@@ -94,6 +97,32 @@ def test_nothing_is_to_be_seen_of_them(stride: float, lasting: float) -> None:
     assert min(counts) > 20
     assert not lasted[0]
     assert lasting <= np.mean(lasted[1:])
+
+
+def test_pairs_that_come_from_afar() -> None:
+    """Of bodies that fly through each other few pairs are watched: any that touches is, wherever it was."""
+    random = np.random.default_rng(2)
+    kinds = np.arange(16) % 4
+    starts = 3.5 * np.stack(np.unravel_index(np.arange(16), (4, 2, 2)), axis=1)
+    bodies = tuple(
+        Placed(SCENE.bodies[kind].body, CENTRED[kind] + place, name=f"{n}")
+        for n, (kind, place) in enumerate(zip(kinds, starts, strict=True))
+    )
+    blocks = Blocks(Scene(bodies=bodies, collisions=SCENE.collisions))
+    pairs, step = 16 * 15 // 2, 1e-3
+    speeds = random.normal(0, 5, (COPIES, 16, 3))
+    speeds[:, ::2] *= 0.1
+    v = blocks.scene.of_particles(np.moveaxis(speeds, 1, 0)).swapaxes(0, 1)
+    watched, seen, counts = [], set(), []
+    for n in range(0, 900, 3):
+        counts.append(blocks.compare(blocks.scene.positions + n * step * v, v)[0])
+        watched.append(tuple(blocks.kept.watched[: blocks.kept.length[WATCHED]].tolist()))
+        seen.update(blocks.kept.pair[: blocks.kept.length[ROWS]].tolist())
+    assert sum(counts) > 300
+    assert len(set(watched)) > 5  # they were listed anew,
+    assert np.mean([one == other for one, other in pairwise(watched)]) > 0.5  # not too often,
+    assert max(map(len, watched)) < pairs  # and never are all of them;
+    assert not seen <= set(watched[0])  # what touched was not watched at first
 
 
 @pytest.mark.parametrize("few", ["LISTED", "CANDIDATES"])

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import pickle
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
 
 from springgym.bodies import Body, box, cube, gyroscope, rope, top, union
-from springgym.collisions import Pair, distance
+from springgym.collisions import Pair, distance, overlap
 from springgym.scene import Placed, Scene
 from springgym.scenes import load
 from springgym.simulator import Simulator
 from springgym.strict_yaml import YamlError
-from springgym.surfaces import Contact, PaperContact, derived_strength
+from springgym.surfaces import Contact, PaperContact, Plane, derived_strength
 
 CUBE = cube()
 BALL = Body("ball", [[0.0, 0.0, 0.0]], 1.0, [], 1.0, 0.0, radius=0.2)
@@ -40,7 +43,7 @@ def test_defaults() -> None:
     assert met.contact.friction == 0.3
     assert met.reach == 0.01 * small.swept
     assert met.strength == derived_strength(3e4, 0.5, met.reach)  # masses of 1 kg each
-    assert beside(small, collisions=None).meetings == ()
+    assert not beside(small, collisions=None).meetings
     (met,) = beside(small, collisions=Contact(friction=0.7, reach=2e-3)).meetings
     assert (met.contact.friction, met.reach) == (0.7, 2e-3)
     (met,) = beside(small, collisions=[Pair("b", 0, Contact(strength=2.0))]).meetings
@@ -72,8 +75,8 @@ def test_which_pairs() -> None:
     assert pickle.loads(pickle.dumps(scene)).meetings[0].reach == scene.meetings[0].reach
     assert all(not part.meetings for part in scene.parts)
     assert "collisions 0–2, 1–2" in repr(scene)
-    assert scene.with_(collisions=None).meetings == ()
-    assert Scene(CUBE, collisions="all").meetings == ()
+    assert not scene.with_(collisions=None).meetings
+    assert not Scene(CUBE, collisions="all").meetings
 
 
 SHEET = Body("sheet", np.eye(3), 1.0, [(0, 1), (1, 2), (2, 0)], 1e4, 0.0, triangles=[(0, 1, 2)])
@@ -246,3 +249,84 @@ def test_scene_files_that_are_wrong(line: str, text: str, tmp_path: Path) -> Non
     file.write_text(FILE + line)
     with pytest.raises(YamlError, match=text):
         load(str(file))
+
+
+def row_of_cubes(count: int) -> tuple[Placed, ...]:
+    """Cubes a centimetre apart, each a body of its own, equal to the others."""
+    return tuple(put(cube(), (1.01 * n, 0, 0), f"{n}") for n in range(count))
+
+
+def calls(function: Callable[[], Any]) -> int:
+    """How many functions, Python's and others, are called."""
+    count = 0
+
+    def told(_frame: Any, event: str, _arg: Any) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    sys.setprofile(told)
+    try:
+        function()
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+def test_scenes_grow_with_their_bodies() -> None:
+    """Twice the bodies, of four times the pairs, take twice the work to be checked, and to start again."""
+    few, many = row_of_cubes(40), row_of_cubes(80)
+    assert calls(lambda: Scene(bodies=many)) < 2.3 * calls(lambda: Scene(bodies=few))
+    one, other = Scene(bodies=few), Scene(bodies=many)
+    assert len(other.meetings) == 80 * 79 // 2
+    again = [partial(scene.check_start, scene.positions, scene.velocities) for scene in (one, other)]
+    assert calls(again[1]) < 2.3 * calls(again[0])
+    assert calls(lambda: other.identity) < 2.3 * calls(lambda: one.identity)
+    assert other.shapes[0] is other.shapes[79]
+    assert other.kinds == (0,) * 80
+    assert "3160 pairs" in repr(other)
+
+
+@pytest.mark.parametrize("most", [1, 7, 1_000_000])
+def test_boxes_that_overlap(most: int) -> None:
+    """Those that sorting finds are those that comparing each with each finds, ties and all."""
+    random = np.random.default_rng(3)
+    low = np.round(random.uniform(0, 3, (5, 30, 3)), 1)
+    high = low + np.round(random.uniform(0, 1, low.shape), 1)
+    meet = (low[:, :, None] <= high[:, None]) & (low[:, None] <= high[:, :, None])
+    wanted = np.argwhere(meet.all(axis=-1))
+    wanted = wanted[wanted[:, 1] < wanted[:, 2]]
+    with mock.patch.object(overlap, "BOXES", most):
+        found = np.transpose(overlap.overlapping(low, high))
+    assert len(wanted) > 50
+    assert sorted(map(tuple, found.tolist())) == sorted(map(tuple, wanted.tolist()))
+
+
+def test_overlapping_starts_of_many() -> None:
+    """The first pair that is wrong is named, of which every other kind of body is looked at, too."""
+    bodies = [put(CUBE, (1.01 * n, 0, 0), f"c{n}") for n in range(20)]
+    bodies += [put(BALL, (1.01 * n, 0, 0.8), f"b{n}") for n in range(20)]
+    scene = Scene(bodies=tuple(bodies), collisions=Contact(strength=1.0, reach=0.01))
+    x = np.repeat(scene.positions[None], 2, axis=0)
+    x[1, 8 * 20 + 3, 2] -= 0.15  # a ball, into the cube below
+    with pytest.raises(ValueError, match=r"'c3' and 'b3' start 0\.05 m deep in each other in copy 6"):
+        scene.check_start(x, 0 * x, np.array([5, 6]))
+    x[:, 8 * 10 : 8 * 11, 0] += 0.02  # a cube, into the next
+    with pytest.raises(ValueError, match=r"'c3' and 'b3'"):
+        scene.check_start(x, 0 * x, np.array([5, 6]))
+    x[1] = scene.positions
+    with pytest.raises(ValueError, match=r"'c10' and 'c11' start 0.01 m deep in each other in copy 5"):
+        scene.check_start(x, 0 * x, np.array([5, 6]))
+
+
+def test_starts_of_several_are_refused_by_body() -> None:
+    """The particle and the spring that are wrong are named by the body's own numbers."""
+    ground = Plane((0, 0, -1), (0, 0, 1))
+    scene = Scene(bodies=tuple(put(CUBE, (2 * n, 0, 0), f"c{n}") for n in range(4)), surfaces=(ground,))
+    x = scene.positions.copy()
+    x[8 * 2 + 3] = x[8 * 2 + 1]
+    with pytest.raises(ValueError, match=r"body 'c2': spring \d+ starts with both ends"):
+        scene.check_start(x, 0 * x)
+    x = np.repeat(scene.positions[None], 2, axis=0)
+    x[1, 8 * 3 + 5, 2] = -1.5
+    with pytest.raises(ValueError, match=r"particle 5 of 'c3' of copy 9 starts 0.5 m behind surface 0"):
+        scene.check_start(x, 0 * x, np.array([8, 9]))

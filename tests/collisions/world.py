@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from springgym.core.blocks import at, block_array, numbers
+from springgym.core.blocks import aligned_zeros, at, block_array, numbers
 from springgym.core.compiling import compiled, kernel
-from springgym.core.lanes import load, minimum, sqrt
+from springgym.core.lanes import block_dtype, load, minimum, sqrt
 from springgym.core.vectors import TINY, dot, plus_scaled, row, row_each, set_row, set_row_each
 from springgym.forces import Particles, Terms, accelerate, drift, kick, relax
 from springgym.forces.node import Span
 from springgym.forces.pairs.friction import TURNS, rub
 from springgym.forces.pairs.impulses import account, prepare, sweep, taper
 from springgym.forces.pairs.search import find
-from springgym.forces.pairs.terms import ENTRIES, GAP, Pairs
+from springgym.forces.pairs.terms import ENTRIES, GAP, Pairs, note
 from springgym.forces.springs import Dampers, Decay, Springs, decay
 from springgym.packing import Options, pack_pairs, pack_room
 from springgym.scene import Scene
@@ -62,6 +62,7 @@ def one_step(
     room: Any,
     met: Any,
     tally: Any,
+    told: Any,
     lacks: Any,
 ) -> None:
     particles = terms.particles
@@ -84,7 +85,8 @@ def one_step(
     else:
         for turn in range(TURNS):
             rub(w, v, turn, count, particles, pairs, pairs.friction, room, tally)
-    account(v, span, count, pairs, room, tally)
+    note(room, told)
+    account(v, span, count, pairs, room, tally, told)
     drift(x, v, 0.5 * h)
 
 
@@ -102,12 +104,13 @@ def advance(
     room: Any,
     met: Any,
     tally: Any,
+    told: Any,
     lacks: Any,
 ) -> None:
     for block in range(x.shape[0]):
         for _ in range(steps):
-            own = at(tally, block)
-            one_step(at(x, block), at(v, block), w, a, direction, h, terms, pairs, room, met, own, lacks)
+            own = (at(tally, block), at(told, block))
+            one_step(at(x, block), at(v, block), w, a, direction, h, terms, pairs, room, met, *own, lacks)
 
 
 class World:
@@ -154,6 +157,7 @@ class World:
         self._room = pack_room(scene, self.pairs, self._x.dtype)
         self._tally = block_array(copies, (len(self.pairs.first) * ENTRIES,), dtype)
         numbers(self._tally)[:, GAP::ENTRIES] = np.inf
+        self._told = aligned_zeros((len(self._tally), 1 + len(self.pairs.first)), block_dtype(np.int64, 1))
 
     def place(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         """Positions and velocities (N, 3) of all copies, or (copies, N, 3)."""
@@ -177,6 +181,7 @@ class World:
             self._room,
             self._met,
             self._tally,
+            self._told,
             lacks,
         )
 

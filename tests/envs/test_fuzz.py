@@ -117,8 +117,8 @@ def nan(own: Any, self: Any, *args: Any, **kwargs: Any) -> Any:
     return result, seen
 
 
-def forgetful(own: Any, self: Any, state: Any) -> None:
-    own(self, state)
+def forgetful(own: Any, self: Any, state: Any, copies: Any = None) -> None:
+    own(self, state, copies)
     self.elapsed += 1
 
 

@@ -297,7 +297,7 @@ def test_after_a_call_that_broke_off_a_reset_is_asked_for(
 def test_a_reward_that_raises_leaves_no_step_half_counted() -> None:
     wrong: list[str] = []
 
-    def reward(m: Any, x: Any, v: Any, action: Any) -> Any:
+    def reward(m: Any, s: Any) -> Any:
         if wrong:
             raise RuntimeError(wrong.pop())
         return m.centre[:, 2]

@@ -19,6 +19,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from springgym.contact.law import barrier_energy, meet
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
@@ -53,11 +55,14 @@ from springgym.forces.pairs.terms import (
     ENTRIES,
     FAR,
     FAST,
+    FASTEST,
     GAP,
     IMPULSE,
+    MET,
     MISSES,
     OVERFLOW,
     TOUCHING,
+    entry_of,
     spend,
     tell,
 )
@@ -68,10 +73,14 @@ if TYPE_CHECKING:
 
 
 LOW = 0.02
-"""What begins a step nearer than this share of Δ was missed before. It is taken as this near."""
+"""What begins a step nearer than this share of Δ was missed before. It is taken as this near: what sweeps
+leave over brings contacts nearer than they were solved for, and their energy has no bound."""
 
 QUICK = 0.2
 """Share of Δ that a contact may move by in a step, to be computed well."""
+
+LIFTS = 8
+"""Turns in which contacts are lifted, one after another, where a node is read."""
 
 
 @compiled
@@ -91,14 +100,15 @@ def prepare(
 
     ``w`` are velocities of particles, or what `springgym.forces.pairs.solids.Solids` says of rigid bodies.
     """
-    for p in range(pairs.first.size):
-        set_row(room.spent, p, vec(0.0, 0.0, 0.0))
+    for n in range(room.length[MET]):
+        set_row(room.spent, room.met[n], vec(0.0, 0.0, 0.0))
     for k in range(count):
         store(room.inverse, k, weigh(x, k, particles, pairs, room, met, room.solids))
         u = speed(w, k, pairs, room, room.solids)
         store(room.before, k, u)
         store(room.push, k, 0.0)
         set_row(room.rub, k, vec(0.0, 0.0, 0.0))
+        set_row(room.slide, k, vec(0.0, 0.0, 0.0))
         p = room.pair[k]
         missed = load(room.distance, k) - span.lead * u < LOW * pairs.reach[p]
         tell(tally, p, MISSES, select(missed, 1.0 + 0.0 * u, 0.0))
@@ -210,6 +220,51 @@ def ends(v: Rows, span: Any, k: Number, reach: Number, pairs: Any, room: Any) ->
 
 
 @compiled
+def lift_apart(shift: Rows, v: Rows, span: Any, count: int, pairs: Any, room: Any) -> bool:
+    """Find how far to shift what is read [m], so that bodies are not shown in each other; whether at all.
+
+    A node lies amid two ways. Where these are long, a contact may be closed there that is open at both ends
+    of the step: it is shown with half of the lower of both distances, or of Δ. ``shift`` (N, 3) is 0 at
+    first; of rigid bodies it has two rows for each, of which the first is used.
+    """
+    shifted = False
+    for _ in range(LIFTS):
+        again = False
+        for k in range(count):
+            reach, inverse = pairs.reach[room.pair[k]], room.inverse
+            first, last = ends(v, span, k, reach, pairs, room)
+            here = load(room.distance, k) + speed(shift, k, pairs, room, room.solids)
+            short = 0.5 * minimum(minimum(first, last), reach) - here
+            on = select(load(inverse, k) > 0.0, short, 0.0) > 0.0
+            if any_lane(on):
+                shift_apart(shift, k, short, on, pairs, room, room.solids)
+                again = True
+        shifted = shifted or again
+        if not again:
+            break
+    return shifted
+
+
+@compiled
+def shift_apart(
+    shift: Rows, k: int, short: Number, on: Mask, pairs: Any, room: Any, solids: Solids | None
+) -> None:
+    """Shift what contact k touches by ``short`` [m] in all along its normal, in some lanes: the heavier less.
+
+    Rigid bodies are not turned.
+    """
+    n = row(room.toward, k)
+    if solids is not None:
+        a, b = pairs.first[room.pair[k]], pairs.second[room.pair[k]]
+        both = load(solids.lightness, a) + load(solids.lightness, b)
+        size = select(both > 0.0, short / (both + TINY), 0.0)
+        push_body(shift, a, size, n, 0.0 * n, on, solids)
+        push_body(shift, b, -1.0 * size, n, 0.0 * n, on, solids)
+    else:
+        push_apart(shift, k, short / (load(room.inverse, k) + TINY) * n, on, pairs, room, solids)
+
+
+@compiled
 def taper(
     x: Rows, v: Rows, span: Any, count: Any, particles: Particles, pairs: Any, room: Any, edges: Any
 ) -> None:
@@ -290,6 +345,7 @@ def push_ends(
         push, first, second = wrenches(x, k, pushes, pairs, room, solids)
         size = yielding_of(a, push, first, solids) + yielding_of(b, push, second, solids)
         q = gradient_impulse(span, mean, size)
+        set_row(room.slide, k, choose(on, q * push, 0.0 * push))
         push_body(v, a, q, push, first, on, solids)
         push_body(v, b, -1.0 * q, push, second, on, solids)
         count_change(sqrt(q * q * size * load(room.inverse, k)) / pairs.reach[p], on, solids)
@@ -301,6 +357,7 @@ def push_ends(
         mm, mn = load_each(particles.inverse_mass, m), load_each(particles.inverse_mass, n)
         size = mi * dot(g0, g0) + mj * dot(g1, g1) + mm * dot(g2, g2) + mn * dot(g3, g3)
         q = gradient_impulse(span, mean, size)
+        set_row(room.slide, k, choose(on, q * (g0 + g1), 0.0 * g0))
         give(v, i, q * mi, g0, on)
         give(v, j, q * mj, g1, on)
         give(v, m, q * mm, g2, on)
@@ -321,45 +378,50 @@ def steepness(y: Number) -> Any:
 
 
 @compiled
-def account(v: Rows, span: Any, count: Any, pairs: Any, room: Any, tally: Numbers) -> None:
+def account(v: Rows, span: Any, count: Any, pairs: Any, room: Any, tally: Numbers, told: np.ndarray) -> None:
     """Tell what the contacts did at this node."""
-    if tally is not None:
-        for p in range(pairs.first.size):
-            store(tally, p * ENTRIES + TOUCHING, 0.0)
-            store(tally, p * ENTRIES + ENERGY, 0.0)
-            tell(tally, p, OVERFLOW, load(room.left_out, p))
-        for k in range(count):
-            p = room.pair[k]
-            push, reach, d, u0 = (
-                load(room.push, k),
-                pairs.reach[p],
-                load(room.distance, k),
-                load(room.before, k),
-            )
-            first, last = ends(v, span, k, reach, pairs, room)
-            c = load(pairs.strength, p) * load(room.share, k)
-            before, after = barrier_energy(first, c, reach), barrier_energy(last, c, reach)
-            there = d < 0.5 * FAR
-            at = p * ENTRIES
-            touches = push > 0.0
-            store(tally, at + TOUCHING, select(touches, 1.0, load(tally, at + TOUCHING)))
-            gap = select(there, last, FAR)
-            store(tally, at + GAP, minimum(load(tally, at + GAP), gap))
-            tell(tally, p, IMPULSE, push)
-            tell(tally, p, ENERGY, select(there, 0.5 * (before + after), 0.0))
-            given = select(there, before - after, 0.0)
-            lost = lost_by(v, span, k, given, pairs, room, pairs.loss)
-            tell(tally, p, CONTACT, lost)
-            spend(room, p, 0, lost)
-            spend(room, p, 2, given)
-            quick = maximum(u0, -u0) * span.whole > QUICK * reach
-            tell(tally, p, FAST, select(touches, select(quick, 1.0 + 0.0 * push, 0.0), 0.0))
+    for n in range(1, entry_of(told, 0) + 1):
+        p = entry_of(told, n)
+        store(tally, p * ENTRIES + TOUCHING, 0.0)
+        store(tally, p * ENTRIES + ENERGY, 0.0)
+    for n in range(room.length[MET]):
+        p = room.met[n]
+        tell(tally, p, OVERFLOW, load(room.left_out, p))
+    for k in range(count):
+        p = room.pair[k]
+        push, reach, d, u0 = (
+            load(room.push, k),
+            pairs.reach[p],
+            load(room.distance, k),
+            load(room.before, k),
+        )
+        first, last = ends(v, span, k, reach, pairs, room)
+        c = load(pairs.strength, p) * load(room.share, k)
+        before, after = barrier_energy(first, c, reach), barrier_energy(last, c, reach)
+        there = d < 0.5 * FAR
+        at = p * ENTRIES
+        touches = push > 0.0
+        store(tally, at + TOUCHING, select(touches, 1.0, load(tally, at + TOUCHING)))
+        gap = select(there, last, FAR)
+        store(tally, at + GAP, minimum(load(tally, at + GAP), gap))
+        tell(tally, p, IMPULSE, push)
+        tell(tally, p, ENERGY, select(there, 0.5 * (before + after), 0.0))
+        given = select(there, before - after, 0.0)
+        lost = lost_by(v, span, k, given, pairs, room, pairs.loss)
+        tell(tally, p, CONTACT, lost)
+        spend(room, p, 0, lost)
+        spend(room, p, 2, given)
+        fast = select(touches, maximum(u0, -u0), 0.0)
+        store(tally, at + FASTEST, maximum(load(tally, at + FASTEST), fast))
+        quick = fast * span.whole > QUICK * reach
+        tell(tally, p, FAST, select(quick, 1.0 + 0.0 * push, 0.0))
 
 
 @compiled
-def account_start(fresh: Mask, count: Any, pairs: Any, room: Any, tally: Numbers) -> None:
+def account_start(fresh: Mask, count: Any, pairs: Any, room: Any, tally: Numbers, told: np.ndarray) -> None:
     """Tell what the contacts of ``fresh`` copies are before any step."""
-    for p in range(pairs.first.size):
+    for m in range(1, entry_of(told, 0) + 1):
+        p = entry_of(told, m)
         for entry in (TOUCHING, ENERGY):
             n = p * ENTRIES + entry
             store(tally, n, select(fresh, 0.0, load(tally, n)))

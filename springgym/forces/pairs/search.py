@@ -1,8 +1,10 @@
 """Which features of the bodies are near each other: by boxes around bodies, then between two bodies.
 
-Broad phase. Bodies whose boxes are near each other have those features listed that lie in the slab between
-both, along the line of their centres, and near the other's box; and of these, which vertices are near which
-triangles, and which edges near which: the candidates.
+Broad phase. Pairs of bodies that are not far apart are watched until a body has used up a margin of its own:
+the others cannot have come near by then. Of those that are watched, bodies whose boxes are near each other
+have those features listed that lie in the slab between both, along the line of their centres, and near the
+other's box; and of these, which vertices are near which triangles, and which edges near which: the
+candidates.
 
 Lists are kept as molecular dynamics keeps those of neighbours (Verlet 1967, doi:10.1103/PhysRev.159.98).
 They reach farther than contacts are looked for, by a margin. No two points of two bodies come nearer to each
@@ -47,13 +49,17 @@ from springgym.forces.pairs.features import (
     vertex_faces,
     vertex_rods,
 )
-from springgym.forces.pairs.terms import FAR, NONE, Near, Search
+from springgym.forces.pairs.terms import CLOSE, FAR, MET, NONE, ROWS, WATCHED, Near, Search
 
 SPARE = 1.05
-"""Contacts are looked for up to this many Δ, and farther by the way of half a step."""
+"""Contacts are looked for up to this many Δ, and farther by the way of half a step, however long that is."""
 
 FARTHEST = 4.0
-"""But not by more than so many Δ."""
+"""Way of two bodies in half a step, in Δ, up to which it need not be known how fast pairs that are not near
+each other move: a body that makes more than half of it counts as one that has moved by the rest already."""
+
+WIDEST = 1e3
+"""[m] Contacts are never looked for farther than this: what is no contact lies at `FAR`."""
 
 ROUNDING = 1.001
 """Features are listed a little farther than contacts are looked for: rounding decides nothing."""
@@ -63,6 +69,12 @@ MARGIN = 1.0
 
 LASTING = 3.0
 """so many steps."""
+
+ROOMY = 0.25
+"""Bodies are watched that come near when each moves by this share of its box's longest side,"""
+
+PATIENT = 20.0
+"""or by its way in so many steps: as long as it does not, no other pairs are looked at."""
 
 SKEW = 1e-3
 """sin² of the angle between edges beyond which it is known how far apart their lines are."""
@@ -101,24 +113,33 @@ def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> int:
     ``span`` is the time of the node, a `springgym.forces.node.Span`.
     """
     shapes, seen = pairs.shapes, Search(x, w, pairs, room)
-    measure_moved(x, shapes, room)
-    anew = not lists_hold(w, span, pairs, room)
+    measure_moved(x, w, span, pairs, room)
+    fresh = not all_far_are_far(room)
+    if fresh:
+        watch(x, w, span, pairs, room)
+    anew = not lists_hold(w, span, pairs, room) or fresh
     if anew:
-        begin_lists(x, pairs, room)
+        begin_lists(x, fresh, pairs, room)
     store(room.have, 0, 0.0)
     count = 0
-    for p in range(pairs.first.size):
+    room.length[MET] = 0
+    for n in range(room.length[CLOSE]):
+        p = room.close[n]
         store(room.left_out, p, 0.0)
-        if room.close[p]:
-            a, b = pairs.first[p], pairs.second[p]
-            near = Near(p, (a, b), span.lead, load(room.reach, p), shapes.radius[a] + shapes.radius[b])
-            brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
-            needed = anew or any_lane(load(room.nearest, p) < ROUNDING * near.reach)
-            if needed and (is_listed(VERTICES, p, room) or is_listed(EDGES, p, room)):
-                locate(p, seen, shapes.triangles, shapes.edges)
-                if anew:
-                    list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
-                count = compare(count, near, seen, shapes.triangles, shapes.edges)
+        a, b = pairs.first[p], pairs.second[p]
+        near = Near(p, (a, b), span.lead, load(room.reach, p), shapes.radius[a] + shapes.radius[b])
+        brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
+        needed = anew or any_lane(load(room.nearest, p) < ROUNDING * near.reach)
+        if needed and (is_listed(VERTICES, p, room) or is_listed(EDGES, p, room)):
+            locate(p, seen, shapes.triangles, shapes.edges)
+            if anew:
+                list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
+            before = count
+            count = compare(count, near, seen, shapes.triangles, shapes.edges)
+            if count > before or any_lane(load(room.left_out, p) > 0.0):
+                room.met[room.length[MET]] = p
+                room.length[MET] += 1
+    room.length[ROWS] = count
     return count
 
 
@@ -128,36 +149,106 @@ def is_listed(kind: int, p: int, room: Any) -> bool:
     return room.ends[p, kind, 0] < room.ends[p, kind, 2]
 
 
+# --- Pairs that are watched ---------------------------------------------------------------------------
+
+
+@compiled
+def all_far_are_far(room: Any) -> bool:
+    """Tell whether pairs that are not watched are still too far apart to be looked at."""
+    for body in range(room.margin.size):
+        gone = load(room.travelled, body) + load(room.moved, body)
+        margin = load(room.margin, body)
+        if any_lane(select(gone <= margin, 0.0, 1.0 + 0.0 * margin) > 0.5):  # be it no number
+            return False
+    return True
+
+
+@compiled
+def watch(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> None:
+    """List the pairs of bodies that may come near each other before one of them has used up its margin."""
+    shapes, count = pairs.shapes, 0
+    measure_boxes(x, shapes, room)
+    average(w, shapes, room.mean, room.turning)
+    for body in range(shapes.radius.size):
+        sides, mean = row(room.high, body) - row(room.low, body), row(room.mean, body)
+        longest = maximum(maximum(sides[0], sides[1]), sides[2]) + 2.0 * shapes.radius[body]
+        half = span.out * (sqrt(dot(mean, mean)) + load(room.turning, body))  # the way in half a step
+        store(room.margin, body, minimum(maximum(ROOMY * longest, PATIENT * 2.0 * half), 0.5 * FAR))
+        ahead = maximum(half - 0.5 * FARTHEST * pairs.least_reach, 0.0)  # as in `measure_moved`
+        store(room.ahead, body, ahead)
+    for p in range(pairs.first.size):
+        a, b = pairs.first[p], pairs.second[p]
+        gap = outside(row(room.low, a), row(room.high, a), b, room)
+        margin = load(room.margin, a) + load(room.margin, b)
+        if any_lane(gap - margin <= near_enough(p, a, b, pairs)):
+            ahead = load(room.ahead, a) + load(room.ahead, b)
+            store(room.listed, p, (gap - ahead) + (load(room.moved, a) + load(room.moved, b)))
+            room.watched[count] = p
+            count += 1
+    room.length[WATCHED] = count
+
+
+@compiled
+def near_enough(p: int, a: Any, b: Any, pairs: Any) -> Any:
+    """Return how near two bodies must be to be looked at [m]."""
+    radius = pairs.shapes.radius[a] + pairs.shapes.radius[b]
+    return ROUNDING * ((SPARE + FARTHEST) * pairs.reach[p] + radius)
+
+
+@compiled
+def measure_boxes(x: Rows, shapes: Any, room: Any) -> None:
+    """Find the boxes around all bodies."""
+    for body in range(shapes.radius.size):
+        low = row(x, shapes.vertices[shapes.start[VERTICES, body], 0])
+        high = low
+        for k in range(shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]):
+            place = row(x, shapes.vertices[k, 0])
+            low, high = smaller(low, place), larger(high, place)
+        set_row(room.low, body, low)
+        set_row(room.high, body, high)
+
+
 # --- Lists that last ----------------------------------------------------------------------------------
 
 
 @compiled
-def measure_moved(x: Rows, shapes: Any, room: Any) -> None:
-    """Find how far the vertices of each body are from where they were when features were listed."""
+def measure_moved(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> None:
+    """Find how far the vertices of each body are from where they were when features were listed.
+
+    What is fast is taken for farther, see `FARTHEST`, so that no pair is left out which may meet in a step.
+    """
+    shapes, usual = pairs.shapes, 0.5 * FARTHEST * pairs.least_reach
     for body in range(shapes.radius.size):
         farthest = 0.0 * load(x, (0, 0))
+        fastest = farthest
         for k in range(shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]):
             i = shapes.vertices[k, 0]
+            speed = row(w, i)
+            fastest = maximum(dot(speed, speed), fastest)
             shift = row(x, i) - row(room.origin, i)
             set_row(room.shift, i, shift)
             farthest = maximum(dot(shift, shift), farthest)
-        store(room.moved, body, sqrt(farthest))
+        ahead = maximum(span.out * sqrt(fastest) - usual, 0.0)
+        store(room.moved, body, sqrt(farthest) + ahead)
 
 
 @compiled
 def lists_hold(w: Rows, span: Any, pairs: Any, room: Any) -> bool:
     """Tell whether all that may touch is in the lists; of pairs that are close, find how far to look."""
     shapes, hold, averaged, shifted = pairs.shapes, room.kept[0], False, False
-    for p in range(pairs.first.size):
+    close = 0
+    for n in range(room.length[WATCHED]):
+        p = room.watched[n]
         a, b = pairs.first[p], pairs.second[p]
         reach, radius = pairs.reach[p], shapes.radius[a] + shapes.radius[b]
         listed, moved = load(room.listed, p), load(room.moved, a) + load(room.moved, b)
-        room.close[p] = any_lane(listed - moved <= ROUNDING * ((SPARE + FARTHEST) * reach + radius))
-        if room.close[p]:
+        if any_lane(listed - moved <= near_enough(p, a, b, pairs)):
+            room.close[close] = p
+            close += 1
             if not averaged:
                 average(w, shapes, room.mean, room.turning)
                 averaged = True
-            way = minimum(span.out * approach(a, b, room.mean, room.turning), FARTHEST * reach)
+            way = minimum(span.out * approach(a, b, room.mean, room.turning), WIDEST)
             far = SPARE * reach + way + radius
             store(room.reach, p, far)
             if any_lane(listed - moved <= ROUNDING * far):  # unless both moved together
@@ -167,6 +258,7 @@ def lists_hold(w: Rows, span: Any, pairs: Any, room: Any) -> bool:
                 moved = approach(a, b, room.mean_shift, room.bend)
                 hold = hold and not any_lane(listed - moved <= ROUNDING * far)
             store(room.nearest, p, load(room.gap, p) - moved)
+    room.length[CLOSE] = close
     return hold
 
 
@@ -198,31 +290,34 @@ def approach(a: Number, b: Number, mean: Rows, rest: Numbers) -> Any:
 
 
 @compiled
-def begin_lists(x: Rows, pairs: Any, room: Any) -> None:
-    """Empty all lists, remember where vertices are, and find the boxes around all bodies.
+def begin_lists(x: Rows, fresh: bool, pairs: Any, room: Any) -> None:
+    """Empty the lists of features, remember where vertices are, and find the boxes around all bodies.
 
-    A pair that is not close is as far apart as it was, less by what its bodies moved. A place that is no
-    number is remembered as one that is far from all that may follow it.
+    A pair that is not close is as far apart as it was, less by what its bodies moved. Where pairs that are
+    watched are ``fresh``, no body has used up any of its margin. A place that is no number is remembered as
+    one that is far from all that may follow it.
     """
     shapes = pairs.shapes
     room.kept[0] = True
     empty(room)
-    for p in range(pairs.first.size):
+    for n in range(room.length[WATCHED]):
+        p = room.watched[n]
         for kind in range(3):
             for side in range(3):
                 room.ends[p, kind, side] = 0
         moved = load(room.moved, pairs.first[p]) + load(room.moved, pairs.second[p])
         store(room.listed, p, load(room.listed, p) - moved)
+    measure_boxes(x, shapes, room)
     for body in range(shapes.radius.size):
-        low = row(x, shapes.vertices[shapes.start[VERTICES, body], 0])
-        high, farthest = low, 0.0 * low + vec(FAR, FAR, FAR)
+        if fresh:
+            store(room.travelled, body, 0.0)
+        else:
+            store(room.travelled, body, load(room.travelled, body) + load(room.moved, body))
         for k in range(shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]):
             i = shapes.vertices[k, 0]
             place = row(x, i)
-            low, high = smaller(low, place), larger(high, place)
-            set_row(room.origin, i, smaller(larger(place, -farthest), farthest))
-        set_row(room.low, body, low)
-        set_row(room.high, body, high)
+            most = vec(FAR, FAR, FAR) + 0.0 * row(room.origin, i)
+            set_row(room.origin, i, smaller(larger(place, -most), most))
 
 
 @compiled
@@ -258,7 +353,8 @@ def list_features(near: Near, span: Any, seen: Search, triangles: Any, edges: An
                 list_kind(EDGES, side, body, other, wide, brief, near, seen, edges)
     store(room.gap, p, gap)
     store(room.nearest, p, gap)
-    store(room.listed, p, minimum(maximum(gap, wide), 0.5 * FAR))
+    far = ROUNDING * ((SPARE + FARTHEST) * seen.pairs.reach[p] + near.radius)  # as in `lists_hold`
+    store(room.listed, p, minimum(maximum(gap, minimum(wide, far)), 0.5 * FAR))
     return brief
 
 

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from springgym.collisions import Meeting, Shape
+from springgym.bodies import Body
+from springgym.collisions import Meetings, Shape
 from springgym.core.blocks import aligned_zeros
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers
@@ -55,6 +56,8 @@ class Pairs(NamedTuple):
     second: np.ndarray
     reach: np.ndarray
     """Δ [m]"""
+    least_reach: float
+    """the least of them [m]"""
     parallel: np.ndarray
     """σ² of edges [1]"""
     strength: np.ndarray
@@ -105,8 +108,20 @@ class Room(NamedTuple):
     """(pairs,) nor are they nearer than this now [m]"""
     reach: np.ndarray
     """(pairs,) how far to look for contacts at this node [m]"""
+    watched: np.ndarray
+    """(pairs,) list: pairs of bodies that are not far apart in some copy, ascending"""
+    ahead: np.ndarray
+    """(bodies,) by how much the way in half a step exceeds what is allowed for, as pairs were watched [m]"""
+    margin: np.ndarray
+    """(bodies,) how far a body may move before these are listed anew [m]"""
+    travelled: np.ndarray
+    """(bodies,) how far it moved since then, up to when features were listed, at the most [m]"""
     close: np.ndarray
-    """(pairs,) whether there may be any in some copy"""
+    """(pairs,) list: those of them that may touch at this node"""
+    met: np.ndarray
+    """(pairs,) list: those of them that have contacts"""
+    length: np.ndarray
+    """(4,) how many are `WATCHED`, `CLOSE` and `MET`; and how many rows of contacts that makes: `ROWS`"""
     kept: np.ndarray
     """(1,) whether the lists of all pairs are there"""
     used: np.ndarray
@@ -184,6 +199,8 @@ class Room(NamedTuple):
     """(rows,) J [N·s]"""
     rub: np.ndarray
     """(rows, 3) the impulse of friction [N·s]"""
+    slide: np.ndarray
+    """(rows, 3) the impulse of the gradient of Φ [N·s]"""
     tilt: np.ndarray
     """(2 rows, 3) G and H; of a rod, G and the direction along it: see `springgym.forces.pairs.friction`"""
     rubs: np.ndarray
@@ -193,6 +210,9 @@ class Room(NamedTuple):
     solids: Any = None
     """the `springgym.forces.pairs.solids.Solids` of rigid bodies; None where particles move by themselves"""
 
+
+WATCHED, CLOSE, MET, ROWS = range(4)
+"""Lists of pairs, and the rows of contacts."""
 
 NONE = -1.0
 """Of a list, in a copy that has less than others."""
@@ -232,12 +252,16 @@ class Search(NamedTuple):
     room: Room
 
 
-TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW = range(9)
+TOUCHING, IMPULSE, GAP, ENERGY, CONTACT, FRICTION, MISSES, FAST, OVERFLOW, FASTEST = range(10)
 """What a tally holds of each pair: whether it touches; the sum of J [N·s] and the least distance [m] since it
 was emptied; the energy in the barriers [J]; what was lost to damping and to friction [J]; and how often a
-contact was found too late, was faster than it is computed well for, or had no room."""
+contact was found too late, was faster than it is computed well for, or had no room; and the largest speed
+along its normal that any contact which pushes was reached with [m/s]."""
 
-ENTRIES = 9
+ENTRIES = 10
+
+RESOLVED = 1.0
+"""Share of Δ that a contact may move by in a step: what is faster is not in reach before it is through."""
 
 
 class PairReadings(NamedTuple):
@@ -256,11 +280,13 @@ class PairReadings(NamedTuple):
     friction_loss: np.ndarray
     """and to friction [J]"""
     misses: np.ndarray
-    """how often a contact was found only when the bodies were in each other, or almost"""
+    """how often a contact was found when the bodies were in each other already, or almost, or were read so"""
     too_fast: np.ndarray
     """how often one came faster than it is computed well for: a fifth of Δ in a step"""
     overflow: np.ndarray
     """how often one was left out for want of room"""
+    fastest: np.ndarray
+    """the largest speed along its normal that any contact which pushes was reached with [m/s]"""
 
 
 class Meets(NamedTuple):
@@ -271,6 +297,37 @@ class Meets(NamedTuple):
     """(pairs × `ENTRIES`,)"""
     before: np.ndarray
     """(pairs × `ENTRIES`,) the tally before the last node, which the next call makes anew"""
+    told: np.ndarray
+    """(1 + pairs,) list: how many pairs, and which, ascending, touch, or have a tally that is not ``before``;
+    all others have nothing to be told of"""
+
+
+@compiled
+def entry_of(told: np.ndarray, n: Any) -> Any:
+    """Return a number of a list that all copies of a block share."""
+    return told[n]["lanes"][0]
+
+
+@compiled
+def set_entry(told: np.ndarray, n: Any, value: Any) -> None:
+    """Set a number of a list that all copies of a block share."""
+    told[n]["lanes"][0] = value
+
+
+@compiled
+def note(room: Any, told: np.ndarray) -> None:
+    """Add the pairs that have contacts to those that there is something to be told of."""
+    count, at = entry_of(told, 0), 1
+    for n in range(room.length[MET]):
+        p = room.met[n]
+        while at <= count and entry_of(told, at) < p:
+            at += 1
+        if at > count or entry_of(told, at) != p:
+            for m in range(count, at - 1, -1):
+                set_entry(told, m + 1, entry_of(told, m))
+            set_entry(told, at, p)
+            count += 1
+    set_entry(told, 0, count)
 
 
 @compiled
@@ -308,21 +365,24 @@ def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
     )
 
 
-def parallel(meeting: Meeting, shapes: Sequence[Shape], positions: Sequence[np.ndarray]) -> float:
-    """σ² of the edges of a pair's bodies, which have positions (N, 3) in their own numbers."""
-    longest = 0.0
-    for n in (meeting.first, meeting.second):
-        ends = positions[n][shapes[n].edges]
-        longest = max(longest, float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max(initial=0.0)))
-    return min(PARALLEL * meeting.reach / longest, MOST_PARALLEL) ** 2 if longest else 1.0
+def longest_edge(body: Body, shape: Shape) -> float:
+    """The length [m] of the longest edge of a body that others meet; 0 if it has none."""
+    ends = body.positions[shape.edges]
+    return float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max(initial=0.0))
 
 
-def most_contacts(meetings: Sequence[Meeting], shapes: Sequence[Shape]) -> tuple[int, int]:
+def parallel(met: Meetings, longest: Sequence[float]) -> np.ndarray:
+    """σ² of the edges of each pair's bodies (pairs,), from the longest edge of each body [m]."""
+    both = np.maximum(np.array(longest)[met.first], np.array(longest)[met.second])
+    sine = np.full(len(both), 1.0)
+    np.divide(PARALLEL * met.reach, both, out=sine, where=both > 0)
+    return np.where(both > 0, np.minimum(sine, MOST_PARALLEL) ** 2, 1.0)
+
+
+def most_contacts(met: Meetings, shapes: Sequence[Shape]) -> tuple[int, int]:
     """Contacts that a copy may have, and rows of a list: of each vertex, and of each edge with each."""
-    found = 0
-    for met in meetings:
-        a, b = shapes[met.first], shapes[met.second]
-        found += len(a.vertices) + len(b.vertices) + len(a.edges) * len(b.edges)
+    vertices, edges = (np.array([len(getattr(of, name)) for of in shapes]) for name in ("vertices", "edges"))
+    found = int((vertices[met.first] + vertices[met.second] + edges[met.first] * edges[met.second]).sum())
     return min(found, MOST_CONTACTS * len(shapes)), found
 
 
@@ -358,7 +418,13 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         gap=lanes(count),
         nearest=lanes(count),
         reach=lanes(count),
-        close=np.zeros(count, np.bool_),
+        watched=np.zeros(count, np.int64),
+        margin=lanes(bodies),
+        ahead=lanes(bodies),
+        travelled=lanes(bodies),
+        close=np.zeros(count, np.int64),
+        met=np.zeros(count, np.int64),
+        length=np.zeros(4, np.int64),
         kept=np.zeros(1, np.bool_),
         used=np.zeros(4, np.int64),
         ends=np.zeros((count, 3, 3), np.int64),
@@ -397,6 +463,7 @@ def room(pairs: Pairs, particles: int, rows: int, dtype: Any) -> Room:
         inverse=lanes(rows),
         push=lanes(rows),
         rub=lanes(rows, 3),
+        slide=lanes(rows, 3),
         tilt=lanes(2 * rubbing, 3),
         rubs=lanes(rubbing),
         spent=lanes(count, 3),

@@ -1,0 +1,249 @@
+"""What touches what at a node, read off what kernels computed there, as arrays over the copies."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from springgym.core.blocks import numbers
+from springgym.core.kinds import Ragged
+from springgym.forces.memory import PHASE
+from springgym.forces.pairs.terms import FAR, ROWS
+from springgym.scene import Scene
+from springgym.surfaces import scales
+
+NONE = -1
+"""In place of a number: no body, no surface, no contact."""
+
+DIFFERENCE = 1e-4
+"""Share of Δ over which the height above a surface is differentiated."""
+
+ROUNDING = 1e-9
+"""Impulses [N·s] of a particle are told from this share of its momentum on: less is rounding."""
+
+
+class Contacts(NamedTuple):
+    """Contacts of all copies at a node, in arrays of shape (copies, most) or (copies, most, 3).
+
+    ``most`` is how many the copy has that has most; where another has less, ``there`` is False, numbers are
+    −1 and all else is 0. Those of bodies come first, by their pair, then those of surfaces, by particle.
+    There is one for each two features that are nearer than Δ, or push: two cubes face on face have several.
+
+    What they give in a step h around the node is the ``impulse``, on the first body; on the second, or the
+    surface, it is the opposite. The ``force`` is its mean over that time. It is what gravity needs to be
+    balanced in a body at rest: there the impulses of a body's contacts sum to its weight times h.
+    """
+
+    there: np.ndarray
+    """(copies, most) whether there is a contact"""
+    first: np.ndarray
+    """(copies, most) the number of a body"""
+    second: np.ndarray
+    """(copies, most) the number of the other body; −1 of a surface"""
+    surface: np.ndarray
+    """(copies, most) the number of the surface; −1 of bodies"""
+    particle: np.ndarray
+    """(copies, most) the particle that meets a surface, by its number among all; −1 of bodies"""
+    point: np.ndarray
+    """(copies, most, 3) where it is, halfway between what touches [m]"""
+    normal: np.ndarray
+    """(copies, most, 3) the unit vector from the second body, or the surface, to the first"""
+    gap: np.ndarray
+    """(copies, most) the distance [m], negative of what is in each other"""
+    impulse: np.ndarray
+    """(copies, most, 3) on the first body, friction and all [N·s]"""
+    force: np.ndarray
+    """(copies, most, 3) on the first body [N]"""
+
+
+class Here(NamedTuple):
+    """A block of copies whose last node was just made anew."""
+
+    block: int
+    x: np.ndarray
+    """positions of all blocks [m]"""
+    v: np.ndarray
+    """velocities of all blocks [m/s]"""
+    workspace: Any
+    """what the node was computed in"""
+    terms: Any
+    step: float
+    """h [s]"""
+
+    @property
+    def places(self) -> np.ndarray:
+        """Positions (N, 3, width) [m]."""
+        return numbers(self.x)[self.block]
+
+    @property
+    def span(self) -> np.ndarray:
+        """The time of the node (width,) [s]: h, or of a fresh copy half of it."""
+        phase = numbers(_values(self.terms.memory.marks))[self.block, PHASE]
+        return np.where(phase < 0.5, 0.5, 1.0) * self.step
+
+
+def any_possible(scene: Scene) -> bool:
+    """Tell whether anything may touch anything in a scene."""
+    return bool(scene.surfaces or len(scene.meetings))
+
+
+def refusal(scene: Scene, rigid: bool, terms: Any) -> str:
+    """Say why contacts of a scene are not told; nothing if they are."""
+    if not any_possible(scene):
+        return ""
+    if terms.memory is None:
+        return "contacts are told of methods that pass nodes; take verlet, and Contact, not PaperContact"
+    if scene.surfaces and rigid:
+        return "contacts of rigid bodies with surfaces are not told; take dynamics='springs'"
+    if scene.surfaces and len(scene.bodies) > 1 and terms.meets is None:
+        return "contacts of several bodies with surfaces are told if they collide; give the scene collisions"
+    return ""
+
+
+def of_block(scene: Scene, here: Here) -> Contacts:
+    """Return the contacts of a block's copies, one after another in arrays (n,), with copies in ``there``."""
+    found = []
+    if len(scene.meetings):
+        found.append(_of_bodies(scene, here))
+    if scene.surfaces:
+        found.append(_with_surfaces(scene, here))
+    return Contacts(*(np.concatenate(of) for of in zip(*found, strict=True)))
+
+
+def padded(found: list[Contacts], copies: int) -> Contacts:
+    """Return contacts of some blocks as those of all copies, padded."""
+    if not found:
+        shapes = [(copies, 0)] * 5 + [(copies, 0, 3)] * 2 + [(copies, 0)] + [(copies, 0, 3)] * 2
+        kinds = [bool, *[int] * 4, *[float] * 5]
+        return Contacts(*(np.zeros(*of) for of in zip(shapes, kinds, strict=True)))
+    copy, *values = (np.concatenate(of) for of in zip(*found, strict=True))
+    kept = copy < copies  # a block may be padded
+    copy, values = copy[kept], [of[kept] for of in values]
+    order = np.argsort(copy, kind="stable")
+    copy = copy[order]
+    count = np.bincount(copy, minlength=copies)
+    place = copy, np.arange(len(copy)) - (np.cumsum(count) - count)[copy]
+    most = int(count.max(initial=0))
+    there = np.zeros((copies, most), bool)
+    there[place] = True
+    arrays = []
+    for of in values:
+        array = np.full((copies, most, *of.shape[1:]), NONE if of.dtype.kind == "i" else 0, of.dtype)
+        array[place] = of[order]
+        arrays.append(array)
+    return Contacts(there, *arrays)
+
+
+def _of_bodies(scene: Scene, here: Here) -> Contacts:
+    """Read contacts between bodies off the rows of a thread."""
+    room, met = here.workspace.room, scene.meetings
+    rows = int(room.length[ROWS])
+    pair = room.pair[:rows].astype(int)
+    gap, push = (numbers(of)[:rows].astype(float) for of in (room.distance, room.push))
+    reach = met.reach[pair][:, None]
+    row, lane = np.nonzero((gap < 0.5 * FAR) & ((gap < reach) | (push != 0.0)))
+    pair, gap, push = pair[row], gap[row, lane], push[row, lane]
+    first, second = met.first[pair], met.second[pair]
+    width = here.places.shape[-1]
+    particle, weight = (
+        numbers(of)[: 4 * rows].reshape(rows, 4, width)[row, :, lane].astype(float)
+        for of in (room.particle, room.weight)
+    )
+    weight[np.arange(4) >= room.members[row][:, None]] = 0.0
+    particle = np.where(weight != 0.0, particle, 0.0).astype(int)
+    places = here.places.astype(float)[particle, :, lane[:, None]]
+    ahead = particle[:, 0] < scene.starts[second]  # the first particle is of the first body
+    sign = np.where(ahead, 1.0, -1.0)[:, None]
+    normal, rub, slide = (
+        numbers(of)[:rows][row, :, lane].astype(float) for of in (room.toward, room.rub, room.slide)
+    )
+    impulse = push[:, None] * normal + rub + slide
+    if room.solids is None:  # else rows are of the first body already
+        normal, impulse = sign * normal, sign * impulse
+    radius = np.array([shape.radius for shape in scene.shapes])
+    both = (np.abs(weight)[:, None] @ places)[:, 0]  # the sum of the points of both
+    point = 0.5 * (both + (radius[second] - radius[first])[:, None] * normal)
+    none = np.full(len(row), NONE)
+    copy = here.block * width + lane
+    force = impulse / here.span[lane][:, None]
+    return Contacts(copy, first, second, none, none, point, normal, gap, impulse, force)
+
+
+def _with_surfaces(scene: Scene, here: Here) -> Contacts:
+    """Read contacts with surfaces off what they gave each particle; of several, their normals tell which."""
+    begin, x, end, given = _ways(scene, here)
+    reach, radius = scene.of_particles(
+        [(scales(scene.contact, placed.body)[1], placed.body.radius) for placed in scene.bodies]
+    ).T
+    places, shape = np.concatenate([begin, x, end]), (3, *x.shape[:2])
+    heights = np.stack([surface.height(places).reshape(shape) - radius for surface in scene.surfaces])
+    near = (heights.min(axis=1) < reach) & scene.free
+    surface, lane, particle = np.nonzero(near)
+    at = x[lane, particle]
+    normal = np.empty((len(surface), 3))
+    for n, one in enumerate(scene.surfaces):
+        mine = surface == n
+        normal[mine] = _gradient(one, at[mine], DIFFERENCE * reach[particle[mine]])
+    gap = heights[surface, 1, lane, particle]
+    impulse = _told_apart(lane * len(reach) + particle, normal, given[lane, particle])
+    point = at - (0.5 * gap + radius[particle])[:, None] * normal
+    body = np.searchsorted(scene.starts, particle, side="right") - 1
+    order = np.lexsort((surface, particle, lane))
+    none = np.full(len(surface), NONE)
+    copy = here.block * len(x) + lane
+    force = impulse / here.span[lane][:, None]
+    found = Contacts(copy, body, none, surface, particle, point, normal, gap, impulse, force)
+    return Contacts(*(of[order] for of in found))
+
+
+def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:
+    """Return where particles were half a step before the node, there, and will be, and what surfaces gave.
+
+    Each is (width, N, 3): in m, and in N·s.
+    """
+    terms, block, work = here.terms, here.block, here.workspace
+    mean, arrived = (numbers(_values(of))[block].astype(float) for of in (here.v, terms.memory.arrived))
+    after, x, out = 2.0 * mean - arrived, here.places.astype(float), 0.5 * here.step
+    if terms.meets is None:
+        kicked, acceleration = (numbers(work[n])[: len(x)].astype(float) for n in (5, 0))
+        change = after - (kicked + out * acceleration)
+        quiet = np.abs(change) < ROUNDING * (np.abs(after) + np.abs(arrived))
+        change = np.where(quiet, 0.0, change)
+    else:
+        change = sum(numbers(of.values).astype(float) for of in (work.change, work.rub))
+    mass = _values(terms.particles.mass)
+    mass = numbers(mass)[block] if mass.dtype.names else mass[:, None]
+    lead = here.span - out
+    ways = (x - lead * arrived, x, x + out * after, mass[:, None] * change)
+    return tuple(np.moveaxis(of, -1, 0) for of in ways)
+
+
+def _gradient(surface: Any, places: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Return the unit normals (n, 3) of a surface at places (n, 3), by differences over steps (n,) [m]."""
+    steps = step[:, None, None] * np.eye(3)
+    rise = surface.height(places[:, None] + steps) - surface.height(places[:, None] - steps)
+    return np.asarray(rise / np.linalg.norm(rise, axis=-1, keepdims=True))
+
+
+def _told_apart(particle: np.ndarray, normal: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """Share what surfaces gave particles (n, 3) among those that are near, of normals (n, 3).
+
+    Pushes are the least along the normals that make up for what lies in their span; all else is friction,
+    which is shared as the pushes are.
+    """
+    impulse = given.copy()
+    each, count = np.unique(particle, return_counts=True)
+    for one in each[count > 1]:
+        rows = np.flatnonzero(particle == one)
+        pushes = np.linalg.lstsq(normal[rows].T, given[rows[0]], rcond=None)[0]
+        rubbed = given[rows[0]] - pushes @ normal[rows]
+        whole = np.abs(pushes).sum()
+        shares = np.abs(pushes) / whole if whole > 0 else np.full(len(rows), 1 / len(rows))
+        impulse[rows] = pushes[:, None] * normal[rows] + shares[:, None] * rubbed
+    return impulse
+
+
+def _values(rows: Any) -> np.ndarray:
+    """Return the array of rows of one body or of several."""
+    return rows.values if isinstance(rows, Ragged) else rows

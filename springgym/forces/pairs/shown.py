@@ -1,0 +1,156 @@
+"""Whether bodies are shown in each other: by geometry alone, whatever contacts were found.
+
+Contacts are of corners, faces and sharp edges. What else a body has, the edges that are flat at rest and
+crease as it bends, is looked at here, where a state is read; and so is what a step that is too coarse did.
+
+Two bodies are in each other if a line of one goes through a face of the other, or if one is all inside the
+other. Signs of the volumes of tetrahedra tell, without tolerances: a line p q goes through a face a b c if p
+and q are on different sides of its plane, and if p q passes all of its sides in the same sense.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from springgym.bodies import surface
+from springgym.collisions import Shape
+from springgym.core.compiling import compiled, kernel
+
+ASKEW = (0.31, 0.47, 3.1)
+"""A way out of a body, in its sizes: along no plane or edge that a body is likely to have."""
+
+Point = tuple[float, float, float]
+
+
+class Outlines(NamedTuple):
+    """Faces and lines of all bodies, by the numbers of the scene's particles, one body after another."""
+
+    faces: np.ndarray
+    """(F, 3)"""
+    lines: np.ndarray
+    """(L, 2) the edges of faces, flat ones, too; of a body without faces its rods"""
+    start: np.ndarray
+    """(3, bodies + 1) where each body's faces, lines and particles begin, and the end"""
+
+
+def outlines(shapes: Sequence[Shape], first: Sequence[int], particles: int) -> Outlines:
+    """Return the outlines of all bodies, whose particles begin at ``first`` among those of the scene."""
+    faces = [of.triangles + n for of, n in zip(shapes, first, strict=True)]
+    lines = [
+        (surface.all_edges(of.triangles) if len(of.triangles) else of.edges) + n
+        for of, n in zip(shapes, first, strict=True)
+    ]
+    start = np.array(
+        [np.cumsum([0, *map(len, faces)]), np.cumsum([0, *map(len, lines)]), [*first, particles]]
+    )
+    return Outlines(
+        np.concatenate(faces).astype(np.int64).reshape(-1, 3),
+        np.concatenate(lines).astype(np.int64).reshape(-1, 2),
+        start.astype(np.int64),
+    )
+
+
+@compiled
+def corner(x: np.ndarray, i: int) -> Point:
+    """Return where a particle is [m]."""
+    return x[i, 0], x[i, 1], x[i, 2]
+
+
+@compiled
+def volume(a: Point, b: Point, c: Point, d: Point) -> float:
+    """Return six times the volume of a tetrahedron [m³], with a sign."""
+    u = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    v = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    w = d[0] - a[0], d[1] - a[1], d[2] - a[2]
+    return (
+        u[0] * (v[1] * w[2] - v[2] * w[1])
+        + u[1] * (v[2] * w[0] - v[0] * w[2])
+        + u[2] * (v[0] * w[1] - v[1] * w[0])
+    )
+
+
+@compiled
+def goes_through(p: Point, q: Point, a: Point, b: Point, c: Point) -> bool:
+    """Tell whether the line p q goes through the face a b c."""
+    for axis in range(3):
+        if max(p[axis], q[axis]) < min(a[axis], b[axis], c[axis]):
+            return False
+        if min(p[axis], q[axis]) > max(a[axis], b[axis], c[axis]):
+            return False
+    if (volume(a, b, c, p) > 0.0) == (volume(a, b, c, q) > 0.0):
+        return False
+    side = volume(p, q, a, b) > 0.0
+    return side == (volume(p, q, b, c) > 0.0) and side == (volume(p, q, c, a) > 0.0)
+
+
+@compiled
+def inside(p: Point, x: np.ndarray, body: int, size: float, of: Outlines) -> bool:
+    """Tell whether a point is inside the faces of a body of some size [m]: by how many a way out crosses."""
+    out = p[0] + ASKEW[0] * size, p[1] + ASKEW[1] * size, p[2] + ASKEW[2] * size
+    times = 0
+    for n in range(of.start[0, body], of.start[0, body + 1]):
+        a, b, c = corner(x, of.faces[n, 0]), corner(x, of.faces[n, 1]), corner(x, of.faces[n, 2])
+        if goes_through(p, out, a, b, c):
+            times += 1
+    return times % 2 == 1
+
+
+@compiled
+def reaches_into(x: np.ndarray, own: int, other: int, box: np.ndarray, of: Outlines) -> bool:
+    """Tell whether a line of a body goes through a face of another, in the ``box`` (2, 3) that both share."""
+    for k in range(of.start[1, own], of.start[1, own + 1]):
+        p, q = corner(x, of.lines[k, 0]), corner(x, of.lines[k, 1])
+        near = True
+        for axis in range(3):
+            near = near and max(p[axis], q[axis]) >= box[0, axis] and min(p[axis], q[axis]) <= box[1, axis]
+        if near:
+            for n in range(of.start[0, other], of.start[0, other + 1]):
+                a, b, c = corner(x, of.faces[n, 0]), corner(x, of.faces[n, 1]), corner(x, of.faces[n, 2])
+                if goes_through(p, q, a, b, c):
+                    return True
+    return False
+
+
+@kernel
+def tell_shown(
+    x: np.ndarray, first: np.ndarray, second: np.ndarray, of: Outlines, boxes: np.ndarray, found: np.ndarray
+) -> bool:
+    """Find which pairs of bodies are shown in each other, ``found`` (copies, pairs); whether any is.
+
+    Positions ``x`` are (copies, N, 3); ``boxes`` (bodies + 1, 2, 3) is room for the boxes around bodies and
+    for what two of them share.
+    """
+    whether = False
+    bodies = of.start.shape[1] - 1
+    both = boxes[bodies]
+    for copy in range(x.shape[0]):
+        here = x[copy]
+        for body in range(bodies):
+            for axis in range(3):
+                low = high = here[of.start[2, body], axis]
+                for i in range(of.start[2, body] + 1, of.start[2, body + 1]):
+                    low, high = min(low, here[i, axis]), max(high, here[i, axis])
+                boxes[body, 0, axis], boxes[body, 1, axis] = low, high
+        for p in range(first.size):
+            found[copy, p] = False
+            a, b = first[p], second[p]
+            near = True
+            for axis in range(3):
+                both[0, axis] = max(boxes[a, 0, axis], boxes[b, 0, axis])
+                both[1, axis] = min(boxes[a, 1, axis], boxes[b, 1, axis])
+                near = near and both[0, axis] <= both[1, axis]
+            if near:
+                for side in range(2):
+                    own, other = (a, b) if side == 0 else (b, a)
+                    if of.start[0, other] < of.start[0, other + 1] and not found[copy, p]:
+                        size = 0.0
+                        for axis in range(3):
+                            size = max(size, boxes[other, 1, axis] - boxes[other, 0, axis])
+                        point = corner(here, of.start[2, own])
+                        through = reaches_into(here, own, other, both, of)
+                        found[copy, p] = through or inside(point, here, other, size, of)
+                whether = whether or found[copy, p]
+    return whether

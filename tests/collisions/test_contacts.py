@@ -1,0 +1,175 @@
+"""What `Simulator.contacts` tells: of bodies and of surfaces, against weights, momenta and geometry."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.bodies import ball, cube
+from springgym.contacts import Contacts
+from springgym.scene import Placed, Scene
+from springgym.simulator import Simulator
+from springgym.surfaces import Contact, PaperContact, Plane
+from tests.collisions.cases import CUBE, approach
+from tests.collisions.stepped import Stepped
+
+FLOOR = Plane((0, 0, 0), (0, 0, 1))
+BLOCK = cube(damping=200.0)
+REACH = 0.01 * BLOCK.swept
+
+
+def tower(**more: Any) -> Scene:
+    """Two blocks, one on the other, on the floor, almost at rest."""
+    low = -BLOCK.positions[:, 2].min() + 0.7 * REACH
+    bodies = tuple(
+        Placed(BLOCK, np.add(BLOCK.positions, (0, 0, low + n * (1 + 0.7 * REACH))), name=f"{n}")
+        for n in range(2)
+    )
+    return Scene(bodies=bodies, surfaces=(FLOOR,), contact=Contact(restitution=0.0, friction=0.5), **more)
+
+
+def of_copy(found: Contacts, copy: int) -> list[np.ndarray]:
+    """What is told of one copy, without padding."""
+    there = found.there[copy]
+    return [of[copy][there] for of in found[1:]]
+
+
+def test_what_rests_is_carried() -> None:
+    """The floor carries both, the lower block the upper one; in each copy of a batch as in one alone."""
+    scene = tower()
+    one, many = Stepped(scene, copies=1), Stepped(scene, copies=3)
+    x = np.repeat(scene.positions[None], 3, axis=0)
+    x[1, :, 0] += 0.5
+    x[2, :, 2] += 30.0  # which is aloft
+    many.place(x, 0 * x)
+    for world in (one, many):
+        world.run(round(2.0 / world.step))
+    found = many.simulator.contacts()
+    weight = BLOCK.mass * 9.81
+    for copy in (0, 1):
+        floor = found.surface[copy] == 0
+        assert np.sum(floor) == 4
+        assert (found.first[copy][floor] == 0).all()
+        assert (found.second[copy][floor] == -1).all()
+        carried = found.force[copy][floor].sum(axis=0)
+        np.testing.assert_allclose(carried, (0, 0, 2 * weight), atol=1e-5 * weight)
+        between = found.there[copy] & ~floor
+        assert between.any()
+        np.testing.assert_allclose(
+            -found.force[copy][between].sum(axis=0), (0, 0, weight), atol=1e-5 * weight
+        )
+        np.testing.assert_allclose(found.normal[copy][floor], 4 * [(0, 0, 1)], atol=1e-9)
+        np.testing.assert_allclose(found.normal[copy][between], np.sum(between) * [(0, 0, -1)], atol=1e-3)
+        assert (found.gap[copy][found.there[copy]] > 0).all()
+        assert (found.gap[copy] < REACH).all()
+    corners = np.sort(found.particle[0][found.surface[0] == 0])
+    np.testing.assert_array_equal(corners, np.flatnonzero(BLOCK.positions[:, 2] < 0))
+    assert not found.there[2].any()
+    assert not found.impulse[2].any()
+    assert (found.first[2] == -1).all()
+    for own, others in zip(of_copy(one.simulator.contacts(), 0), of_copy(found, 0), strict=True):
+        np.testing.assert_array_equal(own, others)
+
+
+@pytest.mark.parametrize("way", ["faces, turned", "corner on face, off centre", "crossed edges"])
+def test_impulses_are_what_changes_momenta(way: str) -> None:
+    """From node to node a body's momentum, as it is read, changes by half of what both nodes give.
+
+    Looking changes nothing, to the bit.
+    """
+    x, v = approach(way, 2.0)
+    v[:8, 1] += 0.7
+    bodies = (Placed(CUBE, name="a"), Placed(CUBE, np.add(CUBE.positions, (3, 0, 0)), name="b"))
+    scene = Scene(bodies=bodies, gravity=None, collisions=Contact(friction=0.4, restitution=0.6))
+    worlds = [Stepped(scene, copies=2) for _ in range(2)]
+    for world in worlds:
+        world.place(np.stack([x, x]), np.stack([v, 0 * v]))
+    looked_at, other = worlds
+    momenta, impulses, most = [], [], 0
+    for _ in range(round(0.04 / looked_at.step)):
+        for world in worlds:
+            world.run(1)
+        found = looked_at.simulator.contacts()
+        assert not found.there[1].any()
+        most = max(most, found.there.shape[1])
+        impulses.append(found.impulse[0].sum(axis=0))
+        momenta.append((scene.masses[:8, None] * looked_at.v[0, :8]).sum(axis=0))
+        np.testing.assert_array_equal(looked_at.v, other.v)
+        np.testing.assert_array_equal(looked_at.x, other.x)
+        np.testing.assert_array_equal(looked_at.tally, other.tally)
+    given, changed = np.array(impulses), np.diff(momenta, axis=0)
+    assert most >= 1
+    assert np.abs(given[:, 0]).sum() > 0.5
+    assert np.abs(given[:, 1]).sum() > 0.02
+    np.testing.assert_allclose(changed, 0.5 * (given[1:] + given[:-1]), atol=1e-12)
+
+
+def test_rigid_bodies_tell_alike() -> None:
+    x, v = approach("crossed edges", 2.0)
+    bodies = (Placed(CUBE, name="a"), Placed(CUBE, np.add(CUBE.positions, (3, 0, 0)), name="b"))
+    scene = Scene(bodies=bodies, gravity=None, collisions=Contact(friction=0.4, restitution=0.6))
+    simulator = Simulator(scene, dynamics="rigid", step=1e-4)
+    simulator.place(x, v)
+    momenta, impulses = [], []
+    for _ in range(300):
+        simulator.advance(1)
+        impulses.append(simulator.contacts().impulse[0].sum(axis=0))
+        momenta.append(simulator.measure("a").momentum[0])
+    given = np.array(impulses)
+    assert np.abs(given[:, 0]).sum() > 0.5
+    np.testing.assert_allclose(np.diff(momenta, axis=0), 0.5 * (given[1:] + given[:-1]), atol=1e-11)
+
+
+def test_where_balls_touch() -> None:
+    """Between the rims of two balls, along the line of their centres; from the start, half a node, on."""
+    small, large = ball(0.1, 0.2), ball(0.3, 1.0)
+    along = np.array([2.0, 1.0, -2.0]) / 3
+    bodies = (Placed(small, name="a"), Placed(large, -0.404 * along[None], name="b"))
+    scene = Scene(bodies=bodies, gravity=None, collisions=Contact(strength=1e-3, reach=5e-3))
+    simulator = Simulator(scene)
+    found = simulator.contacts()
+    assert found.there.shape == (1, 1)
+    assert (found.first[0, 0], found.second[0, 0], found.surface[0, 0]) == (0, 1, -1)
+    np.testing.assert_allclose(found.normal[0, 0], along, rtol=1e-12)
+    np.testing.assert_allclose(found.gap[0, 0], 0.004, rtol=1e-9)
+    np.testing.assert_allclose(found.point[0, 0], -0.102 * along, rtol=1e-12)
+    assert found.impulse[0, 0] @ along > 0
+    simulator.advance(1)
+    given = found.impulse[0, 0] + 0.5 * simulator.contacts().impulse[0, 0]
+    np.testing.assert_allclose(simulator.measure("a").momentum[0], given, rtol=1e-12)
+
+
+def test_a_body_in_a_corner() -> None:
+    """One particle meets two walls: each is told by itself, and both together carry it."""
+    slopes = (Plane((0, 0, 0), (1, 0, 1)), Plane((0, 0, 0), (-1, 0, 1)))
+    grain = ball(0.05, 0.2)
+    scene = Scene(
+        grain,
+        [[0.0, 0.0, np.sqrt(2) * 0.052]],
+        surfaces=slopes,
+        contact=Contact(strength=1e-3, reach=5e-3, restitution=0.0, friction=0.2),
+    )
+    simulator = Simulator(scene)
+    simulator.advance(round(2.0 / simulator.step))
+    found = simulator.contacts()
+    assert found.surface.tolist() == [[0, 1]]
+    np.testing.assert_allclose(found.force[0].sum(axis=0), (0, 0, 9.81 * 0.2), atol=1e-6)
+    np.testing.assert_allclose(found.force[0, 0] * (-1, 1, 1), found.force[0, 1], atol=1e-6)
+    np.testing.assert_allclose(found.normal[0], np.array([(1, 0, 1), (-1, 0, 1)]) / np.sqrt(2), atol=1e-9)
+
+
+def test_who_has_none_to_tell() -> None:
+    free = Simulator(Scene(CUBE), copies=3).contacts()
+    assert free.there.shape == (3, 0)
+    assert free.force.shape == (3, 0, 3)
+    lifted = Scene(CUBE, np.add(CUBE.positions, (0, 0, 2)), surfaces=(FLOOR,))
+    paper = lifted.with_(contact=PaperContact())
+    for simulator, text in (
+        (Simulator(paper, integrator="rk4", step=1e-4), "methods that pass nodes"),
+        (Simulator(lifted, dynamics="rigid"), "contacts of rigid bodies with surfaces"),
+        (Simulator(tower(collisions=None)), "give the scene collisions"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            simulator.contacts()
