@@ -15,7 +15,7 @@ import numpy as np
 from springgym.bodies import Body, Round
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
 from springgym.collisions import Collisions, Meetings, Shape, check_apart, meetings, shape
-from springgym.collisions.meeting import ALL, Named
+from springgym.collisions.meeting import ALL, Meeting, Named
 from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
@@ -444,14 +444,23 @@ class Scene(ReadOnly):
         """
         found = [math.inf]
         if self.surfaces and isinstance(self.contact, Contact) and self.contact.restitution > 0:
-            for placed in self.bodies:
-                found.append(faithful_speed(scales(self.contact, placed.body)[1], placed.body))
-        for met in self.meetings:
+            for body in self._different:
+                found.append(faithful_speed(scales(self.contact, body)[1], body))
+        for met in self._different_meetings():
             if met.contact.restitution > 0:
                 pair = [self.bodies[n] for n in met[:2]]
                 moving = [placed.body for placed in pair if placed.free.any()]
                 found.append(faithful_speed(met.reach, *moving))
         return min(found)
+
+    def _different_meetings(self) -> list[Meeting]:
+        """Return a pair of each sort: of bodies of the same kinds, that may move alike, and meet alike."""
+        met, moves = self.meetings, np.array([placed.free.any() for placed in self.bodies])
+        if not met:
+            return []
+        sort = 2 * np.array(self.kinds) + moves
+        sorts = np.column_stack([sort[met.first], sort[met.second], met.how, met.reach])
+        return [met[n] for n in np.unique(sorts, axis=0, return_index=True)[1].tolist()]
 
     def restitution_at(self, speed: float) -> float:
         """Estimate the largest restitution to be had of the softest contact at a speed [m/s], to .07.
@@ -505,7 +514,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def starts(self) -> np.ndarray:
-        """Where the particles of each body begin among all, and the end, (bodies + 1,)."""
+        """Return the index of the first particle of each body, and then the number of all, (bodies + 1,)."""
         starts = np.cumsum([0, *(len(placed.body.masses) for placed in self.bodies)])
         starts.setflags(write=False)
         return starts

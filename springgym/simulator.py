@@ -636,17 +636,20 @@ class Simulator:
                 )
         if copies is None:
             _set(own.values(), (state[name] for name in own))
-            self._recall()
-            return
+        else:
+            self._set_some(index, state, count)
+        self._recall()
+
+    def _set_some(self, index: np.ndarray, state: Mapping[str, Any], count: int) -> None:
+        """Set some copies (k,) to a state of ``count`` copies, k or one for all of them."""
         rows = np.zeros(len(index), int) if count == 1 else np.arange(count)
         arrays, values, where = [], [], []
-        for name, array in own.items():
+        for name, array in self._changing():
             blocks = array.dtype.names is not None
             arrays.append(by_copies(array) if blocks else array)
             values.append(get_copies(state[name], rows) if blocks else state[name][rows])
             where.append((index // self.width, index % self.width) if blocks else index)
         _set(arrays, values, where)
-        self._recall()
 
     def _recall(self) -> None:
         """Find what follows from a state that was set, and is not part of it."""
