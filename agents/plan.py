@@ -41,16 +41,16 @@ from springgym.cli import guarded
 
 @dataclass(frozen=True)
 class Planner:
-    """How a plan is made."""
+    """Settings of the planner."""
 
     samples: int = 64
-    """sequences of actions that are tried in an iteration"""
+    """number of sequences of actions tried in an iteration"""
     horizon: int = 30
-    """control periods that a sequence is long"""
+    """number of control periods in a sequence"""
     iterations: int = 2
-    """in every control period"""
+    """number of refinements of the plan in every control period"""
     elites: int = 8
-    """best sequences, that the next ones are drawn around"""
+    """number of best sequences, around which the next ones are drawn"""
     spread: float = 0.5
     """standard deviation of actions in the first iteration"""
     colour: float = 1.0
@@ -67,7 +67,7 @@ def noise(rng: np.random.Generator, planner: Planner, actions: int) -> np.ndarra
 
 
 def returns(model: Any, state: Mapping[str, Any], actions: np.ndarray) -> np.ndarray:
-    """What sequences of actions (samples, horizon, actions) earn from a state, until an episode ends."""
+    """Return the sum of rewards of each sequence of actions (samples, horizon, actions) from a state."""
     springgym.set_state(model, state, range(len(actions)))
     total, goes_on = np.zeros(len(actions)), np.ones(len(actions), bool)
     for taken in actions.swapaxes(0, 1):

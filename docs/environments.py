@@ -36,7 +36,7 @@ Report = Mapping[str, Any]
 
 
 def read() -> dict[str, Any]:
-    """Return what was measured, by section, with the rows of the benchmark and of the time to learn."""
+    """Read the measured numbers by section, with the rows of the benchmark and of the learning times."""
     found: dict[str, Any] = json.loads(NUMBERS.read_text(encoding="utf-8"))
     for name, path in (("baselines", "baselines.json"), ("learning", "learning_time.json")):
         found[name] = json.loads((HERE / path).read_text(encoding="utf-8"))

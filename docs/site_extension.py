@@ -1,4 +1,4 @@
-"""What the site needs of Sphinx beyond its extensions: formulas as pictures, films in the place of posters.
+"""Extend Sphinx for the site: draw formulas as pictures, and show films in the place of posters.
 
 Formulas are drawn as SVG when the site is built, by ziamath, in pure Python: no TeX is needed to build a
 page, and no script, font or other host to read it. (MathML needs a mathematical font that many machines

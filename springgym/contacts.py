@@ -36,25 +36,25 @@ class Contacts(NamedTuple):
     """
 
     there: np.ndarray
-    """(copies, most) whether there is a contact"""
+    """(copies, most) mask: True where this entry holds a contact"""
     first: np.ndarray
-    """(copies, most) the number of a body"""
+    """(copies, most) index of the first body"""
     second: np.ndarray
-    """(copies, most) the number of the other body; −1 of a surface"""
+    """(copies, most) index of the second body; −1 where the first body touches a surface"""
     surface: np.ndarray
-    """(copies, most) the number of the surface; −1 of bodies"""
+    """(copies, most) index of the surface; −1 where two bodies touch"""
     particle: np.ndarray
-    """(copies, most) the particle that meets a surface, by its number among all; −1 of bodies"""
+    """(copies, most) index, among all, of the particle that touches a surface; −1 where two bodies touch"""
     point: np.ndarray
-    """(copies, most, 3) where it is, halfway between what touches [m]"""
+    """(copies, most, 3) position of the contact, halfway between the two sides [m]"""
     normal: np.ndarray
     """(copies, most, 3) the unit vector from the second body, or the surface, to the first"""
     gap: np.ndarray
-    """(copies, most) the distance [m], negative of what is in each other"""
+    """(copies, most) gap between the two sides [m]; negative where they overlap"""
     impulse: np.ndarray
-    """(copies, most, 3) on the first body, friction and all [N·s]"""
+    """(copies, most, 3) impulse on the first body, normal and friction together [N·s]"""
     force: np.ndarray
-    """(copies, most, 3) on the first body [N]"""
+    """(copies, most, 3) force on the first body [N]"""
 
 
 class Here(NamedTuple):

@@ -328,7 +328,7 @@ def compute(only: str, found: Callable[[str, dict[str, str]], str], keep: Callab
 
 
 def compared(reference: dict[str, str] | None, results: dict[str, str]) -> tuple[bool, str]:
-    """Tell whether results are those of the reference, and in which they differ."""
+    """Tell whether results equal those of the reference, and name the results that differ."""
     if reference is None:
         return True, "NEW"
     gone = sorted(reference.keys() - results.keys())

@@ -90,7 +90,7 @@ def outdated_rows() -> set[str]:
 
 
 def test_baselines_are_of_the_tasks_and_configurations_as_they_are() -> None:
-    """Rows of a task whose physics or reward has changed say nothing of it, and are marked.
+    """The page marks rows that were made before the physics or the reward of their task changed.
 
     Not each change is followed by days of training, but each run of the tests says so.
     """

@@ -82,7 +82,7 @@ def cases(pages: list[Path]) -> list[Any]:
 
 
 def run(code: str, name: str, line: int, namespace: dict[str, Any]) -> str:
-    """Return what code prints; errors name its page and line."""
+    """Run code of a page and return its output; errors name the page and the line."""
     tree = ast.parse(code, name)
     ast.increment_lineno(tree, line - 1)
     printed = io.StringIO()

@@ -86,7 +86,7 @@ CASES: dict[str, Callable[[], np.ndarray]] = {
 
 @pytest.fixture(scope="module")
 def found_by_python(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """Return what another process finds, in which nothing is compiled."""
+    """Return the results of a process in which nothing is compiled."""
     file = tmp_path_factory.mktemp("plain") / "found.npz"
     command = [sys.executable, "-m", "tests.test_plain", str(file)]
     root = Path(__file__).parents[1]

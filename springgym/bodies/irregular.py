@@ -302,7 +302,7 @@ def _spanning(r: np.ndarray, order: np.ndarray, tiny: float) -> tuple[int, ...]:
 
 
 def braces(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
-    """Return pairs of particles (b, 2) to join in addition, so that springs hold a shape; none if they do.
+    """Return pairs of particles (b, 2) that further springs must join so that the body holds its shape.
 
     One after the other, the pair whose distance the remaining changes of shape alter most.
     """

@@ -25,7 +25,7 @@ class Shape(NamedTuple):
     radius: float
     """[m] of balls around the vertices and of rods; 0 for a closed surface"""
     lines: np.ndarray
-    """(L, 2) all edges: of a closed surface the flat ones, too"""
+    """(L, 2) all edges of the triangles, flat ones included"""
 
 
 @lru_cache(maxsize=1024)

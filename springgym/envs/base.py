@@ -766,7 +766,7 @@ def _generator(name: str, state: Any) -> np.random.Generator:
 
 
 def _restored(state: Mapping[str, Any]) -> np.random.Generator:
-    """A new generator in a state."""
+    """Make a random generator and put it into a state."""
     bits = getattr(np.random, state["bit_generator"])(0)
     bits.state = state
     return np.random.Generator(bits)

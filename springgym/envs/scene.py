@@ -35,7 +35,7 @@ LOUD = nullcontext()
 Seeing = Callable[[MeasuresOfBodies, Situation], np.ndarray]
 """Numbers or bools of all copies, from their measures and situation."""
 Telling = Callable[[MeasuresOfBodies, Situation], Mapping[str, np.ndarray]]
-"""Numbers (n,) of all copies by name."""
+"""Names and arrays (n,): a number of each of n copies under each name."""
 Starting = Callable[..., Start | tuple[np.ndarray, ...]]
 Marking = Callable[[MeasuresOfBodies, Situation], Marks]
 Most = float | Sequence[float]

@@ -29,7 +29,7 @@ MET, FAILED = -2, -1
 
 
 class Start(NamedTuple):
-    """Describe how an episode starts, or how several do: (k, …)."""
+    """The start of an episode, or of k episodes, with arrays of shape (k, …)."""
 
     positions: np.ndarray
     """(N, 3) [m]"""

@@ -76,7 +76,7 @@ class Rounds(NamedTuple):
     """The round features of a body."""
 
     first: np.ndarray
-    """(features,) where in the carriers below its own begin"""
+    """(features,) index of the first carrier of each feature in the arrays of carriers below"""
     behind: np.ndarray
     """(features,) and where they end"""
     particle: np.ndarray

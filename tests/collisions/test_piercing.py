@@ -130,7 +130,7 @@ def test_one_copy_does_not_concern_others() -> None:
 
 
 def test_option_is_checked() -> None:
-    """What is neither of the two is refused."""
+    """`unresolved` takes "raise" and "count", and refuses everything else."""
     for wrong in ("ignore", True, None, 1):
         with pytest.raises((TypeError, ValueError), match="unresolved"):
             two_balls(1.0, unresolved=wrong)

@@ -24,7 +24,7 @@ class Solid(NamedTuple):
 
     mass: float
     inertia: np.ndarray
-    """(3, 3) about the centre of mass"""
+    """(3, 3) inertia tensor about the centre of mass [kg m²]"""
     arm: np.ndarray
     """(3,) from the centre of mass to the centre of the ellipsoid"""
     matrix: np.ndarray
