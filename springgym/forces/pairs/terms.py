@@ -372,7 +372,7 @@ def longest_edge(body: Body, shape: Shape) -> float:
 
 
 def parallel(met: Meetings, longest: Sequence[float]) -> np.ndarray:
-    """Return σ² (pairs,), below which edges count as parallel; ``longest`` is the longest edge of bodies [m]."""
+    """Return σ² (pairs,), below which edges count as parallel, given the longest edge of each body [m]."""
     both = np.maximum(np.array(longest)[met.first], np.array(longest)[met.second])
     sine = np.full(len(both), 1.0)
     np.divide(PARALLEL * met.reach, both, out=sine, where=both > 0)
