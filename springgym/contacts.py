@@ -9,7 +9,7 @@ import numpy as np
 from springgym.core.blocks import numbers
 from springgym.core.kinds import Ragged
 from springgym.forces.memory import PHASE
-from springgym.forces.pairs.terms import FAR, ROWS
+from springgym.contact.pairs import FAR, ROWS
 from springgym.scene import Scene
 from springgym.surfaces import scales
 

@@ -16,13 +16,13 @@ from springgym.core.lanes import block_dtype
 from springgym.core.ragged import share, stacked
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
-from springgym.forces.barrier import Surfaces
+from springgym.contact.surfaces import Surfaces
 from springgym.forces.cycle import cycle
 from springgym.forces.memory import HELD, memory
-from springgym.forces.node import Space
-from springgym.forces.pairs.shown import Outlines, outlines
-from springgym.forces.pairs.solids import Solids
-from springgym.forces.pairs.terms import (
+from springgym.integrators.node import Space
+from springgym.contact.overlap import Outlines, outlines
+from springgym.contact.solids import Solids
+from springgym.contact.pairs import (
     ENERGY,
     ENTRIES,
     FAR,
@@ -43,9 +43,9 @@ from springgym.forces.pairs.terms import (
     room,
 )
 from springgym.forces.paper_contact import PaperLaw
-from springgym.forces.round import packed_rounds
+from springgym.contact.round import packed_rounds
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
-from springgym.forces.together import Bodies
+from springgym.integrators.together import Bodies
 from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
 from springgym.rigid.contact import ARRAYS
@@ -530,7 +530,7 @@ def swing(packed: Packed, x: np.ndarray) -> np.ndarray:
     """Σ m |a|² [N²/kg] of a body in all its copies (k, N, 3), by the accelerations of springs and gravity.
 
     Where the body meets something, by gravity alone: there contact holds the springs' share of the energy
-    that follows from it, see `springgym.forces.node.read_amid`.
+    that follows from it, see `springgym.integrators.node.read_amid`.
     """
     index = np.arange(len(x))
     masses, stiffness, lengths = (values(packed, name, index) for name in ("masses", "stiffness", "lengths"))

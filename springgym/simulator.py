@@ -36,10 +36,10 @@ from springgym.core.kinds import Ragged
 from springgym.core.ragged import share, stacked
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
-from springgym.forces.pairs import Meets, PairReadings
-from springgym.forces.pairs.shown import tell_shown
-from springgym.forces.pairs.terms import RESOLVED
-from springgym.forces.together import LOOK, START
+from springgym.contact.pairs import Meets, PairReadings
+from springgym.contact.overlap import tell_shown
+from springgym.contact.pairs import RESOLVED
+from springgym.integrators.together import LOOK, START
 from springgym.guard import Guard, guarded
 from springgym.identity import check_same
 from springgym.integrators.clock import Clock

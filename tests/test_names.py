@@ -87,7 +87,7 @@ def test_functions_are_called_with_what_they_take() -> None:
     """Every call in the tests and scripts fits the signature of what it calls, in slow tests, too."""
     scripts = [p for p in SOURCES if p.relative_to(ROOT).parts[0] in ("tests", "docs")]
     assert [f"{p}, {of}" for p in scripts for of in unfit(nodes_of(p))] == []
-    missing = "from springgym.forces.pairs.search import find\nfind(1, 2, 3, pairs=4)\nfind(*range(4), 5)\n"
+    missing = "from springgym.contact.search import find\nfind(1, 2, 3, pairs=4)\nfind(*range(4), 5)\n"
     assert list(unfit(list(ast.walk(ast.parse(missing))))) == [
         "line 2: find: missing a required argument: 'room'"
     ]
@@ -223,7 +223,7 @@ def test_dotted_names_of_a_page_are_there(page: Path) -> None:
 
 def test_what_is_not_there_is_found() -> None:
     wrong = [
-        "springgym.forces.pairs.collide",
+        "springgym.contact.search.collide",
         "springgym.forcess.pairs",
         "Body.colour",
         "packing.nothing",
@@ -235,5 +235,5 @@ def test_what_is_not_there_is_found() -> None:
     ]
     text = ", ".join(f"`{name}`" for name in wrong)
     assert list(lost(text, plain=True)) == wrong
-    right = "`springgym.forces.pairs`, `Body.size`, `simulator.pairs()`, `Elastic.material`, `env.unwrapped`"
+    right = "`springgym.contact`, `Body.size`, `simulator.pairs()`, `Elastic.material`, `env.unwrapped`"
     assert list(lost(right, plain=True)) == []

@@ -1,1 +1,13 @@
-"""Contact: its law. Surfaces meet by it at `springgym.forces.node`, bodies in `springgym.forces.pairs`."""
+"""Contact, from what is near what to the impulses that it gives.
+
+The walk of a contact between two bodies, a module a station: `pairs` has the bodies that may meet, `search`
+finds which of their features are near each other, `features` lists the contacts, `solver` finds their impulses
+by the one `law`, `friction` theirs along the faces, and `solids` says how rigid bodies are moved by them. The
+bodies of springs are moved through their particles.
+
+At surfaces, `surfaces` has the gaps and normals of particles, and `round` those of ellipsoids and disks.
+`overlap` tells by geometry alone whether bodies are shown in each other.
+
+The node of a step, in which all this acts, is `springgym.integrators.node` for a body at surfaces,
+`springgym.integrators.together` for bodies that collide, and `springgym.rigid` has both for rigid bodies.
+"""

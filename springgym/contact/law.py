@@ -143,7 +143,7 @@ def meet(start: Number, free: Number, span: Any, c: Number, reach: Number, beta:
     """Solve one contact for a step, where it is ``on``; elsewhere the numbers have no meaning.
 
     ``start`` is the gap h₀ [m] that the step begins with, ``free`` the gap a [m] that all else would end it
-    with; ``c`` is the strength times W [m³/s²], ``beta`` is β. The `springgym.forces.node.Span` says how long
+    with; ``c`` is the strength times W [m³/s²], ``beta`` is β. The `springgym.integrators.node.Span` says how long
     the step is, and how long it lasts after the node.
 
     Returns

@@ -27,12 +27,12 @@ from springgym.forces.actuators import (
     record_holding,
     set_actuation,
 )
-from springgym.forces.barrier import Surfaces, contact_energy
+from springgym.contact.surfaces import Surfaces, contact_energy
 from springgym.forces.cycle import Cycle
 from springgym.forces.memory import Memory
-from springgym.forces.pairs.terms import Meets
+from springgym.contact.pairs import Meets
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
-from springgym.forces.round import Rounds, feature_energy, rolls
+from springgym.contact.round import Rounds, feature_energy, rolls
 from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
 from springgym.own_forces import OfBody, add_own_forces, own_energy
 

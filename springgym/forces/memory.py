@@ -1,6 +1,6 @@
 """What a copy keeps from one call to the next beside x and v, in scenes with surfaces.
 
-There a state is read in the middle of a node (`springgym.forces.node`): x is where the particles are there, v
+There a state is read in the middle of a node (`springgym.integrators.node`): x is where the particles are there, v
 the mean of the velocities with which they come and go. The next call goes on from the velocities with which
 they came, so that calls of a and b steps are one of a + b. A copy that was placed has come from nowhere: it
 is fresh.

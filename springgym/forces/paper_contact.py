@@ -16,12 +16,12 @@ from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows
 from springgym.core.lanes import load, maximum, minimum, select, sqrt
 from springgym.core.vectors import TINY, add_row, dot, row, set_row
-from springgym.forces.barrier import count, standing
+from springgym.contact.surfaces import count, standing
 from springgym.forces.ledger import CONTACT, FRICTION, record
 
 if TYPE_CHECKING:
     from springgym.forces import Particles
-    from springgym.forces.barrier import Surfaces
+    from springgym.contact.surfaces import Surfaces
 
 
 CLAMP = 0.1
@@ -74,7 +74,7 @@ def add_paper_force(
     ledger: Ledger,
     weight: Number,
 ) -> None:
-    """Add the force on particle ``i`` that is ``above`` a surface: `springgym.forces.barrier.standing`."""
+    """Add the force on particle ``i`` that is ``above`` a surface: `springgym.contact.surfaces.standing`."""
     n, square, h = above
     c, velocity = load(surfaces.strength, 0), row(v, i)
     push = maximum(c / (h * h) - c / (surfaces.reach * surfaces.reach), 0.0)

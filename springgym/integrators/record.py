@@ -13,7 +13,7 @@ from numpy.typing import DTypeLike
 from springgym import checks
 from springgym.core.blocks import aligned_zeros
 from springgym.core.ragged import stacked
-from springgym.forces.round import ARRAYS
+from springgym.contact.round import ARRAYS
 from springgym.integrators.envelope import envelope
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact
@@ -45,9 +45,9 @@ class Integrator:
     iterative: bool = False
     """solves by Newton's method"""
     meets_bodies: bool = False
-    """passes the nodes of `springgym.forces.together` where bodies may meet"""
+    """passes the nodes of `springgym.integrators.together` where bodies may meet"""
     meets_surfaces: bool = False
-    """passes nodes, see `springgym.forces.node`, where there are surfaces"""
+    """passes nodes, see `springgym.integrators.node`, where there are surfaces"""
     cycles: bool = False
     """can let dampers and wrench act once in several steps, see `springgym.forces.cycle`"""
 

@@ -40,9 +40,9 @@ from springgym.forces.memory import (
     share_actions,
     steer,
 )
-from springgym.forces.node import Space, next_phase, pass_node, span_of
-from springgym.forces.round import rolling_of
-from springgym.forces.together import (
+from springgym.integrators.node import Space, next_phase, pass_node, span_of
+from springgym.contact.round import rolling_of
+from springgym.integrators.together import (
     START,
     acts_amid,
     halve_tally,
@@ -146,10 +146,10 @@ def integrate_in_cycles(
 def integrate_among_surfaces(
     x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
 ) -> None:
-    """The same where there are surfaces: all acts at nodes, between drifts of h; see `springgym.forces.node`.
+    """The same where there are surfaces: all acts at nodes, between drifts of h; see `springgym.integrators.node`.
 
     The state is read amid the last node, which the next call makes anew; and no other if it takes as many
-    steps as `springgym.forces.together.LOOK`.
+    steps as `springgym.integrators.together.LOOK`.
     """
     a, b, direction = workspace[0], workspace[1], workspace[2]
     rolling = rolling_of(workspace, OWN_ARRAYS, terms.rounds)
@@ -179,7 +179,7 @@ def integrate_together(
 ) -> None:
     """The same where bodies collide: all of them take each step together.
 
-    ``x``, ``v`` and ``ledger`` are those of all bodies; ``workspace`` is of `springgym.forces.together`. As
+    ``x``, ``v`` and ``ledger`` are those of all bodies; ``workspace`` is of `springgym.integrators.together`. As
     many steps as `START` and `LOOK` are none: it is told which bodies of fresh copies touch, or the last node
     is made anew.
     """

@@ -1,7 +1,7 @@
 """Contact of the rigid body: the node of a step, as particles that springs hold together pass it.
 
 The body flies freely for half a step, receives the impulses of gravity, actuators, surfaces and friction, and
-flies freely for the other half (`springgym.forces.node`). A particle near a surface gives way along the
+flies freely for the other half (`springgym.integrators.node`). A particle near a surface gives way along the
 normal n by the ease A = 1/M + (r × n) · I⁻¹ (r × n) per impulse: to the law of surfaces
 (`springgym.contact.law.meet`) it is a particle of mass 1/A, which all else gives what gravity, actuators
 and the impulses at the other particles do to its speed. Its way is that of the flights, curved as they are.
@@ -23,7 +23,7 @@ from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Mask, Number, Rows, Vector
 from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, store
 from springgym.core.vectors import TINY, choose, cross, dot, plus_scaled, row, set_row, vec
-from springgym.forces.barrier import (
+from springgym.contact.surfaces import (
     coefficient,
     count,
     energy_at,
@@ -33,13 +33,13 @@ from springgym.forces.barrier import (
 )
 from springgym.forces.ledger import CONTACT, FRICTION, WORK, record
 from springgym.forces.memory import HELD, halve
-from springgym.forces.node import lifted
+from springgym.integrators.node import lifted
 from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Thrust, Wrench
-    from springgym.forces.barrier import Surfaces
+    from springgym.contact.surfaces import Surfaces
     from springgym.rigid.motion import Solid
 
 
@@ -69,7 +69,7 @@ class Node(NamedTuple):
     """
 
     span: Any
-    """its time (`springgym.forces.node.Span`)"""
+    """its time (`springgym.integrators.node.Span`)"""
     begin: State
     """half a step before"""
     state: State
@@ -375,7 +375,7 @@ def record_losses(
                 met = met + impulse * dot(n, velocity_of(arm, given, solid))
                 rub = row(workspace[ARRAYS * k + RUB], i)
                 rubbed = rubbed - dot(rub, plus_scaled(mean, late, falling))
-    # `springgym.forces.node.begun_in_touch`
+    # `springgym.integrators.node.begun_in_touch`
     whole = product_of(node.rate, node.rate, solid)
     rests = select(met > 0.0, minimum(fallen * fallen / (maximum(met, 0.0) + TINY), whole), 0.0)
     lost = lost + 2.0 * late * late * rests

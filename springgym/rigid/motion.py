@@ -26,7 +26,7 @@ from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.lanes import bodies_of, load, of_body
 from springgym.core.vectors import angular_momentum, cross, mass_centre, row, set_row, triad, vec
 from springgym.forces.memory import PHASE, remember, resume, share_actions
-from springgym.forces.node import span_of
+from springgym.integrators.node import span_of
 from springgym.integrators.clock import Clock, tick
 from springgym.integrators.envelope import Block
 from springgym.integrators.record import Phase

@@ -1,8 +1,8 @@
 """The node of a step where rigid bodies collide: all of them pass it together.
 
 All impulses of a step act at once, at its node, as where springs hold bodies together
-(`springgym.forces.together`): contacts are found in the same way, from the particles of the bodies, follow
-the same law and are told of alike. What differs is what they move (`springgym.forces.pairs.solids`).
+(`springgym.integrators.together`): contacts are found in the same way, from the particles of the bodies, follow
+the same law and are told of alike. What differs is what they move (`springgym.contact.solids`).
 
 Contacts of a rigid body all act on each other. They are taken in turns, surfaces first, then pairs of bodies
 there and back with their friction, until the speeds of those between bodies agree (Gauss and Seidel);
@@ -25,13 +25,13 @@ from springgym.core.vectors import TINY, choose, plus_scaled, row, set_row, vec
 from springgym.forces import Particles
 from springgym.forces.ledger import CONTACT, WORK, record
 from springgym.forces.memory import HELD, PHASE, halve, remember, resume, share_actions
-from springgym.forces.node import span_of
-from springgym.forces.pairs.friction import SWEEPS, rub
-from springgym.forces.pairs.impulses import account, lift_apart, prepare, sweep, taper
-from springgym.forces.pairs.search import find
-from springgym.forces.pairs.solids import CHANGE, GOING
-from springgym.forces.pairs.terms import Room, note
-from springgym.forces.together import (
+from springgym.integrators.node import span_of
+from springgym.contact.friction import SWEEPS, rub
+from springgym.contact.solver import account, lift_apart, prepare, sweep, taper
+from springgym.contact.search import find
+from springgym.contact.solids import CHANGE, GOING
+from springgym.contact.pairs import Room, note
+from springgym.integrators.together import (
     START,
     begin,
     enter,
@@ -56,7 +56,7 @@ from springgym.rigid.flight import State, combine, components, fly
 from springgym.rigid.motion import Solid, read_state, set_particles
 
 if TYPE_CHECKING:
-    from springgym.forces.barrier import Surfaces
+    from springgym.contact.surfaces import Surfaces
 
 
 TURNS = 40
@@ -382,7 +382,7 @@ def enter_start(node: Node, by_bodies: Any, middle: Any, ledger: Ledger, solid: 
     """Enter, of the half node of a fresh copy, what bodies took from one body; what its barriers gave is
     entered for the pair.
 
-    There they push against gravity before it acts, see `springgym.forces.node.begun_in_touch`.
+    There they push against gravity before it acts, see `springgym.integrators.node.begun_in_touch`.
     """
     late = 0.5 * (node.span.out - node.span.lead)
     fallen, met = product_of(node.rate, by_bodies, solid), product_of(by_bodies, by_bodies, solid)
@@ -439,7 +439,7 @@ def pass_together(
 def move_together(phase: Any, space: Company, h: Number, steps: int, settles: bool, twins: Any) -> None:
     """Take all bodies through the steps together; the last node is made anew by the next call.
 
-    None only makes them rigid, if it ``settles``; as many as `springgym.forces.together.START` tell which
+    None only makes them rigid, if it ``settles``; as many as `springgym.integrators.together.START` tell which
     bodies of fresh copies touch, as many as `LOOK` make the last node anew.
     """
     x, v, ledger = phase

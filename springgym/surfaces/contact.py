@@ -32,7 +32,7 @@ stays a tenth of Δ away."""
 
 @dataclass(frozen=True)
 class Contact:
-    """Describe how bodies meet surfaces: by a barrier that keeps energy, see `springgym.forces.barrier`.
+    """Describe how bodies meet surfaces: by a barrier that keeps energy, see `springgym.contact.surfaces`.
 
     Parameters
     ----------

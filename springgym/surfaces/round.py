@@ -28,7 +28,7 @@ def heights(body: Body, positions: np.ndarray, surface: Surface) -> np.ndarray:
 
 
 def _height(body: Body, feature: Round, positions: np.ndarray, surface: Surface) -> np.ndarray:
-    """Return the heights (…,) of one feature, see `springgym.forces.round`."""
+    """Return the heights (…,) of one feature, see `springgym.contact.round`."""
     carriers = feature.carriers(len(body.masses))
     base, slope = weights(body.masses, body.positions, carriers)
     x = positions[..., carriers, :]

@@ -9,7 +9,7 @@ surface of the kind, of which the first says how many there are, and two static 
 
 A kind that has a function ``flat`` which returns True says that its gradient is a unit vector, and the same
 everywhere. Contact needs no more: how it takes the normal of a way from them is said in
-`springgym.forces.barrier`.
+`springgym.contact.surfaces`.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import numpy as np
 
 from springgym import packing
 from springgym.core.blocks import to_copies
-from springgym.forces.pairs.terms import ENTRIES, Pairs
+from springgym.contact.pairs import ENTRIES, Pairs
 from springgym.packing import pack_pairs
 from springgym.scene import Scene
 from springgym.simulator import Simulator

@@ -9,7 +9,7 @@ import pytest
 
 from springgym.bodies import Body, cube, from_points, top
 from springgym.collisions import distance
-from springgym.forces.pairs.terms import FAST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
+from springgym.contact.pairs import FAST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
 from springgym.simulator import Simulator
 from tests.collisions.cases import CUBE, WAYS, approach
 from tests.collisions.impacts import impacts, pair_scene

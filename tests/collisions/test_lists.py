@@ -12,8 +12,8 @@ import pytest
 
 from springgym.bodies import ball, cube, rope
 from springgym.core.blocks import block_array, numbers, set_all
-from springgym.forces.pairs import terms
-from springgym.forces.pairs.terms import ROWS, WATCHED
+from springgym.contact import pairs
+from springgym.contact.pairs import ROWS, WATCHED
 from springgym.packing import pack_room
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import ball
-from springgym.forces.pairs.shown import tell_shown
+from springgym.contact.overlap import tell_shown
 from springgym.packing import pack_outlines
 from springgym.scene import Placed, Scene
 from springgym.simulator import SimulationDivergedError, Simulator, UnresolvedContactError

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import Body, cube, top
-from springgym.forces.pairs import PairReadings
+from springgym.contact.pairs import PairReadings
 from springgym.scene import Placed, Scene, WrenchActuator
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, Plane

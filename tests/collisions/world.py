@@ -15,11 +15,11 @@ from springgym.core.compiling import compiled, kernel
 from springgym.core.lanes import block_dtype, load, minimum, sqrt
 from springgym.core.vectors import TINY, dot, plus_scaled, row, row_each, set_row, set_row_each
 from springgym.forces import Particles, Terms, accelerate, drift, kick, relax
-from springgym.forces.node import Span
-from springgym.forces.pairs.friction import TURNS, rub
-from springgym.forces.pairs.impulses import account, prepare, sweep, taper
-from springgym.forces.pairs.search import find
-from springgym.forces.pairs.terms import ENTRIES, GAP, Pairs, note
+from springgym.integrators.node import Span
+from springgym.contact.friction import TURNS, rub
+from springgym.contact.solver import account, prepare, sweep, taper
+from springgym.contact.search import find
+from springgym.contact.pairs import ENTRIES, GAP, Pairs, note
 from springgym.forces.springs import Dampers, Decay, Springs, decay
 from springgym.packing import Options, pack_pairs, pack_room
 from springgym.scene import Scene

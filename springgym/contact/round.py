@@ -41,7 +41,7 @@ from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Rows, Vector
 from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
 from springgym.core.vectors import TINY, add_scaled, choose, dot, plus_scaled, row, set_row, vec
-from springgym.forces.barrier import Surfaces, coefficient, count, standing, strength_and_reach
+from springgym.contact.surfaces import Surfaces, coefficient, count, standing, strength_and_reach
 
 if TYPE_CHECKING:
     from springgym.forces import Particles, Terms
@@ -95,7 +95,7 @@ class Rolling(NamedTuple):
     velocity: Any
     """velocities after the node with as much of contact as is known [m/s]"""
     change: Any
-    """of velocity by pushes [m/s]; this and the next two as `springgym.forces.node.Given`"""
+    """of velocity by pushes [m/s]; this and the next two as `springgym.integrators.node.Given`"""
     rub: Any
     force: Any
     point: Any
@@ -371,7 +371,7 @@ def sum_up(rolling: Any, rounds: Rounds, terms: Terms) -> None:
 def lifted_feature(x: Rows, v: Rows, span: Any, rolling: Any, rounds: Rounds, terms: Terms) -> Any:
     """Return what barriers hold around a node beside what they hold where it is read [J], and its lift [m].
 
-    ``v`` are the velocities behind the node. As `springgym.forces.node.lifted`, for a whole body.
+    ``v`` are the velocities behind the node. As `springgym.integrators.node.lifted`, for a whole body.
     """
     surfaces = terms.surfaces
     kinds, none = count(surfaces.kinds), 0.0 * row(x, 0)

@@ -47,7 +47,7 @@ from springgym.core.vectors import (
     unit,
     vec,
 )
-from springgym.forces.pairs.terms import FAR, NONE, Near, Search, Touch
+from springgym.contact.pairs import FAR, NONE, Near, Search, Touch
 
 TIE, ROUGH = 1e-6, 8192.0
 """Share of h² in the key of a triangle, and what each `epsilon` adds: 1e-3 in single precision."""

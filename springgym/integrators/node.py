@@ -3,7 +3,7 @@
 Particles fly straight for half a step, receive the impulses of springs, gravity, actuators, dampers, surfaces
 and friction, and fly straight for the other half. With v₋ and v₊ the velocities before and after the node, an
 impulse p changes the kinetic energy by exactly p · (v₋ + v₊)/2: that is what the ledger enters, and what
-surfaces take for the speed at which they give way (`springgym.forces.barrier`). What rests has no such mean,
+surfaces take for the speed at which they give way (`springgym.contact.surfaces`). What rests has no such mean,
 so that it loses nothing, and does not creep.
 
 The state is read amid a node, with the mean of v₋ and v₊ for its velocity: that of velocity Verlet where
@@ -23,7 +23,7 @@ from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, sele
 from springgym.core.vectors import TINY, choose, dot, plus_scaled, row, set_row, unit, vec, vector
 from springgym.forces import stored_energy
 from springgym.forces.actuators import push
-from springgym.forces.barrier import (
+from springgym.contact.surfaces import (
     coefficient,
     count,
     energy_at,
@@ -36,14 +36,14 @@ from springgym.forces.barrier import (
 )
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
 from springgym.forces.memory import HELD, halve, turn_drive
-from springgym.forces.round import lifted_feature, roll, rolls
+from springgym.contact.round import lifted_feature, roll, rolls
 from springgym.forces.springs import damp
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
     from springgym.forces.actuators import Thrust, Wrench
-    from springgym.forces.barrier import Surfaces
-    from springgym.forces.round import Rounds
+    from springgym.contact.surfaces import Surfaces
+    from springgym.contact.round import Rounds
     from springgym.forces.springs import Dampers
 
 
@@ -84,7 +84,7 @@ class Space(NamedTuple):
     pushes: Any
     """(surfaces, 3) change of velocity [m/s] of a particle by each surface, where these are coupled"""
     rolling: Any
-    """`springgym.forces.round.Rolling`; None without round features"""
+    """`springgym.contact.round.Rolling`; None without round features"""
 
 
 class Given(NamedTuple):
@@ -371,7 +371,7 @@ def pass_node(
     ``among`` says near which particles surfaces were before: the first of them, and the one behind the last.
     The way of the others begins where that of the last node ended, out of reach.
 
-    A body with round features meets surfaces with them alone, see `springgym.forces.round`.
+    A body with round features meets surfaces with them alone, see `springgym.contact.round`.
 
     Returns among which particles surfaces are near now.
     """
@@ -455,7 +455,7 @@ def of_features(i: int, like: Vector, rolling: Any) -> Any:
 
 @compiled
 def held_by_features(x: Rows, v: Rows, span: Span, rolling: Any, terms: Terms, rounds: Rounds | None) -> Any:
-    """Return what `springgym.forces.round.lifted_feature` does; nothing without features."""
+    """Return what `springgym.contact.round.lifted_feature` does; nothing without features."""
     if rounds is None:
         return 0.0 * span.out, 0.0 * row(x, 0)
     return lifted_feature(x, v, span, rolling, rounds, terms)

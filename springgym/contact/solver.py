@@ -37,9 +37,9 @@ from springgym.core.vectors import (
     set_row_each,
     vec,
 )
-from springgym.forces.pairs.features import TAPER, smooth
-from springgym.forces.pairs.friction import lay_out
-from springgym.forces.pairs.solids import (
+from springgym.contact.features import TAPER, smooth
+from springgym.contact.friction import lay_out
+from springgym.contact.solids import (
     among_going,
     between,
     count_change,
@@ -49,7 +49,7 @@ from springgym.forces.pairs.solids import (
     wrenches,
     yielding_of,
 )
-from springgym.forces.pairs.terms import (
+from springgym.contact.pairs import (
     CONTACT,
     ENERGY,
     ENTRIES,
@@ -69,7 +69,7 @@ from springgym.forces.pairs.terms import (
 
 if TYPE_CHECKING:
     from springgym.forces import Particles
-    from springgym.forces.pairs.solids import Solids
+    from springgym.contact.solids import Solids
 
 
 LOW = 0.02
@@ -98,7 +98,7 @@ def prepare(
     """Find the speeds that contacts come with, and how much an impulse changes them; ``met`` is set to 1 of
     their particles, if these move by themselves.
 
-    ``w`` are velocities of particles, or what `springgym.forces.pairs.solids.Solids` says of rigid bodies.
+    ``w`` are velocities of particles, or what `springgym.contact.solids.Solids` says of rigid bodies.
     """
     for n in range(room.length[MET]):
         set_row(room.spent, room.met[n], vec(0.0, 0.0, 0.0))

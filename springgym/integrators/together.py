@@ -1,6 +1,6 @@
 """The node of a step where bodies collide: all of them pass it together.
 
-As in `springgym.forces.node`, all impulses act at once, amid a step, and the state is read there. Here what
+As in `springgym.integrators.node`, all impulses act at once, amid a step, and the state is read there. Here what
 bodies give each other acts, too. Which contacts there are is found once a node, from positions and the
 velocities before it; what they give follows from all else, as for surfaces. Dampers must see the mean
 velocity: they act with half of what contact gave at the last node. Surfaces and pairs are all else to each
@@ -22,10 +22,10 @@ from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.lanes import Ragged, any_lane, bodies_of, load, of_body, select, store
 from springgym.core.vectors import choose, dot, plus_scaled, row, set_row, vec
 from springgym.forces import Particles, stored_energy
-from springgym.forces.barrier import coefficient, energy_at
+from springgym.contact.surfaces import coefficient, energy_at
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.forces.memory import HELD, PHASE, halve
-from springgym.forces.node import (
+from springgym.integrators.node import (
     Given,
     Space,
     act_and_damp,
@@ -41,11 +41,11 @@ from springgym.forces.node import (
     span_of,
     swing_of,
 )
-from springgym.forces.pairs import terms as told
-from springgym.forces.pairs.friction import SWEEPS, TURNS, rub
-from springgym.forces.pairs.impulses import account, account_start, lift_apart, prepare, sweep, taper
-from springgym.forces.pairs.search import find
-from springgym.forces.pairs.terms import (
+from springgym.contact import pairs as told
+from springgym.contact.friction import SWEEPS, TURNS, rub
+from springgym.contact.solver import account, account_start, lift_apart, prepare, sweep, taper
+from springgym.contact.search import find
+from springgym.contact.pairs import (
     ENERGY,
     ENTRIES,
     IMPULSE,
@@ -59,7 +59,7 @@ from springgym.forces.pairs.terms import (
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
-    from springgym.forces.barrier import Surfaces
+    from springgym.contact.surfaces import Surfaces
 
 
 START = -1
@@ -94,7 +94,7 @@ class Bodies(NamedTuple):
     pairs: Ragged
     """what bodies gave each other [m/s]"""
     change: Ragged
-    """what surfaces give: see `springgym.forces.node.Given`"""
+    """what surfaces give: see `springgym.integrators.node.Given`"""
     rub: Ragged
     force: Ragged
     shift: Ragged
@@ -475,7 +475,7 @@ def begin(phase: Number, contacts: Number, meets: Any, room: Any, memory: Any) -
 def pass_together(
     x: Any, v: Any, phase: Number, h: Number, last: Any, goes: Any, ledger: Ledger, work: Any, terms: Any
 ) -> None:
-    """Let all act on all bodies at a node: `springgym.forces.node.pass_node` where they collide.
+    """Let all act on all bodies at a node: `springgym.integrators.node.pass_node` where they collide.
 
     If nothing ``goes`` on, only tell which bodies touch in fresh copies.
     """

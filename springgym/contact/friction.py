@@ -14,7 +14,7 @@ that of q has g = H, and their near ends take that back. The slip is what such a
 Along a unit vector ŝ an impulse changes it by K = W + Σ (gᵢ · ŝ)²/mᵢ. A rod alone is rubbed along itself
 only; two balls are points here, and no impulse across the line of their centres keeps the angular momentum.
 
-Rigid bodies are pushed at one point (`springgym.forces.pairs.solids`), where j leaves no torque.
+Rigid bodies are pushed at one point (`springgym.contact.solids`), where j leaves no torque.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from springgym.core.vectors import (
     set_row,
     set_row_each,
 )
-from springgym.forces.pairs.solids import among_going, between, push_both, yielding_of_both
-from springgym.forces.pairs.terms import FRICTION, spend, tell
+from springgym.contact.solids import among_going, between, push_both, yielding_of_both
+from springgym.contact.pairs import FRICTION, spend, tell
 
 if TYPE_CHECKING:
     from springgym.forces import Particles
-    from springgym.forces.pairs.solids import Solids
+    from springgym.contact.solids import Solids
 
 
 SHALLOW = 0.05

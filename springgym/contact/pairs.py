@@ -202,13 +202,13 @@ class Room(NamedTuple):
     slide: np.ndarray
     """(rows, 3) the impulse of the gradient of Φ [N·s]"""
     tilt: np.ndarray
-    """(2 rows, 3) G and H; of a rod, G and the direction along it: see `springgym.forces.pairs.friction`"""
+    """(2 rows, 3) G and H; of a rod, G and the direction along it: see `springgym.contact.friction`"""
     rubs: np.ndarray
     """(rows,) 1 where friction acts, else 0"""
     spent: np.ndarray
     """(pairs, 3) energy lost to damping, and to friction, and given by the barriers, at this node [J]"""
     solids: Any = None
-    """the `springgym.forces.pairs.solids.Solids` of rigid bodies; None where particles move by themselves"""
+    """the `springgym.contact.solids.Solids` of rigid bodies; None where particles move by themselves"""
 
 
 WATCHED, CLOSE, MET, ROWS = range(4)

@@ -12,11 +12,11 @@ other than by what their bodies moved, and by how much the vertices of either mo
 leaves anything of the margin, whatever may touch is in the lists. Where vertices were then is kept with the
 lists. So it does not matter whose lists they are, nor how vertices came to be where they are.
 
-Narrow phase. At each node candidates are compared (`springgym.forces.pairs.features`), and those that are
+Narrow phase. At each node candidates are compared (`springgym.contact.features`), and those that are
 near enough make contacts: the same, to the bit, however much more is listed. How far to look follows from how
 fast bodies move.
 
-Contacts, and features for one node alone, are listed copy by copy (`springgym.forces.pairs.terms.Room`):
+Contacts, and features for one node alone, are listed copy by copy (`springgym.contact.pairs.Room`):
 copies of a block that touch in different places have as many rows as the one that has most. Every test is
 made for all copies of a block, and what is found in one does not depend on another.
 """
@@ -39,7 +39,7 @@ from springgym.core.vectors import (
     unit,
     vec,
 )
-from springgym.forces.pairs.features import (
+from springgym.contact.features import (
     ball_ball,
     begin,
     crossing,
@@ -49,7 +49,7 @@ from springgym.forces.pairs.features import (
     vertex_faces,
     vertex_rods,
 )
-from springgym.forces.pairs.terms import CLOSE, FAR, MET, NONE, ROWS, WATCHED, Near, Search
+from springgym.contact.pairs import CLOSE, FAR, MET, NONE, ROWS, WATCHED, Near, Search
 
 SPARE = 1.05
 """Contacts are looked for up to this many Δ, and farther by the way of half a step, however long that is."""
@@ -110,7 +110,7 @@ def outside(low: Vector, high: Vector, body: Any, room: Any) -> Any:
 def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> int:
     """List the contacts of all pairs, with velocities ``w`` (N, 3) before the node; how many rows that makes.
 
-    ``span`` is the time of the node, a `springgym.forces.node.Span`.
+    ``span`` is the time of the node, a `springgym.integrators.node.Span`.
     """
     shapes, seen = pairs.shapes, Search(x, w, pairs, room)
     measure_moved(x, w, span, pairs, room)
