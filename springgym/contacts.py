@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from springgym.contact.rows import FAR, ROWS
 from springgym.core.blocks import numbers
 from springgym.core.kinds import Ragged
 from springgym.forces.memory import PHASE
-from springgym.contact.pairs import FAR, ROWS
 from springgym.scene import Scene
 from springgym.surfaces import scales
 
@@ -96,7 +96,7 @@ def refusal(scene: Scene, rigid: bool, terms: Any) -> str:
         return "contacts are told of methods that pass nodes; take verlet, and Contact, not PaperContact"
     if scene.surfaces and rigid:
         return "contacts of rigid bodies with surfaces are not told; take dynamics='springs'"
-    if scene.surfaces and len(scene.bodies) > 1 and terms.meets is None:
+    if scene.surfaces and len(scene.bodies) > 1 and terms.collisions is None:
         return "contacts of several bodies with surfaces are told if they collide; give the scene collisions"
     return ""
 
@@ -137,10 +137,10 @@ def padded(found: list[Contacts], copies: int) -> Contacts:
 
 def _of_bodies(scene: Scene, here: Here) -> Contacts:
     """Read contacts between bodies off the rows of a thread."""
-    room, met = here.workspace.room, scene.meetings
-    rows = int(room.length[ROWS])
-    pair = room.pair[:rows].astype(int)
-    gap, push = (numbers(of)[:rows].astype(float) for of in (room.distance, room.push))
+    contacts, met = here.workspace.contacts, scene.meetings
+    rows = int(contacts.length[ROWS])
+    pair = contacts.pair[:rows].astype(int)
+    gap, push = (numbers(of)[:rows].astype(float) for of in (contacts.gap, contacts.impulse))
     reach = met.reach[pair][:, None]
     row, lane = np.nonzero((gap < 0.5 * FAR) & ((gap < reach) | (push != 0.0)))
     pair, gap, push = pair[row], gap[row, lane], push[row, lane]
@@ -148,18 +148,19 @@ def _of_bodies(scene: Scene, here: Here) -> Contacts:
     width = here.places.shape[-1]
     particle, weight = (
         numbers(of)[: 4 * rows].reshape(rows, 4, width)[row, :, lane].astype(float)
-        for of in (room.particle, room.weight)
+        for of in (contacts.particle, contacts.weight)
     )
-    weight[np.arange(4) >= room.members[row][:, None]] = 0.0
+    weight[np.arange(4) >= contacts.members[row][:, None]] = 0.0
     particle = np.where(weight != 0.0, particle, 0.0).astype(int)
     places = here.places.astype(float)[particle, :, lane[:, None]]
     ahead = particle[:, 0] < scene.starts[second]  # the first particle is of the first body
     sign = np.where(ahead, 1.0, -1.0)[:, None]
     normal, rub, slide = (
-        numbers(of)[:rows][row, :, lane].astype(float) for of in (room.toward, room.rub, room.slide)
+        numbers(of)[:rows][row, :, lane].astype(float)
+        for of in (contacts.normal, contacts.friction, contacts.taper)
     )
     impulse = push[:, None] * normal + rub + slide
-    if room.solids is None:  # else rows are of the first body already
+    if contacts.solids is None:  # else rows are of the first body already
         normal, impulse = sign * normal, sign * impulse
     radius = np.array([shape.radius for shape in scene.shapes])
     both = (np.abs(weight)[:, None] @ places)[:, 0]  # the sum of the points of both
@@ -205,7 +206,7 @@ def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:
     terms, block, work = here.terms, here.block, here.workspace
     mean, arrived = (numbers(_values(of))[block].astype(float) for of in (here.v, terms.memory.arrived))
     after, x, out = 2.0 * mean - arrived, here.places.astype(float), 0.5 * here.step
-    if terms.meets is None:
+    if terms.collisions is None:
         kicked, acceleration = (numbers(work[n])[: len(x)].astype(float) for n in (5, 0))
         change = after - (kicked + out * acceleration)
         quiet = np.abs(change) < ROUNDING * (np.abs(after) + np.abs(arrived))

@@ -26,7 +26,7 @@ from springgym.core.vectors import (
 )
 from springgym.forces import potential_energy
 from springgym.forces.ledger import ENTRIES, WORK
-from springgym.forces.memory import held
+from springgym.forces.memory import stored_in_contact
 from springgym.integrators.record import Phase
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ def measure_block(x: Rows, v: Rows, ledger: Ledger, out: Numbers, markers: Marke
         if particles.free[i]:
             kinetic = kinetic + 0.5 * load(mass, i) * dot(row(v, i), row(v, i))
     gravity, elastic, contact, strain = potential_energy(x, terms)
-    contact = contact + held(kinetic, terms.memory)
+    contact = contact + stored_in_contact(kinetic, terms.memory)
     store(out, KINETIC, kinetic)
     store(out, GRAVITY, gravity)
     store(out, ELASTIC, elastic)

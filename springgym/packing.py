@@ -10,43 +10,27 @@ import numpy as np
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
-from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies, to_copies
+from springgym.contact.lists import new_lists
+from springgym.contact.overlap import Outlines, outlines
+from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel
+from springgym.contact.round import packed_rounds
+from springgym.contact.rows import new_contacts
+from springgym.contact.solids import Solids
+from springgym.contact.surfaces import Surfaces
+from springgym.contact.totals import ENTRIES, Collisions, empty_totals
+from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies
 from springgym.core.kinds import Ragged
 from springgym.core.lanes import block_dtype
 from springgym.core.ragged import share, stacked
 from springgym.forces import Particles, Terms
 from springgym.forces.actuators import Drive, Thrust, Wrench
-from springgym.contact.surfaces import Surfaces
 from springgym.forces.cycle import cycle
-from springgym.forces.memory import HELD, memory
-from springgym.integrators.node import Space
-from springgym.contact.overlap import Outlines, outlines
-from springgym.contact.solids import Solids
-from springgym.contact.pairs import (
-    ENERGY,
-    ENTRIES,
-    FAR,
-    FASTEST,
-    GAP,
-    MISSES,
-    OVERFLOW,
-    RESOLVED,
-    TOUCHING,
-    Meets,
-    PairReadings,
-    Pairs,
-    Room,
-    longest_edge,
-    most_contacts,
-    packed_shapes,
-    parallel,
-    room,
-)
+from springgym.forces.memory import STORED, memory
 from springgym.forces.paper_contact import PaperLaw
-from springgym.contact.round import packed_rounds
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
-from springgym.integrators.together import Bodies
+from springgym.integrators.node import Space
 from springgym.integrators.record import Integrator, workspace
+from springgym.integrators.together import Bodies
 from springgym.own_forces import OfBody, to_compiled
 from springgym.rigid.contact import ARRAYS
 from springgym.rigid.together import ROWS, Company
@@ -125,7 +109,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
     ValueError
         If a parameter cannot vary in this scene.
     """
-    shared = _shared(scene, options)._replace(meets=_meets(scene, options))
+    shared = _shared(scene, options)._replace(collisions=_collisions(scene, options))
     parts = [
         _packed(part, scene, shared._replace(body=n), twin, options) for n, part in enumerate(scene.parts)
     ]
@@ -241,16 +225,16 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
     return Packed(part, order, terms, rigid_body)
 
 
-def _meets(scene: Scene, options: Options) -> Meets | None:
-    """The pairs of a scene's bodies that collide, and their tally; None if none do."""
+def _collisions(scene: Scene, options: Options) -> Collisions | None:
+    """Return the bodies of a scene that collide, with empty totals; None if none do."""
     if not scene.meetings:
         return None
     pairs = pack_pairs(scene, options)
-    tally, before = (options.blocks(len(scene.meetings) * ENTRIES) for _ in range(2))
-    told = aligned_zeros((len(tally), 1 + len(scene.meetings)), block_dtype(np.int64, 1))
-    meets = Meets(pairs, tally, before, told)
-    empty_tally(meets, slice(None))
-    return meets
+    totals, totals_before = (options.blocks(len(scene.meetings) * ENTRIES) for _ in range(2))
+    changing = aligned_zeros((len(totals), 1 + len(scene.meetings)), block_dtype(np.int64, 1))
+    collisions = Collisions(pairs, totals, totals_before, changing)
+    empty_totals(collisions, slice(None))
+    return collisions
 
 
 def _as_the_scene_says(scene: Scene) -> np.ndarray:
@@ -283,20 +267,14 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
 
 
 def workspaces(
-    scene: Scene, method: Integrator, meets: Meets | None, twin: bool, dtype: Any, threads: int
+    scene: Scene, method: Integrator, collisions: Collisions | None, twin: bool, dtype: Any, threads: int
 ) -> list[Any]:
     """Return what each thread computes in, on elements of ``dtype``, by springs or by their rigid
     ``twin``."""
-    if meets is None:
+    if collisions is None:
         return [workspace(method, scene, dtype) for _ in range(threads)]
     make = solids_workspace if twin else bodies_workspace
-    return [make(scene, meets.pairs, dtype) for _ in range(threads)]
-
-
-def pack_room(scene: Scene, pairs: Pairs, dtype: Any) -> Room:
-    """Return what a thread finds contacts in, on elements of ``dtype``."""
-    rows = most_contacts(scene.meetings, scene.shapes)[1]
-    return room(pairs, len(scene.positions), rows, dtype)
+    return [make(scene, collisions.pairs, dtype) for _ in range(threads)]
 
 
 def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
@@ -313,133 +291,61 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
         b=rows(),
         space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype), None),
         w=rows(),
-        met=Ragged(aligned_zeros((count,), dtype), particles),
+        in_contact=Ragged(aligned_zeros((count,), dtype), particles),
         touched=Ragged(np.zeros(count, bool), particles),
         busy=Ragged(np.zeros(count, bool), particles),
-        soon=rows(),
+        free=rows(),
         velocity=rows(),
-        base=rows(),
-        pairs=rows(),
+        known=rows(),
+        by_bodies=rows(),
         change=rows(),
         rub=rows(),
         force=rows(),
         shift=rows(),
-        stirred=np.zeros(len(scene.bodies), bool),
-        room=pack_room(scene, pairs, dtype),
+        any_busy=np.zeros(len(scene.bodies), bool),
+        lists=new_lists(pairs, count, dtype),
+        contacts=new_contacts(pairs, most_contacts(scene.meetings, scene.shapes)[1], None, dtype),
     )
 
 
 def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
     """Return what a thread computes in where rigid bodies collide."""
-    count, rows = len(scene.bodies), pack_room(scene, pairs, dtype)
+    count, found = len(scene.bodies), most_contacts(scene.meetings, scene.shapes)[1]
     most = max(len(placed.body.masses) for placed in scene.bodies)
 
     def lanes(*shape: int) -> np.ndarray:
         return aligned_zeros(shape, dtype)
 
+    contacts = new_contacts(pairs, found, None, dtype)
     solids = Solids(
         start=np.array([0, *(own.stop for own in scene.slices)]),
         balls=np.array([len(placed.body.masses) == 1 for placed in scene.bodies]),
         lightness=lanes(count),
         turn=lanes(2 * count, 3),
         point=lanes(count, 3),
-        arm=lanes(2 * len(rows.pair), 3),
+        arm=lanes(2 * len(contacts.pair), 3),
         turns=lanes(2),
     )
     return Company(
         bodies=lanes(count, ROWS, 3),
         loads=lanes(count, most, 3),
         surfaces=lanes(count, ARRAYS * len(scene.surfaces), most, 3),
-        leaned=np.zeros(count, bool),
+        pushed=np.zeros(count, bool),
         before=lanes(2 * count, 3),
-        soon=lanes(2 * count, 3),
+        free=lanes(2 * count, 3),
         velocity=lanes(2 * count, 3),
-        base=lanes(2 * count, 3),
-        pairs=lanes(2 * count, 3),
+        known=lanes(2 * count, 3),
+        by_bodies=lanes(2 * count, 3),
         shift=lanes(2 * count, 3),
-        lean=lanes(1),
-        room=rows._replace(solids=solids),
+        changed=lanes(1),
+        lists=new_lists(pairs, len(scene.positions), dtype),
+        contacts=contacts._replace(solids=solids),
     )
-
-
-def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
-    """Return what is told of the pairs."""
-    if meets is None:
-        return PairReadings(*np.zeros((ENTRIES, copies, 0)))
-    found = to_copies(meets.tally, copies).reshape(copies, -1, ENTRIES).astype(float)
-    entries = dict(zip(PairReadings._fields, np.moveaxis(found, -1, 0), strict=True))
-    least = entries["least_gap"]
-    return PairReadings(
-        **entries
-        | {"touching": entries["touching"] > 0, "least_gap": np.where(least < 0.5 * FAR, least, np.inf)}
-    )
-
-
-def resolved_speeds(meets: Meets, step: float) -> np.ndarray:
-    """The largest speed [m/s] of a contact that a step [s] resolves, of each pair (pairs,)."""
-    return RESOLVED / step * meets.pairs.reach
-
-
-def unresolved(meets: Meets, step: float, blocks: slice) -> np.ndarray:
-    """Whether bodies met in a way that a step [s] cannot resolve, (blocks, copies of a block)."""
-    tally = numbers(meets.tally)[blocks]
-    limit = resolved_speeds(meets, step)[:, None]
-    late, left_out = tally[:, MISSES::ENTRIES], tally[:, OVERFLOW::ENTRIES]
-    found = (late + left_out > 0.0) | (tally[:, FASTEST::ENTRIES] > limit)
-    return np.asarray(found.any(axis=1))
 
 
 def pack_outlines(scene: Scene) -> Outlines:
-    """What of bodies may be shown in others."""
+    """Return what of bodies may be shown in others."""
     return outlines(scene.shapes, scene.starts[:-1].tolist(), len(scene.positions))
-
-
-def count_shown(meets: Meets, first: int, found: np.ndarray) -> None:
-    """Count as a miss of each copy, from the ``first`` on, and pair that it is shown in each other."""
-    for array in (meets.tally, meets.before):
-        lanes = numbers(array)
-        for n, pair in np.argwhere(found).tolist():
-            block, lane = divmod(first + n, lanes.shape[-1])
-            lanes[block, pair * ENTRIES + MISSES, lane] += 1.0
-
-
-def forget_pairs(meets: Meets) -> None:
-    """Empty the tally; of the last node, which the next call makes anew, half is left to be told."""
-    tally, before = numbers(meets.tally), numbers(meets.before)
-    before -= tally
-    kept = [TOUCHING, ENERGY]
-    for entry in range(ENTRIES):
-        if entry not in kept:
-            tally[:, entry::ENTRIES] = 0.0
-    for array in (tally, before):
-        array[:, GAP::ENTRIES] = FAR
-        array[:, FASTEST::ENTRIES] = 0.0
-
-
-def recall_told(meets: Meets) -> None:
-    """Find from the tally, which was set, which pairs there is something to be told of."""
-    told = numbers(meets.told)[:, :, 0]
-    tally, before = (
-        by_pairs.reshape(len(told), -1, ENTRIES, by_pairs.shape[-1])
-        for by_pairs in (numbers(meets.tally), numbers(meets.before))
-    )
-    rests = (tally == before).all(axis=(2, 3))
-    rests &= (tally[:, :, TOUCHING] <= 0.0).all(axis=-1) & (tally[:, :, ENERGY] <= 0.0).all(axis=-1)
-    for row, own in zip(told, rests, strict=True):
-        pairs = np.flatnonzero(~own)
-        row[0], row[1 : 1 + len(pairs)] = len(pairs), pairs
-
-
-def empty_tally(meets: Meets, index: Any) -> None:
-    """Let some copies (k,) begin with an empty tally."""
-    for array in (meets.tally, meets.before):
-        row = np.zeros(array.shape[1])
-        row[GAP::ENTRIES] = FAR
-        numbers_of = numbers(array)
-        if isinstance(index, slice):
-            numbers_of[:] = row[:, None]
-        else:
-            set_copies(array, index, row)
 
 
 def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
@@ -541,19 +447,21 @@ def swing(packed: Packed, x: np.ndarray) -> np.ndarray:
         )
     pull = spring_forces(packed.scene.body.springs, stiffness, lengths, x)
     if packed.terms.memory is not None:
-        meets = get_copies(packed.terms.memory.marks, index)[:, HELD] != 0.0
+        meets = get_copies(packed.terms.memory.marks, index)[:, STORED] != 0.0
         pull[meets] = 0.0
     acceleration = (pull / masses[..., None] + gravity[:, None]) * packed.scene.free[:, None]
     return np.asarray((masses[..., None] * acceleration**2).sum(axis=(1, 2)))
 
 
-def vary_pairs(meets: Meets | None, scene: Scene, index: np.ndarray, given: Mapping[str, np.ndarray]) -> None:
+def vary_pairs(
+    collisions: Collisions | None, scene: Scene, index: np.ndarray, given: Mapping[str, np.ndarray]
+) -> None:
     """Set how bodies that meet as the scene's contact says do so in some copies (k,), from values (k,)."""
     contact = scene.contact
-    if meets is None or not isinstance(contact, Contact) or not _as_the_scene_says(scene).any():
+    if collisions is None or not isinstance(contact, Contact) or not _as_the_scene_says(scene).any():
         return
     of = _as_the_scene_says(scene)
-    for name, array in (("friction", meets.pairs.friction), ("restitution", meets.pairs.loss)):
+    for name, array in (("friction", collisions.pairs.friction), ("restitution", collisions.pairs.loss)):
         if name in given and array is not None:
             value = loss_of(given[name]) if name == "restitution" else given[name]
             rows = get_copies(array, index)

@@ -17,6 +17,9 @@ import numpy as np
 
 from springgym import checks, contacts, measures, packing, stability
 from springgym.checks import FLOAT, HUGE, MANY, TINY, sum_of_squares
+from springgym.contact import totals
+from springgym.contact.overlap import tell_shown
+from springgym.contact.totals import RESOLVED, Collisions, PairReadings
 from springgym.contacts import Contacts
 from springgym.core.blocks import (
     WIDTH,
@@ -36,14 +39,11 @@ from springgym.core.kinds import Ragged
 from springgym.core.ragged import share, stacked
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
-from springgym.contact.pairs import Meets, PairReadings
-from springgym.contact.overlap import tell_shown
-from springgym.contact.pairs import RESOLVED
-from springgym.integrators.together import LOOK, START
 from springgym.guard import Guard, guarded
 from springgym.identity import check_same
 from springgym.integrators.clock import Clock
 from springgym.integrators.record import COUNTS, Control, Phase
+from springgym.integrators.together import LOOK, START
 from springgym.measures import Markers, Measures, Reading, Readout
 from springgym.packing import PARAMETERS, Options, Packed, pack
 from springgym.scene import Scene
@@ -234,7 +234,7 @@ class Simulator:
         options = Options(self.integrator, self.step, self.damping_every, varying, self._blocks)
         self._terms, self._twin, self._packed = pack(scene, self._kind.rigid, options)
         self._workspace = packing.workspaces(
-            scene, self.integrator, self._terms.meets, self._kind.rigid, self._x.dtype, len(shares)
+            scene, self.integrator, self._terms.collisions, self._kind.rigid, self._x.dtype, len(shares)
         )
         self._outlines = packing.pack_outlines(scene)
         self._boxes = np.zeros((len(shares), bodies + 1, 2, 3))
@@ -282,7 +282,7 @@ class Simulator:
                 self.integrator.name,
                 read,
                 self._terms.memory is not None,
-                self._terms.meets is not None,
+                self._terms.collisions is not None,
                 self._terms.cycle is not None,
             )
         )
@@ -397,8 +397,8 @@ class Simulator:
         set_copies(self._v, index, v)
         self._settle(index)
         packing.renew(self._terms, index)
-        if self._terms.meets is not None:
-            packing.empty_tally(self._terms.meets, index)
+        if self._terms.collisions is not None:
+            totals.empty_totals(self._terms.collisions, index)
             self.unresolved[index] = False
         if self._ledger is not None:
             set_copies(self._ledger, index, 0.0)
@@ -453,7 +453,7 @@ class Simulator:
 
     def _meet(self, index: np.ndarray) -> None:
         """Find which bodies of fresh copies touch, and what is in the barriers between them."""
-        if self._terms.meets is not None:
+        if self._terms.collisions is not None:
             for first, last in self._block_ranges(index):
                 self._run(0, first, last, START, settles=False, reads=False)
 
@@ -502,7 +502,7 @@ class Simulator:
         ]
         for packed, own, of in zip(self._packed, given, follows, strict=True):
             packing.vary(packed, index, self.damping_every * self.step, own, of)
-        packing.vary_pairs(self._terms.meets, self.scene, index, given[0])
+        packing.vary_pairs(self._terms.collisions, self.scene, index, given[0])
         self._meet(index)
 
     @guarded
@@ -653,8 +653,8 @@ class Simulator:
 
     def _recall(self) -> None:
         """Find what follows from a state that was set, and is not part of it."""
-        if self._terms.meets is not None:
-            packing.recall_told(self._terms.meets)
+        if self._terms.collisions is not None:
+            totals.find_changing(self._terms.collisions)
 
     @guarded
     def take_over(self, other: Simulator) -> None:
@@ -764,10 +764,10 @@ class Simulator:
 
     def _what_is_unresolved(self, copy: int) -> str:
         """Say of a copy which bodies met in a way that a step cannot resolve, how, and what would help."""
-        meets = self._terms.meets
-        assert meets is not None
-        told = PairReadings(*(of[copy] for of in packing.read_pairs(meets, self.copies)))
-        resolved = packing.resolved_speeds(meets, self.step)
+        collisions = self._terms.collisions
+        assert collisions is not None
+        told = PairReadings(*(of[copy] for of in totals.read_pairs(collisions, self.copies)))
+        resolved = totals.resolved_speeds(collisions, self.step)
         n = int(np.argmax((told.fastest > resolved) | (told.misses > 0) | (told.overflow > 0)))
         met = self.scene.meetings[n]
         names = " and ".join(repr(self.scene.bodies[body].name) for body in met[:2])
@@ -826,18 +826,18 @@ class Simulator:
             reads,
             self._clock,
         )
-        if reads and steps > 0 and self._terms.meets is not None:
-            self._tell_unresolved(self._terms.meets, thread, first, last)
+        if reads and steps > 0 and self._terms.collisions is not None:
+            self._tell_unresolved(self._terms.collisions, thread, first, last)
 
-    def _tell_unresolved(self, meets: Meets, thread: int, first: int, last: int) -> None:
+    def _tell_unresolved(self, collisions: Collisions, thread: int, first: int, last: int) -> None:
         """Find in which copies of blocks, that were read, bodies met in a way that a step cannot resolve."""
         start = first * self.width
         copies = slice(start, min(last * self.width, self.copies))
         shown = self._shown[copies]
-        place, pairs = self.readout.positions[copies], meets.pairs
+        place, pairs = self.readout.positions[copies], collisions.pairs
         if tell_shown(place, pairs.first, pairs.second, self._outlines, self._boxes[thread], shown):
-            packing.count_shown(meets, start, shown)
-        found = packing.unresolved(meets, self.step, slice(first, last)).ravel()
+            totals.count_shown(collisions, start, shown)
+        found = totals.unresolved(collisions, self.step, slice(first, last)).ravel()
         self.unresolved[copies] = found[: len(shown)]
 
     @guarded
@@ -907,9 +907,9 @@ class Simulator:
             If ``forget`` is no bool.
         """
         checks.flag("forget", forget)
-        found = packing.read_pairs(self._terms.meets, self.copies)
-        if forget and self._terms.meets is not None:
-            packing.forget_pairs(self._terms.meets)
+        found = totals.read_pairs(self._terms.collisions, self.copies)
+        if forget and self._terms.collisions is not None:
+            totals.forget_pairs(self._terms.collisions)
         return found
 
     @guarded

@@ -826,7 +826,7 @@ def deepest(simulator: Simulator) -> float:
 def leave_out(simulator: Simulator, *kinds: int) -> None:
     """Let its bodies collide without their vertices (0), faces (1) or edges (2)."""
     for kind in kinds:
-        terms(simulator).meets.pairs.shapes.start[kind] = 0
+        terms(simulator).collisions.pairs.shapes.start[kind] = 0
 
 
 def thrown(rows: list[tuple[np.ndarray, np.ndarray, tuple[float, float]]], speed: float) -> Simulator:
@@ -950,7 +950,7 @@ def stack_at_rest(broken: bool) -> Outcome:
     )
     simulator = Simulator(scene)
     if broken:
-        terms(simulator).meets.pairs.friction[:] = 0.0
+        terms(simulator).collisions.pairs.friction[:] = 0.0
     simulator.advance(math.ceil(20 / simulator.step), check=False)
     x, first = simulator.positions, simulator.measure()
     fastest = 0.0
@@ -990,7 +990,7 @@ def heap(broken: bool) -> Outcome:
     scene = Scene(bodies=tuple(bodies), surfaces=(Bowl((0.0, 0.0, 2.0), 2.0),), contact=law)
     simulator = Simulator(scene, step=Simulator(scene).step / 4)
     if broken:
-        terms(simulator).meets.pairs.strength[:] *= 1e-6
+        terms(simulator).collisions.pairs.strength[:] *= 1e-6
     first = simulator.measure()
     simulator.advance(math.ceil(6 / simulator.step), check=False)
     last, told = simulator.measure(), simulator.pairs()

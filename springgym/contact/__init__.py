@@ -1,9 +1,9 @@
 """Contact, from what is near what to the impulses that it gives.
 
 The walk of a contact between two bodies, a module a station: `pairs` has the bodies that may meet, `search`
-finds which of their features are near each other, `features` lists the contacts, `solver` finds their impulses
-by the one `law`, `friction` theirs along the faces, and `solids` says how rigid bodies are moved by them. The
-bodies of springs are moved through their particles.
+keeps `lists` of which of their features are near each other, `features` puts the contacts into `rows`,
+`solver` finds their impulses by the one `law`, and `friction` theirs along the faces. Impulses move bodies of
+springs through their particles, and rigid bodies as `solids` says. `totals` has what is told of each pair.
 
 At surfaces, `surfaces` has the gaps and normals of particles, and `round` those of ellipsoids and disks.
 `overlap` tells by geometry alone whether bodies are shown in each other.

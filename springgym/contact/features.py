@@ -18,10 +18,14 @@ beginning: where the lines passed through each other since then, d is negative.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from springgym.contact.lists import NONE, Lists, Near, Quad, Search, Touch
+from springgym.contact.rows import FAR
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Mask, Number, Numbers
+from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import (
     any_lane,
     epsilon,
@@ -47,7 +51,11 @@ from springgym.core.vectors import (
     unit,
     vec,
 )
-from springgym.contact.pairs import FAR, NONE, Near, Search, Touch
+
+if TYPE_CHECKING:
+    from springgym.contact.pairs import Pairs
+    from springgym.contact.rows import ContactRows
+
 
 TIE, ROUGH = 1e-6, 8192.0
 """Share of h² in the key of a triangle, and what each `epsilon` adds: 1e-3 in single precision."""
@@ -60,21 +68,23 @@ LEAST_SHARE = 1e-6
 
 
 @compiled
-def smooth(y: Number) -> Any:
-    """From 0 to 1 for y from 0 to 1, flat at both ends."""
+def smooth(y: Number) -> Number:
+    """Return what rises from 0 to 1 for y from 0 to 1, flat at both ends."""
     y = minimum(maximum(y, 0.0), 1.0)
     return y * y * (3.0 - 2.0 * y)
 
 
 @compiled
-def within(y: Number) -> Any:
-    """The nearest number from 0 to 1."""
+def within(y: Number) -> Number:
+    """Return the nearest number from 0 to 1."""
     return minimum(maximum(y, 0.0), 1.0)
 
 
 @compiled
-def on_sides(uu: Number, uw: Number, ww: Number, inverse: Number, e: Number, f: Number) -> Any:
-    """Weights of the far corners in the point of a triangle's sides nearest to r.
+def on_sides(
+    uu: Number, uw: Number, ww: Number, inverse: Number, e: Number, f: Number
+) -> tuple[Number, Number]:
+    """Return the weights of the far corners in the point of a triangle's sides nearest to r.
 
     It is spanned by u and w, whose products are ``uu``, ``uw`` and ``ww``; ``inverse`` is that of the product
     of its sides' squares, ``e`` and ``f`` are u·r and w·r.
@@ -93,7 +103,7 @@ def on_sides(uu: Number, uw: Number, ww: Number, inverse: Number, e: Number, f: 
 
 
 @compiled
-def enlist(kind: Numbers, first: Number, have: Number, what: Number, wanted: Mask) -> Any:
+def enlist(kind: Numbers, first: int, have: Number, what: Number, wanted: Mask) -> Number:
     """Put ``what`` into a list, from row ``first`` on, in the copies where it is wanted.
 
     They ``have`` so many there; returns how many they have then.
@@ -109,88 +119,88 @@ def put(array: Numbers, k: Number, wanted: Mask, what: Number) -> None:
 
 
 @compiled
-def grown(rows: Number, have: Number) -> Any:
-    """How many rows a list has of which one was filled: ``rows``, or one more."""
+def grown(rows: int, have: Number) -> int:
+    """Return how many rows a list has of which one was filled: ``rows``, or one more."""
     return rows + (1 if any_lane(have > 1.0 * rows) else 0)
 
 
 @compiled
-def begin(room: Any) -> None:
+def begin(contacts: ContactRows) -> None:
     """Let the next contacts of all copies begin in the same row."""
-    store(room.have, 1, 0.0)
+    store(contacts.have, 1, 0.0)
 
 
 @compiled
-def leave_out(pair: Any, one: Number, room: Any) -> None:
-    """Count a contact for which there is no room, where ``one`` is 1."""
-    store(room.left_out, pair, load(room.left_out, pair) + one)
+def leave_out(pair: int, one: Number, contacts: ContactRows) -> None:
+    """Count a contact for which there is no space, where ``one`` is 1."""
+    store(contacts.left_out, pair, load(contacts.left_out, pair) + one)
 
 
 @compiled
-def add_contact(count: Number, first: Number, members: Any, met: Touch, near: Near, seen: Search) -> Any:
+def add_contact(count: int, first: int, members: int, met: Touch, near: Near, seen: Search) -> int:
     """List a contact of each copy behind its others from row ``first`` on; the rows that makes."""
-    room = seen.room
-    whole, own, wanted = load(room.have, 0), load(room.have, 1), met.share > 0.0
+    contacts = seen.contacts
+    whole, own, wanted = load(contacts.have, 0), load(contacts.have, 1), met.share > 0.0
     fits = select(wanted, whole, FAR) < 1.0 * seen.pairs.most
     one = select(fits, 1.0, 0.0 * whole)
-    leave_out(near.pair, select(wanted, 1.0 - one, 0.0), room)
+    leave_out(near.pair, select(wanted, 1.0 - one, 0.0), contacts)
     if any_lane(fits):
-        store(room.have, 0, whole + one)
-        store(room.have, 1, own + one)
+        store(contacts.have, 0, whole + one)
+        store(contacts.have, 1, own + one)
         none = 0.0 * whole
         i, j, m, n = met.particles
         particles = (i + none, j + none, m + none, n + none)
         opens = select(fits, own, NONE) > count - first - 0.5
         if any_lane(opens):
-            clear(count, near.pair, members, particles, opens, room)
+            clear(count, near.pair, members, particles, opens, contacts)
             count += 1
         k = filled(fits, own + first)
         for n in range(4):
-            put(room.particle, 4.0 * k + n, fits, particles[n])
-            put(room.weight, 4.0 * k + n, fits, met.weights[n])
-        set_row_each(room.toward, k, choose(fits, met.normal, row_each(room.toward, k)))
-        put(room.distance, k, fits, met.distance)
-        put(room.share, k, fits, met.share)
+            put(contacts.particle, 4.0 * k + n, fits, particles[n])
+            put(contacts.weight, 4.0 * k + n, fits, met.weights[n])
+        set_row_each(contacts.normal, k, choose(fits, met.normal, row_each(contacts.normal, k)))
+        put(contacts.gap, k, fits, met.gap)
+        put(contacts.share, k, fits, met.share)
     return count
 
 
 @compiled
-def clear(k: Number, pair: Any, members: Any, particles: Any, opens: Mask, room: Any) -> None:
+def clear(k: int, pair: int, members: int, particles: Quad, opens: Mask, contacts: ContactRows) -> None:
     """Make a row of contacts in which no copy has one yet; with the particles of a copy that ``opens`` it."""
-    room.pair[k], room.members[k] = pair, members
+    contacts.pair[k], contacts.members[k] = pair, members
     for n in range(4):
-        store(room.particle, 4 * k + n, filled(opens, particles[n]))
-        store(room.weight, 4 * k + n, 0.0)
-    set_row(room.toward, k, vec(0.0, 0.0, 0.0))
-    store(room.distance, k, FAR)
-    store(room.share, k, 0.0)
+        store(contacts.particle, 4 * k + n, filled(opens, particles[n]))
+        store(contacts.weight, 4 * k + n, 0.0)
+    set_row(contacts.normal, k, vec(0.0, 0.0, 0.0))
+    store(contacts.gap, k, FAR)
+    store(contacts.share, k, 0.0)
 
 
 # --- Contacts -----------------------------------------------------------------------------------------
 
 
 @compiled
-def vertex_faces(count: Number, first: Number, m: Any, near: Near, seen: Search) -> Any:
-    """The contact of a vertex in row ``m`` with the nearest of its candidates, triangles of the other body.
+def vertex_faces(count: int, first: int, m: int, near: Near, seen: Search) -> int:
+    """List the contact of a vertex in row ``m`` with the nearest of its candidates, triangles of the other.
 
     Each triangle is asked no more than it takes to know that it is not near: first its plane, then its sides.
     """
-    room = seen.room
-    i, point = load(room.vertex_particle, m), row(room.point, m)
+    lists = seen.lists
+    i, point = load(lists.vertex_particle, m), row(lists.point, m)
     tie = TIE + ROUGH * epsilon(point[0])
     limit = near.reach * near.reach
     wide = (1.0 + tie) * limit
     best, face, side_of = FAR + 0.0 * i, 0.0 * i, 0.0 * i
     second, third, away = 0.0 * i, 0.0 * i, 0.0 * point
-    for candidate in range(room.faces[m, 0], room.faces[m, 1]):
-        n = room.candidate[candidate]
-        normal, square = row(room.normal, n), load(room.square, n)
-        r = point - row(room.corner, n)
+    for candidate in range(lists.faces[m, 0], lists.faces[m, 1]):
+        n = lists.candidate[candidate]
+        normal, square = row(lists.normal, n), load(lists.square, n)
+        r = point - row(lists.corner, n)
         height = dot(normal, r)  # times |normal|
         close = height * height < wide * square
         if any_lane(close):
-            u, q = row(room.first, n), row(room.second, n)
-            products, sizes = row(room.products, n), row(room.sizes, n)
+            u, q = row(lists.first, n), row(lists.second, n)
+            products, sizes = row(lists.products, n), row(lists.sizes, n)
             uu, uw, ww = products[0], products[1], products[2]
             inverse, of_sides, longest = sizes[0], sizes[1], sizes[2]
             e, f = dot(u, r), dot(q, r)
@@ -209,7 +219,7 @@ def vertex_faces(count: Number, first: Number, m: Any, near: Near, seen: Search)
                 key = select(squared < select(behind, limit, wide), key, FAR)
                 if any_lane(select(behind, key, FAR) < best):
                     w = seen.w
-                    a, b, c = corners(0.0 * i + n, room)
+                    a, b, c = corners(0.0 * i + n, lists)
                     own = row_each(w, i)
                     across = own - weighted(w, a, 1.0 - wb - wc, b, wb, c, wc)
                     credible = select(behind, height - near.lead * dot(normal, across), 1.0) > 0.0
@@ -225,10 +235,10 @@ def vertex_faces(count: Number, first: Number, m: Any, near: Near, seen: Search)
         n = 1.0 / select(side_of < 0.0, -d, d) * away
         touching = d < 1e-9 * near.reach
         if any_lane(touching):
-            n = choose(touching, unit(row_each(room.normal, face)), n)
+            n = choose(touching, unit(row_each(lists.normal, face)), n)
         d = select(side_of < 0.0, -d, d)
         one = 1.0 + 0.0 * d
-        a, b, c = corners(face, room)
+        a, b, c = corners(face, lists)
         particles = (i, a, b, c)
         weights = (one, second + third - 1.0, -second, -third)
         met = Touch(particles, weights, n, d - near.radius, select(won, one, 0.0))
@@ -237,29 +247,35 @@ def vertex_faces(count: Number, first: Number, m: Any, near: Near, seen: Search)
 
 
 @compiled
-def corners(n: Number, room: Any) -> Any:
-    """The particles of the triangles that copies have in the rows ``n`` of their lists."""
-    of, k = room.triangle_particles, 3.0 * n
+def corners(n: Number, lists: Lists) -> tuple[Number, Number, Number]:
+    """Return the particles of the triangles that copies have in the rows ``n`` of their lists."""
+    of, k = lists.triangle_particles, 3.0 * n
     return load_each(of, k), load_each(of, k + 1.0), load_each(of, k + 2.0)
 
 
 @compiled
-def weighted(x: Any, i: Number, wi: Number, j: Number, wj: Number, k: Number, wk: Number) -> Any:
-    """The sum of three rows of each copy's own, each times a number."""
+def weighted(x: Rows, i: Number, wi: Number, j: Number, wj: Number, k: Number, wk: Number) -> Vector:
+    """Return the sum of three rows of each copy's own, each times a number."""
     return wi * row_each(x, i) + wj * row_each(x, j) + wk * row_each(x, k)
 
 
 @compiled
 def vertex_rods(
-    count: Number, first: Number, m: Any, other: Number, near: Near, seen: Search, edges: Any, rods: Any
-) -> Any:
-    """The contact of a vertex in row ``m`` with the nearest of the rods of the ``other`` body."""
+    count: int,
+    first: int,
+    m: int,
+    other: int,
+    near: Near,
+    seen: Search,
+    rods: np.ndarray | None,
+) -> int:
+    """List the contact of a vertex in row ``m`` with the nearest of the rods of the ``other`` body."""
     if rods is not None:
-        room, w = seen.room, seen.w
-        i, point = load(room.vertex_particle, m), row(room.point, m)
+        lists, w = seen.lists, seen.w
+        i, point = load(lists.vertex_particle, m), row(lists.point, m)
         best, rod, t, away = FAR + 0.0 * i, 0.0 * i, 0.0 * i, 0.0 * point
-        for n in range(room.ends[near.pair, 2, other], room.ends[near.pair, 2, other + 1]):
-            way, r = row(room.way, n), point - row(room.start, n)
+        for n in range(lists.ends[near.pair, 2, other], lists.ends[near.pair, 2, other + 1]):
+            way, r = row(lists.way, n), point - row(lists.start, n)
             share = within(dot(r, way) / (dot(way, way) + TINY))
             apart = r - share * way
             key = dot(apart, apart)
@@ -268,7 +284,7 @@ def vertex_rods(
             t, away = select(better, share, t), choose(better, apart, away)
         won = best < near.reach * near.reach
         if any_lane(won):
-            a, b = tips(filled(won, rod), room)
+            a, b = tips(filled(won, rod), lists)
             d = sqrt(dot(away, away) + TINY)
             n = 1.0 / d * away
             along = (1.0 - t) * row_each(w, a) + t * row_each(w, b)
@@ -282,14 +298,16 @@ def vertex_rods(
 
 
 @compiled
-def tips(n: Number, room: Any) -> Any:
-    """The particles of the edges that copies have in the rows ``n`` of their lists."""
-    return load_each(room.edge_particles, 2.0 * n), load_each(room.edge_particles, 2.0 * n + 1.0)
+def tips(n: Number, lists: Lists) -> tuple[Number, Number]:
+    """Return the particles of the edges that copies have in the rows ``n`` of their lists."""
+    return load_each(lists.edge_particles, 2.0 * n), load_each(lists.edge_particles, 2.0 * n + 1.0)
 
 
 @compiled
-def ball_ball(count: Number, first: Number, i: int, j: Any, near: Near, seen: Search, balls: Any) -> Any:
-    """The contact of two balls."""
+def ball_ball(
+    count: int, first: int, i: int, j: int, near: Near, seen: Search, balls: np.ndarray | None
+) -> int:
+    """List the contact of two balls."""
     if balls is not None:
         apart = row(seen.x, i) - row(seen.x, j)
         d = sqrt(dot(apart, apart) + TINY)
@@ -304,15 +322,15 @@ def ball_ball(count: Number, first: Number, i: int, j: Any, near: Near, seen: Se
 
 
 @compiled
-def crossing(near: Near, seen: Search) -> Any:
+def crossing(near: Near, seen: Search) -> tuple[int, Number]:
     """List which candidates of edges or rods meet inside both; how many rows that makes, and of each copy."""
-    room = seen.room
+    lists = seen.lists
     have, rows = 0.0 * near.reach, 0
-    for m in range(room.ends[near.pair, 2, 0], room.ends[near.pair, 2, 1]):
-        start, a = row(room.start, m), row(room.way, m)
-        for candidate in range(room.partners[m, 0], room.partners[m, 1]):
-            n = room.candidate[candidate]
-            b, r = row(room.way, n), start - row(room.start, n)
+    for m in range(lists.ends[near.pair, 2, 0], lists.ends[near.pair, 2, 1]):
+        start, a = row(lists.start, m), row(lists.way, m)
+        for candidate in range(lists.partners[m, 0], lists.partners[m, 1]):
+            n = lists.candidate[candidate]
+            b, r = row(lists.way, n), start - row(lists.start, n)
             across = cross(a, b)
             square, h = dot(across, across), dot(r, across)
             spare = near.reach * near.reach * square - h * h
@@ -323,23 +341,23 @@ def crossing(near: Near, seen: Search) -> Any:
                 if any_lane(inside):
                     fits = select(inside, have, FAR) < 1.0 * seen.pairs.most
                     one = 1.0 + 0.0 * have
-                    leave_out(near.pair, select(inside, select(fits, 0.0, one), 0.0), room)
+                    leave_out(near.pair, select(inside, select(fits, 0.0, one), 0.0), seen.contacts)
                     if any_lane(fits):
-                        enlist(room.crossed, 0, have, 1.0 * m, fits)
-                        have = enlist(room.crossing, 0, have, 1.0 * n, fits)
+                        enlist(lists.crossed, 0, have, 1.0 * m, fits)
+                        have = enlist(lists.crossing, 0, have, 1.0 * n, fits)
                         rows = grown(rows, have)
     return rows, have
 
 
 @compiled
-def edge_edge(count: Number, first: Number, k: int, have: Number, near: Near, seen: Search) -> Any:
-    """The contact of the edges or rods that meet by row ``k`` of the list; copies ``have`` so many."""
-    room, w = seen.room, seen.w
+def edge_edge(count: int, first: int, k: int, have: Number, near: Near, seen: Search) -> int:
+    """List the contact of the edges or rods that meet by row ``k`` of the list; copies ``have`` so many."""
+    lists, w = seen.lists, seen.w
     there = have > 1.0 * k
-    one, other = filled(there, load(room.crossed, k)), filled(there, load(room.crossing, k))
-    (i, j), (m, n) = tips(one, room), tips(other, room)
-    a, b = row_each(room.way, one), row_each(room.way, other)
-    r = row_each(room.start, one) - row_each(room.start, other)
+    one, other = filled(there, load(lists.crossed, k)), filled(there, load(lists.crossing, k))
+    (i, j), (m, n) = tips(one, lists), tips(other, lists)
+    a, b = row_each(lists.way, one), row_each(lists.way, other)
+    r = row_each(lists.start, one) - row_each(lists.start, other)
     across = cross(a, b)
     square, h = dot(across, across), dot(r, across)
     aa, ab, bb, ar, br = dot(a, a), dot(a, b), dot(b, b), dot(a, r), dot(b, r)
@@ -364,8 +382,8 @@ def edge_edge(count: Number, first: Number, k: int, have: Number, near: Near, se
 
 
 @compiled
-def edge_share(s: Number, t: Number, aa: Number, bb: Number, square: Number, p: Any, pairs: Any) -> Any:
-    """Φ of two edges that meet at s and t, with |a|², |b|² and |a × b|²."""
+def edge_share(s: Number, t: Number, aa: Number, bb: Number, square: Number, p: int, pairs: Pairs) -> Number:
+    """Return Φ of two edges that meet at s and t, with |a|², |b|² and |a × b|²."""
     taper = 1.0 / (TAPER * pairs.reach[p])
     la, lb = sqrt(aa) * taper, sqrt(bb) * taper
     share = smooth(s * la) * smooth((1.0 - s) * la) * smooth(t * lb) * smooth((1.0 - t) * lb)

@@ -19,8 +19,11 @@ Rigid bodies are pushed at one point (`springgym.contact.solids`), where j leave
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from springgym.contact.rows import add_loss
+from springgym.contact.solids import among_going, between, inverse_mass_of_both, push_both
+from springgym.contact.totals import FRICTION, add_to
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
@@ -35,11 +38,9 @@ from springgym.core.vectors import (
     set_row,
     set_row_each,
 )
-from springgym.contact.solids import among_going, between, push_both, yielding_of_both
-from springgym.contact.pairs import FRICTION, spend, tell
 
 if TYPE_CHECKING:
-    from springgym.forces import Particles
+    from springgym.contact.rows import ContactRows, Problem
     from springgym.contact.solids import Solids
 
 
@@ -51,196 +52,177 @@ SWEEPS, TURNS = 2, 3
 
 
 @compiled
-def lay_out(x: Rows, k: Number, friction: Numbers, room: Any) -> None:
+def lay_out(k: int, problem: Problem, friction: Numbers) -> None:
     """Find G and H of contact k."""
-    if friction is not None and room.members[k] > 2:
-        n = row(room.toward, k)
+    contacts, x = problem.contacts, problem.x
+    if friction is not None and contacts.members[k] > 2:
+        n = row(contacts.normal, k)
         none = 0.0 * n[0]
         apart = 0.0 * n
-        for j in range(room.members[k]):
-            apart = plus_scaled(apart, load(room.weight, 4 * k + j), place_of(x, k, j, room))
+        for j in range(contacts.members[k]):
+            apart = plus_scaled(apart, load(contacts.weight, 4 * k + j), row_of(x, k, j, contacts))
         d = dot(apart, n)
-        first = place_of(x, k, 1, room)
-        if room.members[k] == 4:
-            crossed = crosses(k, room)
-            u = place_of(x, k, 2, room) - first
-            u = choose(crossed, first - place_of(x, k, 0, room), u)
-            q = place_of(x, k, 3, room) - choose(crossed, place_of(x, k, 2, room), first)
+        first = row_of(x, k, 1, contacts)
+        if contacts.members[k] == 4:
+            crossed = crosses(k, contacts)
+            u = row_of(x, k, 2, contacts) - first
+            u = choose(crossed, first - row_of(x, k, 0, contacts), u)
+            q = row_of(x, k, 3, contacts) - choose(crossed, row_of(x, k, 2, contacts), first)
             across = cross(u, q)
             area = dot(n, across)
             steep = area * area > (SHALLOW * SHALLOW) * dot(across, across)
             scale = select(steep, d / select(steep, area, 1.0), none)
-            set_row(room.tilt, 2 * k, scale * cross(q, n))
-            set_row(room.tilt, 2 * k + 1, scale * cross(n, u))
-            store(room.rubs, k, select(steep, 1.0 + none, none))
+            set_row(contacts.tilt, 2 * k, scale * cross(q, n))
+            set_row(contacts.tilt, 2 * k + 1, scale * cross(n, u))
+            store(contacts.grips, k, select(steep, 1.0 + none, none))
         else:
-            u = place_of(x, k, 2, room) - first
+            u = row_of(x, k, 2, contacts) - first
             along = u - dot(u, n) * n
             square = dot(along, along)
             steep = square > (SHALLOW * SHALLOW) * dot(u, u)
             inverse = select(steep, 1.0 / select(steep, square, 1.0), none)
-            set_row(room.tilt, 2 * k, (d * inverse) * along)
-            set_row(room.tilt, 2 * k + 1, sqrt(inverse) * along)
-            store(room.rubs, k, select(steep, 1.0 + none, none))
+            set_row(contacts.tilt, 2 * k, (d * inverse) * along)
+            set_row(contacts.tilt, 2 * k + 1, sqrt(inverse) * along)
+            store(contacts.grips, k, select(steep, 1.0 + none, none))
 
 
 @compiled
-def place_of(x: Rows, k: Number, j: int, room: Any) -> Any:
-    """Return a row of the contact's particle ``j``: its position, or its velocity."""
-    return row_each(x, load(room.particle, 4 * k + j))
+def row_of(rows: Rows, k: int, j: int, contacts: ContactRows) -> Vector:
+    """Return a row of particle ``j`` of contact k: its position, or its velocity."""
+    return row_each(rows, load(contacts.particle, 4 * k + j))
 
 
 @compiled
-def crosses(k: Number, room: Any) -> Any:
-    """Say where a contact is of two edges: else it is of a vertex and a face."""
-    return load(room.weight, 4 * k + 1) > 0.0
+def crosses(k: int, contacts: ContactRows) -> Mask:
+    """Return where a contact is of two edges: else it is of a vertex and a face."""
+    return load(contacts.weight, 4 * k + 1) > 0.0
 
 
 @compiled
-def rub(
-    w: Rows,
-    v: Rows,
-    turn: Any,
-    count: Number,
-    particles: Particles,
-    pairs: Any,
-    friction: Numbers,
-    room: Any,
-    tally: Numbers,
-) -> None:
-    """Hold back what slips, in two turns; in the third tell the loss, j times the mean of the slips before
+def rub(v: Rows, turn: int, problem: Problem, friction: Numbers) -> None:
+    """Hold back what slips, in two turns; in the third enter the loss, −j times the mean of the slips before
     and after."""
     if friction is not None:
-        for m in range(count):
-            k = count - 1 - m if turn == 1 else m
-            p = room.pair[k]
-            limit, given = load(friction, p) * pressed(k, room, room.solids), row(room.rub, k)
+        contacts = problem.contacts
+        for m in range(problem.rows):
+            k = problem.rows - 1 - m if turn == 1 else m
+            p = contacts.pair[k]
+            limit = load(friction, p) * pressed(k, contacts, contacts.solids)
+            given = row(contacts.friction, k)
             acts = limit > 0.0
             if turn < SWEEPS:
                 acts = maximum(limit, dot(given, given)) > 0.0  # what was given may have to be taken back
-            acts = among_going(acts, room.solids)
+            acts = among_going(acts, contacts.solids)
             if any_lane(acts):
-                slip = slipping(v, k, pairs, room, room.solids)
+                slip = slip_of(v, k, problem, contacts.solids)
                 if turn < SWEEPS:
-                    j = held_back(slip, k, given, limit, particles, pairs, room)
-                    push_across(v, k, j - given, acts, particles, pairs, room, room.solids)
-                    set_row(room.rub, k, choose(acts, j, given))
+                    j = held_back(slip, k, given, limit, problem)
+                    push_across(v, k, j - given, acts, problem, contacts.solids)
+                    set_row(contacts.friction, k, choose(acts, j, given))
                 else:
-                    slip = slip + slipping(w, k, pairs, room, room.solids)
+                    slip = slip + slip_of(problem.before, k, problem, contacts.solids)
                     lost = select(acts, -0.5 * dot(given, slip), 0.0)
-                    spend(room, p, 1, lost)
-                    tell(tally, p, FRICTION, lost)
+                    add_loss(contacts, p, 1, lost)
+                    add_to(problem.totals, p, FRICTION, lost)
 
 
 @compiled
-def pressed(k: Number, room: Any, solids: Solids | None) -> Any:
+def pressed(k: int, contacts: ContactRows, solids: Solids | None) -> Number:
     """Return the push of contact k [N·s] where friction acts; 0 where it does not."""
-    push = load(room.push, k)
+    push = load(contacts.impulse, k)
     if solids is not None:
         return push
-    if room.members[k] == 2:
+    if contacts.members[k] == 2:
         return 0.0 * push
-    return load(room.rubs, k) * push
+    return load(contacts.grips, k) * push
 
 
 @compiled
-def slipping(v: Rows, k: Number, pairs: Any, room: Any, solids: Solids | None) -> Any:
-    """Return how contact k slips (3,) [m/s]."""
-    n = row(room.toward, k)
+def slip_of(v: Rows, k: int, problem: Problem, solids: Solids | None) -> Vector:
+    """Return how contact k slips [m/s]."""
+    n = row(problem.contacts.normal, k)
     if solids is not None:
-        slip = between(v, k, pairs, room, solids)
+        slip = between(v, k, problem, solids)
         return slip - dot(slip, n) * n
-    return slipping_particles(v, k, room)
+    return slip_of_particles(v, k, problem.contacts)
 
 
 @compiled
-def slipping_particles(v: Rows, k: Number, room: Any) -> Any:
-    """Return how the particles of contact k slip, those of one body as seen from the other's point."""
-    n, slip = row(room.toward, k), 0.0 * row(room.toward, k)
-    for j in range(room.members[k]):
-        slip = plus_scaled(slip, load(room.weight, 4 * k + j), place_of(v, k, j, room))
-    if room.members[k] == 3:
-        along = row(room.tilt, 2 * k + 1)
+def slip_of_particles(v: Rows, k: int, contacts: ContactRows) -> Vector:
+    """Return how the particles of contact k slip, those of one body as seen from the other's point [m/s]."""
+    n, slip = row(contacts.normal, k), 0.0 * row(contacts.normal, k)
+    for j in range(contacts.members[k]):
+        slip = plus_scaled(slip, load(contacts.weight, 4 * k + j), row_of(v, k, j, contacts))
+    if contacts.members[k] == 3:
+        along = row(contacts.tilt, 2 * k + 1)
         slip = dot(slip, along) * along
-        turn = dot(n, place_of(v, k, 2, room) - place_of(v, k, 1, room))
-        return plus_scaled(slip, turn, row(room.tilt, 2 * k))
-    crossed = crosses(k, room)
-    first, third = place_of(v, k, 1, room), place_of(v, k, 2, room)
-    turn = dot(n, choose(crossed, first - place_of(v, k, 0, room), third - first))
-    other = dot(n, place_of(v, k, 3, room) - choose(crossed, third, first))
-    slip = plus_scaled(slip - dot(slip, n) * n, turn, row(room.tilt, 2 * k))
-    return plus_scaled(slip, other, row(room.tilt, 2 * k + 1))
+        turn = dot(n, row_of(v, k, 2, contacts) - row_of(v, k, 1, contacts))
+        return plus_scaled(slip, turn, row(contacts.tilt, 2 * k))
+    crossed = crosses(k, contacts)
+    first, third = row_of(v, k, 1, contacts), row_of(v, k, 2, contacts)
+    turn = dot(n, choose(crossed, first - row_of(v, k, 0, contacts), third - first))
+    other = dot(n, row_of(v, k, 3, contacts) - choose(crossed, third, first))
+    slip = plus_scaled(slip - dot(slip, n) * n, turn, row(contacts.tilt, 2 * k))
+    return plus_scaled(slip, other, row(contacts.tilt, 2 * k + 1))
 
 
 @compiled
-def raised(k: Number, j: int, by: Vector, room: Any) -> Any:
-    """Return gᵢ · j for the contact's particle ``j`` and an impulse ``by``."""
-    g = dot(row(room.tilt, 2 * k), by)
-    if room.members[k] == 3:
-        return g if j == 2 else (-1.0 * g if j == 1 else 0.0 * g)
-    h = dot(row(room.tilt, 2 * k + 1), by)
-    crossed = crosses(k, room)
-    if j == 0:
+def normal_part(k: int, m: int, j: Vector, contacts: ContactRows) -> Number:
+    """Return gᵢ · j of the contact's particle ``m``, for an impulse j across the normal."""
+    g = dot(row(contacts.tilt, 2 * k), j)
+    if contacts.members[k] == 3:
+        return g if m == 2 else (-1.0 * g if m == 1 else 0.0 * g)
+    h = dot(row(contacts.tilt, 2 * k + 1), j)
+    crossed = crosses(k, contacts)
+    if m == 0:
         return select(crossed, -1.0 * g, 0.0)
-    if j == 1:
+    if m == 1:
         return select(crossed, g, -1.0 * (g + h))
-    if j == 2:
+    if m == 2:
         return select(crossed, -1.0 * h, g)
     return h
 
 
 @compiled
-def yielding_along(
-    along: Vector, k: Number, particles: Particles, pairs: Any, room: Any, solids: Solids | None
-) -> Any:
-    """Return K of contact k along a unit vector [1/kg]."""
+def inverse_mass_along(along: Vector, k: int, problem: Problem, solids: Solids | None) -> Number:
+    """Return K of contact k along a unit vector across its normal [1/kg]."""
+    contacts = problem.contacts
     if solids is not None:
-        return yielding_of_both(along, k, pairs, room, solids)
-    yielding = load(room.inverse, k)
-    for j in range(room.members[k]):
-        lift = raised(k, j, along, room)
-        i = load(room.particle, 4 * k + j)
-        yielding = yielding + lift * lift * load_each(particles.inverse_mass, i)
-    return yielding
+        return inverse_mass_of_both(along, k, problem, solids)
+    total = load(contacts.inverse_mass, k)
+    for m in range(contacts.members[k]):
+        lift = normal_part(k, m, along, contacts)
+        total = total + lift * lift * load_each(problem.inverse_mass, load(contacts.particle, 4 * k + m))
+    return total
 
 
 @compiled
-def held_back(
-    slip: Vector, k: Number, given: Vector, limit: Number, particles: Particles, pairs: Any, room: Any
-) -> Any:
+def held_back(slip: Vector, k: int, given: Vector, limit: Number, problem: Problem) -> Vector:
     """Return the impulse that stops a slip, besides what was ``given``; or as much as friction can give."""
     along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
-    yielding = yielding_along(along, k, particles, pairs, room, room.solids)
-    wanted = given - 1.0 / (yielding + TINY) * slip
+    inverse = inverse_mass_along(along, k, problem, problem.contacts.solids)
+    wanted = given - 1.0 / (inverse + TINY) * slip
     size = sqrt(dot(wanted, wanted)) + TINY
     return minimum(limit / size, 1.0) * wanted
 
 
 @compiled
-def push_across(
-    v: Rows,
-    k: Number,
-    j: Vector,
-    acts: Mask,
-    particles: Particles,
-    pairs: Any,
-    room: Any,
-    solids: Solids | None,
-) -> None:
+def push_across(v: Rows, k: int, j: Vector, acts: Mask, problem: Problem, solids: Solids | None) -> None:
     """Give contact k an impulse across its normal, in some lanes."""
     if solids is not None:
-        push_both(v, k, j, acts, pairs, room, solids)
+        push_both(v, k, j, acts, problem, solids)
     else:
-        give_across(v, k, j, acts, particles, room)
+        push_particles_across(v, k, j, acts, problem)
 
 
 @compiled
-def give_across(v: Rows, k: Number, j: Vector, acts: Mask, particles: Particles, room: Any) -> None:
+def push_particles_across(v: Rows, k: int, j: Vector, acts: Mask, problem: Problem) -> None:
     """Give the particles of contact k an impulse across its normal, and what takes its torque back."""
-    n = row(room.toward, k)
-    for m in range(room.members[k]):
-        i = load(room.particle, 4 * k + m)
+    contacts = problem.contacts
+    n = row(contacts.normal, k)
+    for m in range(contacts.members[k]):
+        i = load(contacts.particle, 4 * k + m)
         before = row_each(v, i)
-        after = plus_scaled(before, load(room.gain, 4 * k + m), j)
-        after = plus_scaled(after, raised(k, m, j, room) * load_each(particles.inverse_mass, i), n)
+        after = plus_scaled(before, load(contacts.gain, 4 * k + m), j)
+        after = plus_scaled(after, normal_part(k, m, j, contacts) * load_each(problem.inverse_mass, i), n)
         set_row_each(v, i, choose(acts, after, before))

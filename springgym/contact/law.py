@@ -25,7 +25,7 @@ energy of the step changes by −J V (1 − L), with J = τ F̄ and the mean rat
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number
@@ -42,6 +42,17 @@ ROUNDS = 60
 
 FOUND = 1e-7
 """The relative change of a gap at which Newton's method, which squares the error each time, has it."""
+
+
+class Span(NamedTuple):
+    """The time of a node: that of the drifts before and after it that are its own [s]."""
+
+    lead: Number
+    """h/2, or 0 of a fresh copy"""
+    out: Number
+    """h/2"""
+    whole: Number
+    """the sum"""
 
 
 @compiled
@@ -143,7 +154,7 @@ def meet(start: Number, free: Number, span: Any, c: Number, reach: Number, beta:
     """Solve one contact for a step, where it is ``on``; elsewhere the numbers have no meaning.
 
     ``start`` is the gap h₀ [m] that the step begins with, ``free`` the gap a [m] that all else would end it
-    with; ``c`` is the strength times W [m³/s²], ``beta`` is β. The `springgym.integrators.node.Span` says how long
+    with; ``c`` is the strength times W [m³/s²], ``beta`` is β. The `Span` says how long
     the step is, and how long it lasts after the node.
 
     Returns

@@ -37,11 +37,11 @@ import numpy as np
 from springgym.bodies import Body
 from springgym.bodies.round import weights
 from springgym.contact.law import barrier_energy, meet
+from springgym.contact.surfaces import Surfaces, coefficient, count, standing, strength_and_reach
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Rows, Vector
 from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
 from springgym.core.vectors import TINY, add_scaled, choose, dot, plus_scaled, row, set_row, vec
-from springgym.contact.surfaces import Surfaces, coefficient, count, standing, strength_and_reach
 
 if TYPE_CHECKING:
     from springgym.forces import Particles, Terms

@@ -16,15 +16,29 @@ Narrow phase. At each node candidates are compared (`springgym.contact.features`
 near enough make contacts: the same, to the bit, however much more is listed. How far to look follows from how
 fast bodies move.
 
-Contacts, and features for one node alone, are listed copy by copy (`springgym.contact.pairs.Room`):
-copies of a block that touch in different places have as many rows as the one that has most. Every test is
+Contacts, and features for one node alone, are listed copy by copy (`springgym.contact.rows`): copies
+of a block that touch in different places have as many rows as the one that has most. Every test is
 made for all copies of a block, and what is found in one does not depend on another.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, TypeAlias
 
+import numpy as np
+
+from springgym.contact.features import (
+    ball_ball,
+    begin,
+    crossing,
+    edge_edge,
+    enlist,
+    grown,
+    vertex_faces,
+    vertex_rods,
+)
+from springgym.contact.lists import CLOSE, NONE, WATCHED, Lists, Near, Search
+from springgym.contact.rows import FAR, MET, ROWS
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, filled, load, load_each, maximum, minimum, select, sqrt, store
@@ -39,17 +53,15 @@ from springgym.core.vectors import (
     unit,
     vec,
 )
-from springgym.contact.features import (
-    ball_ball,
-    begin,
-    crossing,
-    edge_edge,
-    enlist,
-    grown,
-    vertex_faces,
-    vertex_rods,
-)
-from springgym.contact.pairs import CLOSE, FAR, MET, NONE, ROWS, WATCHED, Near, Search
+
+if TYPE_CHECKING:
+    from springgym.contact.law import Span
+    from springgym.contact.pairs import Pairs, Shapes
+    from springgym.contact.rows import ContactRows
+
+
+Indices: TypeAlias = "np.ndarray | None"
+"""The features of a kind, by their particles; None if no body has any."""
 
 SPARE = 1.05
 """Contacts are looked for up to this many Δ, and farther by the way of half a step, however long that is."""
@@ -84,119 +96,119 @@ VERTICES, TRIANGLES, EDGES, CANDIDATES = range(4)
 
 
 @compiled
-def larger(u: Vector, w: Vector) -> Any:
+def larger(u: Vector, w: Vector) -> Vector:
     return vec(maximum(u[0], w[0]), maximum(u[1], w[1]), maximum(u[2], w[2]))
 
 
 @compiled
-def smaller(u: Vector, w: Vector) -> Any:
+def smaller(u: Vector, w: Vector) -> Vector:
     return vec(minimum(u[0], w[0]), minimum(u[1], w[1]), minimum(u[2], w[2]))
 
 
 @compiled
-def box_gap(low: Vector, high: Vector, other_low: Vector, other_high: Vector) -> Any:
+def box_gap(low: Vector, high: Vector, other_low: Vector, other_high: Vector) -> Number:
     """Find how far two boxes are from each other, along the axis of their largest gap."""
     gap = larger(low - other_high, other_low - high)
     return maximum(maximum(gap[0], gap[1]), gap[2])
 
 
 @compiled
-def outside(low: Vector, high: Vector, body: Any, room: Any) -> Any:
+def outside(low: Vector, high: Vector, body: int, lists: Lists) -> Number:
     """Find how far a box is outside that of a body."""
-    return box_gap(low, high, row(room.low, body), row(room.high, body))
+    return box_gap(low, high, row(lists.low, body), row(lists.high, body))
 
 
 @compiled
-def find(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> int:
+def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: ContactRows) -> int:
     """List the contacts of all pairs, with velocities ``w`` (N, 3) before the node; how many rows that makes.
 
-    ``span`` is the time of the node, a `springgym.integrators.node.Span`.
+    ``span`` is the time of the node.
     """
-    shapes, seen = pairs.shapes, Search(x, w, pairs, room)
-    measure_moved(x, w, span, pairs, room)
-    fresh = not all_far_are_far(room)
+    shapes, seen = pairs.shapes, Search(x, w, pairs, lists, contacts)
+    measure_moved(x, w, span, pairs, lists)
+    fresh = not all_far_are_far(lists)
     if fresh:
-        watch(x, w, span, pairs, room)
-    anew = not lists_hold(w, span, pairs, room) or fresh
+        watch(x, w, span, pairs, lists)
+    anew = not lists_hold(w, span, pairs, lists) or fresh
     if anew:
-        begin_lists(x, fresh, pairs, room)
-    store(room.have, 0, 0.0)
+        begin_lists(x, fresh, pairs, lists)
+    store(contacts.have, 0, 0.0)
     count = 0
-    room.length[MET] = 0
-    for n in range(room.length[CLOSE]):
-        p = room.close[n]
-        store(room.left_out, p, 0.0)
+    contacts.length[MET] = 0
+    for n in range(lists.length[CLOSE]):
+        p = lists.close[n]
+        store(contacts.left_out, p, 0.0)
         a, b = pairs.first[p], pairs.second[p]
-        near = Near(p, (a, b), span.lead, load(room.reach, p), shapes.radius[a] + shapes.radius[b])
+        near = Near(p, (a, b), span.lead, load(lists.reach, p), shapes.radius[a] + shapes.radius[b])
         brief = anew and list_features(near, span, seen, shapes.triangles, shapes.edges)
-        needed = anew or any_lane(load(room.nearest, p) < ROUNDING * near.reach)
-        if needed and (is_listed(VERTICES, p, room) or is_listed(EDGES, p, room)):
+        needed = anew or any_lane(load(lists.nearest, p) < ROUNDING * near.reach)
+        if needed and (is_listed(VERTICES, p, lists) or is_listed(EDGES, p, lists)):
             locate(p, seen, shapes.triangles, shapes.edges)
             if anew:
                 list_candidates(p, brief, seen, shapes.triangles, shapes.edges)
             before = count
             count = compare(count, near, seen, shapes.triangles, shapes.edges)
-            if count > before or any_lane(load(room.left_out, p) > 0.0):
-                room.met[room.length[MET]] = p
-                room.length[MET] += 1
-    room.length[ROWS] = count
+            if count > before or any_lane(load(contacts.left_out, p) > 0.0):
+                contacts.met[contacts.length[MET]] = p
+                contacts.length[MET] += 1
+    contacts.length[ROWS] = count
     return count
 
 
 @compiled
-def is_listed(kind: int, p: int, room: Any) -> bool:
+def is_listed(kind: int, p: int, lists: Lists) -> bool:
     """Tell whether features of a kind are listed of a pair."""
-    return room.ends[p, kind, 0] < room.ends[p, kind, 2]
+    return lists.ends[p, kind, 0] < lists.ends[p, kind, 2]
 
 
 # --- Pairs that are watched ---------------------------------------------------------------------------
 
 
 @compiled
-def all_far_are_far(room: Any) -> bool:
+def all_far_are_far(lists: Lists) -> bool:
     """Tell whether pairs that are not watched are still too far apart to be looked at."""
-    for body in range(room.margin.size):
-        gone = load(room.travelled, body) + load(room.moved, body)
-        margin = load(room.margin, body)
+    for body in range(lists.margin.size):
+        gone = load(lists.travelled, body) + load(lists.moved, body)
+        margin = load(lists.margin, body)
         if any_lane(select(gone <= margin, 0.0, 1.0 + 0.0 * margin) > 0.5):  # be it no number
             return False
     return True
 
 
 @compiled
-def watch(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> None:
+def watch(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists) -> None:
     """List the pairs of bodies that may come near each other before one of them has used up its margin."""
     shapes, count = pairs.shapes, 0
-    measure_boxes(x, shapes, room)
-    average(w, shapes, room.mean, room.turning)
+    measure_boxes(x, shapes, lists)
+    average(w, shapes, lists.mean, lists.turning)
     for body in range(shapes.radius.size):
-        sides, mean = row(room.high, body) - row(room.low, body), row(room.mean, body)
+        sides, mean = row(lists.high, body) - row(lists.low, body), row(lists.mean, body)
         longest = maximum(maximum(sides[0], sides[1]), sides[2]) + 2.0 * shapes.radius[body]
-        half = span.out * (sqrt(dot(mean, mean)) + load(room.turning, body))  # the way in half a step
-        store(room.margin, body, minimum(maximum(ROOMY * longest, PATIENT * 2.0 * half), 0.5 * FAR))
+        half = span.out * (sqrt(dot(mean, mean)) + load(lists.turning, body))  # the way in half a step
+        store(lists.margin, body, minimum(maximum(ROOMY * longest, PATIENT * 2.0 * half), 0.5 * FAR))
         ahead = maximum(half - 0.5 * FARTHEST * pairs.least_reach, 0.0)  # as in `measure_moved`
-        store(room.ahead, body, ahead)
+        store(lists.ahead, body, ahead)
     for p in range(pairs.first.size):
         a, b = pairs.first[p], pairs.second[p]
-        gap = outside(row(room.low, a), row(room.high, a), b, room)
-        margin = load(room.margin, a) + load(room.margin, b)
+        gap = outside(row(lists.low, a), row(lists.high, a), b, lists)
+        margin = load(lists.margin, a) + load(lists.margin, b)
         if any_lane(gap - margin <= near_enough(p, a, b, pairs)):
-            ahead = load(room.ahead, a) + load(room.ahead, b)
-            store(room.listed, p, (gap - ahead) + (load(room.moved, a) + load(room.moved, b)))
-            room.watched[count] = p
+            ahead = load(lists.ahead, a) + load(lists.ahead, b)
+            store(lists.listed, p, (gap - ahead) + (load(lists.moved, a) + load(lists.moved, b)))
+            lists.watched[count] = p
             count += 1
-    room.length[WATCHED] = count
+    lists.length[WATCHED] = count
 
 
 @compiled
-def near_enough(p: int, a: Any, b: Any, pairs: Any) -> Any:
+def near_enough(p: int, a: int, b: int, pairs: Pairs) -> Number:
     """Return how near two bodies must be to be looked at [m]."""
     radius = pairs.shapes.radius[a] + pairs.shapes.radius[b]
     return ROUNDING * ((SPARE + FARTHEST) * pairs.reach[p] + radius)
 
 
 @compiled
-def measure_boxes(x: Rows, shapes: Any, room: Any) -> None:
+def measure_boxes(x: Rows, shapes: Shapes, lists: Lists) -> None:
     """Find the boxes around all bodies."""
     for body in range(shapes.radius.size):
         low = row(x, shapes.vertices[shapes.start[VERTICES, body], 0])
@@ -204,15 +216,15 @@ def measure_boxes(x: Rows, shapes: Any, room: Any) -> None:
         for k in range(shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]):
             place = row(x, shapes.vertices[k, 0])
             low, high = smaller(low, place), larger(high, place)
-        set_row(room.low, body, low)
-        set_row(room.high, body, high)
+        set_row(lists.low, body, low)
+        set_row(lists.high, body, high)
 
 
 # --- Lists that last ----------------------------------------------------------------------------------
 
 
 @compiled
-def measure_moved(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> None:
+def measure_moved(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists) -> None:
     """Find how far the vertices of each body are from where they were when features were listed.
 
     What is fast is taken for farther, see `FARTHEST`, so that no pair is left out which may meet in a step.
@@ -225,45 +237,45 @@ def measure_moved(x: Rows, w: Rows, span: Any, pairs: Any, room: Any) -> None:
             i = shapes.vertices[k, 0]
             speed = row(w, i)
             fastest = maximum(dot(speed, speed), fastest)
-            shift = row(x, i) - row(room.origin, i)
-            set_row(room.shift, i, shift)
+            shift = row(x, i) - row(lists.origin, i)
+            set_row(lists.shift, i, shift)
             farthest = maximum(dot(shift, shift), farthest)
         ahead = maximum(span.out * sqrt(fastest) - usual, 0.0)
-        store(room.moved, body, sqrt(farthest) + ahead)
+        store(lists.moved, body, sqrt(farthest) + ahead)
 
 
 @compiled
-def lists_hold(w: Rows, span: Any, pairs: Any, room: Any) -> bool:
+def lists_hold(w: Rows, span: Span, pairs: Pairs, lists: Lists) -> bool:
     """Tell whether all that may touch is in the lists; of pairs that are close, find how far to look."""
-    shapes, hold, averaged, shifted = pairs.shapes, room.kept[0], False, False
+    shapes, hold, averaged, shifted = pairs.shapes, lists.kept[0], False, False
     close = 0
-    for n in range(room.length[WATCHED]):
-        p = room.watched[n]
+    for n in range(lists.length[WATCHED]):
+        p = lists.watched[n]
         a, b = pairs.first[p], pairs.second[p]
         reach, radius = pairs.reach[p], shapes.radius[a] + shapes.radius[b]
-        listed, moved = load(room.listed, p), load(room.moved, a) + load(room.moved, b)
+        listed, moved = load(lists.listed, p), load(lists.moved, a) + load(lists.moved, b)
         if any_lane(listed - moved <= near_enough(p, a, b, pairs)):
-            room.close[close] = p
+            lists.close[close] = p
             close += 1
             if not averaged:
-                average(w, shapes, room.mean, room.turning)
+                average(w, shapes, lists.mean, lists.turning)
                 averaged = True
-            way = minimum(span.out * approach(a, b, room.mean, room.turning), WIDEST)
+            way = minimum(span.out * approach(a, b, lists.mean, lists.turning), WIDEST)
             far = SPARE * reach + way + radius
-            store(room.reach, p, far)
+            store(lists.reach, p, far)
             if any_lane(listed - moved <= ROUNDING * far):  # unless both moved together
                 if not shifted:
-                    average(room.shift, shapes, room.mean_shift, room.bend)
+                    average(lists.shift, shapes, lists.mean_shift, lists.bend)
                     shifted = True
-                moved = approach(a, b, room.mean_shift, room.bend)
+                moved = approach(a, b, lists.mean_shift, lists.bend)
                 hold = hold and not any_lane(listed - moved <= ROUNDING * far)
-            store(room.nearest, p, load(room.gap, p) - moved)
-    room.length[CLOSE] = close
+            store(lists.nearest, p, load(lists.gap, p) - moved)
+    lists.length[CLOSE] = close
     return hold
 
 
 @compiled
-def average(u: Rows, shapes: Any, mean: Rows, rest: Numbers) -> None:
+def average(u: Rows, shapes: Shapes, mean: Rows, rest: Numbers) -> None:
     """Find the mean of each body's vertices, and the largest difference from it, of velocities or shifts."""
     for body in range(shapes.radius.size):
         first, behind = shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]
@@ -280,7 +292,7 @@ def average(u: Rows, shapes: Any, mean: Rows, rest: Numbers) -> None:
 
 
 @compiled
-def approach(a: Number, b: Number, mean: Rows, rest: Numbers) -> Any:
+def approach(a: int, b: int, mean: Rows, rest: Numbers) -> Number:
     """Bound how much, or how fast, particles of two bodies come nearer: both move, and turn or bend."""
     apart = row(mean, a) - row(mean, b)
     return sqrt(dot(apart, apart)) + load(rest, a) + load(rest, b)
@@ -290,7 +302,7 @@ def approach(a: Number, b: Number, mean: Rows, rest: Numbers) -> Any:
 
 
 @compiled
-def begin_lists(x: Rows, fresh: bool, pairs: Any, room: Any) -> None:
+def begin_lists(x: Rows, fresh: bool, pairs: Pairs, lists: Lists) -> None:
     """Empty the lists of features, remember where vertices are, and find the boxes around all bodies.
 
     A pair that is not close is as far apart as it was, less by what its bodies moved. Where pairs that are
@@ -298,71 +310,71 @@ def begin_lists(x: Rows, fresh: bool, pairs: Any, room: Any) -> None:
     one that is far from all that may follow it.
     """
     shapes = pairs.shapes
-    room.kept[0] = True
-    empty(room)
-    for n in range(room.length[WATCHED]):
-        p = room.watched[n]
+    lists.kept[0] = True
+    empty(lists)
+    for n in range(lists.length[WATCHED]):
+        p = lists.watched[n]
         for kind in range(3):
             for side in range(3):
-                room.ends[p, kind, side] = 0
-        moved = load(room.moved, pairs.first[p]) + load(room.moved, pairs.second[p])
-        store(room.listed, p, load(room.listed, p) - moved)
-    measure_boxes(x, shapes, room)
+                lists.ends[p, kind, side] = 0
+        moved = load(lists.moved, pairs.first[p]) + load(lists.moved, pairs.second[p])
+        store(lists.listed, p, load(lists.listed, p) - moved)
+    measure_boxes(x, shapes, lists)
     for body in range(shapes.radius.size):
         if fresh:
-            store(room.travelled, body, 0.0)
+            store(lists.travelled, body, 0.0)
         else:
-            store(room.travelled, body, load(room.travelled, body) + load(room.moved, body))
+            store(lists.travelled, body, load(lists.travelled, body) + load(lists.moved, body))
         for k in range(shapes.start[VERTICES, body], shapes.start[VERTICES, body + 1]):
             i = shapes.vertices[k, 0]
             place = row(x, i)
-            most = vec(FAR, FAR, FAR) + 0.0 * row(room.origin, i)
-            set_row(room.origin, i, smaller(larger(place, -most), most))
+            most = vec(FAR, FAR, FAR) + 0.0 * row(lists.origin, i)
+            set_row(lists.origin, i, smaller(larger(place, -most), most))
 
 
 @compiled
-def empty(room: Any) -> None:
+def empty(lists: Lists) -> None:
     """Let lists begin with their first rows; of candidates, behind those that are all there are."""
     for kind in range(3):
-        room.used[kind] = 0
-    room.used[CANDIDATES] = max(room.triangle.size, room.edge.size)
+        lists.used[kind] = 0
+    lists.used[CANDIDATES] = max(lists.triangle.size, lists.edge.size)
 
 
 @compiled
-def list_features(near: Near, span: Any, seen: Search, triangles: Any, edges: Any) -> bool:
+def list_features(near: Near, span: Span, seen: Search, triangles: Indices, edges: Indices) -> bool:
     """List what of two bodies is near the other, and tell whether it is for this node alone.
 
     It is where the margin would not last: then it is cheaper to have none.
     """
-    x, room, shapes, p = seen.x, seen.room, seen.pairs.shapes, near.pair
+    x, lists, shapes, p = seen.x, seen.lists, seen.pairs.shapes, near.pair
     a, b = near.bodies
     margin = MARGIN * seen.pairs.reach[p]
     wide = ROUNDING * near.reach + margin
-    gap, brief = outside(row(room.low, a), row(room.high, a), b, room), False
+    gap, brief = outside(row(lists.low, a), row(lists.high, a), b, lists), False
     if any_lane(gap < wide):
-        gap = maximum(measure_slab(x, a, b, shapes, room), gap)
-        way = LASTING * 2.0 * span.out * approach(a, b, room.mean, room.turning)
+        gap = maximum(measure_slab(x, a, b, shapes, lists), gap)
+        way = LASTING * 2.0 * span.out * approach(a, b, lists.mean, lists.turning)
         brief = any_lane(select(gap < wide, way, 0.0) > margin)
         wide = wide - (margin if brief else 0.0)
         if any_lane(gap < wide):
-            make_space(a, b, shapes, room)
+            make_space(a, b, shapes, lists)
             for side in range(2):
                 body, other = (a, b) if side == 0 else (b, a)
                 list_kind(VERTICES, side, body, other, wide, brief, near, seen, shapes.vertices)
                 list_kind(TRIANGLES, side, body, other, wide, brief, near, seen, triangles)
                 list_kind(EDGES, side, body, other, wide, brief, near, seen, edges)
-    store(room.gap, p, gap)
-    store(room.nearest, p, gap)
+    store(lists.gap, p, gap)
+    store(lists.nearest, p, gap)
     far = ROUNDING * ((SPARE + FARTHEST) * seen.pairs.reach[p] + near.radius)  # as in `lists_hold`
-    store(room.listed, p, minimum(maximum(gap, minimum(wide, far)), 0.5 * FAR))
+    store(lists.listed, p, minimum(maximum(gap, minimum(wide, far)), 0.5 * FAR))
     return brief
 
 
 @compiled
-def measure_slab(x: Rows, a: Number, b: Number, shapes: Any, room: Any) -> Any:
+def measure_slab(x: Rows, a: int, b: int, shapes: Shapes, lists: Lists) -> Number:
     """Find how far vertices of two bodies are from the other, along the line of the middles of their boxes;
     and how far apart the bodies are."""
-    axis = unit(row(room.low, b) + row(room.high, b) - (row(room.low, a) + row(room.high, a)))
+    axis = unit(row(lists.low, b) + row(lists.high, b) - (row(lists.low, a) + row(lists.high, a)))
     last, first = -FAR + 0.0 * axis[0], FAR + 0.0 * axis[0]
     for k in range(shapes.start[VERTICES, a], shapes.start[VERTICES, a + 1]):
         last = maximum(last, dot(axis, row(x, shapes.vertices[k, 0])))
@@ -370,58 +382,58 @@ def measure_slab(x: Rows, a: Number, b: Number, shapes: Any, room: Any) -> Any:
         i = shapes.vertices[k, 0]
         place = dot(axis, row(x, i))
         first = minimum(first, place)
-        store(room.along, i, place - last)
+        store(lists.along, i, place - last)
     for k in range(shapes.start[VERTICES, a], shapes.start[VERTICES, a + 1]):
         i = shapes.vertices[k, 0]
-        store(room.along, i, first - dot(axis, row(x, i)))
+        store(lists.along, i, first - dot(axis, row(x, i)))
     return first - last
 
 
 @compiled
-def make_space(a: Number, b: Number, shapes: Any, room: Any) -> None:
+def make_space(a: int, b: int, shapes: Shapes, lists: Lists) -> None:
     """Begin all lists anew if those of two bodies may not fit behind the others, which do not last then."""
-    sizes, fits = (room.vertex.size, room.triangle.size, room.edge.size), True
+    sizes, fits = (lists.vertex.size, lists.triangle.size, lists.edge.size), True
     for kind in range(3):
         start = shapes.start
         count = start[kind, a + 1] - start[kind, a] + (start[kind, b + 1] - start[kind, b])
-        fits = fits and room.used[kind] + count <= sizes[kind]
+        fits = fits and lists.used[kind] + count <= sizes[kind]
     if not fits:
-        room.kept[0] = False
-        empty(room)
+        lists.kept[0] = False
+        empty(lists)
 
 
 @compiled
 def list_kind(
-    kind: Any,
-    side: Any,
-    body: Number,
-    other: Any,
+    kind: int,
+    side: int,
+    body: int,
+    other: int,
     wide: Number,
     brief: bool,
     near: Near,
     seen: Search,
-    members: Any,
+    members: Indices,
 ) -> None:
     """List the features of a kind of a body that are near the ``other``'s box, and in the slab.
 
     If it is to last, all copies list what one does: rows that are the same in all are soon loaded.
     """
-    x, room, start, p = seen.x, seen.room, seen.pairs.shapes.start, near.pair
-    first = room.used[kind]
-    room.ends[p, kind, side] = room.ends[p, kind, side + 1] = first
+    x, lists, start, p = seen.x, seen.lists, seen.pairs.shapes.start, near.pair
+    first = lists.used[kind]
+    lists.ends[p, kind, side] = lists.ends[p, kind, side + 1] = first
     if members is not None:
-        of, particles = listed_as(kind, room)
+        of, particles = listed_as(kind, lists)
         have, rows, count = 0.0 * wide, 0, members.shape[1]
         for n in range(start[kind, body], start[kind, body + 1]):
-            gap = load(room.along, members[n, 0])
+            gap = load(lists.along, members[n, 0])
             for k in range(1, count):
-                gap = minimum(gap, load(room.along, members[n, k]))
+                gap = minimum(gap, load(lists.along, members[n, k]))
             if any_lane(gap < wide):
                 low = row(x, members[n, 0])
                 high = low
                 for k in range(1, count):
                     low, high = smaller(low, row(x, members[n, k])), larger(high, row(x, members[n, k]))
-                wanted = maximum(gap, outside(low, high, other, room)) < wide
+                wanted = maximum(gap, outside(low, high, other, lists)) < wide
                 if any_lane(wanted):
                     if not brief:
                         wanted = have >= 0.0
@@ -433,100 +445,100 @@ def list_kind(
             n = filled(there, n)
             for k in range(count):
                 store(particles, count * m + k, load_each(members, (n, k)))
-        room.used[kind] = room.ends[p, kind, side + 1] = first + rows
+        lists.used[kind] = lists.ends[p, kind, side + 1] = first + rows
 
 
 @compiled
-def listed_as(kind: Any, room: Any) -> Any:
+def listed_as(kind: int, lists: Lists) -> tuple[Numbers, Numbers]:
     """Return the list of a kind of features, and that of their particles."""
     if kind == VERTICES:
-        return room.vertex, room.vertex_particle
+        return lists.vertex, lists.vertex_particle
     if kind == TRIANGLES:
-        return room.triangle, room.triangle_particles
-    return room.edge, room.edge_particles
+        return lists.triangle, lists.triangle_particles
+    return lists.edge, lists.edge_particles
 
 
 @compiled
-def locate(p: int, seen: Search, triangles: Any, edges: Any) -> None:
+def locate(p: int, seen: Search, triangles: Indices, edges: Indices) -> None:
     """Find where what is listed of a pair is; what a copy has not is far from all else."""
-    x, room = seen.x, seen.room
-    far = FAR + 0.0 * load(room.reach, p)
-    for k in range(room.ends[p, VERTICES, 0], room.ends[p, VERTICES, 2]):
-        point = row_each(x, load(room.vertex_particle, k))
-        set_row(room.point, k, choose(load(room.vertex, k) < 0.0, vec(far, far, far), point))
+    x, lists = seen.x, seen.lists
+    far = FAR + 0.0 * load(lists.reach, p)
+    for k in range(lists.ends[p, VERTICES, 0], lists.ends[p, VERTICES, 2]):
+        point = row_each(x, load(lists.vertex_particle, k))
+        set_row(lists.point, k, choose(load(lists.vertex, k) < 0.0, vec(far, far, far), point))
     if triangles is not None:
-        for k in range(room.ends[p, TRIANGLES, 0], room.ends[p, TRIANGLES, 2]):
-            corner = row_each(x, load(room.triangle_particles, 3 * k))
-            u = row_each(x, load(room.triangle_particles, 3 * k + 1)) - corner
-            q = row_each(x, load(room.triangle_particles, 3 * k + 2)) - corner
+        for k in range(lists.ends[p, TRIANGLES, 0], lists.ends[p, TRIANGLES, 2]):
+            corner = row_each(x, load(lists.triangle_particles, 3 * k))
+            u = row_each(x, load(lists.triangle_particles, 3 * k + 1)) - corner
+            q = row_each(x, load(lists.triangle_particles, 3 * k + 2)) - corner
             across = cross(u, q)
-            set_row(room.corner, k, corner)
-            set_row(room.first, k, u)
-            set_row(room.second, k, q)
-            set_row(room.normal, k, across)
-            square = select(load(room.triangle, k) < 0.0, NONE, dot(across, across))
-            store(room.square, k, square)
+            set_row(lists.corner, k, corner)
+            set_row(lists.first, k, u)
+            set_row(lists.second, k, q)
+            set_row(lists.normal, k, across)
+            square = select(load(lists.triangle, k) < 0.0, NONE, dot(across, across))
+            store(lists.square, k, square)
             uu, uw, ww = dot(u, u), dot(u, q), dot(q, q)
             third = uu - 2.0 * uw + ww
             inverse, of_sides = 1.0 / (square + TINY), 1.0 / (uu * ww * third + TINY)
-            set_row(room.products, k, vec(uu, uw, ww))
-            set_row(room.sizes, k, vec(inverse, of_sides, maximum(maximum(uu, ww), third)))
+            set_row(lists.products, k, vec(uu, uw, ww))
+            set_row(lists.sizes, k, vec(inverse, of_sides, maximum(maximum(uu, ww), third)))
     if edges is not None:
-        for k in range(room.ends[p, EDGES, 0], room.ends[p, EDGES, 2]):
-            start = row_each(x, load(room.edge_particles, 2 * k))
-            way = row_each(x, load(room.edge_particles, 2 * k + 1)) - start
-            none, away = load(room.edge, k) < 0.0, (k + 1.0) * far  # no two of them in one place
-            set_row(room.start, k, choose(none, vec(away, away, away), start))
-            set_row(room.way, k, choose(none, 0.0 * way, way))
+        for k in range(lists.ends[p, EDGES, 0], lists.ends[p, EDGES, 2]):
+            start = row_each(x, load(lists.edge_particles, 2 * k))
+            way = row_each(x, load(lists.edge_particles, 2 * k + 1)) - start
+            none, away = load(lists.edge, k) < 0.0, (k + 1.0) * far  # no two of them in one place
+            set_row(lists.start, k, choose(none, vec(away, away, away), start))
+            set_row(lists.way, k, choose(none, 0.0 * way, way))
 
 
 @compiled
-def list_candidates(p: int, every: bool, seen: Search, triangles: Any, edges: Any) -> None:
+def list_candidates(p: int, every: bool, seen: Search, triangles: Indices, edges: Indices) -> None:
     """List which vertices and triangles, which edges and edges are near each other in any copy.
 
     Where it is to be ``every`` one that is listed, or there is no space for more, all are.
     """
-    room, wide = seen.room, load(seen.room.listed, p)
-    ends, used = room.ends, room.used[CANDIDATES]
+    lists, wide = seen.lists, load(seen.lists.listed, p)
+    ends, used = lists.ends, lists.used[CANDIDATES]
     if triangles is not None:
         for side in range(2):
             first, behind = ends[p, TRIANGLES, 1 - side], ends[p, TRIANGLES, 2 - side]
             for m in range(ends[p, VERTICES, side], ends[p, VERTICES, side + 1]):
-                room.faces[m, 0], room.faces[m, 1] = first, behind
-                if not every and used + behind - first <= room.candidate.size:
-                    room.faces[m, 0] = used
+                lists.faces[m, 0], lists.faces[m, 1] = first, behind
+                if not every and used + behind - first <= lists.candidate.size:
+                    lists.faces[m, 0] = used
                     for n in range(first, behind):
-                        if face_is_near(m, n, wide, room):
-                            room.candidate[used] = n
+                        if face_is_near(m, n, wide, lists):
+                            lists.candidate[used] = n
                             used += 1
-                    room.faces[m, 1] = used
+                    lists.faces[m, 1] = used
     if edges is not None:
         first, behind = ends[p, EDGES, 1], ends[p, EDGES, 2]
         for m in range(ends[p, EDGES, 0], ends[p, EDGES, 1]):
-            room.partners[m, 0], room.partners[m, 1] = first, behind
-            if not every and used + behind - first <= room.candidate.size:
-                room.partners[m, 0] = used
+            lists.partners[m, 0], lists.partners[m, 1] = first, behind
+            if not every and used + behind - first <= lists.candidate.size:
+                lists.partners[m, 0] = used
                 for n in range(first, behind):
-                    if edge_is_near(m, n, wide, room):
-                        room.candidate[used] = n
+                    if edge_is_near(m, n, wide, lists):
+                        lists.candidate[used] = n
                         used += 1
-                room.partners[m, 1] = used
-    room.used[CANDIDATES] = used
+                lists.partners[m, 1] = used
+    lists.used[CANDIDATES] = used
 
 
 @compiled
-def face_is_near(m: int, n: int, wide: Number, room: Any) -> bool:
+def face_is_near(m: int, n: int, wide: Number, lists: Lists) -> bool:
     """Tell whether a vertex may be near a triangle in any copy: near its plane and its box."""
-    r, u, q = row(room.point, m) - row(room.corner, n), row(room.first, n), row(room.second, n)
-    none, height = 0.0 * u, dot(row(room.normal, n), r)  # times |normal|
+    r, u, q = row(lists.point, m) - row(lists.corner, n), row(lists.first, n), row(lists.second, n)
+    none, height = 0.0 * u, dot(row(lists.normal, n), r)  # times |normal|
     gap = box_gap(r, r, smaller(smaller(u, q), none), larger(larger(u, q), none))
-    return any_lane(select(height * height <= wide * wide * load(room.square, n), gap, FAR) < wide)
+    return any_lane(select(height * height <= wide * wide * load(lists.square, n), gap, FAR) < wide)
 
 
 @compiled
-def edge_is_near(m: int, n: int, wide: Number, room: Any) -> bool:
+def edge_is_near(m: int, n: int, wide: Number, lists: Lists) -> bool:
     """Tell whether two edges may be near each other in a copy: their lines, if skew, and their boxes."""
-    a, b, r = row(room.way, m), row(room.way, n), row(room.start, m) - row(room.start, n)
+    a, b, r = row(lists.way, m), row(lists.way, n), row(lists.start, m) - row(lists.start, n)
     none, across = 0.0 * a, cross(a, b)
     square, h = dot(across, across), dot(r, across)
     gap = box_gap(smaller(r, r + a), larger(r, r + a), smaller(none, b), larger(none, b))
@@ -538,38 +550,38 @@ def edge_is_near(m: int, n: int, wide: Number, room: Any) -> bool:
 
 
 @compiled
-def compare(count: Number, near: Near, seen: Search, triangles: Any, edges: Any) -> int:
+def compare(count: int, near: Near, seen: Search, triangles: Indices, edges: Indices) -> int:
     """List the contacts of a pair behind ``count`` others."""
-    room, shapes, p = seen.room, seen.pairs.shapes, near.pair
-    ends, rods, balls = room.ends, shapes.rods, shapes.balls
-    begin(room)
+    lists, shapes, p, contacts = seen.lists, seen.pairs.shapes, near.pair, seen.contacts
+    ends, rods, balls = lists.ends, shapes.rods, shapes.balls
+    begin(contacts)
     first = count
     if triangles is not None:
         for m in range(ends[p, VERTICES, 0], ends[p, VERTICES, 2]):
-            if room.faces[m, 1] > room.faces[m, 0]:
+            if lists.faces[m, 1] > lists.faces[m, 0]:
                 count = vertex_faces(count, first, m, near, seen)
     if edges is not None:
         rows, have = crossing(near, seen)
         for k in range(rows):
             count = edge_edge(count, first, k, have, near, seen)
     if rods is not None:
-        begin(room)
+        begin(contacts)
         first = count
         for side in range(2):
             if is_of(near.bodies[1 - side], rods):
                 for m in range(ends[p, VERTICES, side], ends[p, VERTICES, side + 1]):
-                    count = vertex_rods(count, first, m, 1 - side, near, seen, edges, rods)
+                    count = vertex_rods(count, first, m, 1 - side, near, seen, rods)
     if is_of(near.bodies[0], balls) and is_of(near.bodies[1], balls):
         i = shapes.vertices[shapes.start[VERTICES, near.bodies[0]], 0]
         j = shapes.vertices[shapes.start[VERTICES, near.bodies[1]], 0]
-        begin(room)
+        begin(contacts)
         count = ball_ball(count, count, i, j, near, seen, balls)
     return count
 
 
 @compiled
-def is_of(body: Any, kind: Any) -> bool:
-    """Whether a body is of a kind."""
+def is_of(body: int, kind: Indices) -> bool:
+    """Tell whether a body is of a kind."""
     if kind is None:
         return False
     return kind[body]

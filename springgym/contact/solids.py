@@ -18,7 +18,7 @@ Impulses are found in turns until a copy's own agree, whatever other copies of i
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,9 +27,17 @@ from springgym.core.kinds import Mask, Number, Rows, Vector
 from springgym.core.lanes import load, maximum, select, sqrt, store
 from springgym.core.vectors import choose, cross, dot, multiplied, plus_scaled, row, row_each, set_row
 
+if TYPE_CHECKING:
+    from springgym.contact.law import Span
+    from springgym.contact.rows import Problem
+
 GOING, CHANGE = range(2)
 """Of a copy: 1 while its impulses are to change, else 0; and the largest change of a contact's speed since it
 was set to 0, over its Δ [1/s]."""
+
+
+Ends: TypeAlias = tuple[Vector, Vector, Vector, Vector]
+"""A vector of each of the four ends of two edges."""
 
 
 class Solids(NamedTuple):
@@ -40,79 +48,81 @@ class Solids(NamedTuple):
     """(bodies + 1,) where the particles of each begin among all, and the end"""
     balls: np.ndarray
     """(bodies,) whether a body is a single particle"""
-    lightness: Any
+    lightness: np.ndarray
     """(bodies,) 1/M [1/kg]; 0 of what is pinned"""
-    turn: Any
+    turn: np.ndarray
     """(2 bodies, 3) I⁻¹ about the body's point: xx, yy, zz; xy, xz, yz [1/(kg·m²)]"""
-    point: Any
+    point: np.ndarray
     """(bodies, 3) [m]"""
-    arm: Any
+    arm: np.ndarray
     """(2 contacts, 3) from the points of both bodies to where they are pushed [m]"""
-    turns: Any
+    turns: np.ndarray
     """(2,) `GOING`, `CHANGE`"""
 
 
 @compiled
-def face(x: Rows, k: int, pairs: Any, room: Any, solids: Solids) -> Any:
+def set_arms(k: int, problem: Problem, solids: Solids) -> Number:
     """Find where contact k pushes its bodies, from the second towards the first; returns its W [1/kg]."""
-    p = room.pair[k]
+    pairs, contacts = problem.pairs, problem.contacts
+    p = contacts.pair[k]
     a, b = pairs.first[p], pairs.second[p]
-    n = row(room.toward, k)
+    n = row(contacts.normal, k)
     place = 0.0 * n
-    for j in range(room.members[k]):
-        weight = load(room.weight, 4 * k + j)
+    for j in range(contacts.members[k]):
+        weight = load(contacts.weight, 4 * k + j)
         half = 0.5 * maximum(weight, -1.0 * weight)
-        place = plus_scaled(place, half, row_each(x, load(room.particle, 4 * k + j)))
+        place = plus_scaled(place, half, row_each(problem.x, load(contacts.particle, 4 * k + j)))
     if solids.balls[a]:
-        place = row(x, solids.start[a])
+        place = row(problem.x, solids.start[a])
     elif solids.balls[b]:
-        place = row(x, solids.start[b])
-    first = load(room.particle, 4 * k) < 1.0 * solids.start[b]  # whose weights are positive
+        place = row(problem.x, solids.start[b])
+    first = load(contacts.particle, 4 * k) < 1.0 * solids.start[b]  # whose weights are positive
     n = choose(first, n, -1.0 * n)
-    set_row(room.toward, k, n)
+    set_row(contacts.normal, k, n)
     set_row(solids.arm, 2 * k, place - row(solids.point, a))
     set_row(solids.arm, 2 * k + 1, place - row(solids.point, b))
-    return yielding_of_both(n, k, pairs, room, solids)
+    return inverse_mass_of_both(n, k, problem, solids)
 
 
 @compiled
-def velocity_at(v: Rows, body: Any, arm: Vector, solids: Solids) -> Any:
-    """Velocity of a body at an arm from its point."""
+def velocity_at(v: Rows, body: int, arm: Vector, solids: Solids) -> Vector:
+    """Return the velocity of a body at an arm from its point."""
     return row(v, 2 * body) + cross(turning_of(body, row(v, 2 * body + 1), solids), arm)
 
 
 @compiled
-def turning_of(body: Any, moment: Vector, solids: Solids) -> Any:
-    """The angular velocity of a body with an angular momentum."""
+def turning_of(body: int, moment: Vector, solids: Solids) -> Vector:
+    """Return the angular velocity of a body with an angular momentum."""
     return multiplied(row(solids.turn, 2 * body), row(solids.turn, 2 * body + 1), moment)
 
 
 @compiled
-def between(v: Rows, k: int, pairs: Any, room: Any, solids: Solids) -> Any:
-    """The velocity of the first body of contact k relative to the second."""
-    p = room.pair[k]
-    first = velocity_at(v, pairs.first[p], row(solids.arm, 2 * k), solids)
-    return first - velocity_at(v, pairs.second[p], row(solids.arm, 2 * k + 1), solids)
+def between(v: Rows, k: int, problem: Problem, solids: Solids) -> Vector:
+    """Return the velocity of the first body of contact k relative to the second."""
+    p = problem.contacts.pair[k]
+    first = velocity_at(v, problem.pairs.first[p], row(solids.arm, 2 * k), solids)
+    return first - velocity_at(v, problem.pairs.second[p], row(solids.arm, 2 * k + 1), solids)
 
 
 @compiled
-def yielding_of(body: Any, push: Vector, moment: Vector, solids: Solids) -> Any:
-    """Twice the kinetic energy that a body at rest has from an impulse and a moment."""
+def inverse_mass_of(body: int, push: Vector, moment: Vector, solids: Solids) -> Number:
+    """Return twice the kinetic energy that a body at rest has from an impulse and a moment."""
     return load(solids.lightness, body) * dot(push, push) + dot(moment, turning_of(body, moment, solids))
 
 
 @compiled
-def yielding_of_both(along: Vector, k: int, pairs: Any, room: Any, solids: Solids) -> Any:
-    """W of contact k along a unit vector [1/kg]; 0 along none."""
-    p = room.pair[k]
-    first = yielding_of(pairs.first[p], along, cross(row(solids.arm, 2 * k), along), solids)
-    second = cross(row(solids.arm, 2 * k + 1), along)
-    return first + yielding_of(pairs.second[p], along, second, solids)
+def inverse_mass_of_both(along: Vector, k: int, problem: Problem, solids: Solids) -> Number:
+    """Return W of contact k along a unit vector [1/kg]; 0 along none."""
+    p = problem.contacts.pair[k]
+    moment = cross(row(solids.arm, 2 * k), along)
+    first = inverse_mass_of(problem.pairs.first[p], along, moment, solids)
+    moment = cross(row(solids.arm, 2 * k + 1), along)
+    return first + inverse_mass_of(problem.pairs.second[p], along, moment, solids)
 
 
 @compiled
 def push_body(
-    v: Rows, body: Any, scale: Number, push: Vector, moment: Vector, on: Mask, solids: Solids
+    v: Rows, body: int, scale: Number, push: Vector, moment: Vector, on: Mask, solids: Solids
 ) -> None:
     """Give a body ``scale`` times an impulse and a moment, in some lanes; the others are left to the bit."""
     velocity, spin = row(v, 2 * body), row(v, 2 * body + 1)
@@ -122,12 +132,12 @@ def push_body(
 
 
 @compiled
-def push_both(v: Rows, k: int, j: Vector, on: Mask, pairs: Any, room: Any, solids: Solids) -> None:
+def push_both(v: Rows, k: int, j: Vector, on: Mask, problem: Problem, solids: Solids) -> None:
     """Give the bodies of contact k opposite impulses."""
-    p = room.pair[k]
+    pairs, p = problem.pairs, problem.contacts.pair[k]
     push_body(v, pairs.first[p], 1.0, j, cross(row(solids.arm, 2 * k), j), on, solids)
     push_body(v, pairs.second[p], -1.0, j, cross(row(solids.arm, 2 * k + 1), j), on, solids)
-    count_change(sqrt(dot(j, j)) * load(room.inverse, k) / pairs.reach[p], on, solids)
+    count_change(sqrt(dot(j, j)) * load(problem.contacts.inverse_mass, k) / pairs.reach[p], on, solids)
 
 
 @compiled
@@ -138,26 +148,40 @@ def count_change(change: Number, on: Mask, solids: Solids) -> None:
 
 
 @compiled
-def wrenches(x: Rows, k: int, pushes: Any, pairs: Any, room: Any, solids: Solids) -> Any:
-    """Add up impulses at the four particles of two edges, of which contact k is.
+def push_ends_of_both(
+    v: Rows, k: int, pushes: Ends, mean: Number, on: Mask, problem: Problem, solids: Solids
+) -> Vector:
+    """Give the bodies of contact k of two edges what `springgym.contact.solver.push_ends` says.
 
-    Returns
-    -------
-    the impulse on the first body, and the moments of impulse on the first and against the second
+    Returns the impulse on the first body.
     """
-    p = room.pair[k]
-    a, b = row(solids.point, pairs.first[p]), row(solids.point, pairs.second[p])
+    pairs, contacts, x = problem.pairs, problem.contacts, problem.x
+    p = contacts.pair[k]
+    a, b = pairs.first[p], pairs.second[p]
+    here, there = row(solids.point, a), row(solids.point, b)
     g0, g1, g2, g3 = pushes
-    first = cross(row_each(x, load(room.particle, 4 * k)) - a, g0)
-    first = first + cross(row_each(x, load(room.particle, 4 * k + 1)) - a, g1)
-    second = cross(row_each(x, load(room.particle, 4 * k + 2)) - b, g2)
-    second = second + cross(row_each(x, load(room.particle, 4 * k + 3)) - b, g3)
-    return g0 + g1, first, -1.0 * second
+    first = cross(row_each(x, load(contacts.particle, 4 * k)) - here, g0)
+    first = first + cross(row_each(x, load(contacts.particle, 4 * k + 1)) - here, g1)
+    second = cross(row_each(x, load(contacts.particle, 4 * k + 2)) - there, g2)
+    second = -1.0 * (second + cross(row_each(x, load(contacts.particle, 4 * k + 3)) - there, g3))
+    push = g0 + g1
+    size = inverse_mass_of(a, push, first, solids) + inverse_mass_of(b, push, second, solids)
+    q = gradient_impulse(problem.span, mean, size)
+    push_body(v, a, q, push, first, on, solids)
+    push_body(v, b, -1.0 * q, push, second, on, solids)
+    count_change(sqrt(q * q * size * load(contacts.inverse_mass, k)) / pairs.reach[p], on, solids)
+    return q * push
 
 
 @compiled
-def among_going(on: Mask, solids: Any) -> Any:
-    """Where a mask holds in copies whose impulses are to change: in all, if no bodies are rigid."""
+def gradient_impulse(span: Span, mean: Number, size: Number) -> Number:
+    """Return −q, the impulse of the gradient of an energy that is ``mean`` per Φ; ``size`` is G."""
+    return (-1.0 * span.whole) * mean / (1.0 + (span.out * span.whole) * mean * size)
+
+
+@compiled
+def among_going(on: Mask, solids: Solids | None) -> Mask:
+    """Return where a mask holds in copies whose impulses are to change: in all, if no bodies are rigid."""
     if solids is not None:
         return select(on, load(solids.turns, GOING), 0.0) > 0.5
     return on

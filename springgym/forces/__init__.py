@@ -12,6 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from springgym.contact.round import Rounds, feature_energy, rolls
+from springgym.contact.surfaces import Surfaces, contact_energy
+from springgym.contact.totals import Collisions
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows
 from springgym.core.lanes import load
@@ -27,12 +30,9 @@ from springgym.forces.actuators import (
     record_holding,
     set_actuation,
 )
-from springgym.contact.surfaces import Surfaces, contact_energy
 from springgym.forces.cycle import Cycle
 from springgym.forces.memory import Memory
-from springgym.contact.pairs import Meets
 from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
-from springgym.contact.round import Rounds, feature_energy, rolls
 from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
 from springgym.own_forces import OfBody, add_own_forces, own_energy
 
@@ -40,9 +40,9 @@ from springgym.own_forces import OfBody, add_own_forces, own_energy
 class Particles(NamedTuple):
     """Point masses, each array of shape (particles,)."""
 
-    mass: np.ndarray
+    mass: Numbers
     """[kg]"""
-    inverse_mass: np.ndarray
+    inverse_mass: Numbers
     """[1/kg], 0 if pinned"""
     free: np.ndarray
     """whether the particle moves freely, i.e. is not pinned"""
@@ -70,7 +70,7 @@ class Terms(NamedTuple):
     """what is kept of the last node, where there are surfaces or bodies that collide"""
     cycle: Cycle | None = None
     """what acts once in several steps; None if all acts at each"""
-    meets: Meets | None = None
+    collisions: Collisions | None = None
     """bodies that collide"""
     rounds: Rounds | None = None
     """round features, by which a body that has some meets surfaces"""

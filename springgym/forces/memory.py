@@ -1,9 +1,9 @@
 """What a copy keeps from one call to the next beside x and v, in scenes with surfaces.
 
-There a state is read in the middle of a node (`springgym.integrators.node`): x is where the particles are there, v
-the mean of the velocities with which they come and go. The next call goes on from the velocities with which
-they came, so that calls of a and b steps are one of a + b. A copy that was placed has come from nowhere: it
-is fresh.
+There a state is read in the middle of a node (`springgym.integrators.node`): x is where the particles are
+there, v the mean of the velocities with which they come and go. The next call goes on from the velocities
+with which they came, so that calls of a and b steps are one of a + b. A copy that was placed has come from
+nowhere: it is fresh.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from springgym.forces.actuators import Drive
 
 
-PHASE, HELD, BEFORE, STEERED = 0, 1, 2, 2 + ENTRIES
+PHASE, STORED, BEFORE, STEERED = 0, 1, 2, 2 + ENTRIES
 """Where in the marks are: 0 of a fresh copy, else 1 or 2 in turn, the direction of the dampers' sweep; the
-energy [J] that contact holds in mid-impact beside its barriers; the ledger before the node; and the drive's
+energy [J] that contact stores in mid-impact beside its barriers; the ledger before the node; and the drive's
 acceleration."""
 
 MARKS = STEERED + 3
@@ -150,8 +150,8 @@ def halve(ledger: Ledger, memory: Any) -> None:
 
 
 @compiled
-def held(like: Number, memory: Any) -> Any:
-    """The energy [J] that contact holds beside its barriers; ``like`` is any value in all lanes."""
+def stored_in_contact(like: Number, memory: Memory | None) -> Number:
+    """Return the energy [J] that contact stores beside its barriers; ``like`` is any value in all lanes."""
     if memory is None:
         return 0.0 * like
-    return load(memory.marks, HELD)
+    return load(memory.marks, STORED)

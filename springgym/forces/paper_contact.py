@@ -12,16 +12,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from springgym.contact.surfaces import count, standing
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Numbers, Rows
 from springgym.core.lanes import load, maximum, minimum, select, sqrt
 from springgym.core.vectors import TINY, add_row, dot, row, set_row
-from springgym.contact.surfaces import count, standing
 from springgym.forces.ledger import CONTACT, FRICTION, record
 
 if TYPE_CHECKING:
-    from springgym.forces import Particles
     from springgym.contact.surfaces import Surfaces
+    from springgym.forces import Particles
 
 
 CLAMP = 0.1

@@ -3,8 +3,8 @@
 Particles fly straight for half a step, receive the impulses of springs, gravity, actuators, dampers, surfaces
 and friction, and fly straight for the other half. With v₋ and v₊ the velocities before and after the node, an
 impulse p changes the kinetic energy by exactly p · (v₋ + v₊)/2: that is what the ledger enters, and what
-surfaces take for the speed at which they give way (`springgym.contact.surfaces`). What rests has no such mean,
-so that it loses nothing, and does not creep.
+surfaces take for the speed at which they give way (`springgym.contact.surfaces`). What rests has no such
+mean, so that it loses nothing, and does not creep.
 
 The state is read amid a node, with the mean of v₋ and v₊ for its velocity: that of velocity Verlet where
 nothing touches. What is read has half of the node behind it. `springgym.forces.memory` keeps v₋, from which
@@ -14,15 +14,10 @@ drift ended.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from springgym.contact.law import meet
-from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
-from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt, store
-from springgym.core.vectors import TINY, choose, dot, plus_scaled, row, set_row, unit, vec, vector
-from springgym.forces import stored_energy
-from springgym.forces.actuators import push
+from springgym.contact.law import Span, meet
+from springgym.contact.round import lifted_feature, roll, rolls
 from springgym.contact.surfaces import (
     coefficient,
     count,
@@ -34,16 +29,21 @@ from springgym.contact.surfaces import (
     standing,
     strength_and_reach,
 )
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Mask, Number, Numbers, Rows, Vector
+from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt, store
+from springgym.core.vectors import TINY, choose, dot, plus_scaled, row, set_row, unit, vec, vector
+from springgym.forces import stored_energy
+from springgym.forces.actuators import push
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
-from springgym.forces.memory import HELD, halve, turn_drive
-from springgym.contact.round import lifted_feature, roll, rolls
+from springgym.forces.memory import STORED, halve, turn_drive
 from springgym.forces.springs import damp
 
 if TYPE_CHECKING:
+    from springgym.contact.round import Rolling, Rounds
+    from springgym.contact.surfaces import Surfaces
     from springgym.forces import Terms
     from springgym.forces.actuators import Thrust, Wrench
-    from springgym.contact.surfaces import Surfaces
-    from springgym.contact.round import Rounds
     from springgym.forces.springs import Dampers
 
 
@@ -63,46 +63,67 @@ LIFTS = 4
 """Newton's steps that lift a node: of ground that is bent, as much as Δ, they leave 1e-9 of it."""
 
 
-class Span(NamedTuple):
-    """The time of a node: that of the drifts before and after it that are its own [s]."""
-
-    lead: Any
-    """h/2, or 0 of a fresh copy"""
-    out: Any
-    """h/2"""
-    whole: Any
-    """the sum"""
-
-
 class Space(NamedTuple):
     """Workspace of a node."""
 
-    direction: Any
+    direction: Rows
     """(springs, 3) where each spring points"""
-    given: Any
+    given: Rows
     """(N, 3) half of what surfaces are going to give, as far as is known before dampers act [m/s]"""
-    pushes: Any
+    pushes: Rows
     """(surfaces, 3) change of velocity [m/s] of a particle by each surface, where these are coupled"""
-    rolling: Any
+    rolling: Rolling | None
     """`springgym.contact.round.Rolling`; None without round features"""
 
 
 class Given(NamedTuple):
     """What the surfaces give a particle at a node."""
 
-    change: Any
+    change: Vector
     """of velocity, by their pushes [m/s]"""
-    rub: Any
+    rub: Vector
     """of velocity, by friction [m/s]"""
-    force: Any
+    force: Vector
     """Σ J n [m/s]: the work of the barriers is its product with the way, over the time"""
+
+
+class Passage(NamedTuple):
+    """How a free particle passes a node."""
+
+    mass: Number
+    """m [kg]"""
+    start: Vector
+    """v₋ [m/s]"""
+    acceleration: Vector
+    """by springs and gravity [m/s²]"""
+    others: Vector
+    """change of velocity by actuators and dampers [m/s]"""
+    contact: Vector
+    """and by contact [m/s]"""
+    after: Vector
+    """v₊ [m/s]"""
+
+
+class Kicks(NamedTuple):
+    """Sums over the particles of a body that passes a node."""
+
+    others: Number
+    """Σ m |δv|² of actuators and dampers [J]"""
+    thrown: Number
+    """Σ m |δv|² of actuators alone [J]"""
+    stored: Number
+    """what the mean velocity lacks of the energy with v₋ and v₊, by impulses of contact [J]"""
+    touched: Number
+    """Σ |δv|² of contact [m²/s²]"""
+    springs: Number
+    """Σ m |a|², beyond gravity's [J/s²]"""
 
 
 # --- Surfaces -----------------------------------------------------------------------------------------
 
 
 @compiled
-def in_last_turn(turn: int, k: int, nothing: Vector, pushes: Numbers, surfaces: Surfaces) -> Any:
+def in_last_turn(turn: int, k: int, nothing: Vector, pushes: Numbers, surfaces: Surfaces) -> Vector:
     """Return the change of velocity by surface ``k`` in the last turn: ``nothing`` where one turn is all."""
     if surfaces.coupled is None or turn == 0:
         return nothing
@@ -110,8 +131,8 @@ def in_last_turn(turn: int, k: int, nothing: Vector, pushes: Numbers, surfaces: 
 
 
 @compiled
-def near(begin: Vector, free: Vector, surfaces: Surfaces) -> Any:
-    """Where a way begins or ends within reach of a surface, or almost: by `ALMOST`."""
+def near(begin: Vector, free: Vector, surfaces: Surfaces) -> Mask:
+    """Return where a way begins or ends within reach of a surface, or almost: by `ALMOST`."""
     return minimum(lowest(begin, surfaces), lowest(free, surfaces)) < ALMOST * surfaces.reach
 
 
@@ -122,11 +143,11 @@ def impulses(
     free: Vector,
     speed: Vector,
     smooth: Vector,
-    span: Any,
+    span: Span,
     pushes: Numbers,
     terms: Terms,
-) -> Any:
-    """What surfaces and friction give particle ``i`` at a node (`Given`).
+) -> Given:
+    """Return what surfaces and friction give particle ``i`` at a node.
 
     Its way is from ``begin`` to ``free`` without them. It begins with the velocity ``speed``, which all else
     changes by ``smooth``. What one surface gives is all else to the others: they are taken in turn until they
@@ -189,8 +210,8 @@ def impulses(
 
 
 @compiled
-def lifted(place: Vector, first: Any, last: Any, terms: Terms) -> Any:
-    """How far a node is lifted [m] to be read: to half of the lower of the heights around it, or of Δ.
+def lifted(place: Vector, first: Vector, last: Vector, terms: Terms) -> Vector:
+    """Return how far a node is lifted [m] to be read: to half of the lower of the heights around it, or of Δ.
 
     Where a step is too coarse for an impact, the node is behind the surface though no way begins or ends
     there. From a curved one it is lifted by Newton's method.
@@ -212,21 +233,21 @@ def lifted(place: Vector, first: Any, last: Any, terms: Terms) -> Any:
 
 @compiled
 def span_of(phase: Number, h: Number) -> Span:
-    """A fresh copy has no drift before its node."""
+    """Return the time of a node: a fresh copy has no drift before it."""
     out = 0.5 * h + 0.0 * phase
     lead = select(phase < 0.5, 0.0, out)
     return Span(lead, out, lead + out)
 
 
 @compiled
-def next_phase(phase: Number) -> Any:
-    """The dampers' sweeps take turns in direction."""
+def next_phase(phase: Number) -> Number:
+    """Return the phase after a node: the dampers' sweeps take turns in direction."""
     return select((phase - 1.0) * (phase - 1.0) < 0.25, 2.0 + 0.0 * phase, 1.0)
 
 
 @compiled
 def act_and_damp(
-    v: Rows, b: Rows, phase: Number, span: Any, direction: Rows, ledger: Ledger, terms: Terms
+    v: Rows, b: Rows, phase: Number, span: Span, direction: Rows, ledger: Ledger, terms: Terms
 ) -> None:
     """Let actuators and dampers act: a sweep of a whole step, or one of half of it before and one after.
 
@@ -243,7 +264,7 @@ def act_and_damp(
 
 @compiled
 def relax_some(
-    sweep: Any, v: Rows, phase: Number, direction: Rows, dampers: Dampers | None, ledger: Ledger, terms: Terms
+    sweep: int, v: Rows, phase: Number, direction: Rows, dampers: Dampers | None, ledger: Ledger, terms: Terms
 ) -> None:
     """Let the dampers act on the copies whose turn it is: before the actuators, after them, or fresh ones."""
     if dampers is not None:
@@ -261,72 +282,93 @@ def relax_some(
 
 
 @compiled
-def pushed(b: Rows, i: int, like: Vector, wrench: Wrench | None, thrust: Thrust | None) -> Any:
-    """The acceleration of particle ``i`` by actuators, if there are any."""
+def pushed(b: Rows, i: int, like: Vector, wrench: Wrench | None, thrust: Thrust | None) -> Vector:
+    """Return the acceleration of particle ``i`` by actuators, if there are any."""
     if wrench is None and thrust is None:
         return 0.0 * like
     return row(b, i)
 
 
 @compiled
-def foreseen(dampers: Dampers | None) -> bool:
-    """Whether it is to be known, before dampers act, what surfaces are going to give."""
+def needs_expected(dampers: Dampers | None) -> bool:
+    """Tell whether it is to be expected, before dampers act, what contact is going to give."""
     return dampers is not None
 
 
 @compiled
-def nothing_given(like: Vector) -> Any:
-    """As `Given`, where no surface is near."""
+def nothing_given(like: Vector) -> Given:
+    """Return what is given where no surface is near."""
     nothing = 0.0 * like
     return Given(nothing, nothing, nothing)
 
 
 @compiled
-def record_stray(ledger: Ledger, stray: Number, dampers: Dampers | None) -> None:
-    """The work of what acted before the surfaces' share was known, by the change that they made to it."""
+def record_cross_work(ledger: Ledger, work: Number, dampers: Dampers | None) -> None:
+    """Enter the work of what acted before contact, by the change that contact makes to the mean velocity."""
     if dampers is None:
-        record(ledger, WORK, stray)
+        record(ledger, WORK, work)
     else:
-        record(ledger, DAMPING, -1.0 * stray)
+        record(ledger, DAMPING, -1.0 * work)
 
 
 @compiled
-def record_swing(ledger: Ledger, swung: Number, thrown: Number, dampers: Dampers | None) -> None:
-    """What half of a node that acts in kicks lacks of half of its work: by all of them, and by actuators."""
+def record_kicks(ledger: Ledger, others: Number, thrown: Number, dampers: Dampers | None) -> None:
+    """Enter what half of a node that acts in kicks lacks of half of its work: by all, and by actuators."""
     if dampers is None:
-        record(ledger, WORK, -1.0 * swung)
+        record(ledger, WORK, -1.0 * others)
     else:
         record(ledger, WORK, -1.0 * thrown)
-        record(ledger, DAMPING, swung - thrown)
+        record(ledger, DAMPING, others - thrown)
 
 
 @compiled
-def give_half(w: Rows, among: tuple[int, int], space: Any, dampers: Dampers | None) -> None:
-    """Give the particles ``among`` which some were touched what is foreseen."""
-    if foreseen(dampers):
+def give_expected(w: Rows, among: tuple[int, int], space: Space, dampers: Dampers | None) -> None:
+    """Give the particles ``among`` which some were touched what is expected."""
+    if needs_expected(dampers):
         for i in range(among[0], among[1]):
             set_row(w, i, row(w, i) + row(space.given, i))
 
 
 @compiled
-def take_back(
-    v: Rows, w: Rows, a: Rows, span: Span, among: tuple[int, int], space: Any, ledger: Ledger, terms: Terms
+def take_back_expected(
+    v: Rows, w: Rows, a: Rows, span: Span, among: tuple[int, int], space: Space, ledger: Ledger, terms: Terms
 ) -> None:
     """Take that back, when all but the surfaces have acted, and enter its product with what they did."""
-    if foreseen(terms.dampers):
-        stray = 0.0 * span.out
+    if needs_expected(terms.dampers):
+        work = 0.0 * span.out
         for i in range(among[0], among[1]):
             half = row(space.given, i)
             now = row(w, i) - half
             set_row(w, i, now)
             others = now - plus_scaled(row(v, i), span.lead, row(a, i))
-            stray = stray - load(terms.particles.mass, i) * dot(others, half)
-        record_stray(ledger, stray, terms.dampers)
+            work = work - load(terms.particles.mass, i) * dot(others, half)
+        record_cross_work(ledger, work, terms.dampers)
 
 
 @compiled
-def begun_in_touch(pushed: Vector, late: Vector) -> Any:
-    """What the half node of a fresh copy does not lose [m²/s²], though pushes before a kick say so.
+def losses(passed: Passage, given: Given, pushed: Vector, span: Span) -> tuple[Number, Number]:
+    """Return what a particle loses at a node to the restitution of surfaces, and to friction [J].
+
+    The first is what barriers gave less the work of their impulses. ``pushed`` is the change of velocity by
+    all pushes, also those of other bodies.
+    """
+    way = plus_scaled(span.lead * passed.start, span.out, passed.after)
+    mean = mean_velocity(passed, span)
+    late = 0.5 * (span.out - span.lead) * passed.acceleration
+    lost = dot(given.force, way) / span.whole - dot(given.change, mean) + begun_in_touch(pushed, late)
+    return passed.mass * lost, -1.0 * passed.mass * dot(given.rub, mean + late)
+
+
+@compiled
+def mean_velocity(passed: Passage, span: Span) -> Vector:
+    """Return the mean of the velocities before and after contact [m/s]."""
+    kicked = plus_scaled(passed.start, span.lead, passed.acceleration)
+    return plus_scaled(kicked, 0.5, passed.others + passed.contact)
+
+
+@compiled
+def begun_in_touch(pushed: Vector, late: Vector) -> Number:
+    """Return what the half node of a fresh copy does not lose [m²/s²], though pushes before a kick say so.
 
     There pushes act against the kick by springs and gravity, not amid two: what rests is at rest. ``late``
     is half of what the kick behind the node gives more than the one before it: 0 in a whole node.
@@ -336,13 +378,28 @@ def begun_in_touch(pushed: Vector, late: Vector) -> Any:
 
 
 @compiled
-def swing_of(acceleration: Vector, gravity: Numbers) -> Any:
-    """How much more the springs' kicks of a second change v² than gravity alone does [m²/s⁴]."""
-    more = dot(acceleration, acceleration)
+def no_kicks(none: Number) -> Kicks:
+    """Return sums of nothing."""
+    none = 0.0 * none
+    return Kicks(none, none, none, none, none)
+
+
+@compiled
+def add_kicks(sums: Kicks, passed: Passage, thrown: Vector, gravity: Numbers) -> Kicks:
+    """Add those of a particle; ``thrown`` is the change of its velocity by actuators [m/s]."""
+    mass, others, contact = passed.mass, passed.others, passed.contact
+    lacking = (0.125 * mass) * dot(contact, plus_scaled(contact, 2.0, others))
+    more = dot(passed.acceleration, passed.acceleration)
     if gravity is not None:
         g = vector(gravity)
         more = more - dot(g, g)
-    return more
+    return Kicks(
+        sums.others + mass * dot(others, others),
+        sums.thrown + mass * dot(thrown, thrown),
+        sums.stored + lacking,
+        sums.touched + dot(contact, contact),
+        sums.springs + mass * more,
+    )
 
 
 @compiled
@@ -354,18 +411,18 @@ def pass_node(
     b: Rows,
     phase: Number,
     h: Number,
-    last: Any,
+    last: bool,
     among: tuple[int, int],
-    space: Any,
+    space: Space,
     ledger: Ledger,
     terms: Terms,
-) -> Any:
+) -> tuple[int, int]:
     """Let all act at a node, and go on to the next; or, at the ``last``, read it; ``v`` goes from v₋ to v₊.
 
     ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators; ``w`` (N, 3) is v₋
     after the kick by ``a`` that leads to the node. There follow, in this order: half of what surfaces are
-    foreseen to give, actuators and dampers, what surfaces give less that half, a kick of h/2. Dampers must
-    see the mean velocity, with what surfaces do to it, else rest looks like stretching. What is foreseen is
+    expected to give, actuators and dampers, what surfaces give less that half, a kick of h/2. Dampers must
+    see the mean velocity, with what surfaces do to it, else rest looks like stretching. It is expected
     that a surface gives as much as at the last node.
 
     ``among`` says near which particles surfaces were before: the first of them, and the one behind the last.
@@ -379,11 +436,10 @@ def pass_node(
     span = span_of(phase, h)
     # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
     lossy = select(span.lead > 0.0, coefficient(terms.loss, 0.0 * phase), 1.0) > 0.0
-    inverse = 1.0 / span.whole
-    share = span.out * inverse
-    give_half(w, among, space, terms.dampers)
+    share = span.out * (1.0 / span.whole)
+    give_expected(w, among, space, terms.dampers)
     act_and_damp(w, b, phase, span, space.direction, ledger, terms)
-    take_back(v, w, a, span, among, space, ledger, terms)
+    take_back_expected(v, w, a, span, among, space, ledger, terms)
     if last:
         for i in range(v.shape[0]):
             set_row(memory.arrived, i, row(v, i))
@@ -407,27 +463,22 @@ def pass_node(
         first, behind = min(first, i), i + 1
         start = row(v, i)
         begin = plus_scaled(place, -1.0 * span.lead, start)
-        smooth = soon - start
         if whole:
-            change, rub, force = of_features(i, start, space.rolling)
+            given = of_features(i, start, space.rolling)
         else:
-            change, rub, force = impulses(i, begin, end, start, smooth, span, space.pushes, terms)
-        total = change + rub
+            given = impulses(i, begin, end, start, soon - start, span, space.pushes, terms)
+        total = given.change + given.rub
         after = soon + total
-        mass = load(particles.mass, i)
-        kicked = plus_scaled(start, span.lead, acceleration)
-        others = now - kicked
-        record_stray(ledger, 0.5 * mass * dot(others, total), terms.dampers)
-        mean = plus_scaled(kicked, 0.5, others + total)
-        way = plus_scaled(span.lead * start, span.out, after)
-        gone = mass * (inverse * dot(force, way) - dot(change, mean))
-        late = 0.5 * (span.out - span.lead) * acceleration
-        record(ledger, CONTACT, select(lossy, gone + mass * begun_in_touch(change, late), 0.0))
-        record(ledger, FRICTION, -1.0 * mass * dot(rub, mean + late))
+        others = now - plus_scaled(start, span.lead, acceleration)
+        passed = Passage(load(particles.mass, i), start, acceleration, others, total, after)
+        record_cross_work(ledger, 0.5 * passed.mass * dot(others, total), terms.dampers)
+        lost, rubbed = losses(passed, given, given.change, span)
+        record(ledger, CONTACT, select(lossy, lost, 0.0))
+        record(ledger, FRICTION, rubbed)
         set_row(v, i, after)
         if not last:
             set_row(x, i, place + tau * after)
-            if foreseen(terms.dampers):
+            if needs_expected(terms.dampers):
                 set_row(space.given, i, share * total)
     if last:
         halve(ledger, memory)
@@ -437,7 +488,7 @@ def pass_node(
 
 @compiled
 def rolled(
-    x: Rows, v: Rows, w: Rows, a: Rows, span: Span, rolling: Any, terms: Terms, rounds: Rounds | None
+    x: Rows, v: Rows, w: Rows, a: Rows, span: Span, rolling: Rolling, terms: Terms, rounds: Rounds | None
 ) -> bool:
     """Ask surfaces what they give a body by round features; whether they touch it in any copy."""
     if rounds is None:
@@ -446,15 +497,17 @@ def rolled(
 
 
 @compiled
-def of_features(i: int, like: Vector, rolling: Any) -> Any:
-    """Return what surfaces give particle ``i`` by round features, as `Given`."""
+def of_features(i: int, like: Vector, rolling: Rolling) -> Given:
+    """Return what surfaces give particle ``i`` by round features."""
     if rolling is None:
         return nothing_given(like)
     return Given(row(rolling.change, i), row(rolling.rub, i), row(rolling.force, i))
 
 
 @compiled
-def held_by_features(x: Rows, v: Rows, span: Span, rolling: Any, terms: Terms, rounds: Rounds | None) -> Any:
+def stored_by_features(
+    x: Rows, v: Rows, span: Span, rolling: Rolling, terms: Terms, rounds: Rounds | None
+) -> tuple[Number, Vector]:
     """Return what `springgym.contact.round.lifted_feature` does; nothing without features."""
     if rounds is None:
         return 0.0 * span.out, 0.0 * row(x, 0)
@@ -463,7 +516,7 @@ def held_by_features(x: Rows, v: Rows, span: Span, rolling: Any, terms: Terms, r
 
 @compiled
 def read_amid(
-    x: Rows, v: Rows, w: Rows, a: Rows, b: Rows, span: Span, rolling: Any, ledger: Ledger, terms: Terms
+    x: Rows, v: Rows, w: Rows, a: Rows, b: Rows, span: Span, rolling: Rolling, ledger: Ledger, terms: Terms
 ) -> None:
     """Read a node that is passed but for the drift after it: lift it, take the mean velocity, enter what half
     of it lacks, and keep what contact holds.
@@ -472,41 +525,61 @@ def read_amid(
     square of the impulses between them. Springs that push against contact take their share of that back.
     """
     particles, memory = terms.particles, terms.memory
-    none = 0.0 * span.out
-    held, swung, thrown, touched, swing = none, none, none, none, none
     raised, whole = False, rolls(terms.rounds)
-    raising = 0.0 * row(x, 0)
-    if whole:
-        held, raising = held_by_features(x, v, span, rolling, terms, terms.rounds)
+    stored, raising = stored_by_features(x, v, span, rolling, terms, terms.rounds)
+    sums = no_kicks(stored)
     for i in range(v.shape[0]):
         place, start, after = row(x, i), row(memory.arrived, i), row(v, i)
         set_row(v, i, 0.5 * (start + after))
         if particles.free[i]:
-            now, acceleration, mass = row(w, i), row(a, i), load(particles.mass, i)
+            now, acceleration = row(w, i), row(a, i)
             total = after - plus_scaled(now, span.out, acceleration)
             others = now - plus_scaled(start, span.lead, acceleration)
-            given = span.whole * pushed(b, i, start, terms.wrench, terms.thrust)
-            thrown = thrown + mass * dot(given, given)
-            swung = swung + mass * dot(others, others)
-            held = held + (0.125 * mass) * dot(total, plus_scaled(total, 2.0, others))
-            touched = touched + dot(total, total)
-            swing = swing + mass * swing_of(acceleration, terms.gravity)
+            passed = Passage(load(particles.mass, i), start, acceleration, others, total, after)
+            thrown = span.whole * pushed(b, i, start, terms.wrench, terms.thrust)
+            sums = add_kicks(sums, passed, thrown, terms.gravity)
             lift = raising
             if not whole:
-                begin = plus_scaled(place, -1.0 * span.lead, start)
-                finish = plus_scaled(place, span.out, after)
-                lift = lifted(place, begin, finish, terms)
-                held = held + 0.5 * energy_at(begin, terms.surfaces)
-                held = held + 0.5 * energy_at(finish, terms.surfaces)
-                held = held - energy_at(place + lift, terms.surfaces)
+                more, lift = stored_by_surfaces(place, lift, passed, span, terms, terms.surfaces)
+                stored = stored + more
             if any_lane(dot(lift, lift) > 0.0):
                 raised = True
             set_row(x, i, place + lift)
-    record_swing(ledger, 0.125 * swung, 0.125 * thrown, terms.dampers)
+    store_energy(x, stored, raised, sums, span, ledger, terms)
+
+
+@compiled
+def stored_by_surfaces(
+    place: Vector, shift: Vector, passed: Passage, span: Span, terms: Terms, surfaces: Surfaces | None
+) -> tuple[Number, Vector]:
+    """Return what surfaces' barriers store around a node beside what they store where it is read [J], and how
+    far that is off the node [m]: by a ``shift``, and lifted off surfaces."""
+    energy, lift = 0.0 * place[0], shift
+    if surfaces is not None:
+        begin = plus_scaled(place, -1.0 * span.lead, passed.start)
+        finish = plus_scaled(place, span.out, passed.after)
+        lift = shift + lifted(place + shift, begin, finish, terms)
+        energy = 0.5 * (energy_at(begin, surfaces) + energy_at(finish, surfaces))
+        energy = energy - energy_at(place + lift, surfaces)
+    return energy, lift
+
+
+@compiled
+def store_energy(
+    x: Rows, stored: Number, raised: bool, sums: Kicks, span: Span, ledger: Ledger, terms: Terms
+) -> None:
+    """Store what contact has of a body's energy where a node is read, and enter what half of it lacks.
+
+    ``stored`` is that of barriers, ``x`` where the body is shown: ``raised``, its weight and its springs take
+    some of it. Springs that push against contact take their share, the shadow energy of their kicks, back.
+    """
+    memory = terms.memory
+    record_kicks(ledger, 0.125 * sums.others, 0.125 * sums.thrown, terms.dampers)
+    stored = stored + sums.stored
     if raised:
         weight, elastic, _ = stored_energy(memory.place, terms)
-        held = held + (weight + elastic)
+        stored = stored + (weight + elastic)
         weight, elastic, _ = stored_energy(x, terms)
-        held = held - (weight + elastic)
-    held = held - select(touched > 0.0, 0.125 * span.whole * span.whole * swing, 0.0)
-    store(memory.marks, HELD, held)
+        stored = stored - (weight + elastic)
+    shadow = 0.125 * span.whole * span.whole * sums.springs
+    store(memory.marks, STORED, stored - select(sums.touched > 0.0, shadow, 0.0))

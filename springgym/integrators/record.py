@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from springgym import checks
+from springgym.contact.round import ARRAYS
 from springgym.core.blocks import aligned_zeros
 from springgym.core.ragged import stacked
-from springgym.contact.round import ARRAYS
 from springgym.integrators.envelope import envelope
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from springgym.contact.round import rolling_of
+from springgym.contact.totals import halve_totals, remember_totals, resume_totals
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number, Rows
 from springgym.core.lanes import any_lane, bodies_of, load, of_body
@@ -41,16 +43,8 @@ from springgym.forces.memory import (
     steer,
 )
 from springgym.integrators.node import Space, next_phase, pass_node, span_of
-from springgym.contact.round import rolling_of
-from springgym.integrators.together import (
-    START,
-    acts_amid,
-    halve_tally,
-    pass_together,
-    remember_tally,
-    resume_tally,
-)
 from springgym.integrators.record import Integrator
+from springgym.integrators.together import PASSES, READS, START, STARTS, acts_amid, pass_together
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -146,7 +140,7 @@ def integrate_in_cycles(
 def integrate_among_surfaces(
     x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
 ) -> None:
-    """The same where there are surfaces: all acts at nodes, between drifts of h; see `springgym.integrators.node`.
+    """The same where there are surfaces: all acts at nodes between drifts, see `springgym.integrators.node`.
 
     The state is read amid the last node, which the next call makes anew; and no other if it takes as many
     steps as `springgym.integrators.together.LOOK`.
@@ -179,27 +173,28 @@ def integrate_together(
 ) -> None:
     """The same where bodies collide: all of them take each step together.
 
-    ``x``, ``v`` and ``ledger`` are those of all bodies; ``workspace`` is of `springgym.integrators.together`. As
-    many steps as `START` and `LOOK` are none: it is told which bodies of fresh copies touch, or the last node
-    is made anew.
+    ``x``, ``v`` and ``ledger`` are those of all bodies; ``workspace`` is of `springgym.integrators.together`.
+    As many steps as `START` and `LOOK` are none: it is told which bodies of fresh copies touch, or the last
+    node is made anew.
     """
     phase, goes, end = load(of_body(terms.memory, 0).marks, PHASE), steps != START, max(steps, 0)
     if goes:
         for body in range(bodies_of(x)):
             kept, own = of_body(terms.memory, body), of_body(workspace, body)
             own.busy[:] = True
-            workspace.stirred[body] = True
+            workspace.any_busy[body] = True
             resume(of_body(x, body), of_body(v, body), of_body(ledger, body), kept)
             recall(phase, own.space.given, kept.given)
-        resume_tally(phase, terms.meets)
+        resume_totals(phase, terms.collisions)
     for n in range(end + 1):
+        stage = STARTS if not goes else (READS if n == end else PASSES)
         if goes:
             come_together(x, v, h, phase, n == 0, n == end, ledger, workspace, terms)
-        pass_together(x, v, phase, h, n == end, goes, ledger, workspace, terms)
+        pass_together(x, v, phase, h, stage, ledger, workspace, terms)
         if n < end:
             phase = next_phase(phase)
     if goes:
-        halve_tally(terms.meets)
+        halve_totals(terms.collisions)
 
 
 @compiled
@@ -234,4 +229,4 @@ def come_together(
             remember(of_body(x, body), work.b, phase, entries, own.memory, own.memory.pushed)
             keep_foreseen((0, work.b.shape[0]), work.space.given, own.memory.given)
     if last:
-        remember_tally(terms.meets)
+        remember_totals(terms.collisions)

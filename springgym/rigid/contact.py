@@ -14,15 +14,11 @@ flight is flown anew, until neither changes (Gauss and Seidel).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from springgym.contact.law import meet
-from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Mask, Number, Rows, Vector
-from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, store
-from springgym.core.vectors import TINY, choose, cross, dot, plus_scaled, row, set_row, vec
 from springgym.contact.surfaces import (
     coefficient,
     count,
@@ -31,15 +27,21 @@ from springgym.contact.surfaces import (
     lowest,
     strength_and_reach,
 )
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Mask, Number, Rows, Vector
+from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, store
+from springgym.core.vectors import TINY, choose, cross, dot, plus_scaled, row, set_row, vec
 from springgym.forces.ledger import CONTACT, FRICTION, WORK, record
-from springgym.forces.memory import HELD, halve
+from springgym.forces.memory import STORED, halve
+from springgym.integrators.envelope import Block
 from springgym.integrators.node import lifted
-from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
+from springgym.rigid.flight import Motion, State, angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
 
 if TYPE_CHECKING:
-    from springgym.forces.actuators import Thrust, Wrench
+    from springgym.contact.law import Span
     from springgym.contact.surfaces import Surfaces
+    from springgym.forces.actuators import Thrust, Wrench
     from springgym.rigid.motion import Solid
 
 
@@ -63,62 +65,59 @@ LOADS = ARRAYS * SURFACES
 
 
 class Node(NamedTuple):
-    """A node, and what all but the surfaces makes of it.
+    """A node, and what all but the surfaces makes of it."""
 
-    A motion is a velocity and an angular momentum, both in body coordinates.
-    """
-
-    span: Any
-    """its time (`springgym.integrators.node.Span`)"""
+    span: Span
+    """its time"""
     begin: State
     """half a step before"""
     state: State
     """with which it is reached"""
-    axes: Any
+    axes: Block
     """the principal axes there, in world coordinates"""
-    before: Any
+    before: Motion
     """the motion with which it is reached"""
-    rate: Any
+    rate: Motion
     """change of motion by gravity [1/s]"""
-    thrown: Any
+    thrown: Motion
     """change of motion by actuators"""
-    soon: Any
-    """the motion behind it without surfaces"""
-    falling: Any
-    """the velocity behind it without surfaces and actuators, in world coordinates [m/s]"""
+    free: Motion
+    """the motion after it without surfaces"""
+    falling: Vector
+    """the velocity after it without surfaces and actuators, in world coordinates [m/s]"""
 
 
 # --- Motions ------------------------------------------------------------------------------------------
 
 
 @compiled
-def velocity_of(place: Vector, motion: Vector, solid: Solid) -> Any:
-    """Velocity of a particle."""
+def velocity_of(place: Vector, motion: Motion, solid: Solid) -> Vector:
+    """Return the velocity of a particle."""
     return motion[0] + cross(angular_velocity(motion[1], solid.rigid), place)
 
 
 @compiled
-def pushed(motion: Vector, place: Vector, push: Vector, solid: Solid) -> Any:
-    """The motion after an impulse at a particle."""
+def pushed(motion: Motion, place: Vector, push: Vector, solid: Solid) -> Motion:
+    """Return the motion after an impulse at a particle."""
     return plus_scaled(motion[0], solid.lightness, push), motion[1] + cross(place, push)
 
 
 @compiled
-def sum_of(one: Vector, scale: Number, other: Vector) -> Any:
-    """A motion, and ``scale`` times another."""
+def sum_of(one: Motion, scale: Number, other: Motion) -> Motion:
+    """Return the sum of a motion and ``scale`` times another."""
     return plus_scaled(one[0], scale, other[0]), plus_scaled(one[1], scale, other[1])
 
 
 @compiled
-def product_of(one: Vector, other: Vector, solid: Solid) -> Any:
-    """Of two motions: twice the kinetic energy of one is its product with itself [J]."""
+def product_of(one: Motion, other: Motion, solid: Solid) -> Number:
+    """Return the product of two motions [J]: that of one with itself is twice its kinetic energy."""
     turning = dot(one[1], angular_velocity(other[1], solid.rigid))
     return solid.total * dot(one[0], other[0]) + turning
 
 
 @compiled
-def ease(arm: Vector, n: Vector, solid: Solid) -> Any:
-    """Speed along n per impulse along n, for n of any length [1/kg]."""
+def inverse_mass(arm: Vector, n: Vector, solid: Solid) -> Number:
+    """Return the speed along n per impulse along n, for n of any length [1/kg]."""
     lever = cross(arm, n)
     return solid.lightness * dot(n, n) + dot(lever, angular_velocity(lever, solid.rigid)) + TINY
 
@@ -127,14 +126,14 @@ def ease(arm: Vector, n: Vector, solid: Solid) -> Any:
 
 
 @compiled
-def place_of(i: int, state: State, axes: Any, solid: Solid) -> Any:
-    """Position of a particle."""
+def place_of(i: int, state: State, axes: Block, solid: Solid) -> Vector:
+    """Return the position of a particle."""
     return state.position + combine(axes, row(solid.rigid.shape, i))
 
 
 @compiled
-def clearance(state: State, solid: Solid) -> Any:
-    """The least height of a particle above a surface, less Δ [m]."""
+def clearance(state: State, solid: Solid) -> Number:
+    """Return the least height of a particle above a surface, less Δ [m]."""
     particles, surfaces = solid.terms.particles, solid.terms.surfaces
     axes = turned(solid.axes, state.q)
     least = 1.0 + 0.0 * state.q[0]
@@ -146,8 +145,8 @@ def clearance(state: State, solid: Solid) -> Any:
 
 
 @compiled
-def energy_in_barriers(state: State, solid: Solid) -> Any:
-    """Energy of the particles in the barriers of all surfaces [J]."""
+def energy_in_barriers(state: State, solid: Solid) -> Number:
+    """Return the energy of the particles in the barriers of all surfaces [J]."""
     particles = solid.terms.particles
     axes = turned(solid.axes, state.q)
     energy = 0.0 * state.q[0]
@@ -159,35 +158,35 @@ def energy_in_barriers(state: State, solid: Solid) -> Any:
 
 
 @compiled
-def guessed(given: Vector, known: Mask, workspace: np.ndarray, solid: Solid) -> Any:
-    """What the impulses of the node before change, where they are ``known``; there are none elsewhere."""
+def warm_start(given: Motion, known: Mask, workspace: np.ndarray, solid: Solid) -> Motion:
+    """Add the impulses of the node before to a motion, where they are ``known``; elsewhere they are 0."""
     nothing = 0.0 * given[0]
     for k in range(count(solid.terms.surfaces.kinds)):
         for i in range(solid.terms.particles.mass.size):
             impulse = select(known, row(workspace[ARRAYS * k + PUSH], i)[0], 0.0)
-            held = choose(known, row(workspace[ARRAYS * k + RUB], i), nothing)
+            rub = choose(known, row(workspace[ARRAYS * k + RUB], i), nothing)
             n = choose(known, row(workspace[ARRAYS * k + NORMAL], i), nothing)
             arm = choose(known, row(workspace[ARRAYS * k + ARM], i), nothing)
             set_row(workspace[ARRAYS * k + PUSH], i, vec(impulse, nothing[0], nothing[0]))
-            set_row(workspace[ARRAYS * k + RUB], i, held)
+            set_row(workspace[ARRAYS * k + RUB], i, rub)
             set_row(workspace[ARRAYS * k + NORMAL], i, n)
             set_row(workspace[ARRAYS * k + ARM], i, arm)
-            given = pushed(given, arm, plus_scaled(held, impulse, n), solid)
+            given = pushed(given, arm, plus_scaled(rub, impulse, n), solid)
     return given
 
 
 @compiled
-def meet_surfaces(node: Node, known: Mask, active: Number, workspace: np.ndarray, solid: Solid) -> Any:
-    """What surfaces and friction change of the motion where ``active`` is 1."""
+def meet_surfaces(node: Node, known: Mask, active: Number, workspace: np.ndarray, solid: Solid) -> Motion:
+    """Return what surfaces and friction change of the motion where ``active`` is 1."""
     _, reach = strength_and_reach(solid.terms.surfaces)
     nothing = 0.0 * node.before[0]
-    given = guessed((nothing, nothing), known, workspace, solid)
+    given = warm_start((nothing, nothing), known, workspace, solid)
     enough = (AGREED + 64 * epsilon(nothing[0])) * reach
     start = turned(solid.axes, node.begin.q)
     for _ in range(SWEEPS):
         end = leave(node, given, solid)
         finish = turned(solid.axes, end.q)
-        after, changed = sum_of(node.soon, 1.0, given), nothing[0]
+        after, changed = sum_of(node.free, 1.0, given), nothing[0]
         for k in range(count(solid.terms.surfaces.kinds)):
             for i in range(solid.terms.particles.mass.size):
                 if solid.terms.particles.free[i]:
@@ -202,8 +201,8 @@ def meet_surfaces(node: Node, known: Mask, active: Number, workspace: np.ndarray
 
 
 @compiled
-def straight(n: Vector, arm: Vector, node: Node, after: Vector, solid: Solid) -> Any:
-    """The way along n of a particle that flies straight, with its velocities at the node."""
+def straight(n: Vector, arm: Vector, node: Node, after: Motion, solid: Solid) -> Number:
+    """Return the way along n of a particle that flies straight, with its velocities at the node."""
     way = node.span.lead * dot(n, velocity_of(arm, node.before, solid))
     return way + node.span.out * dot(n, velocity_of(arm, after, solid))
 
@@ -212,14 +211,14 @@ def straight(n: Vector, arm: Vector, node: Node, after: Vector, solid: Solid) ->
 def touch(
     i: int,
     k: int,
-    way: Vector,
-    given: Any,
-    after: Any,
+    way: tuple[Vector, Vector],
+    given: Motion,
+    after: Motion,
     going: Mask,
     node: Node,
     workspace: np.ndarray,
     solid: Solid,
-) -> Any:
+) -> tuple[Motion, Number]:
     """Find anew what surface ``k`` gives particle ``i``.
 
     ``way`` is where the particle is at both ends of the flights, ``given`` the change of motion so far,
@@ -229,7 +228,7 @@ def touch(
     span = node.span
     strength, reach = strength_and_reach(solid.terms.surfaces)
     normal, _, start = facing(k, way[0], way[1], solid.terms.surfaces)
-    own, held = row(workspace[PUSH], i), row(workspace[RUB], i)
+    own, rubbed = row(workspace[PUSH], i), row(workspace[RUB], i)
     gone = dot(normal, way[1] - way[0])
     near = minimum(minimum(start, start + gone) - reach, -1.0 * own[0])
     if not any_lane(near < 0.0):
@@ -242,13 +241,13 @@ def touch(
     lever = cross(n, angular_velocity(node.before[1] + after[1], solid.rigid))
     lever = 0.5 * span.whole * lever
     arm = plus_scaled(arm, curve / (dot(lever, lever) + (curve / reach) * (curve / reach) + TINY), lever)
-    a = ease(arm, n, solid)
+    a = inverse_mass(arm, n, solid)
     old, at = row(workspace[NORMAL], i), row(workspace[ARM], i)
-    others = pushed(given, at, -1.0 * plus_scaled(held, own[0], old), solid)
-    rub = held - dot(n, held) / (dot(n, n) + TINY) * n
+    others = pushed(given, at, -1.0 * plus_scaled(rubbed, own[0], old), solid)
+    rub = rubbed - dot(n, rubbed) / (dot(n, n) + TINY) * n
     others = pushed(others, arm, rub, solid)
     u = dot(n, velocity_of(arm, node.before, solid))
-    s = dot(n, velocity_of(arm, sum_of(node.soon, 1.0, others), solid)) - u
+    s = dot(n, velocity_of(arm, sum_of(node.free, 1.0, others), solid)) - u
     u = u + (gone - straight(n, arm, node, after, solid)) / span.whole
     ahead = start + (span.whole * u + span.out * s)
     touching = maximum(near, minimum(start, ahead) - reach) < 0.0
@@ -263,22 +262,24 @@ def touch(
     change = select(going, change, 0.0)
     given = choose(going, others[0], given[0]), choose(going, others[1], given[1])
     set_row(workspace[PUSH], i, choose(going, push, own))
-    set_row(workspace[RUB], i, choose(going, choose(touching, rub, nothing), held))
+    set_row(workspace[RUB], i, choose(going, choose(touching, rub, nothing), rubbed))
     set_row(workspace[NORMAL], i, choose(going, n, old))
     set_row(workspace[ARM], i, choose(going, arm, at))
     return given, change
 
 
 @compiled
-def stick(n: Vector, arm: Vector, old: Vector, limit: Number, given: Vector, node: Node, solid: Solid) -> Any:
-    """Friction that stops a particle along a surface or, at its limit, works against its motion.
+def stick(
+    n: Vector, arm: Vector, old: Vector, limit: Number, given: Motion, node: Node, solid: Solid
+) -> tuple[Vector, Motion, Number]:
+    """Return friction that stops a particle along a surface or, at its limit, works against its motion.
 
-    ``old`` is the friction that is in the motion already. Returns the new one, the change of motion, and that
-    of the particle's speed.
+    ``old`` is the friction that is in the motion already. With the new one come the change of motion, and
+    that of the particle's speed.
     """
-    slip = velocity_of(arm, sum_of(node.soon, 1.0, given), solid)
+    slip = velocity_of(arm, sum_of(node.free, 1.0, given), solid)
     slip = slip - dot(n, slip) / (dot(n, n) + TINY) * n
-    a = ease(arm, 1.0 / sqrt(dot(slip, slip) + TINY) * slip, solid)
+    a = inverse_mass(arm, 1.0 / sqrt(dot(slip, slip) + TINY) * slip, solid)
     new = old - 1.0 / a * slip
     new = minimum(limit / sqrt(dot(new, new) + TINY), 1.0) * new
     change = new - old
@@ -298,8 +299,8 @@ def set_loads(b: Rows, q: Vector, solid: Solid, wrench: Wrench | None, thrust: T
 
 
 @compiled
-def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust: Thrust | None) -> Any:
-    """The change of motion by actuators in ``tau`` seconds."""
+def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust: Thrust | None) -> Motion:
+    """Return the change of motion by actuators in ``tau`` seconds."""
     nothing = 0.0 * tau * solid.centre
     if wrench is None and thrust is None:
         return nothing, nothing
@@ -307,8 +308,8 @@ def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust:
 
 
 @compiled
-def reach_node(begin: State, state: State, span: Any, b: Rows, solid: Solid) -> Any:
-    """A `Node`; ``b`` is of `set_loads`."""
+def reach_node(begin: State, state: State, span: Span, b: Rows, solid: Solid) -> Node:
+    """Return a node; ``b`` is of `set_loads`."""
     axes = turned(solid.axes, state.q)
     before = (components(axes, state.velocity), state.spin)
     twist, push = weight(state.q, 1.0, solid.terms.gravity, solid)
@@ -320,15 +321,17 @@ def reach_node(begin: State, state: State, span: Any, b: Rows, solid: Solid) -> 
 
 
 @compiled
-def leave(node: Node, given: Vector, solid: Solid) -> Any:
-    """The state half a step later, where surfaces change the motion by ``given``."""
+def leave(node: Node, given: Motion, solid: Solid) -> State:
+    """Return the state half a step later, where surfaces change the motion by ``given``."""
     velocity = node.falling + combine(node.axes, node.thrown[0] + given[0])
-    state = State(node.state.q, node.soon[1] + given[1], node.state.position, velocity)
+    state = State(node.state.q, node.free[1] + given[1], node.state.position, velocity)
     return fly(state, node.span.out, solid.rigid, solid.asymmetry)
 
 
 @compiled
-def pass_node(node: Node, near: Vector, ledger: Ledger, workspace: np.ndarray, solid: Solid) -> Any:
+def pass_node(
+    node: Node, near: tuple[Number, Number], ledger: Ledger, workspace: np.ndarray, solid: Solid
+) -> tuple[State, tuple[Number, Number], Motion]:
     """Let all act at a node.
 
     ``near`` is the `clearance` half a step before, and a number: 1 where surfaces were near at the last
@@ -345,18 +348,18 @@ def pass_node(node: Node, near: Vector, ledger: Ledger, workspace: np.ndarray, s
         end = leave(node, given, solid)
         ahead = clearance(end, solid)
         middle = sum_of(middle, 0.5, given)
-        record_losses(node, given, middle, ledger, workspace, solid)
+        record_surface_losses(node, given, middle, ledger, workspace, solid)
     record(ledger, WORK, product_of(node.thrown, middle, solid))
     return end, (ahead, active), given
 
 
 @compiled
-def record_losses(
-    node: Node, given: Vector, middle: Vector, ledger: Ledger, workspace: np.ndarray, solid: Solid
+def record_surface_losses(
+    node: Node, given: Motion, middle: Motion, ledger: Ledger, workspace: np.ndarray, solid: Solid
 ) -> None:
     """Enter what contact and friction took; ``middle`` is the mean motion at the node."""
     span, none = node.span, 0.0 * node.before[0][0]
-    after = sum_of(node.soon, 1.0, given)
+    after = sum_of(node.free, 1.0, given)
     lost, rubbed, fallen, met = none, none, none, none
     late = 0.5 * (span.out - span.lead)
     # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
@@ -384,9 +387,8 @@ def record_losses(
 
 
 @compiled
-def shown_at(node: Node, end: State, shift: Vector, solid: Solid, surfaces: Surfaces | None) -> Any:
-    """Where the body's point is shown: with the ``shift`` [m] off other bodies, and lifted off surfaces, if
-    there are any, unless it is pinned."""
+def shown_at(node: Node, end: State, shift: Vector, solid: Solid, surfaces: Surfaces | None) -> Vector:
+    """Return where the body's point is shown: shifted off bodies and, unless pinned, lifted off surfaces."""
     shown, terms = node.state.position + shift, solid.terms
     if surfaces is not None:
         begun, ended = turned(solid.axes, node.begin.q), turned(solid.axes, end.q)
@@ -400,17 +402,17 @@ def shown_at(node: Node, end: State, shift: Vector, solid: Solid, surfaces: Surf
 
 
 @compiled
-def read_node(node: Node, end: State, given: Vector, shift: Vector, ledger: Ledger, solid: Solid) -> Any:
-    """The state amid a node, where it is read; half of the node's entries are left in the ledger."""
+def read_node(node: Node, end: State, given: Motion, shift: Vector, ledger: Ledger, solid: Solid) -> State:
+    """Return the state amid a node, where it is read; half of the node's entries are left in the ledger."""
     memory, terms = solid.terms.memory, solid.terms
     halve(ledger, memory)
     record(ledger, WORK, -0.125 * product_of(node.thrown, node.thrown, solid))
-    held = 0.125 * product_of(given, sum_of(given, 2.0, node.thrown), solid)
+    stored = 0.125 * product_of(given, sum_of(given, 2.0, node.thrown), solid)
     state, shown = node.state, shown_at(node, end, shift, solid, terms.surfaces)
     _, push = weight(state.q, 1.0, terms.gravity, solid)
-    held = held + dot(push, shown - state.position)
-    spin = 0.5 * (state.spin + (node.soon[1] + given[1]))
+    stored = stored + dot(push, shown - state.position)
+    spin = 0.5 * (state.spin + (node.free[1] + given[1]))
     read = State(state.q, spin, shown, 0.5 * (state.velocity + end.velocity))
-    held = held + 0.5 * (energy_in_barriers(node.begin, solid) + energy_in_barriers(end, solid))
-    store(memory.marks, HELD, held - energy_in_barriers(read, solid))
+    stored = stored + 0.5 * (energy_in_barriers(node.begin, solid) + energy_in_barriers(end, solid))
+    store(memory.marks, STORED, stored - energy_in_barriers(read, solid))
     return read

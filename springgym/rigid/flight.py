@@ -14,7 +14,7 @@ doi:10.1063/1.474310.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers, Vector
@@ -25,6 +25,10 @@ from springgym.rigid.rotation import normalised, product, rotation_vector, sine_
 
 if TYPE_CHECKING:
     from springgym.rigid.motion import Rigid
+
+
+Motion: TypeAlias = tuple[Vector, Vector]
+"""A velocity and an angular momentum, both in body coordinates."""
 
 
 class State(NamedTuple):

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -26,9 +26,9 @@ from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
 from springgym.core.lanes import bodies_of, load, of_body
 from springgym.core.vectors import angular_momentum, cross, mass_centre, row, set_row, triad, vec
 from springgym.forces.memory import PHASE, remember, resume, share_actions
-from springgym.integrators.node import span_of
 from springgym.integrators.clock import Clock, tick
 from springgym.integrators.envelope import Block
+from springgym.integrators.node import span_of
 from springgym.integrators.record import Phase
 from springgym.rigid.contact import LOADS, clearance, pass_node, reach_node, read_node, set_loads
 from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
@@ -58,6 +58,10 @@ class Rigid(NamedTuple):
     """whether it does more than to move along: not so of a single particle"""
     stages: np.ndarray
     """(stages,) the composition: shares of the step that its second-order steps take"""
+
+
+Twin: TypeAlias = "tuple[Rigid, Numbers, Terms]"
+"""What kernels take of a rigid body: itself, as `Solid` has it its asymmetry, and what acts on it."""
 
 
 class Solid(NamedTuple):

@@ -1,8 +1,8 @@
 """The node of a step where rigid bodies collide: all of them pass it together.
 
 All impulses of a step act at once, at its node, as where springs hold bodies together
-(`springgym.integrators.together`): contacts are found in the same way, from the particles of the bodies, follow
-the same law and are told of alike. What differs is what they move (`springgym.contact.solids`).
+(`springgym.integrators.together`): contacts are found in the same way, from the particles of the bodies,
+follow the same law and are told of alike. What differs is what they move (`springgym.contact.solids`).
 
 Contacts of a rigid body all act on each other. They are taken in turns, surfaces first, then pairs of bodies
 there and back with their friction, until the speeds of those between bodies agree (Gauss and Seidel);
@@ -14,31 +14,32 @@ reached. So calls of any length take the same steps, to the bit.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Mask, Number, Rows
-from springgym.core.lanes import any_lane, bodies_of, epsilon, load, maximum, minimum, of_body, select, store
-from springgym.core.vectors import TINY, choose, plus_scaled, row, set_row, vec
-from springgym.forces import Particles
-from springgym.forces.ledger import CONTACT, WORK, record
-from springgym.forces.memory import HELD, PHASE, halve, remember, resume, share_actions
-from springgym.integrators.node import span_of
 from springgym.contact.friction import SWEEPS, rub
-from springgym.contact.solver import account, lift_apart, prepare, sweep, taper
+from springgym.contact.lists import Lists
+from springgym.contact.rows import ContactRows, Problem
 from springgym.contact.search import find
 from springgym.contact.solids import CHANGE, GOING
-from springgym.contact.pairs import Room, note
+from springgym.contact.solver import add_totals, lift_apart, prepare, sweep, taper
+from springgym.contact.totals import halve_totals, list_changing, remember_totals, resume_totals
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Ledger, Mask, Number, Ragged, Rows, Vector
+from springgym.core.lanes import any_lane, bodies_of, epsilon, load, maximum, minimum, of_body, select, store
+from springgym.core.vectors import TINY, choose, plus_scaled, row, set_row, vec
+from springgym.forces.ledger import CONTACT, WORK, record
+from springgym.forces.memory import PHASE, STORED, halve, remember, resume, share_actions
+from springgym.integrators.node import span_of
 from springgym.integrators.together import (
+    PASSES,
+    READS,
     START,
-    begin,
-    enter,
-    halve_tally,
-    hold,
-    remember_tally,
-    resume_tally,
+    STARTS,
+    record_losses,
+    start_together,
+    store_energy_of_pairs,
 )
 from springgym.rigid.contact import (
     Node,
@@ -48,14 +49,15 @@ from springgym.rigid.contact import (
     product_of,
     reach_node,
     read_node,
-    record_losses,
+    record_surface_losses,
     set_loads,
     sum_of,
 )
-from springgym.rigid.flight import State, combine, components, fly
-from springgym.rigid.motion import Solid, read_state, set_particles
+from springgym.rigid.flight import Motion, State, combine, components, fly
+from springgym.rigid.motion import Solid, Twin, read_state, set_particles
 
 if TYPE_CHECKING:
+    from springgym.contact.law import Span
     from springgym.contact.surfaces import Surfaces
 
 
@@ -82,23 +84,24 @@ class Company(NamedTuple):
     """(bodies, N, 3) of `springgym.rigid.contact.set_loads`"""
     surfaces: np.ndarray
     """(bodies, arrays, N, 3) what surfaces give, as `springgym.rigid.contact` keeps it"""
-    leaned: np.ndarray
+    pushed: np.ndarray
     """(bodies,) whether surfaces gave a body anything at this node"""
     before: np.ndarray
     """(2 bodies, 3) with which the node is reached"""
-    soon: np.ndarray
-    """behind the node, but for contact"""
+    free: np.ndarray
+    """after the node, but for contact"""
     velocity: np.ndarray
     """with as much of contact as is known"""
-    base: np.ndarray
-    """before bodies gave each other more"""
-    pairs: np.ndarray
-    """what bodies gave each other"""
+    known: np.ndarray
+    """this when surfaces had their last turn"""
+    by_bodies: np.ndarray
+    """what bodies gave each other until then"""
     shift: np.ndarray
     """how far off others bodies are shown where a node is read [m]; the second row of each is 0"""
-    lean: np.ndarray
-    """(1,) 1 where bodies may have given each other more since `lean`"""
-    room: Room
+    changed: np.ndarray
+    """(1,) 1 where bodies may have given each other more since then"""
+    lists: Lists
+    contacts: ContactRows
 
 
 # --- A body ---------------------------------------------------------------------------------------------
@@ -117,7 +120,7 @@ def keep_state(state: State, solid: Solid, rows: Rows) -> None:
 
 
 @compiled
-def kept_state(rows: Rows, twin: Any) -> Any:
+def kept_state(rows: Rows, twin: Twin) -> tuple[State, Solid]:
     """Return the `State` of a body at the node, and its `Solid`; ``twin`` is what kernels take of a body."""
     rigid, asymmetry, terms = twin
     mass = row(rows, MASS)
@@ -129,15 +132,15 @@ def kept_state(rows: Rows, twin: Any) -> Any:
 
 
 @compiled
-def half_a_step_before(state: State, span: Any, solid: Solid, surfaces: Surfaces | None) -> Any:
-    """Where the way of a body to the node began; surfaces alone ask for it."""
+def half_a_step_before(state: State, span: Span, solid: Solid, surfaces: Surfaces | None) -> State:
+    """Return where the way of a body to the node began; surfaces alone ask for it."""
     if surfaces is not None:
         return fly(state, -1.0 * span.lead, solid.rigid, solid.asymmetry)
     return state
 
 
 @compiled
-def node_of(body: int, span: Any, space: Company, twin: Any) -> Any:
+def node_of(body: int, span: Span, space: Company, twin: Twin) -> tuple[Node, Solid]:
     """Return the `Node` of a body without contact, and its `Solid`."""
     state, solid = kept_state(space.bodies[body], twin)
     first = half_a_step_before(state, span, solid, solid.terms.surfaces)
@@ -145,20 +148,20 @@ def node_of(body: int, span: Any, space: Company, twin: Any) -> Any:
 
 
 @compiled
-def pushed_by_pairs(node: Node, body: int, space: Company) -> Any:
+def pushed_by_pairs(node: Node, body: int, space: Company) -> tuple[Node, Motion]:
     """Return a node with what bodies give each other as a part of all that surfaces do not, and that part."""
     by_bodies = (
-        components(node.axes, row(space.pairs, 2 * body)),
-        components(node.axes, row(space.pairs, 2 * body + 1)),
+        components(node.axes, row(space.by_bodies, 2 * body)),
+        components(node.axes, row(space.by_bodies, 2 * body + 1)),
     )
-    falling = node.falling + row(space.pairs, 2 * body)
-    soon = sum_of(node.soon, 1.0, by_bodies)
+    falling = node.falling + row(space.by_bodies, 2 * body)
+    soon = sum_of(node.free, 1.0, by_bodies)
     span, first, state, axes, before, rate, thrown, _, _ = node
     return Node(span, first, state, axes, before, rate, thrown, soon, falling), by_bodies
 
 
 @compiled
-def near_surfaces(state: State, solid: Solid, surfaces: Surfaces | None) -> Any:
+def near_surfaces(state: State, solid: Solid, surfaces: Surfaces | None) -> Number:
     """Return the `clearance` of a body, or 1 without surfaces."""
     if surfaces is not None:
         return clearance(state, solid)
@@ -166,24 +169,24 @@ def near_surfaces(state: State, solid: Solid, surfaces: Surfaces | None) -> Any:
 
 
 @compiled
-def arrive(
+def reach(
     body: int,
     x: Rows,
     v: Rows,
     phase: Number,
-    span: Any,
-    first: Any,
-    last: Any,
+    span: Span,
+    first: bool,
+    last: bool,
     ledger: Ledger,
     space: Company,
-    twin: Any,
+    twin: Twin,
 ) -> None:
     """Read off how a body reaches the node, and find what all but contact gives it there."""
     rigid, asymmetry, terms = twin
-    rows, b, solids = space.bodies[body], space.loads[body], space.room.solids
+    rows, b, solids = space.bodies[body], space.loads[body], space.contacts.solids
     zero = 0.0 * phase
     nothing = vec(zero, zero, zero)
-    space.leaned[body] = False
+    space.pushed[body] = False
     if not rigid.moves:
         set_row(space.velocity, 2 * body, nothing)
         set_row(space.velocity, 2 * body + 1, nothing)
@@ -206,20 +209,20 @@ def arrive(
     set_row(space.before, 2 * body, state.velocity)
     set_row(space.before, 2 * body + 1, combine(solid.axes, state.spin))
     velocity = node.falling + combine(solid.axes, node.thrown[0])
-    spin = combine(solid.axes, node.soon[1])
+    spin = combine(solid.axes, node.free[1])
     for part in range(2):
         soon = velocity if part == 0 else spin
-        set_row(space.soon, 2 * body + part, soon)
+        set_row(space.free, 2 * body + part, soon)
         set_row(space.velocity, 2 * body + part, soon)
-        set_row(space.base, 2 * body + part, soon)
-        set_row(space.pairs, 2 * body + part, nothing)
+        set_row(space.known, 2 * body + part, soon)
+        set_row(space.by_bodies, 2 * body + part, nothing)
         set_row(rows, GIVEN + part, nothing)
     ahead = near_surfaces(node.begin, solid, terms.surfaces)
     set_row(rows, NEAR, vec(ahead, zero, zero))
 
 
 @compiled
-def inverse_inertia(solid: Solid) -> Any:
+def inverse_inertia(solid: Solid) -> tuple[Vector, Vector]:
     """Return I⁻¹ of a body, in world coordinates: xx, yy, zz; xy, xz, yz. It is 0 of what cannot turn."""
     zero = 0.0 * solid.total
     diagonal, across = vec(zero, zero, zero), vec(zero, zero, zero)
@@ -235,24 +238,24 @@ def inverse_inertia(solid: Solid) -> Any:
 
 
 @compiled
-def lean(body: int, span: Any, space: Company, twin: Any) -> None:
+def push_by_surfaces(body: int, span: Span, space: Company, twin: Twin) -> None:
     """Let surfaces give a body what follows from all else, bodies' pushes among it."""
-    going = load(space.lean, 0) > 0.5
+    going = load(space.changed, 0) > 0.5
     for n in range(2 * body, 2 * body + 2):
-        given = row(space.pairs, n) + (row(space.velocity, n) - row(space.base, n))
-        set_row(space.pairs, n, choose(going, given, row(space.pairs, n)))
-    lean_on(body, span, going, space, twin, twin[2].surfaces)
+        given = row(space.by_bodies, n) + (row(space.velocity, n) - row(space.known, n))
+        set_row(space.by_bodies, n, choose(going, given, row(space.by_bodies, n)))
+    ask_surfaces(body, span, going, space, twin, twin[2].surfaces)
     for n in range(2 * body, 2 * body + 2):
-        set_row(space.base, n, row(space.velocity, n))
+        set_row(space.known, n, row(space.velocity, n))
 
 
 @compiled
-def lean_on(
+def ask_surfaces(
     body: int,
-    span: Any,
+    span: Span,
     going: Mask,
     space: Company,
-    twin: Any,
+    twin: Twin,
     surfaces: Surfaces | None,
 ) -> None:
     """Find what surfaces, if there are any, give a body in the copies that are ``going``."""
@@ -267,16 +270,16 @@ def lean_on(
         set_row(rows, NEAR, vec(near[0], select(going, close, near[1]), none))
         active = select(going, close, 0.0)
         if any_lane(active > 0.5):
-            known = active > (-1.0 if space.leaned[body] else 2.0)
+            known = active > (-1.0 if space.pushed[body] else 2.0)
             given = meet_surfaces(node, known, active, space.surfaces[body], solid)
-            space.leaned[body] = True
+            space.pushed[body] = True
             for part in range(2):
                 new, old = given[part], row(rows, GIVEN + part)
                 set_row(rows, GIVEN + part, choose(going, new, old))
         for part in range(2):
             n = 2 * body + part
             by_surfaces = combine(node.axes, row(rows, GIVEN + part))
-            now = (row(space.soon, n) + row(space.pairs, n)) + by_surfaces
+            now = (row(space.free, n) + row(space.by_bodies, n)) + by_surfaces
             set_row(space.velocity, n, choose(going, now, row(space.velocity, n)))
 
 
@@ -287,57 +290,55 @@ def takes_turns(contacts: Number, turn: int, surfaces: Surfaces | None) -> bool:
 
 
 @compiled
-def touch(
-    x: Any, span: Any, contacts: Number, meets: Any, particles: Particles, space: Company, twins: Any
-) -> None:
+def find_impulses(problem: Problem, space: Company, twins: Twin) -> None:
     """Find what surfaces and bodies give at a node."""
-    room, pairs, v = space.room, meets.pairs, space.velocity
-    turns, terms = room.solids.turns, twins[2]
+    pairs, velocity, span = problem.pairs, space.velocity, problem.span
+    turns, terms = problem.contacts.solids.turns, twins[2]
     one = 1.0 + 0.0 * span.out
     enough = AGREED + 64 * epsilon(one)
     store(turns, GOING, one)
-    store(space.lean, 0, one)
-    going, turn = contacts > 0, 0
+    store(space.changed, 0, one)
+    going, turn = problem.rows > 0, 0
     while True:
         last = not going or turn == TURNS
-        if last or takes_turns(contacts, turn, terms.surfaces):
-            for body in range(space.leaned.size):
+        if last or takes_turns(problem.rows, turn, terms.surfaces):
+            for body in range(space.pushed.size):
                 twin = of_body(twins, body)
                 if twin[0].moves:
-                    lean(body, span, space, twin)
-            store(space.lean, 0, 0.0 * one)
+                    push_by_surfaces(body, span, space, twin)
+            store(space.changed, 0, 0.0 * one)
         if last:
             break
         for back in range(2):
             store(turns, CHANGE, 0.0 * one)
-            sweep(v, span, contacts, back == 1, pairs, room)
-            rub(space.before, v, back, contacts, particles, pairs, pairs.friction, room, meets.tally)
+            sweep(velocity, back == 1, problem)
+            rub(velocity, back, problem, pairs.friction)
         if turn == 0:
-            taper(x.values, v, span, contacts, particles, pairs, room, pairs.shapes.edges)
+            taper(velocity, problem, pairs.shapes.edges)
         active = load(turns, GOING)
-        store(space.lean, 0, maximum(load(space.lean, 0), active))
+        store(space.changed, 0, maximum(load(space.changed, 0), active))
         active = select(span.whole * load(turns, CHANGE) > enough, active, 0.0)
         store(turns, GOING, active)
         going = any_lane(active > 0.5)
         turn += 1
-    if contacts > 0:
+    if problem.rows > 0:
         store(turns, GOING, one)
-        rub(space.before, v, SWEEPS, contacts, particles, pairs, pairs.friction, room, meets.tally)
+        rub(velocity, SWEEPS, problem, pairs.friction)
 
 
 # --- The node -------------------------------------------------------------------------------------------
 
 
 @compiled
-def go_on(
-    body: int, x: Rows, v: Rows, span: Any, last: Any, ledger: Ledger, space: Company, twin: Any
+def leave_together(
+    body: int, x: Rows, v: Rows, span: Span, last: bool, ledger: Ledger, space: Company, twin: Twin
 ) -> None:
     """Let a body go on to the next node, and enter what it lost; or, at the ``last``, read it."""
     rigid, _, terms = twin
     if not rigid.moves:
         if last:
             halve(ledger, terms.memory)
-            store(terms.memory.marks, HELD, 0.0)
+            store(terms.memory.marks, STORED, 0.0)
             for i in range(x.shape[0]):
                 set_row(terms.memory.arrived, i, row(v, i))
         return
@@ -348,8 +349,8 @@ def go_on(
     middle = sum_of(sum_of(node.before, span.lead, node.rate), 0.5, node.thrown)
     middle = sum_of(sum_of(middle, 0.5, by_bodies), 0.5, given)
     record(ledger, WORK, product_of(node.thrown, middle, solid))
-    if space.leaned[body]:
-        record_lean(node, given, middle, ledger, space.surfaces[body], solid, terms.surfaces)
+    if space.pushed[body]:
+        record_pushes(node, given, middle, ledger, space.surfaces[body], solid, terms.surfaces)
     enter_start(node, by_bodies, middle, ledger, solid)
     if last:
         for i in range(x.shape[0]):
@@ -363,10 +364,10 @@ def go_on(
 
 
 @compiled
-def record_lean(
+def record_pushes(
     node: Node,
-    given: Any,
-    middle: Any,
+    given: Motion,
+    middle: Motion,
     ledger: Ledger,
     rows: np.ndarray,
     solid: Solid,
@@ -374,11 +375,11 @@ def record_lean(
 ) -> None:
     """Enter what surfaces took, if there are any."""
     if surfaces is not None:
-        record_losses(node, given, middle, ledger, rows, solid)
+        record_surface_losses(node, given, middle, ledger, rows, solid)
 
 
 @compiled
-def enter_start(node: Node, by_bodies: Any, middle: Any, ledger: Ledger, solid: Solid) -> None:
+def enter_start(node: Node, by_bodies: Motion, middle: Motion, ledger: Ledger, solid: Solid) -> None:
     """Enter, of the half node of a fresh copy, what bodies took from one body; what its barriers gave is
     entered for the pair.
 
@@ -393,76 +394,80 @@ def enter_start(node: Node, by_bodies: Any, middle: Any, ledger: Ledger, solid: 
 
 @compiled
 def pass_together(
-    x: Any,
-    v: Any,
+    x: Ragged,
+    v: Ragged,
     phase: Number,
     h: Number,
-    first: Any,
-    last: Any,
-    goes: Any,
-    ledger: Any,
+    first: bool,
+    stage: int,
+    ledger: Ledger,
     space: Company,
-    twins: Any,
+    twins: Twin,
 ) -> None:
-    """Let all act on all bodies at a node; if nothing ``goes`` on, only tell which touch in fresh copies."""
-    span, terms, room = span_of(phase, h), twins[2], space.room
-    meets, every = terms.meets, terms.particles
-    particles = Particles(every.mass.values, every.inverse_mass.values, every.free.values)
-    count = bodies_of(x)
-    contacts = find(x.values, v.values, span, meets.pairs, room)
-    if not goes:
-        begin(phase, contacts, meets, room, terms.memory)
+    """Let all act on all bodies at a node: `springgym.integrators.together.pass_together` of rigid bodies."""
+    span, terms, contacts = span_of(phase, h), twins[2], space.contacts
+    collisions, last = terms.collisions, stage == READS
+    pairs = collisions.pairs
+    rows = find(x.values, v.values, span, pairs, space.lists, contacts)
+    inverse_mass, totals = terms.particles.inverse_mass.values, collisions.totals
+    problem = Problem(span, rows, x.values, space.before, inverse_mass, pairs, contacts, totals)
+    if stage == STARTS:
+        start_together(phase, problem, collisions, terms.memory)
         return
+    count = bodies_of(x)
     for body in range(count):
         here, velocities, entries = of_body(x, body), of_body(v, body), of_body(ledger, body)
-        arrive(body, here, velocities, phase, span, first, last, entries, space, of_body(twins, body))
+        reach(body, here, velocities, phase, span, first, last, entries, space, of_body(twins, body))
     if last:
-        remember_tally(meets)
-    note(room, meets.told)
-    prepare(x.values, space.before, span, contacts, particles, meets.pairs, room, meets.tally, None)
-    touch(x, span, contacts, meets, particles, space, twins)
-    account(space.velocity, span, contacts, meets.pairs, room, meets.tally, meets.told)
-    if contacts > 0:
-        enter(span, ledger, meets.pairs, room)
+        remember_totals(collisions)
+    list_changing(contacts, collisions.changing)
+    prepare(problem, None)
+    find_impulses(problem, space, twins)
+    add_totals(space.velocity, problem, collisions.changing)
+    if rows > 0:
+        record_losses(ledger, problem)
     if last:
         for n in range(2 * count):
             set_row(space.shift, n, vec(0.0, 0.0, 0.0))
-        lift_apart(space.shift, space.velocity, span, contacts, meets.pairs, room)
+        lift_apart(space.shift, space.velocity, problem)
     for body in range(count):
         here, velocities, entries = of_body(x, body), of_body(v, body), of_body(ledger, body)
-        go_on(body, here, velocities, span, last, entries, space, of_body(twins, body))
+        leave_together(body, here, velocities, span, last, entries, space, of_body(twins, body))
     if last:
-        hold(meets, terms.memory, 0.5)
+        store_energy_of_pairs(collisions, terms.memory, 0.5)
 
 
 @compiled
-def move_together(phase: Any, space: Company, h: Number, steps: int, settles: bool, twins: Any) -> None:
+def move_together(
+    motion: tuple[Ragged, Ragged, Ledger], space: Company, h: Number, steps: int, settles: bool, twins: Twin
+) -> None:
     """Take all bodies through the steps together; the last node is made anew by the next call.
 
-    None only makes them rigid, if it ``settles``; as many as `springgym.integrators.together.START` tell which
-    bodies of fresh copies touch, as many as `LOOK` make the last node anew.
+    None only makes them rigid, if it ``settles``; as many as `springgym.integrators.together.START` tell
+    which bodies of fresh copies touch, as many as `LOOK` make the last node anew.
     """
-    x, v, ledger = phase
+    x, v, ledger = motion
     if steps == 0:
         if settles:
             for body in range(bodies_of(x)):
                 settle(of_body(x, body), of_body(v, body), of_body(twins, body))
     else:
-        memory, meets = twins[2].memory, twins[2].meets
-        fresh, goes, end = load(of_body(memory, 0).marks, PHASE), steps != START, max(steps, 0)
+        memory, collisions = twins[2].memory, twins[2].collisions
+        phase, goes, end = load(of_body(memory, 0).marks, PHASE), steps != START, max(steps, 0)
         if goes:
             for body in range(bodies_of(x)):
                 resume(of_body(x, body), of_body(v, body), of_body(ledger, body), of_body(memory, body))
-            resume_tally(fresh, meets)
+            resume_totals(phase, collisions)
         for n in range(end + 1):
-            mark = fresh if n == 0 else 1.0 + 0.0 * fresh
-            pass_together(x, v, mark, h, n == 0, n == end, goes, ledger, space, twins)
+            stage = STARTS if not goes else (READS if n == end else PASSES)
+            now = phase if n == 0 else 1.0 + 0.0 * phase
+            pass_together(x, v, now, h, n == 0, stage, ledger, space, twins)
         if goes:
-            halve_tally(meets)
+            halve_totals(collisions)
 
 
 @compiled
-def settle(x: Rows, v: Rows, twin: Any) -> None:
+def settle(x: Rows, v: Rows, twin: Twin) -> None:
     """Put the particles of a body onto its rigid shape; their momenta stay."""
     rigid, asymmetry, terms = twin
     if rigid.moves:

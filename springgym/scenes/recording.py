@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from springgym.contact.pairs import PairReadings
+from springgym.contact.totals import PairReadings
 from springgym.integrators.record import Integrator
 from springgym.measures import SIZE, Measures, view
 from springgym.scenes.plan import Plan

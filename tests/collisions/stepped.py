@@ -8,8 +8,8 @@ from unittest import mock
 import numpy as np
 
 from springgym import packing
-from springgym.core.blocks import to_copies
 from springgym.contact.pairs import ENTRIES, Pairs
+from springgym.core.blocks import to_copies
 from springgym.packing import pack_pairs
 from springgym.scene import Scene
 from springgym.simulator import Simulator

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from springgym.bodies import ball, cube, rope
-from springgym.core.blocks import block_array, numbers, set_all
-from springgym.contact import pairs
 from springgym.contact.pairs import ROWS, WATCHED
+from springgym.core.blocks import block_array, numbers, set_all
 from springgym.packing import pack_room
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator

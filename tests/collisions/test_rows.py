@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from springgym.bodies import ball, top
+from springgym.contact.search import SPARE, find
 from springgym.core.blocks import at, block_array, numbers, set_all
 from springgym.core.compiling import kernel
 from springgym.integrators.node import Span
-from springgym.contact.search import SPARE, find
 from springgym.packing import pack_room
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator

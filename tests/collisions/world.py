@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from springgym.contact.friction import TURNS, rub
+from springgym.contact.pairs import ENTRIES, GAP, Pairs, note
+from springgym.contact.search import find
+from springgym.contact.solver import account, prepare, sweep, taper
 from springgym.core.blocks import aligned_zeros, at, block_array, numbers
 from springgym.core.compiling import compiled, kernel
 from springgym.core.lanes import block_dtype, load, minimum, sqrt
 from springgym.core.vectors import TINY, dot, plus_scaled, row, row_each, set_row, set_row_each
 from springgym.forces import Particles, Terms, accelerate, drift, kick, relax
-from springgym.integrators.node import Span
-from springgym.contact.friction import TURNS, rub
-from springgym.contact.solver import account, prepare, sweep, taper
-from springgym.contact.search import find
-from springgym.contact.pairs import ENTRIES, GAP, Pairs, note
 from springgym.forces.springs import Dampers, Decay, Springs, decay
+from springgym.integrators.node import Span
 from springgym.packing import Options, pack_pairs, pack_room
 from springgym.scene import Scene
 from springgym.stability import automatic_step
