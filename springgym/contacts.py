@@ -9,9 +9,10 @@ import numpy as np
 from springgym.contact.rows import FAR, ROWS
 from springgym.core.blocks import numbers
 from springgym.core.kinds import Ragged
+from springgym.forces import Terms
 from springgym.forces.memory import PHASE
 from springgym.scene import Scene
-from springgym.surfaces import scales
+from springgym.surfaces import Surface, scales
 
 NONE = -1
 """In place of a number: no body, no surface, no contact."""
@@ -88,7 +89,7 @@ def any_possible(scene: Scene) -> bool:
     return bool(scene.surfaces or len(scene.meetings))
 
 
-def refusal(scene: Scene, rigid: bool, terms: Any) -> str:
+def refusal(scene: Scene, rigid: bool, terms: Terms) -> str:
     """Say why contacts of a scene are not told; nothing if they are."""
     if not any_possible(scene):
         return ""
@@ -220,7 +221,7 @@ def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:
     return tuple(np.moveaxis(of, -1, 0) for of in ways)
 
 
-def _gradient(surface: Any, places: np.ndarray, step: np.ndarray) -> np.ndarray:
+def _gradient(surface: Surface, places: np.ndarray, step: np.ndarray) -> np.ndarray:
     """Return the unit normals (n, 3) of a surface at places (n, 3), by differences over steps (n,) [m]."""
     steps = step[:, None, None] * np.eye(3)
     rise = surface.height(places[:, None] + steps) - surface.height(places[:, None] - steps)
@@ -245,6 +246,6 @@ def _told_apart(particle: np.ndarray, normal: np.ndarray, given: np.ndarray) -> 
     return impulse
 
 
-def _values(rows: Any) -> np.ndarray:
+def _values(rows: np.ndarray | Ragged) -> np.ndarray:
     """Return the array of rows of one body or of several."""
     return rows.values if isinstance(rows, Ragged) else rows

@@ -10,11 +10,11 @@ import numpy as np
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
-from springgym.contact.lists import new_lists
+from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel
 from springgym.contact.round import packed_rounds
-from springgym.contact.rows import new_contacts
+from springgym.contact.rows import ContactRows, new_contacts
 from springgym.contact.solids import Solids
 from springgym.contact.surfaces import Surfaces
 from springgym.contact.totals import ENTRIES, Collisions, empty_totals
@@ -277,11 +277,18 @@ def workspaces(
     return [make(scene, collisions.pairs, dtype) for _ in range(threads)]
 
 
+def search_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> tuple[Lists, ContactRows]:
+    """Return what a thread finds contacts in, and the list of those that it finds."""
+    most = most_contacts(scene.meetings, scene.shapes)[1]
+    return new_lists(pairs, len(scene.positions), dtype), new_contacts(pairs, most, None, dtype)
+
+
 def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
     """Return what a thread computes in where bodies collide."""
     particles = np.array([0, *(own.stop for own in scene.slices)])
     springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
     count = len(scene.positions)
+    lists, contacts = search_workspace(scene, pairs, dtype)
 
     def rows(start: np.ndarray = particles) -> Ragged:
         return Ragged(aligned_zeros((int(start[-1]), 3), dtype), start)
@@ -303,20 +310,20 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
         force=rows(),
         shift=rows(),
         any_busy=np.zeros(len(scene.bodies), bool),
-        lists=new_lists(pairs, count, dtype),
-        contacts=new_contacts(pairs, most_contacts(scene.meetings, scene.shapes)[1], None, dtype),
+        lists=lists,
+        contacts=contacts,
     )
 
 
 def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
     """Return what a thread computes in where rigid bodies collide."""
-    count, found = len(scene.bodies), most_contacts(scene.meetings, scene.shapes)[1]
+    count = len(scene.bodies)
+    lists, contacts = search_workspace(scene, pairs, dtype)
     most = max(len(placed.body.masses) for placed in scene.bodies)
 
     def lanes(*shape: int) -> np.ndarray:
         return aligned_zeros(shape, dtype)
 
-    contacts = new_contacts(pairs, found, None, dtype)
     solids = Solids(
         start=np.array([0, *(own.stop for own in scene.slices)]),
         balls=np.array([len(placed.body.masses) == 1 for placed in scene.bodies]),
@@ -338,7 +345,7 @@ def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
         by_bodies=lanes(2 * count, 3),
         shift=lanes(2 * count, 3),
         changed=lanes(1),
-        lists=new_lists(pairs, len(scene.positions), dtype),
+        lists=lists,
         contacts=contacts._replace(solids=solids),
     )
 

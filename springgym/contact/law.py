@@ -25,7 +25,7 @@ energy of the step changes by −J V (1 − L), with J = τ F̄ and the mean rat
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number
@@ -56,13 +56,13 @@ class Span(NamedTuple):
 
 
 @compiled
-def least_gap(reach: Number, like: Number) -> Any:
+def least_gap(reach: Number, like: Number) -> Number:
     """Return the gap [m] below which gaps are taken for it; ``like`` is any number of the step."""
     return (LEAST + 8 * epsilon(like)) * reach
 
 
 @compiled
-def positive_root(linear: Number, product: Number) -> Any:
+def positive_root(linear: Number, product: Number) -> Number:
     """Return the h > 0 with h² + linear h = product ≥ 0, without cancellation."""
     root = sqrt(linear * linear + 4.0 * product)
     rising = linear > 0.0
@@ -71,7 +71,7 @@ def positive_root(linear: Number, product: Number) -> Any:
 
 
 @compiled
-def mean_force(start: Number, end: Number, reach: Number, on: Mask) -> Any:
+def mean_force(start: Number, end: Number, reach: Number, on: Mask) -> tuple[Number, Number]:
     """Return F̄/c [1/m²] between two gaps, and its derivative by the second, where a contact is ``on``."""
     flat, first, last = 1.0 / (reach * reach), 1.0 / start, 1.0 / end
     mean, slope = first * last - flat, -1.0 * first * last * last
@@ -88,7 +88,7 @@ def mean_force(start: Number, end: Number, reach: Number, on: Mask) -> Any:
 
 
 @compiled
-def loss_factor(rate: Number, beta: Number) -> Any:
+def loss_factor(rate: Number, beta: Number) -> tuple[Number, Number]:
     """Return L at a gap's rate [m/s], and its slope [s/m]."""
     inverse = 1.0 / sqrt(rate * rate + SLOW * SLOW)
     return 1.0 - beta * rate * inverse, -1.0 * beta * (SLOW * SLOW) * inverse * inverse * inverse
@@ -97,7 +97,7 @@ def loss_factor(rate: Number, beta: Number) -> Any:
 @compiled
 def last_gap(
     start: Number, free: Number, gain: Number, tau: Number, reach: Number, beta: Number, on: Mask
-) -> Any:
+) -> Number:
     """Return the gap h₁ [m] at which a step ends: the root of the equation at the head of this file.
 
     ``start`` is h₀, ``free`` is a, ``gain`` is c G [m³]. Whether h₁ < h₀ is known from both sides at h₀. If
@@ -150,7 +150,9 @@ def last_gap(
 
 
 @compiled
-def meet(start: Number, free: Number, span: Any, c: Number, reach: Number, beta: Number, on: Mask) -> Any:
+def meet(
+    start: Number, free: Number, span: Span, c: Number, reach: Number, beta: Number, on: Mask
+) -> tuple[Number, Number]:
     """Solve one contact for a step, where it is ``on``; elsewhere the numbers have no meaning.
 
     ``start`` is the gap h₀ [m] that the step begins with, ``free`` the gap a [m] that all else would end it
@@ -170,7 +172,7 @@ def meet(start: Number, free: Number, span: Any, c: Number, reach: Number, beta:
 
 
 @compiled
-def barrier_energy(gap: Number, c: Number, reach: Number) -> Any:
+def barrier_energy(gap: Number, c: Number, reach: Number) -> Number:
     """Return U [J] at a gap [m]; 0 out of reach."""
     depth = maximum(reach - gap, 0.0)
     return c * depth * depth / (maximum(gap, least_gap(reach, gap)) * (reach * reach))

@@ -30,21 +30,21 @@ less curved outwards than the surface is inwards.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from springgym.bodies import Body
 from springgym.bodies.round import weights
-from springgym.contact.law import barrier_energy, meet
+from springgym.contact.law import Span, barrier_energy, meet
 from springgym.contact.surfaces import Surfaces, coefficient, count, standing, strength_and_reach
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Number, Rows, Vector
+from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
 from springgym.core.vectors import TINY, add_scaled, choose, dot, plus_scaled, row, set_row, vec
 
 if TYPE_CHECKING:
-    from springgym.forces import Particles, Terms
+    from springgym.forces import Terms
 
 
 TURNS = 40
@@ -92,22 +92,46 @@ class Rounds(NamedTuple):
 class Rolling(NamedTuple):
     """Workspace: of particles (N, 3), and of rows, one for each feature and surface, (rows, 3)."""
 
-    velocity: Any
+    velocity: Rows
     """velocities after the node with as much of contact as is known [m/s]"""
-    change: Any
+    change: Rows
     """of velocity by pushes [m/s]; this and the next two as `springgym.integrators.node.Given`"""
-    rub: Any
-    force: Any
-    point: Any
+    rub: Rows
+    force: Rows
+    point: Rows
     """ξ − ξc of the support point [m]"""
-    normal: Any
+    normal: Rows
     """n"""
-    size: Any
+    size: Rows
     """h₀ [m], d + s [m], W n² [1/kg]"""
-    push: Any
+    push: Rows
     """J L [N·s], and J"""
-    friction: Any
+    friction: Rows
     """j [N·s]"""
+
+
+class Way(NamedTuple):
+    """Straight ways of particles: positions and, if they move on, their velocities and for how long."""
+
+    rows: Rows
+    """(N, 3) positions [m]; or velocities, of which a point's is asked for"""
+    v: Rows | None
+    """(N, 3) [m/s]; None if they stay"""
+    tau: Number
+    """[s]"""
+
+
+class RoundProblem(NamedTuple):
+    """What surfaces give a body with round features at a node follows from this."""
+
+    x: Rows
+    """(N, 3) positions at the node [m]"""
+    span: Span
+    """the time of the node"""
+    space: Rolling | None
+    """None without round features, where this is not asked for"""
+    rounds: Rounds
+    terms: Terms
 
 
 def packed_rounds(body: Body) -> Rounds:
@@ -131,7 +155,7 @@ def packed_rounds(body: Body) -> Rounds:
 
 
 @compiled
-def rolling_of(workspace: Any, first: int, rounds: Rounds | None) -> Any:
+def rolling_of(workspace: np.ndarray, first: int, rounds: Rounds | None) -> Rolling | None:
     """Return arrays of a workspace, from the ``first`` one on, as `Rolling`; None without round features."""
     if rounds is None:
         return None
@@ -160,34 +184,34 @@ def rolls(rounds: Rounds | None) -> bool:
 
 
 @compiled
-def weight(c: int, point: Vector, rounds: Rounds) -> Any:
+def weight(c: int, point: Vector, rounds: Rounds) -> Number:
     """Return the weight of carrier ``c`` at a point, ξ − ξc, of its feature."""
     return load(rounds.base, c) + dot(row(rounds.slope, c), point)
 
 
 @compiled
-def moved(i: int, x: Rows, v: Rows | None, tau: Number) -> Any:
-    """Return where particle ``i`` is after ``tau`` seconds of a straight way; now, if no ``v`` is given."""
+def moved(i: int, way: Way, v: Rows | None) -> Vector:
+    """Return the row of particle ``i`` that a way ends with."""
     if v is None:
-        return row(x, i)
-    return plus_scaled(row(x, i), tau, row(v, i))
+        return row(way.rows, i)
+    return plus_scaled(row(way.rows, i), way.tau, row(v, i))
 
 
 @compiled
-def at(e: int, point: Vector, x: Rows, rounds: Rounds, v: Rows | None = None, tau: Number = None) -> Any:
-    """Return where a point of feature ``e`` is, of positions; or how it moves, of velocities."""
+def at(e: int, point: Vector, way: Way, rounds: Rounds) -> Vector:
+    """Return where a point of feature ``e`` is after a way of positions; or how it moves, of velocities."""
     total = 0.0 * point
     for c in range(rounds.first[e], rounds.behind[e]):
-        total = plus_scaled(total, weight(c, point, rounds), moved(rounds.particle[c], x, v, tau))
+        total = plus_scaled(total, weight(c, point, rounds), moved(rounds.particle[c], way, way.v))
     return total
 
 
 @compiled
-def support(e: int, n: Vector, x: Rows, v: Rows | None, tau: Number, rounds: Rounds) -> Any:
-    """Return the point, ξ − ξc, of feature ``e`` farthest against n, of particles that are `moved`."""
-    g = 0.0 * row(x, 0)
+def support(e: int, n: Vector, way: Way, rounds: Rounds) -> Vector:
+    """Return the point, ξ − ξc, of feature ``e`` farthest against n, after a way."""
+    g = 0.0 * row(way.rows, 0)
     for c in range(rounds.first[e], rounds.behind[e]):
-        g = plus_scaled(g, dot(n, moved(rounds.particle[c], x, v, tau)), row(rounds.slope, c))
+        g = plus_scaled(g, dot(n, moved(rounds.particle[c], way, way.v)), row(rounds.slope, c))
     pull = vec(
         dot(row(rounds.matrix, 3 * e), g),
         dot(row(rounds.matrix, 3 * e + 1), g),
@@ -198,98 +222,100 @@ def support(e: int, n: Vector, x: Rows, v: Rows | None, tau: Number, rounds: Rou
 
 @compiled
 def nearest(
-    e: int,
-    k: int,
-    x: Rows,
-    v: Rows | None,
-    tau: Number,
-    shift: Vector,
-    rounds: Rounds,
-    surfaces: Surfaces,
-) -> Any:
+    e: int, k: int, way: Way, shift: Vector, rounds: Rounds, surfaces: Surfaces
+) -> tuple[Vector, Vector, Number, Number]:
     """Return where feature ``e`` is nearest to surface ``k``: the point ξ − ξc, n, n² and the gap [m].
 
-    That is, where all particles are moved by ``shift``, and go straight on for ``tau`` seconds if ``v`` is
-    given.
+    That is after a way of all particles, and a ``shift`` [m].
     """
     point = 0.0 * shift
-    n, square, gap = standing(k, at(e, point, x, rounds, v, tau) + shift, surfaces)
+    n, square, gap = standing(k, at(e, point, way, rounds) + shift, surfaces)
     for _ in range(1 if surfaces.coupled is None else BENDS):
-        point = support(e, n, x, v, tau, rounds)
-        n, square, gap = standing(k, at(e, point, x, rounds, v, tau) + shift, surfaces)
+        point = support(e, n, way, rounds)
+        n, square, gap = standing(k, at(e, point, way, rounds) + shift, surfaces)
     return point, 0.0 * shift + n, 0.0 * gap + square, gap
 
 
 @compiled
-def yielding(e: int, first: Vector, second: Vector, particles: Particles, rounds: Rounds) -> Any:
+def inverse_mass(e: int, first: Vector, second: Vector, problem: RoundProblem) -> Number:
     """Return Σ w w′/m [1/kg] of two points of feature ``e``."""
-    total = 0.0 * first[0]
+    rounds, total = problem.rounds, 0.0 * first[0]
     for c in range(rounds.first[e], rounds.behind[e]):
         both = weight(c, first, rounds) * weight(c, second, rounds)
-        total = total + both * load(particles.inverse_mass, rounds.particle[c])
+        total = total + both * load(problem.terms.particles.inverse_mass, rounds.particle[c])
     return total
 
 
 @compiled
-def give(e: int, point: Vector, impulse: Vector, v: Rows, particles: Particles, rounds: Rounds) -> None:
+def give(e: int, point: Vector, impulse: Vector, v: Rows, problem: RoundProblem) -> None:
     """Give a point of feature ``e`` an impulse [N·s]."""
+    rounds = problem.rounds
     for c in range(rounds.first[e], rounds.behind[e]):
         i = rounds.particle[c]
-        add_scaled(v, i, weight(c, point, rounds) * load(particles.inverse_mass, i), impulse)
+        add_scaled(v, i, weight(c, point, rounds) * load(problem.terms.particles.inverse_mass, i), impulse)
 
 
 # --- The node ---------------------------------------------------------------------------------------------
 
 
 @compiled
-def roll(x: Rows, v: Rows, w: Rows, a: Rows, span: Any, rolling: Any, rounds: Rounds, terms: Terms) -> bool:
-    """Find what surfaces give a body by its round features at a node; whether they touch it in any copy.
+def roll(v: Rows, w: Rows, a: Rows, problem: RoundProblem) -> bool:
+    """Find what surfaces give a body by its round features; tell whether they touch it in any copy.
 
     All else takes the velocities from ``v`` to ``w``, and on by a kick of the accelerations ``a``.
     """
+    x, span, space, rounds, surfaces = (
+        problem.x,
+        problem.span,
+        problem.space,
+        problem.rounds,
+        problem.terms.surfaces,
+    )
     for i in range(x.shape[0]):
-        set_row(rolling.velocity, i, plus_scaled(row(w, i), span.out, row(a, i)))
-        for rows in (rolling.change, rolling.rub, rolling.force):
+        set_row(space.velocity, i, plus_scaled(row(w, i), span.out, row(a, i)))
+        for rows in (space.change, space.rub, space.force):
             set_row(rows, i, vec(0.0, 0.0, 0.0))
-    found, surfaces, none = False, terms.surfaces, 0.0 * row(x, 0)
+    found, none = False, 0.0 * row(x, 0)
+    now, before, after = Way(x, None, None), Way(x, v, -1.0 * span.lead), Way(x, space.velocity, span.out)
     for e in range(rounds.first.size):
         for k in range(count(surfaces.kinds)):
             r = e * count(surfaces.kinds) + k
-            point, n, square, _ = nearest(e, k, x, None, None, none, rounds, surfaces)
-            lead, out, after = -1.0 * span.lead, span.out, rolling.velocity
-            _, _, _, start = nearest(e, k, x, v, lead, none, rounds, surfaces)
-            _, _, _, ahead = nearest(e, k, x, after, out, none, rounds, surfaces)
-            set_row(rolling.point, r, point)
-            set_row(rolling.normal, r, n)
-            inverse = square * yielding(e, point, point, terms.particles, rounds)
-            base = ahead - out * dot(n, at(e, point, after, rounds))
+            point, n, square, _ = nearest(e, k, now, none, rounds, surfaces)
+            _, _, _, start = nearest(e, k, before, none, rounds, surfaces)
+            _, _, _, ahead = nearest(e, k, after, none, rounds, surfaces)
+            set_row(space.point, r, point)
+            set_row(space.normal, r, n)
+            inverse = square * inverse_mass(e, point, point, problem)
+            base = ahead - span.out * dot(n, at(e, point, Way(space.velocity, None, None), rounds))
             taken = select(start < LOW * surfaces.reach, TAKEN * surfaces.reach, start)
-            set_row(rolling.size, r, vec(taken, base + (taken - start), inverse))
-            set_row(rolling.push, r, vec(0.0, 0.0, 0.0))
-            set_row(rolling.friction, r, vec(0.0, 0.0, 0.0))
+            set_row(space.size, r, vec(taken, base + (taken - start), inverse))
+            set_row(space.push, r, vec(0.0, 0.0, 0.0))
+            set_row(space.friction, r, vec(0.0, 0.0, 0.0))
             if any_lane(minimum(start, ahead) < surfaces.reach):
                 found = True
     if found:
-        solve(x, span, rolling, rounds, terms)
-        sum_up(rolling, rounds, terms)
+        solve(problem)
+        sum_up(problem)
     return found
 
 
 @compiled
-def gaps(r: int, e: int, v: Rows, without: Number, span: Any, rolling: Any, rounds: Rounds) -> Any:
+def gaps(r: int, e: int, v: Rows, without: Number, problem: RoundProblem) -> tuple[Number, Number]:
     """Return the gaps [m] of row ``r`` where the step begins and ends, ``without`` some of its speed."""
-    size, n, point = row(rolling.size, r), row(rolling.normal, r), row(rolling.point, r)
-    return size[0], size[1] + span.out * (dot(n, at(e, point, v, rounds)) - without)
+    space = problem.space
+    size, n, point = row(space.size, r), row(space.normal, r), row(space.point, r)
+    speed = dot(n, at(e, point, Way(v, None, None), problem.rounds))
+    return size[0], size[1] + problem.span.out * (speed - without)
 
 
 @compiled
-def solve(x: Rows, span: Any, rolling: Any, rounds: Rounds, terms: Terms) -> None:
+def solve(problem: RoundProblem) -> None:
     """Find the impulses of all rows, each from what all others give, in turns until they agree."""
-    surfaces, particles = terms.surfaces, terms.particles
+    span, space, rounds, surfaces = problem.span, problem.space, problem.rounds, problem.terms.surfaces
     strength, reach = strength_and_reach(surfaces)
     kinds = count(surfaces.kinds)
     none = 0.0 * span.out
-    beta = coefficient(terms.loss, none)
+    beta = coefficient(problem.terms.loss, none)
     enough = (AGREED + 64 * epsilon(none)) * reach
     active = 1.0 + none
     for _ in range(TURNS):
@@ -297,10 +323,9 @@ def solve(x: Rows, span: Any, rolling: Any, rounds: Rounds, terms: Terms) -> Non
         for e in range(rounds.first.size):
             for k in range(kinds):
                 r = e * kinds + k
-                point, n, inverse = row(rolling.point, r), row(rolling.normal, r), row(rolling.size, r)[2]
-                old = row(rolling.push, r)
-                mine = inverse * old[0]
-                start, free = gaps(r, e, rolling.velocity, mine, span, rolling, rounds)
+                point, n, inverse = row(space.point, r), row(space.normal, r), row(space.size, r)[2]
+                old = row(space.push, r)
+                start, free = gaps(r, e, space.velocity, inverse * old[0], problem)
                 going = active > 0.5
                 touches = minimum(start, free) < reach
                 if not any_lane(maximum(select(touches, active, 0.0), old[0]) > 0.0):
@@ -308,11 +333,10 @@ def solve(x: Rows, span: Any, rolling: Any, rounds: Rounds, terms: Terms) -> Non
                 gain, ideal = meet(start, free, span, strength * inverse, reach, beta, touches)
                 share = select(touches, 1.0 / (inverse + TINY), 0.0)
                 new = choose(going, vec(share * gain, share * ideal, 0.0), old)
-                set_row(rolling.push, r, new)
+                set_row(space.push, r, new)
                 change = new[0] - old[0]
-                give(e, point, change * n, rolling.velocity, particles, rounds)
-                if terms.friction is not None:
-                    hold_back(x, r, e, k, new[0], going, span, rolling, rounds, terms)
+                give(e, point, change * n, space.velocity, problem)
+                hold_back(r, e, k, going, problem, problem.terms.friction)
                 moved = span.whole * inverse * change
                 farthest = maximum(farthest, maximum(moved, -moved))
         if rounds.first.size * kinds == 1:
@@ -323,82 +347,74 @@ def solve(x: Rows, span: Any, rolling: Any, rounds: Rounds, terms: Terms) -> Non
 
 
 @compiled
-def hold_back(
-    x: Rows,
-    r: int,
-    e: int,
-    k: int,
-    push: Number,
-    going: Any,
-    span: Any,
-    rolling: Any,
-    rounds: Rounds,
-    terms: Terms,
-) -> None:
-    """Let friction stop what slips at row ``r``, or give as much as a ``push`` [N·s] allows."""
-    point, n, old = row(rolling.point, r), row(rolling.normal, r), row(rolling.friction, r)
-    v = rolling.velocity
-    there, _, _, _ = nearest(e, k, x, v, span.out, 0.0 * n, rounds, terms.surfaces)
-    square = dot(n, n)
-    slip = at(e, there, v, rounds)
-    slip = slip - dot(slip, n) / square * n
-    least = AWAY * yielding(e, point, point, terms.particles, rounds)
-    wanted = old - 1.0 / (maximum(yielding(e, point, there, terms.particles, rounds), least) + TINY) * slip
-    limit = coefficient(terms.friction, 0.0 * push) * sqrt(square) * push
-    wanted = minimum(limit / sqrt(dot(wanted, wanted) + TINY), 1.0) * wanted
-    new = choose(going, wanted, old)
-    set_row(rolling.friction, r, new)
-    give(e, point, new - old, v, terms.particles, rounds)
+def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, friction: Numbers) -> None:
+    """Let friction stop what slips at row ``r``, or give as much as the push there allows."""
+    if friction is not None:
+        space, rounds = problem.space, problem.rounds
+        point, n, old = row(space.point, r), row(space.normal, r), row(space.friction, r)
+        v, push = space.velocity, row(space.push, r)[0]
+        there, _, _, _ = nearest(
+            e, k, Way(problem.x, v, problem.span.out), 0.0 * n, rounds, problem.terms.surfaces
+        )
+        square = dot(n, n)
+        slip = at(e, there, Way(v, None, None), rounds)
+        slip = slip - dot(slip, n) / square * n
+        least = AWAY * inverse_mass(e, point, point, problem)
+        wanted = old - 1.0 / (maximum(inverse_mass(e, point, there, problem), least) + TINY) * slip
+        limit = load(friction, 0) * sqrt(square) * push
+        wanted = minimum(limit / sqrt(dot(wanted, wanted) + TINY), 1.0) * wanted
+        new = choose(going, wanted, old)
+        set_row(space.friction, r, new)
+        give(e, point, new - old, v, problem)
 
 
 @compiled
-def sum_up(rolling: Any, rounds: Rounds, terms: Terms) -> None:
+def sum_up(problem: RoundProblem) -> None:
     """Find what each particle was given by all rows."""
-    kinds = count(terms.surfaces.kinds)
-    for e in range(rounds.first.size):
+    space, kinds = problem.space, count(problem.terms.surfaces.kinds)
+    for e in range(problem.rounds.first.size):
         for k in range(kinds):
             r = e * kinds + k
-            point, n, push = row(rolling.point, r), row(rolling.normal, r), row(rolling.push, r)
-            give(e, point, push[0] * n, rolling.change, terms.particles, rounds)
-            give(e, point, push[1] * n, rolling.force, terms.particles, rounds)
-            give(e, point, row(rolling.friction, r), rolling.rub, terms.particles, rounds)
+            point, n, push = row(space.point, r), row(space.normal, r), row(space.push, r)
+            give(e, point, push[0] * n, space.change, problem)
+            give(e, point, push[1] * n, space.force, problem)
+            give(e, point, row(space.friction, r), space.rub, problem)
 
 
 # --- Energy -------------------------------------------------------------------------------------------------
 
 
 @compiled
-def lifted_feature(x: Rows, v: Rows, span: Any, rolling: Any, rounds: Rounds, terms: Terms) -> Any:
-    """Return what barriers hold around a node beside what they hold where it is read [J], and its lift [m].
+def lifted_feature(v: Rows, problem: RoundProblem) -> tuple[Number, Vector]:
+    """Return what barriers store around a node beside what they store where it is read [J], and its lift [m].
 
-    ``v`` are the velocities behind the node. As `springgym.integrators.node.lifted`, for a whole body.
+    ``v`` are the velocities after the node. As `springgym.integrators.node.lifted`, for a whole body.
     """
-    surfaces = terms.surfaces
-    kinds, none = count(surfaces.kinds), 0.0 * row(x, 0)
+    rounds, surfaces = problem.rounds, problem.terms.surfaces
+    kinds, none = count(surfaces.kinds), 0.0 * row(problem.x, 0)
     strength, reach = strength_and_reach(surfaces)
-    held, lift = none[0], none
+    stored, lift = none[0], none
     for e in range(rounds.first.size):
         for k in range(kinds):
-            r = e * kinds + k
-            start, finish = gaps(r, e, v, none[0], span, rolling, rounds)
+            start, finish = gaps(e * kinds + k, e, v, none[0], problem)
             around = barrier_energy(start, strength, reach) + barrier_energy(finish, strength, reach)
-            held = held + 0.5 * around
+            stored = stored + 0.5 * around
             lowest = 0.5 * minimum(minimum(start, finish), reach)
             for _ in range(1 if surfaces.coupled is None else LIFTS):
-                _, n, square, gap = nearest(e, k, x, None, None, lift, rounds, surfaces)
+                _, n, square, gap = nearest(e, k, Way(problem.x, None, None), lift, rounds, surfaces)
                 short = maximum(lowest - gap, 0.0)
                 if not any_lane(short > 0.0):
                     break
                 lift = plus_scaled(lift, short / square, n)
-    return held - feature_energy(x, lift, rounds, surfaces), lift
+    return stored - feature_energy(problem.x, lift, rounds, surfaces), lift
 
 
 @compiled
-def feature_energy(x: Rows, shift: Vector, rounds: Rounds, surfaces: Surfaces) -> Any:
+def feature_energy(x: Rows, shift: Vector, rounds: Rounds, surfaces: Surfaces) -> Number:
     """Return the energy [J] of a body's round features, moved by ``shift``, in the barriers of surfaces."""
     energy = 0.0 * shift[0]
     for e in range(rounds.first.size):
         for k in range(count(surfaces.kinds)):
-            _, _, _, gap = nearest(e, k, x, None, None, shift, rounds, surfaces)
+            _, _, _, gap = nearest(e, k, Way(x, None, None), shift, rounds, surfaces)
             energy = energy + barrier_energy(gap, load(surfaces.strength, 0), surfaces.reach)
     return energy

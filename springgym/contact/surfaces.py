@@ -5,7 +5,8 @@ Particles meet them by `springgym.contact.law`; friction is Coulomb's.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numba.extending import overload
@@ -19,15 +20,25 @@ from springgym.core.vectors import TINY, dot, plus_scaled, row
 if TYPE_CHECKING:
     from springgym.forces import Particles
 
+Overload: TypeAlias = Callable[..., Any]
+"""A function that Numba compiles in place of another, for the kinds of surfaces there are."""
+
 INLINE = {**OPTIONS, "forceinline": True}
 """Options of functions that differ by the kinds of surfaces: they are compiled into what calls them."""
+
+
+Kinds: TypeAlias = tuple[Any, ...]
+"""All surfaces of each kind, see `springgym.surfaces.surface`; in overloads, Numba's types of them."""
+
+
+Facing: TypeAlias = tuple[Vector, Number, Number]
+"""The normal n̄ of a surface for a way, its square, and the gap [m] where the way begins."""
 
 
 class Surfaces(NamedTuple):
     """Surfaces of any kinds, and how a body meets them."""
 
-    kinds: tuple[Any, ...]
-    """all surfaces of each kind, see `springgym.surfaces.surface`"""
+    kinds: Kinds
     strength: np.ndarray
     """c [N·m²], (1,)"""
     reach: float
@@ -39,13 +50,13 @@ class Surfaces(NamedTuple):
 
 
 @compiled
-def slowed(slip: Vector, limit: Number) -> Any:
+def slowed(slip: Vector, limit: Number) -> Vector:
     """What friction takes from the velocity ``slip`` along a surface: ``limit`` of it, or all there is."""
     return minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0) * slip
 
 
 @compiled
-def coefficient(of: Numbers, none: Number) -> Any:
+def coefficient(of: Numbers, none: Number) -> Number:
     """The one number of friction or loss, or ``none`` if the scene has no such thing."""
     if of is not None:
         none = none + load(of, 0)
@@ -55,23 +66,23 @@ def coefficient(of: Numbers, none: Number) -> Any:
 # --- Surfaces -----------------------------------------------------------------------------------------
 
 
-def count(kinds: Any) -> Any:
+def count(kinds: Kinds) -> int:
     """Return how many surfaces there are of some kinds."""
     return sum(kind[0].shape[0] for kind in kinds)
 
 
 @overload(count, jit_options=INLINE)
-def _count(kinds: Any) -> Any:
-    def of_first(kinds: Any) -> Any:
+def _count(kinds: Kinds) -> Overload:
+    def of_first(kinds: Kinds) -> int:
         return kinds[0][0].shape[0]
 
-    def of_all(kinds: Any) -> Any:
+    def of_all(kinds: Kinds) -> int:
         return kinds[0][0].shape[0] + count(kinds[1:])
 
     return of_first if len(kinds) == 1 else of_all
 
 
-def _found(k: int, kinds: Any) -> Any:
+def _found(k: int, kinds: Kinds) -> tuple[int, Any]:
     """Return the number of surface ``k`` among those of its kind, and that kind."""
     for kind in kinds[:-1]:
         if k < kind[0].shape[0]:
@@ -80,20 +91,20 @@ def _found(k: int, kinds: Any) -> Any:
     return k, kinds[-1]
 
 
-def distance(k: Any, place: Any, kinds: Any) -> Any:
+def distance(k: int, place: Vector, kinds: Kinds) -> Number:
     """Return the height [m] of a place above surface ``k`` of some kinds."""
     k, kind = _found(k, kinds)
     return kind.height(place, k, kind)
 
 
 @overload(distance, jit_options=INLINE)
-def _distance(k: Any, place: Any, kinds: Any) -> Any:
+def _distance(k: int, place: Vector, kinds: Kinds) -> Overload:
     height = kinds[0].instance_class.height
 
-    def of_first(k: Any, place: Any, kinds: Any) -> Any:
+    def of_first(k: int, place: Vector, kinds: Kinds) -> Number:
         return height(place, k, kinds[0])
 
-    def of_one(k: Any, place: Any, kinds: Any) -> Any:
+    def of_one(k: int, place: Vector, kinds: Kinds) -> Number:
         own = kinds[0][0].shape[0]
         if k < own:
             return height(place, k, kinds[0])
@@ -102,7 +113,7 @@ def _distance(k: Any, place: Any, kinds: Any) -> Any:
     return of_first if len(kinds) == 1 else of_one
 
 
-def mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
+def mean_gradient(k: int, begin: Vector, end: Vector, least: Number, kinds: Kinds) -> Facing:
     """Return n̄ of surface ``k`` for a way, its square, and the height [m] where the way begins.
 
     Of a way shorter than ``least`` [m] rounding would be all that is corrected.
@@ -111,14 +122,14 @@ def mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
     return _mean_gradient_of_first(type(kind))(k, begin, end, least, (kind,))
 
 
-def _mean_gradient_of_first(kind: Any) -> Any:
+def _mean_gradient_of_first(kind: Any) -> Overload:
     """Make the function that does what `mean_gradient` does, for surfaces of the first kind."""
     height, gradient = kind.height, kind.gradient
 
-    def of_plane(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
+    def of_plane(k: int, begin: Vector, end: Vector, least: Number, kinds: Kinds) -> Facing:
         return gradient(begin, k, kinds[0]), 1.0, height(begin, k, kinds[0])
 
-    def of_way(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
+    def of_way(k: int, begin: Vector, end: Vector, least: Number, kinds: Kinds) -> Facing:
         way, start = end - begin, height(begin, k, kinds[0])
         n = gradient(plus_scaled(begin, 0.5, way), k, kinds[0])
         missing = height(end, k, kinds[0]) - start - dot(n, way)
@@ -129,13 +140,13 @@ def _mean_gradient_of_first(kind: Any) -> Any:
 
 
 @overload(mean_gradient, jit_options=INLINE)
-def _mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
+def _mean_gradient(k: int, begin: Vector, end: Vector, least: Number, kinds: Kinds) -> Overload:
     of_first = _mean_gradient_of_first(kinds[0].instance_class)
     if len(kinds) == 1:
         return of_first
     first = compiled(of_first)
 
-    def of_one(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
+    def of_one(k: int, begin: Vector, end: Vector, least: Number, kinds: Kinds) -> Facing:
         own = kinds[0][0].shape[0]
         if k < own:
             n, square, start = first(k, begin, end, least, kinds)
@@ -147,13 +158,13 @@ def _mean_gradient(k: Any, begin: Any, end: Any, least: Any, kinds: Any) -> Any:
 
 
 @compiled
-def strength_and_reach(surfaces: Surfaces) -> Any:
+def strength_and_reach(surfaces: Surfaces) -> tuple[Number, Number]:
     """Return c [N·m²] and Δ [m] of all surfaces."""
     return load(surfaces.strength, 0), surfaces.reach
 
 
 @compiled
-def from_skin(distance: Number, radius: float | None) -> Any:
+def from_skin(distance: Number, radius: float | None) -> Number:
     """Return the gap [m] at a distance of a ball's centre, or of a point."""
     if radius is not None:
         distance = distance - radius
@@ -161,13 +172,13 @@ def from_skin(distance: Number, radius: float | None) -> Any:
 
 
 @compiled
-def height(k: int, place: Vector, surfaces: Surfaces) -> Any:
+def height(k: int, place: Vector, surfaces: Surfaces) -> Number:
     """Return the gap [m] between a particle at a place and surface ``k``."""
     return from_skin(distance(k, place, surfaces.kinds), surfaces.radius)
 
 
 @compiled
-def facing(k: int, begin: Vector, end: Vector, surfaces: Surfaces) -> Any:
+def facing(k: int, begin: Vector, end: Vector, surfaces: Surfaces) -> Facing:
     """Return the normal n̄ of surface ``k`` for a way, its square, and the gap [m] where the way begins.
 
     n̄ · (end − begin) is the difference of both gaps: n̄ is the discrete gradient of the height h (Gonzalez,
@@ -184,13 +195,13 @@ def facing(k: int, begin: Vector, end: Vector, surfaces: Surfaces) -> Any:
 
 
 @compiled
-def standing(k: int, place: Vector, surfaces: Surfaces) -> Any:
+def standing(k: int, place: Vector, surfaces: Surfaces) -> Facing:
     """Return the normal of surface ``k`` at a place, its square, and the gap there [m]."""
     return facing(k, place, place, surfaces)
 
 
 @compiled
-def lowest(place: Vector, surfaces: Surfaces) -> Any:
+def lowest(place: Vector, surfaces: Surfaces) -> Number:
     """Return the least gap [m] between a particle at a place and any surface."""
     least = height(0, place, surfaces)
     for k in range(1, count(surfaces.kinds)):
@@ -199,7 +210,7 @@ def lowest(place: Vector, surfaces: Surfaces) -> Any:
 
 
 @compiled
-def energy_at(position: Vector, surfaces: Surfaces | None) -> Any:
+def energy_at(position: Vector, surfaces: Surfaces | None) -> Number:
     """Return the energy of a free particle in the barriers of all surfaces [J]; 0 without any."""
     energy = 0.0 * position[0]
     if surfaces is not None:
@@ -210,7 +221,7 @@ def energy_at(position: Vector, surfaces: Surfaces | None) -> Any:
 
 
 @compiled
-def contact_energy(x: Numbers, particles: Particles, surfaces: Surfaces | None) -> Any:
+def contact_energy(x: Numbers, particles: Particles, surfaces: Surfaces | None) -> Number:
     """Return the energy of the particles in the barriers of all surfaces [J]."""
     energy = 0.0 * load(x, (0, 0))
     for i in range(particles.mass.size):

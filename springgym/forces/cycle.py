@@ -14,7 +14,7 @@ varied begin a cycle, and so do those amid one of which something else is asked 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -62,13 +62,13 @@ def cycle(every: int, particles: int, blocks: Callable[..., np.ndarray]) -> Cycl
 
 
 @compiled
-def place_in(phase: Number, cycle: Cycle) -> Any:
+def place_in(phase: Number, cycle: Cycle) -> Number:
     """The steps that each copy has taken of its cycle."""
     return select(phase >= cycle.every, phase - cycle.every, phase)
 
 
 @compiled
-def next_in_cycle(phase: Number, cycle: Cycle) -> Any:
+def next_in_cycle(phase: Number, cycle: Cycle) -> Number:
     after = phase + 1.0
     return select(after >= 2 * cycle.every, 0.0, after)
 
@@ -79,14 +79,14 @@ def keep_phase(phase: Number, cycle: Cycle) -> None:
 
 
 @compiled
-def is_at(phase: Number, place: Any) -> Any:
+def is_at(phase: Number, place: int) -> Mask:
     """Whether a copy's phase is this one."""
     off = phase - place
     return off * off < 0.25
 
 
 @compiled
-def resume_cycle(v: Rows, ledger: Ledger, wrench: Wrench | None, cycle: Cycle) -> Any:
+def resume_cycle(v: Rows, ledger: Ledger, wrench: Wrench | None, cycle: Cycle) -> Number:
     """Go back to before the state was read, amid cycles that go on. Returns the phase."""
     phase = load(cycle.marks, PHASE)
     if any_lane(place_in(phase, cycle) > 0.0):
@@ -102,7 +102,7 @@ def resume_cycle(v: Rows, ledger: Ledger, wrench: Wrench | None, cycle: Cycle) -
 
 
 @compiled
-def changed(wrench: Wrench | None, cycle: Cycle) -> Any:
+def changed(wrench: Wrench | None, cycle: Cycle) -> Mask:
     """Return by how much the wrench asks for something else at the most."""
     most = 0.0 * load(cycle.marks, PHASE)
     if wrench is not None:

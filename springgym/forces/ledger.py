@@ -6,8 +6,6 @@ A ledger of None records nothing and costs nothing.
 
 from __future__ import annotations
 
-from typing import Any
-
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Number
 from springgym.core.lanes import load, store
@@ -17,7 +15,7 @@ ENTRIES = 4
 
 
 @compiled
-def record(ledger: Ledger, entry: Any, energy: Number) -> None:
+def record(ledger: Ledger, entry: int, energy: Number) -> None:
     """Add an energy [J] to an entry: `WORK` done by actuators, or lost to the other three."""
     if ledger is not None:
         store(ledger, entry, load(ledger, entry) + energy)

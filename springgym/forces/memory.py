@@ -9,7 +9,7 @@ nowhere: it is fresh.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -59,7 +59,7 @@ def memory(particles: int, actuated: bool, foresees: bool, blocks: Callable[...,
 
 
 @compiled
-def resume(x: Rows, v: Rows, ledger: Ledger, memory: Any) -> Any:
+def resume(x: Rows, v: Rows, ledger: Ledger, memory: Memory) -> Number:
     """Go back to where the last node was reached; fresh copies stay where they are. Returns the phase."""
     phase = load(memory.marks, PHASE)
     fresh = phase < 0.5
@@ -73,7 +73,7 @@ def resume(x: Rows, v: Rows, ledger: Ledger, memory: Any) -> Any:
 
 
 @compiled
-def share_actions(b: Rows, phase: Any, memory: Any, pushed: Rows, drive: Drive | None) -> None:
+def share_actions(b: Rows, phase: Number, memory: Memory, pushed: Rows, drive: Drive | None) -> None:
     """Actions change at nodes: half of what the actuators give is as before, half as it is from now on."""
     fresh = phase < 0.5
     if pushed is not None:
@@ -88,7 +88,7 @@ def share_actions(b: Rows, phase: Any, memory: Any, pushed: Rows, drive: Drive |
 
 
 @compiled
-def steer(memory: Any, drive: Drive | None) -> None:
+def steer(memory: Memory, drive: Drive | None) -> None:
     """Let the drive do what it is asked to from now on."""
     if drive is not None:
         for axis in range(3):
@@ -97,7 +97,7 @@ def steer(memory: Any, drive: Drive | None) -> None:
 
 @compiled
 def turn_drive(
-    v: Numbers, force: Numbers, tau: Number, memory: Any, drive: Drive | None, ledger: Ledger
+    v: Numbers, force: Numbers, tau: Number, memory: Memory, drive: Drive | None, ledger: Ledger
 ) -> None:
     """`move_drive`, as the node before and what is asked for now have it."""
     if drive is not None:
@@ -110,7 +110,7 @@ def turn_drive(
 
 
 @compiled
-def remember(x: Rows, b: Rows, phase: Number, ledger: Ledger, memory: Any, pushed: Rows) -> None:
+def remember(x: Rows, b: Rows, phase: Number, ledger: Ledger, memory: Memory, pushed: Rows) -> None:
     """Keep how the node is reached at which the state is read."""
     store(memory.marks, PHASE, phase)
     for i in range(x.shape[0]):
@@ -142,7 +142,7 @@ def keep_foreseen(among: tuple[int, int], given: Rows, foreseen: Rows | None) ->
 
 
 @compiled
-def halve(ledger: Ledger, memory: Any) -> None:
+def halve(ledger: Ledger, memory: Memory) -> None:
     """Leave half of what the node entered in the ledger."""
     if ledger is not None:
         for entry in range(ENTRIES):

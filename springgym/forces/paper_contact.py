@@ -10,7 +10,7 @@ angle α it lets a particle creep at about 2 τ g sin α.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from springgym.contact.surfaces import count, standing
 from springgym.core.compiling import compiled
@@ -45,7 +45,7 @@ def add_paper_forces(
     particles: Particles,
     surfaces: Surfaces | None,
     friction: Numbers,
-    law: Any,
+    law: PaperLaw,
     ledger: Ledger,
     weight: Number,
 ) -> None:
@@ -64,13 +64,13 @@ def add_paper_forces(
 @compiled
 def add_paper_force(
     i: int,
-    above: Any,
+    above: Numbers,
     v: Rows,
     force: Rows,
     particles: Particles,
     surfaces: Surfaces,
     friction: Numbers,
-    law: Any,
+    law: PaperLaw,
     ledger: Ledger,
     weight: Number,
 ) -> None:
@@ -92,7 +92,7 @@ def add_paper_force(
 
 
 @compiled
-def clamp(x: Rows, v: Rows, particles: Particles, surfaces: Surfaces | None, law: Any) -> None:
+def clamp(x: Rows, v: Rows, particles: Particles, surfaces: Surfaces | None, law: PaperLaw) -> None:
     """Put particles that are too near a surface back to the least height, and stop them along its normal."""
     if law is not None and surfaces is not None:
         for i in range(particles.mass.size):

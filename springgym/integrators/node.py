@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from springgym.contact.law import Span, meet
-from springgym.contact.round import lifted_feature, roll, rolls
+from springgym.contact.round import RoundProblem, lifted_feature, roll, rolls
 from springgym.contact.surfaces import (
     coefficient,
     count,
@@ -445,7 +445,7 @@ def pass_node(
             set_row(memory.arrived, i, row(v, i))
     tau = 0.0 if last else h
     whole = rolls(terms.rounds)
-    touched = whole and rolled(x, v, w, a, span, space.rolling, terms, terms.rounds)
+    touched = whole and rolled(x, v, w, a, span, space, terms, terms.rounds)
     first, behind = v.shape[0], 0
     for i in range(v.shape[0]):
         place, now, acceleration = row(x, i), row(w, i), row(a, i)
@@ -488,12 +488,12 @@ def pass_node(
 
 @compiled
 def rolled(
-    x: Rows, v: Rows, w: Rows, a: Rows, span: Span, rolling: Rolling, terms: Terms, rounds: Rounds | None
+    x: Rows, v: Rows, w: Rows, a: Rows, span: Span, space: Space, terms: Terms, rounds: Rounds | None
 ) -> bool:
-    """Ask surfaces what they give a body by round features; whether they touch it in any copy."""
+    """Ask surfaces what they give a body by round features; tell whether they touch it in any copy."""
     if rounds is None:
         return False
-    return roll(x, v, w, a, span, rolling, rounds, terms)
+    return roll(v, w, a, RoundProblem(x, span, space.rolling, rounds, terms))
 
 
 @compiled
@@ -511,7 +511,7 @@ def stored_by_features(
     """Return what `springgym.contact.round.lifted_feature` does; nothing without features."""
     if rounds is None:
         return 0.0 * span.out, 0.0 * row(x, 0)
-    return lifted_feature(x, v, span, rolling, rounds, terms)
+    return lifted_feature(v, RoundProblem(x, span, rolling, rounds, terms))
 
 
 @compiled

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from springgym.contact.round import rolling_of
 from springgym.contact.totals import halve_totals, remember_totals, resume_totals
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Number, Rows
+from springgym.core.kinds import Ledger, Number, Ragged, Rows
 from springgym.core.lanes import any_lane, bodies_of, load, of_body
 from springgym.forces import (
     act,
@@ -44,7 +44,7 @@ from springgym.forces.memory import (
 )
 from springgym.integrators.node import Space, next_phase, pass_node, span_of
 from springgym.integrators.record import Integrator
-from springgym.integrators.together import PASSES, READS, START, STARTS, acts_amid, pass_together
+from springgym.integrators.together import PASSES, READS, START, STARTS, Bodies, acts_amid, pass_together
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -169,7 +169,7 @@ def integrate_among_surfaces(
 
 @compiled
 def integrate_together(
-    x: Any, v: Any, ledger: Ledger, workspace: Any, h: Number, steps: int, terms: Terms
+    x: Ragged, v: Ragged, ledger: Ledger, workspace: Bodies, h: Number, steps: int, terms: Terms
 ) -> None:
     """The same where bodies collide: all of them take each step together.
 
@@ -199,14 +199,14 @@ def integrate_together(
 
 @compiled
 def come_together(
-    x: Any,
-    v: Any,
+    x: Ragged,
+    v: Ragged,
     h: Number,
     phase: Number,
-    first: Any,
-    last: Any,
+    first: bool,
+    last: bool,
     ledger: Ledger,
-    workspace: Any,
+    workspace: Bodies,
     terms: Terms,
 ) -> None:
     """Find the forces at a node on all bodies, and remember how the ``last`` is reached."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from springgym.checks import TINY, array, number
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Vector
+from springgym.core.kinds import Number, Vector
 from springgym.core.lanes import load, sqrt
 from springgym.core.vectors import dot, row, unit
 from springgym.surfaces.surface import Surface, points
@@ -26,13 +26,13 @@ class Bowls(NamedTuple):
 
     @staticmethod
     @compiled
-    def height(place: Vector, k: int, own: Any) -> Any:
+    def height(place: Vector, k: int, own: Bowls) -> Number:
         arm = place - row(own.centre, k)
         return load(own.radius, k) - sqrt(dot(arm, arm))
 
     @staticmethod
     @compiled
-    def gradient(place: Vector, k: int, own: Any) -> Any:
+    def gradient(place: Vector, k: int, own: Bowls) -> Vector:
         return unit(row(own.centre, k) - place)
 
 

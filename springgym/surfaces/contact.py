@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from springgym.bodies import Body, vibrations
 from springgym.checks import TINY, array, number
@@ -83,7 +84,7 @@ class PaperContact:
         _check(self, ("friction", "damping"), ("strength", "reach"))
 
 
-def _check(contact: Any, not_negative: tuple[str, ...], positive: tuple[str, ...]) -> None:
+def _check(contact: object, not_negative: tuple[str, ...], positive: tuple[str, ...]) -> None:
     for name in not_negative + positive:
         value = getattr(contact, name)
         if value is not None or name not in ("strength", "reach"):
@@ -91,7 +92,7 @@ def _check(contact: Any, not_negative: tuple[str, ...], positive: tuple[str, ...
             object.__setattr__(contact, name, number(f"{name} of the contact", value, low))
 
 
-def loss_of(restitution: Any) -> np.ndarray:
+def loss_of(restitution: ArrayLike) -> np.ndarray:
     """Return β of the law of contact that gives restitutions (…), see `springgym.contact.law`.
 
     Raises
@@ -103,7 +104,9 @@ def loss_of(restitution: Any) -> np.ndarray:
     return np.asarray((1.0 - square) / (1.0 + square))
 
 
-def derived_strength(stiffness: Any, mass: Any, reach: Any) -> np.ndarray:
+def derived_strength(
+    stiffness: float | np.ndarray, mass: float | np.ndarray, reach: float | np.ndarray
+) -> np.ndarray:
     """Return c [N·m²] where none is given, for numbers or arrays of one shape.
 
     A corner of a block counts as a quarter of its mass, or less; of ½ (m/4) v² = c (Δ − h)²/(h Δ²) and

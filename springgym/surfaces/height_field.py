@@ -48,14 +48,14 @@ class HeightFields(NamedTuple):
 
     @staticmethod
     @compiled
-    def height(place: Vector, k: int, own: Any) -> Any:
+    def height(place: Vector, k: int, own: HeightFields) -> Number:
         u, v = grid_splines(place, k, own)
         f, along_x, along_y, _, _, _ = ground(u, v, k, own)
         return (place[2] - f) / sqrt(1.0 + (along_x * along_x + along_y * along_y))
 
     @staticmethod
     @compiled
-    def gradient(place: Vector, k: int, own: Any) -> Any:
+    def gradient(place: Vector, k: int, own: HeightFields) -> Vector:
         u, v = grid_splines(place, k, own)
         f, x, y, xx, xy, yy = ground(u, v, k, own)
         inverse = 1.0 / sqrt(1.0 + (x * x + y * y))
@@ -65,7 +65,7 @@ class HeightFields(NamedTuple):
 
 
 @compiled
-def grid_splines(place: Vector, k: int, own: Any) -> Any:
+def grid_splines(place: Vector, k: int, own: HeightFields) -> Any:
     """Return `splines` along x and along y, for a place above field ``k``."""
     density, corner = load(own.density, k), row(own.corner, k)
     along_x = splines(density * (place[0] - corner[0]), load(own.cells, (k, 0)), density)
@@ -107,7 +107,7 @@ def product(w: Any, c: Any) -> Any:
 
 
 @compiled
-def four(first: Number, own: Any) -> Any:
+def four(first: Number, own: HeightFields) -> Any:
     """Return four coefficients one after another."""
     c = own.coefficients
     return (
@@ -119,7 +119,7 @@ def four(first: Number, own: Any) -> Any:
 
 
 @compiled
-def ground(along_x: Any, along_y: Any, k: int, own: Any) -> Any:
+def ground(along_x: Any, along_y: Any, k: int, own: HeightFields) -> Any:
     """Return f [m], and its derivatives by x, y, xx, xy and yy."""
     row_of, value, slope, bend = along_x
     column, across, slope_across, bend_across = along_y

@@ -10,7 +10,7 @@ import numpy as np
 
 from springgym.checks import TINY, array, direction, number
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Vector
+from springgym.core.kinds import Number, Vector
 from springgym.core.lanes import load, sqrt
 from springgym.core.vectors import dot, plus_scaled, row, unit
 from springgym.surfaces.surface import Surface, points
@@ -28,18 +28,18 @@ class Pipes(NamedTuple):
 
     @staticmethod
     @compiled
-    def height(place: Vector, k: int, own: Any) -> Any:
+    def height(place: Vector, k: int, own: Pipes) -> Number:
         arm = off_axis(place, k, own)
         return load(own.radius, k) - sqrt(dot(arm, arm))
 
     @staticmethod
     @compiled
-    def gradient(place: Vector, k: int, own: Any) -> Any:
+    def gradient(place: Vector, k: int, own: Pipes) -> Vector:
         return unit(-off_axis(place, k, own))
 
 
 @compiled
-def off_axis(place: Vector, k: int, own: Any) -> Any:
+def off_axis(place: Vector, k: int, own: Pipes) -> Any:
     """Return d [m]: how a place lies off the axis of pipe ``k``."""
     arm = place - row(own.point, k)
     return plus_scaled(arm, -1.0 * dot(arm, row(own.axis, k)), row(own.axis, k))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from springgym.checks import array, direction, number
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Vector
+from springgym.core.kinds import Number, Vector
 from springgym.core.lanes import load
 from springgym.core.vectors import dot, row
 from springgym.surfaces.surface import Surface, points
@@ -32,12 +32,12 @@ class Planes(NamedTuple):
 
     @staticmethod
     @compiled
-    def height(place: Vector, k: int, own: Any) -> Any:
+    def height(place: Vector, k: int, own: Planes) -> Number:
         return dot(row(own.normal, k), place) - load(own.offset, k)
 
     @staticmethod
     @compiled
-    def gradient(place: Vector, k: int, own: Any) -> Any:
+    def gradient(place: Vector, k: int, own: Planes) -> Vector:
         return row(own.normal, k)
 
 

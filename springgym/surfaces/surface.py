@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from springgym.checks import array
 
@@ -32,7 +33,7 @@ class Surface(ABC):
 
     @classmethod
     @abstractmethod
-    def packed(cls, surfaces: Sequence[Self]) -> Any:
+    def packed(cls, surfaces: Sequence[Self]) -> tuple[Any, ...]:
         """Return the named tuple by which compiled code knows some surfaces of this kind."""
 
     @abstractmethod
@@ -55,7 +56,7 @@ class Surface(ABC):
         return None
 
 
-def points(positions: Any) -> np.ndarray:
+def points(positions: ArrayLike) -> np.ndarray:
     """Return positions that a height is asked for as an array (…, 3).
 
     Raises

@@ -8,7 +8,8 @@ from unittest import mock
 import numpy as np
 
 from springgym import packing
-from springgym.contact.pairs import ENTRIES, Pairs
+from springgym.contact.pairs import Pairs
+from springgym.contact.totals import ENTRIES
 from springgym.core.blocks import to_copies
 from springgym.packing import pack_pairs
 from springgym.scene import Scene
@@ -49,7 +50,7 @@ class Stepped:
 
     @property
     def pairs(self) -> Pairs:
-        return self.simulator._terms.meets.pairs
+        return self.simulator._terms.collisions.pairs
 
     def place(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         self.simulator.place(positions, velocities)
@@ -67,9 +68,9 @@ class Stepped:
         return self.simulator.velocities
 
     @property
-    def tally(self) -> np.ndarray:
+    def totals(self) -> np.ndarray:
         """(copies, pairs, ENTRIES)"""
-        found = to_copies(self.simulator._terms.meets.tally, self.simulator.copies)
+        found = to_copies(self.simulator._terms.collisions.totals, self.simulator.copies)
         return found.reshape(len(found), -1, ENTRIES).astype(float)
 
     def momenta(self) -> np.ndarray:

@@ -98,7 +98,7 @@ def test_impulses_are_what_changes_momenta(way: str) -> None:
         momenta.append((scene.masses[:8, None] * looked_at.v[0, :8]).sum(axis=0))
         np.testing.assert_array_equal(looked_at.v, other.v)
         np.testing.assert_array_equal(looked_at.x, other.x)
-        np.testing.assert_array_equal(looked_at.tally, other.tally)
+        np.testing.assert_array_equal(looked_at.totals, other.totals)
     given, changed = np.array(impulses), np.diff(momenta, axis=0)
     assert most >= 1
     assert np.abs(given[:, 0]).sum() > 0.5

@@ -9,7 +9,7 @@ import pytest
 
 from springgym.bodies import Body, cube, from_points, top
 from springgym.collisions import distance
-from springgym.contact.pairs import FAST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
+from springgym.contact.totals import FAST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
 from springgym.simulator import Simulator
 from tests.collisions.cases import CUBE, WAYS, approach
 from tests.collisions.impacts import impacts, pair_scene
@@ -53,23 +53,23 @@ def collided(
     energy, momenta = world.energy(), world.momenta()
     steps = int(2.2 * max(first.size, second.size) / speed / world.step)
     world.run(steps, *([] if lacks is None else [lacks]))
-    tally = world.tally[:, 0]
-    hits = tally[:, IMPULSE] > 0
-    parted = hits & (tally[:, TOUCHING] == 0)
+    totals = world.totals[:, 0]
+    hits = totals[:, IMPULSE] > 0
+    parted = hits & (totals[:, TOUCHING] == 0)
     own, other = (world.x[:, part] for part in scene.slices)
     depth = [
         distance.point_surface(x[:, np.unique(body.triangles)], y[:, of.triangles]).min(axis=1)
         for x, body, y, of in ((own, first, other, second), (other, second, own, first))
     ]
-    assert not tally[:, OVERFLOW].any()
+    assert not totals[:, OVERFLOW].any()
     return Outcome(
         (world.energy() / energy - 1)[parted],
         float(np.abs(world.momenta() - momenta).max()),
-        float(tally[:, MISSES].sum()),
-        float(tally[hits, GAP].min() / scene.meetings[0].reach),
+        float(totals[:, MISSES].sum()),
+        float(totals[hits, GAP].min() / scene.meetings[0].reach),
         int(hits.sum()),
         int((np.minimum(*depth) < 0).sum()),
-        int((tally[:, FAST] > 0).sum()),
+        int((totals[:, FAST] > 0).sum()),
     )
 
 
@@ -164,9 +164,9 @@ def test_every_way_to_meet(speed: float, most: float) -> None:
         world.place(x, v)
         energy, momenta = world.energy(), world.momenta()
         world.run(int(0.2 / speed / world.step))
-        tally = world.tally[:, 0]
-        assert (tally[:, IMPULSE] > 0.8 * speed).all()
-        assert not tally[:, [TOUCHING, MISSES]].any()
+        totals = world.totals[:, 0]
+        assert (totals[:, IMPULSE] > 0.8 * speed).all()
+        assert not totals[:, [TOUCHING, MISSES]].any()
         assert np.abs(world.momenta() - momenta).max() < ROUND_OFF
         worst.append(np.abs(world.energy() / energy - 1))
     assert worst[0].max() < most
@@ -185,7 +185,7 @@ def test_through_each_other_in_half_a_step() -> None:
         energy = world.energy()
         world.run(int(0.2 / 30 / world.step), *([] if lacks is None else [lacks]))
         gained.append(np.abs(world.energy() / energy - 1))
-        misses.append(world.tally[:, 0, MISSES].sum())
-        assert (world.tally[:, 0, FAST] > 0).all()
+        misses.append(world.totals[:, 0, MISSES].sum())
+        assert (world.totals[:, 0, FAST] > 0).all()
     assert max(gained[0].max(), gained[1].max()) < 1e-2 < gained[2].max()
     assert misses[0] == misses[1] == 0 < misses[2]

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.contact.law import SLOW, meet
+from springgym.contact.law import SLOW, Span, meet
 from springgym.core.blocks import aligned_zeros, block_dtype
 from springgym.core.compiling import kernel
 from springgym.core.lanes import load, minimum, store
-from springgym.integrators.node import Span
 
 COUNT, REACH, STEP = 4096, 0.0173, 5.5e-4
 MIDST, START = Span(STEP / 2, STEP / 2, STEP), Span(0.0, STEP / 2, STEP / 2)

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from springgym.bodies import ball, cube, rope
-from springgym.contact.pairs import ROWS, WATCHED
+from springgym.contact import lists
+from springgym.contact.lists import WATCHED
+from springgym.contact.rows import FAR, ROWS
 from springgym.core.blocks import block_array, numbers, set_all
-from springgym.packing import pack_room
+from springgym.packing import search_workspace
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact
@@ -38,35 +40,40 @@ class Blocks:
     """A block of copies, what it is searched in, and what was found in it."""
 
     def __init__(self, scene: Scene = SCENE) -> None:
-        meets = Simulator(scene, copies=COPIES)._terms.meets
-        assert meets is not None
-        self.scene, self.pairs = scene, meets.pairs
+        collisions = Simulator(scene, copies=COPIES)._terms.collisions
+        assert collisions is not None
+        self.scene, self.pairs = scene, collisions.pairs
         self.x, self.v = (block_array(COPIES, (len(scene.positions), 3), float) for _ in range(2))
         self.kept = self.empty()
 
     def empty(self) -> Any:
-        return pack_room(self.scene, self.pairs, self.x.dtype)
+        return search_workspace(self.scene, self.pairs, self.x.dtype)
 
-    def search(self, x: np.ndarray, v: np.ndarray, room: Any) -> list[Any]:
+    def search(self, x: np.ndarray, v: np.ndarray, workspace: Any) -> list[Any]:
         """All contacts of each copy."""
         set_all(self.x, x)
         set_all(self.v, v)
-        rows = found(self.x, self.v, self.pairs, room)
-        there = numbers(room.distance)[:rows] < 0.5 * terms.FAR
-        several = {"particle": 4, "weight": 4, "toward": 1, "distance": 1, "share": 1}
-        told = [numbers(room.left_out).copy(), room.pair[:rows].copy(), room.members[:rows].copy(), there]
+        contacts = workspace[1]
+        rows = found(self.x, self.v, self.pairs, *workspace)
+        there = numbers(contacts.gap)[:rows] < 0.5 * FAR
+        several = {"particle": 4, "weight": 4, "normal": 1, "gap": 1, "share": 1}
+        seen = [
+            numbers(contacts.left_out).copy(),
+            *(of[:rows].copy() for of in (contacts.pair, contacts.members)),
+        ]
+        seen.append(there)
         for name, each in several.items():
-            values = numbers(getattr(room, name))[: each * rows]
+            values = numbers(getattr(contacts, name))[: each * rows]
             values = values.reshape(rows, values.size // max(rows * COPIES, 1), COPIES)
-            told.append(np.where(there[:, None], values, 0.0))
-        return told
+            seen.append(np.where(there[:, None], values, 0.0))
+        return seen
 
     def compare(self, x: np.ndarray, v: np.ndarray) -> tuple[int, bool]:
         """Return how many contacts there are, and whether lists lasted, of which nothing is to be seen."""
         kept, anew = self.search(x, v, self.kept), self.search(x, v, self.empty())
         for one, other in zip(kept, anew, strict=True):
             assert np.array_equal(one, other)
-        return int(anew[3].sum()), not np.array_equal(numbers(self.kept.origin)[0], numbers(self.x)[0, 0])
+        return int(anew[3].sum()), not np.array_equal(numbers(self.kept[0].origin)[0], numbers(self.x)[0, 0])
 
 
 def small_turns(random: np.random.Generator, angle: float) -> np.ndarray:
@@ -115,8 +122,9 @@ def test_pairs_that_come_from_afar() -> None:
     watched, seen, counts = [], set(), []
     for n in range(0, 900, 3):
         counts.append(blocks.compare(blocks.scene.positions + n * step * v, v)[0])
-        watched.append(tuple(blocks.kept.watched[: blocks.kept.length[WATCHED]].tolist()))
-        seen.update(blocks.kept.pair[: blocks.kept.length[ROWS]].tolist())
+        kept, contacts = blocks.kept
+        watched.append(tuple(kept.watched[: kept.length[WATCHED]].tolist()))
+        seen.update(contacts.pair[: contacts.length[ROWS]].tolist())
     assert sum(counts) > 300
     assert len(set(watched)) > 5  # they were listed anew,
     assert np.mean([one == other for one, other in pairwise(watched)]) > 0.5  # not too often,
@@ -127,7 +135,7 @@ def test_pairs_that_come_from_afar() -> None:
 @pytest.mark.parametrize("few", ["LISTED", "CANDIDATES"])
 def test_where_there_is_no_space_for_more(few: str) -> None:
     """Lists of one pair always have space: those of others are made anew then."""
-    with mock.patch.object(terms, few, 0):
+    with mock.patch.object(lists, few, 0):
         blocks = Blocks()
         lasted = [blocks.compare(x, v)[1] for x, v in walk(10, 1e-4)]
     assert any(lasted) == (few == "CANDIDATES")

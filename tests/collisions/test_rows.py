@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from springgym.bodies import ball, top
+from springgym.contact.law import Span
 from springgym.contact.search import SPARE, find
 from springgym.core.blocks import at, block_array, numbers, set_all
 from springgym.core.compiling import kernel
-from springgym.integrators.node import Span
-from springgym.packing import pack_room
+from springgym.packing import search_workspace
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact
 
 
 @kernel
-def found(x: Any, v: Any, pairs: Any, room: Any) -> int:
-    return find(at(x, 0), at(v, 0), Span(0.0, 5e-4, 1e-3), pairs, room)
+def found(x: Any, v: Any, pairs: Any, lists: Any, contacts: Any) -> int:
+    return find(at(x, 0), at(v, 0), Span(0.0, 5e-4, 1e-3), pairs, lists, contacts)
 
 
 COPIES, RADIUS, REACH = 16, 0.06, 5e-3
@@ -32,14 +32,14 @@ def contacts(places: np.ndarray) -> tuple[int, Any]:
     """The rows of contacts of copies (16, 3) of where a ball is above a plate."""
     bodies = (Placed(PLATE, name="plate"), Placed(ball(RADIUS, 0.2), CROWN[None] + [0, 0, 1.0], name="ball"))
     scene = Scene(bodies=bodies, collisions=Contact(strength=1.25e-3, reach=REACH))
-    meets = Simulator(scene, copies=COPIES, step=1e-3)._terms.meets
-    assert meets is not None
+    collisions = Simulator(scene, copies=COPIES, step=1e-3)._terms.collisions
+    assert collisions is not None
     x, v = (block_array(COPIES, (len(scene.positions), 3), float) for _ in range(2))
     positions = np.repeat(scene.positions[None], COPIES, axis=0)
     positions[:, -1] = places
     set_all(x, positions)
-    room = pack_room(scene, meets.pairs, x.dtype)
-    return found(x, v, meets.pairs, room), room
+    lists, found_contacts = search_workspace(scene, collisions.pairs, x.dtype)
+    return found(x, v, collisions.pairs, lists, found_contacts), found_contacts
 
 
 @pytest.mark.slow
@@ -49,12 +49,12 @@ def test_a_row_for_all_who_touch_elsewhere() -> None:
     places = CROWN + 0.25 * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
     places[:, 2] += RADIUS + 2e-3
     places[3, 2] += 0.1  # one is aloft
-    rows, room = contacts(places)
+    rows, listed_contacts = contacts(places)
     assert rows == 1
-    shares, particles = numbers(room.share)[0], numbers(room.particle)[:4]
+    shares, particles = numbers(listed_contacts.share)[0], numbers(listed_contacts.particle)[:4]
     assert (shares > 0).tolist() == [n != 3 for n in range(COPIES)]
     assert len({tuple(sorted(corners)) for corners in particles[1:, shares > 0].T}) >= 10
-    np.testing.assert_allclose(numbers(room.distance)[0][shares > 0], 2e-3, rtol=1e-9)
+    np.testing.assert_allclose(numbers(listed_contacts.gap)[0][shares > 0], 2e-3, rtol=1e-9)
 
 
 def test_a_ball_that_comes_to_an_edge_is_outside() -> None:
@@ -66,9 +66,9 @@ def test_a_ball_that_comes_to_an_edge_is_outside() -> None:
     farthest = SPARE * REACH + RADIUS
     heights = farthest * (1 + np.linspace(-3e-6, 3e-6, COPIES))
     places = middle + 1e-6 * (CROWN - middle) + np.stack([0 * heights, 0 * heights, heights], axis=1)
-    rows, room = contacts(places)
+    rows, listed_contacts = contacts(places)
     assert rows == 1
-    listed = numbers(room.share)[0] > 0
+    listed = numbers(listed_contacts.share)[0] > 0
     assert listed[:8].all()
     assert not listed[-1]
-    np.testing.assert_allclose(numbers(room.distance)[0][listed], heights[listed] - RADIUS, rtol=1e-6)
+    np.testing.assert_allclose(numbers(listed_contacts.gap)[0][listed], heights[listed] - RADIUS, rtol=1e-6)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import Body, cube, top
-from springgym.contact.pairs import PairReadings
+from springgym.contact.totals import PairReadings
 from springgym.scene import Placed, Scene, WrenchActuator
 from springgym.simulator import Simulator
 from springgym.surfaces import Bowl, Contact, Plane
@@ -263,7 +263,7 @@ def test_how_bodies_meet_varies_copy_by_copy() -> None:
         assert same(one, 0, many, n), n
     own = Stepped(scene.with_(collisions=Contact(friction=0.2)), copies=3).simulator
     own.vary(None, friction=mu)
-    assert own._terms.meets.pairs.friction.tolist() == [0.2]
+    assert own._terms.collisions.pairs.friction.tolist() == [0.2]
 
 
 def test_calls_of_any_length() -> None:

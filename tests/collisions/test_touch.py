@@ -9,7 +9,7 @@ import pytest
 
 from springgym.bodies import Body, box, cube, rope
 from springgym.collisions import Pair
-from springgym.contact.pairs import CONTACT, FRICTION, MISSES, OVERFLOW, TOUCHING
+from springgym.contact.totals import CONTACT, FRICTION, MISSES, OVERFLOW, TOUCHING
 from springgym.scene import Placed, Scene
 from springgym.surfaces import Contact
 from tests.collisions.cases import turned
@@ -76,7 +76,7 @@ def test_cradle() -> None:
 
 @pytest.mark.parametrize("restitution", [0.9, 0.5, 0.2])
 def test_restitution(restitution: float) -> None:
-    """That asked for, to 2 (v h/Δ)², and what is lost is in the tally."""
+    """That asked for, to 2 (v h/Δ)², and what is lost is in the totals."""
     errors = []
     for share in (0.1, 0.05):
         contact = Contact(restitution=restitution, **HARD)
@@ -84,7 +84,7 @@ def test_restitution(restitution: float) -> None:
         world.run(int(0.1 / world.step))
         apart = world.v[0, 1, 0] - world.v[0, 0, 0]
         errors.append(abs(apart - restitution))
-        lost = world.tally[0, 0, CONTACT]
+        lost = world.totals[0, 0, CONTACT]
         assert 0.5 - 0.5 * (world.v[0] ** 2).sum() == pytest.approx(lost, abs=1e-12)
     assert errors[0] < 2e-2
     assert errors[1] < errors[0] / 2
@@ -127,11 +127,11 @@ def test_block_on_a_tilted_slab() -> None:
     gained = (speeds[1] - speeds[0]) / (4800 * world.step)
     assert speeds[1][:2].max() < 1e-8
     assert np.abs(gained[2:] / pull[2:] - 1).max() < 1e-5
-    tally = world.tally[:, 0]
-    assert tally[:, TOUCHING].all()
-    assert not tally[:, [MISSES, OVERFLOW]].any()
+    totals = world.totals[:, 0]
+    assert totals[:, TOUCHING].all()
+    assert not totals[:, [MISSES, OVERFLOW]].any()
     way = np.linalg.norm(world.x[:, 8:].mean(axis=1) - x[:, 8:].mean(axis=1), axis=1)
-    assert tally[2:, FRICTION] == pytest.approx((MU * 9.81 * np.cos(tilt) * way)[2:], rel=1e-3)
+    assert totals[2:, FRICTION] == pytest.approx((MU * 9.81 * np.cos(tilt) * way)[2:], rel=1e-3)
 
 
 def test_stack() -> None:
@@ -145,8 +145,8 @@ def test_stack() -> None:
     world.run(int(2 / world.step))
     assert (world.v**2).sum() < 1e-12
     assert np.abs(world.x - before).max() < 1e-8
-    assert world.tally[0, :, TOUCHING].all()
-    assert not world.tally[0, :, MISSES].any()
+    assert world.totals[0, :, TOUCHING].all()
+    assert not world.totals[0, :, MISSES].any()
 
 
 def impacts_with_friction(world: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -159,16 +159,16 @@ def impacts_with_friction(world: Any) -> tuple[np.ndarray, np.ndarray]:
 ROUGH = pair_scene(cube(damping=0.0), cube(damping=0.0), Contact(friction=0.5, restitution=0.8))
 
 
-def test_loss_and_friction_are_in_the_tally() -> None:
+def test_loss_and_friction_are_in_the_totals() -> None:
     """What random impacts of cubes lose is entered, and angular momentum is kept with friction, too."""
     world = Stepped(ROUGH, copies=32)
     energy, momenta = impacts_with_friction(world)
     world.run(3300)
-    tally = world.tally[:, 0]
+    totals = world.totals[:, 0]
     assert np.abs(world.momenta() - momenta).max() < 1e-12
-    assert (tally[:, [CONTACT, FRICTION]] > 0).all()
+    assert (totals[:, [CONTACT, FRICTION]] > 0).all()
     lost = energy - world.energy()
-    assert np.abs(lost - tally[:, CONTACT] - tally[:, FRICTION]).max() < 2e-3 * energy.min()
+    assert np.abs(lost - totals[:, CONTACT] - totals[:, FRICTION]).max() < 2e-3 * energy.min()
     assert (lost > 0).all()
 
 
@@ -199,8 +199,8 @@ def test_ball_and_rods() -> None:
     world = Stepped(scene)
     world.run(int(1.5 / world.step))
     x = world.x[0]
-    assert world.tally[0, :, [TOUCHING]].sum() >= 2
-    assert not world.tally[0, :, [MISSES, OVERFLOW]].any()
+    assert world.totals[0, :, [TOUCHING]].sum() >= 2
+    assert not world.totals[0, :, [MISSES, OVERFLOW]].any()
     assert max(x[8, 2], x[16, 2]) < 0.4  # the ends hang down
     assert x[10:15, 2].min() > 0.52  # a radius over the table
     assert x[17, 2] == pytest.approx(0.6, abs=0.011)

@@ -11,17 +11,19 @@ from typing import Any
 import numpy as np
 
 from springgym.contact.friction import TURNS, rub
-from springgym.contact.pairs import ENTRIES, GAP, Pairs, note
+from springgym.contact.law import Span
+from springgym.contact.pairs import Pairs
+from springgym.contact.rows import Problem
 from springgym.contact.search import find
-from springgym.contact.solver import account, prepare, sweep, taper
+from springgym.contact.solver import add_totals, prepare, sweep, taper
+from springgym.contact.totals import ENTRIES, GAP, Collisions, list_changing
 from springgym.core.blocks import aligned_zeros, at, block_array, numbers
 from springgym.core.compiling import compiled, kernel
 from springgym.core.lanes import block_dtype, load, minimum, sqrt
 from springgym.core.vectors import TINY, dot, plus_scaled, row, row_each, set_row, set_row_each
 from springgym.forces import Particles, Terms, accelerate, drift, kick, relax
 from springgym.forces.springs import Dampers, Decay, Springs, decay
-from springgym.integrators.node import Span
-from springgym.packing import Options, pack_pairs, pack_room
+from springgym.packing import Options, pack_pairs, search_workspace
 from springgym.scene import Scene
 from springgym.stability import automatic_step
 
@@ -31,21 +33,24 @@ sweep, the turn of friction."""
 
 
 @compiled
-def rub_plainly(v: Any, count: Any, friction: Any, room: Any) -> None:
+def rub_plainly(v: Any, friction: Any, problem: Any) -> None:
     """Friction as of points: opposite impulses that stop the slip of the two, however far they are apart."""
     if friction is not None:
-        for k in range(count):
-            n = row(room.toward, k)
+        contacts = problem.contacts
+        for k in range(problem.rows):
+            n = row(contacts.normal, k)
             slip = 0.0 * n
-            for j in range(room.members[k]):
-                own = row_each(v, load(room.particle, 4 * k + j))
-                slip = plus_scaled(slip, load(room.weight, 4 * k + j), own)
+            for j in range(contacts.members[k]):
+                own = row_each(v, load(contacts.particle, 4 * k + j))
+                slip = plus_scaled(slip, load(contacts.weight, 4 * k + j), own)
             slip = slip - dot(slip, n) * n
-            limit = load(friction, room.pair[k]) * load(room.push, k)
-            share = minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0 / (load(room.inverse, k) + TINY))
-            for j in range(room.members[k]):
-                i = load(room.particle, 4 * k + j)
-                size = share * load(room.gain, 4 * k + j)
+            limit = load(friction, contacts.pair[k]) * load(contacts.impulse, k)
+            share = minimum(
+                limit / sqrt(dot(slip, slip) + TINY), 1.0 / (load(contacts.inverse_mass, k) + TINY)
+            )
+            for j in range(contacts.members[k]):
+                i = load(contacts.particle, 4 * k + j)
+                size = share * load(contacts.gain, 4 * k + j)
                 set_row_each(v, i, plus_scaled(row_each(v, i), -1.0 * size, slip))
 
 
@@ -58,14 +63,12 @@ def one_step(
     direction: Any,
     h: Any,
     terms: Any,
-    pairs: Any,
-    room: Any,
-    met: Any,
-    tally: Any,
-    told: Any,
+    collisions: Any,
+    lists: Any,
+    contacts: Any,
+    touched: Any,
     lacks: Any,
 ) -> None:
-    particles = terms.particles
     drift(x, v, 0.5 * h)
     for i in range(x.shape[0]):
         set_row(w, i, row(v, i))
@@ -74,19 +77,22 @@ def one_step(
     kick(v, a, h)
     relax(v, direction, True, False, None, terms)
     span = Span(0.5 * h, 0.5 * h, h)
-    count = find(x, w, Span(0.0, 0.5 * h, h) if lacks == BLIND else span, pairs, room)
-    prepare(x, w, span, count, particles, pairs, room, tally, met)
+    inverse_mass, pairs = terms.particles.inverse_mass, collisions.pairs
+    seen = Span(0.0, 0.5 * h, h) if lacks == BLIND else span
+    rows = find(x, w, seen, pairs, lists, contacts)
+    problem = Problem(span, rows, x, w, inverse_mass, pairs, contacts, collisions.totals)
+    prepare(problem, touched)
     for turn in range(1 if lacks == SINGLE else 2):
-        sweep(v, span, count, turn == 1, pairs, room)
+        sweep(v, turn == 1, problem)
     if lacks != UNTAPERED:
-        taper(x, v, span, count, particles, pairs, room, pairs.shapes.edges)
+        taper(v, problem, pairs.shapes.edges)
     if lacks == PLAIN:
-        rub_plainly(v, count, pairs.friction, room)
+        rub_plainly(v, pairs.friction, problem)
     else:
         for turn in range(TURNS):
-            rub(w, v, turn, count, particles, pairs, pairs.friction, room, tally)
-    note(room, told)
-    account(v, span, count, pairs, room, tally, told)
+            rub(v, turn, problem, pairs.friction)
+    list_changing(contacts, collisions.changing)
+    add_totals(v, problem, collisions.changing)
     drift(x, v, 0.5 * h)
 
 
@@ -100,17 +106,23 @@ def advance(
     h: Any,
     steps: Any,
     terms: Any,
-    pairs: Any,
-    room: Any,
-    met: Any,
-    tally: Any,
-    told: Any,
+    collisions: Any,
+    lists: Any,
+    contacts: Any,
+    touched: Any,
     lacks: Any,
 ) -> None:
     for block in range(x.shape[0]):
         for _ in range(steps):
-            own = (at(tally, block), at(told, block))
-            one_step(at(x, block), at(v, block), w, a, direction, h, terms, pairs, room, met, *own, lacks)
+            own = Collisions(
+                collisions.pairs,
+                at(collisions.totals, block),
+                at(collisions.totals_before, block),
+                at(collisions.changing, block),
+            )
+            one_step(
+                at(x, block), at(v, block), w, a, direction, h, terms, own, lists, contacts, touched, lacks
+            )
 
 
 class World:
@@ -133,7 +145,7 @@ class World:
         count = len(scene.positions)
         self._x, self._v = (block_array(copies, (count, 3), dtype) for _ in range(2))
         self._w, self._a = (block_array(copies, (count, 3), dtype)[0] for _ in range(2))
-        self._met = block_array(copies, (count,), dtype)[0]
+        self._touched = block_array(copies, (count,), dtype)[0]
         self.place(scene.positions, scene.velocities)
         first, second = scene.springs.T.astype(np.uint32)
         self._direction = block_array(copies, (len(first), 3), dtype)[0]
@@ -154,10 +166,11 @@ class World:
         self.pairs = pack_pairs(scene, Options(_verlet(), self.step, frozenset(), blocks))
         if not lean:
             self.pairs = with_all_features(self.pairs)
-        self._room = pack_room(scene, self.pairs, self._x.dtype)
-        self._tally = block_array(copies, (len(self.pairs.first) * ENTRIES,), dtype)
-        numbers(self._tally)[:, GAP::ENTRIES] = np.inf
-        self._told = aligned_zeros((len(self._tally), 1 + len(self.pairs.first)), block_dtype(np.int64, 1))
+        self._found = search_workspace(scene, self.pairs, self._x.dtype)
+        totals = block_array(copies, (len(self.pairs.first) * ENTRIES,), dtype)
+        numbers(totals)[:, GAP::ENTRIES] = np.inf
+        changing = aligned_zeros((len(totals), 1 + len(self.pairs.first)), block_dtype(np.int64, 1))
+        self._collisions = Collisions(self.pairs, totals, totals.copy(), changing)
 
     def place(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         """Positions and velocities (N, 3) of all copies, or (copies, N, 3)."""
@@ -177,11 +190,9 @@ class World:
             self.step,
             steps,
             self.terms,
-            self.pairs,
-            self._room,
-            self._met,
-            self._tally,
-            self._told,
+            self._collisions,
+            *self._found,
+            self._touched,
             lacks,
         )
 
@@ -199,9 +210,9 @@ class World:
         return self._rows(self._v)
 
     @property
-    def tally(self) -> np.ndarray:
+    def totals(self) -> np.ndarray:
         """(copies, pairs, ENTRIES)"""
-        return self._rows(self._tally).reshape(self.copies, -1, ENTRIES)
+        return self._rows(self._collisions.totals).reshape(self.copies, -1, ENTRIES)
 
     def momenta(self) -> np.ndarray:
         """Momentum and angular momentum about the origin, (copies, 6)."""

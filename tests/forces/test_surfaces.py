@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numba import njit
 
+from springgym.contact import surfaces as of_surfaces
 from springgym.core.blocks import block_array, numbers
 from springgym.core.lanes import store
 from springgym.core.vectors import dot, row, set_row
-from springgym.forces import barrier
 from springgym.packing import surfaces_of
 from springgym.scene import Scene
 from springgym.surfaces import SURFACES, Bowl, HeightField, Pipe, Plane, Surface, floor, incline, waves
@@ -36,14 +36,14 @@ EACH = [
 
 @njit(error_model="numpy")
 def evaluate(x: Any, found: Any, surfaces: Any) -> None:
-    for k in range(barrier.count(surfaces.kinds)):
+    for k in range(of_surfaces.count(surfaces.kinds)):
         begin, end = row(x, 0), row(x, 1)
-        n, square, start = barrier.facing(k, begin, end, surfaces)
+        n, square, start = of_surfaces.facing(k, begin, end, surfaces)
         set_row(found, 3 * k, n)
         store(found, (3 * k + 1, 0), start)
-        store(found, (3 * k + 1, 1), barrier.height(k, end, surfaces))
+        store(found, (3 * k + 1, 1), of_surfaces.height(k, end, surfaces))
         store(found, (3 * k + 1, 2), square - dot(n, n))
-        normal, _, _ = barrier.standing(k, begin, surfaces)
+        normal, _, _ = of_surfaces.standing(k, begin, surfaces)
         set_row(found, 3 * k + 2, normal)
 
 
