@@ -289,15 +289,13 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
     springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
     count = len(scene.positions)
     lists, contacts = search_workspace(scene, pairs, dtype)
+    given = aligned_zeros((len(scene.surfaces), 3), dtype)
 
     def rows(start: np.ndarray = particles) -> Ragged:
         return Ragged(aligned_zeros((int(start[-1]), 3), dtype), start)
 
     return Bodies(
-        a=rows(),
-        b=rows(),
-        space=Space(rows(springs), rows(), aligned_zeros((len(scene.surfaces), 3), dtype), None),
-        w=rows(),
+        space=Space(rows(), rows(), rows(), rows(springs), rows(), given, None),
         in_contact=Ragged(aligned_zeros((count,), dtype), particles),
         touched=Ragged(np.zeros(count, bool), particles),
         busy=Ragged(np.zeros(count, bool), particles),

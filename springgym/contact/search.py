@@ -359,10 +359,9 @@ def list_features(near: Near, span: Span, seen: Search, triangles: Indices, edge
         if any_lane(gap < wide):
             make_space(a, b, shapes, lists)
             for side in range(2):
-                body, other = (a, b) if side == 0 else (b, a)
-                list_kind(VERTICES, side, body, other, wide, brief, near, seen, shapes.vertices)
-                list_kind(TRIANGLES, side, body, other, wide, brief, near, seen, triangles)
-                list_kind(EDGES, side, body, other, wide, brief, near, seen, edges)
+                list_kind(VERTICES, side, wide, brief, near, seen, shapes.vertices)
+                list_kind(TRIANGLES, side, wide, brief, near, seen, triangles)
+                list_kind(EDGES, side, wide, brief, near, seen, edges)
     store(lists.gap, p, gap)
     store(lists.nearest, p, gap)
     far = ROUNDING * ((SPARE + FARTHEST) * seen.pairs.reach[p] + near.radius)  # as in `lists_hold`
@@ -404,20 +403,13 @@ def make_space(a: int, b: int, shapes: Shapes, lists: Lists) -> None:
 
 @compiled
 def list_kind(
-    kind: int,
-    side: int,
-    body: int,
-    other: int,
-    wide: Number,
-    brief: bool,
-    near: Near,
-    seen: Search,
-    members: Indices,
+    kind: int, side: int, wide: Number, brief: bool, near: Near, seen: Search, members: Indices
 ) -> None:
-    """List the features of a kind of a body that are near the ``other``'s box, and in the slab.
+    """List the features of a kind of one body that are near the other's box, and in the slab.
 
     If it is to last, all copies list what one does: rows that are the same in all are soon loaded.
     """
+    body, other = near.bodies[side], near.bodies[1 - side]
     x, lists, start, p = seen.x, seen.lists, seen.pairs.shapes.start, near.pair
     first = lists.used[kind]
     lists.ends[p, kind, side] = lists.ends[p, kind, side + 1] = first

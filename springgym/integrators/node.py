@@ -63,9 +63,31 @@ LIFTS = 4
 """Newton's steps that lift a node: of ground that is bent, as much as Δ, they leave 1e-9 of it."""
 
 
+STARTS, PASSES, READS = range(3)
+"""What a node is for: to tell what touches in fresh copies, to go on to the next, or to read the state."""
+
+
+class Node(NamedTuple):
+    """A node of a step."""
+
+    phase: Number
+    """0 of a fresh copy, else 1 or 2, see `springgym.forces.memory`"""
+    span: Span
+    h: Number
+    """the step [s]"""
+    stage: int
+    """`STARTS`, `PASSES` or `READS`"""
+
+
 class Space(NamedTuple):
     """Workspace of a node."""
 
+    a: Rows
+    """(N, 3) accelerations by springs and gravity [m/s²]"""
+    b: Rows
+    """(N, 3) and by actuators"""
+    w: Rows
+    """(N, 3) velocities amid the node, before contact [m/s]"""
     direction: Rows
     """(springs, 3) where each spring points"""
     given: Rows
@@ -240,26 +262,30 @@ def span_of(phase: Number, h: Number) -> Span:
 
 
 @compiled
+def node_at(phase: Number, h: Number, stage: int) -> Node:
+    """Return a node of a phase, for a stage."""
+    return Node(phase, span_of(phase, h), h, stage)
+
+
+@compiled
 def next_phase(phase: Number) -> Number:
     """Return the phase after a node: the dampers' sweeps take turns in direction."""
     return select((phase - 1.0) * (phase - 1.0) < 0.25, 2.0 + 0.0 * phase, 1.0)
 
 
 @compiled
-def act_and_damp(
-    v: Rows, b: Rows, phase: Number, span: Span, direction: Rows, ledger: Ledger, terms: Terms
-) -> None:
+def act_and_damp(v: Rows, node: Node, space: Space, ledger: Ledger, terms: Terms) -> None:
     """Let actuators and dampers act: a sweep of a whole step, or one of half of it before and one after.
 
     Copies of a block whose sweeps differ in direction have theirs one after the other. The second half of a
     node, of a fresh copy, has the sweep after the actuators, of half a step.
     """
-    dampers = terms.dampers
+    dampers, whole = terms.dampers, node.span.whole
     for sweep in range(3):
         if sweep == 1:
-            push(v, b, span.whole, terms.particles, terms.wrench, terms.thrust, ledger)
-            turn_drive(v, b, span.whole, terms.memory, terms.drive, ledger)
-        relax_some(sweep, v, phase, direction, dampers, ledger, terms)
+            push(v, space.b, whole, terms.particles, terms.wrench, terms.thrust, ledger)
+            turn_drive(v, space.b, whole, terms.memory, terms.drive, ledger)
+        relax_some(sweep, v, node.phase, space.direction, dampers, ledger, terms)
 
 
 @compiled
@@ -322,25 +348,25 @@ def record_kicks(ledger: Ledger, others: Number, thrown: Number, dampers: Damper
 
 
 @compiled
-def give_expected(w: Rows, among: tuple[int, int], space: Space, dampers: Dampers | None) -> None:
+def give_expected(among: tuple[int, int], space: Space, dampers: Dampers | None) -> None:
     """Give the particles ``among`` which some were touched what is expected."""
     if needs_expected(dampers):
         for i in range(among[0], among[1]):
-            set_row(w, i, row(w, i) + row(space.given, i))
+            set_row(space.w, i, row(space.w, i) + row(space.given, i))
 
 
 @compiled
 def take_back_expected(
-    v: Rows, w: Rows, a: Rows, span: Span, among: tuple[int, int], space: Space, ledger: Ledger, terms: Terms
+    v: Rows, span: Span, among: tuple[int, int], space: Space, ledger: Ledger, terms: Terms
 ) -> None:
     """Take that back, when all but the surfaces have acted, and enter its product with what they did."""
     if needs_expected(terms.dampers):
         work = 0.0 * span.out
         for i in range(among[0], among[1]):
             half = row(space.given, i)
-            now = row(w, i) - half
-            set_row(w, i, now)
-            others = now - plus_scaled(row(v, i), span.lead, row(a, i))
+            now = row(space.w, i) - half
+            set_row(space.w, i, now)
+            others = now - plus_scaled(row(v, i), span.lead, row(space.a, i))
             work = work - load(terms.particles.mass, i) * dot(others, half)
         record_cross_work(ledger, work, terms.dampers)
 
@@ -404,26 +430,14 @@ def add_kicks(sums: Kicks, passed: Passage, thrown: Vector, gravity: Numbers) ->
 
 @compiled
 def pass_node(
-    x: Rows,
-    v: Rows,
-    w: Rows,
-    a: Rows,
-    b: Rows,
-    phase: Number,
-    h: Number,
-    last: bool,
-    among: tuple[int, int],
-    space: Space,
-    ledger: Ledger,
-    terms: Terms,
+    x: Rows, v: Rows, node: Node, among: tuple[int, int], space: Space, ledger: Ledger, terms: Terms
 ) -> tuple[int, int]:
-    """Let all act at a node, and go on to the next; or, at the ``last``, read it; ``v`` goes from v₋ to v₊.
+    """Let all act at a node, and go on to the next, or read it; ``v`` goes from v₋ to v₊.
 
-    ``a`` and ``b`` (N, 3) are the accelerations by springs and gravity, and by actuators; ``w`` (N, 3) is v₋
-    after the kick by ``a`` that leads to the node. There follow, in this order: half of what surfaces are
-    expected to give, actuators and dampers, what surfaces give less that half, a kick of h/2. Dampers must
-    see the mean velocity, with what surfaces do to it, else rest looks like stretching. It is expected
-    that a surface gives as much as at the last node.
+    The velocities w of the ``space`` are v₋ after the kick that leads to the node. There follow, in this
+    order: half of what surfaces are expected to give, actuators and dampers, what surfaces give less that
+    half, a kick of h/2. Dampers must see the mean velocity, with what surfaces do to it, else rest looks like
+    stretching. It is expected that a surface gives as much as at the last node.
 
     ``among`` says near which particles surfaces were before: the first of them, and the one behind the last.
     The way of the others begins where that of the last node ended, out of reach.
@@ -432,20 +446,20 @@ def pass_node(
 
     Returns among which particles surfaces are near now.
     """
-    particles, memory = terms.particles, terms.memory
-    span = span_of(phase, h)
+    particles, memory, span, last = terms.particles, terms.memory, node.span, node.stage == READS
+    a, w = space.a, space.w
     # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
-    lossy = select(span.lead > 0.0, coefficient(terms.loss, 0.0 * phase), 1.0) > 0.0
+    lossy = select(span.lead > 0.0, coefficient(terms.loss, 0.0 * node.phase), 1.0) > 0.0
     share = span.out * (1.0 / span.whole)
-    give_expected(w, among, space, terms.dampers)
-    act_and_damp(w, b, phase, span, space.direction, ledger, terms)
-    take_back_expected(v, w, a, span, among, space, ledger, terms)
+    give_expected(among, space, terms.dampers)
+    act_and_damp(w, node, space, ledger, terms)
+    take_back_expected(v, span, among, space, ledger, terms)
     if last:
         for i in range(v.shape[0]):
             set_row(memory.arrived, i, row(v, i))
-    tau = 0.0 if last else h
+    tau = 0.0 if last else node.h
     whole = rolls(terms.rounds)
-    touched = whole and rolled(x, v, w, a, span, space, terms, terms.rounds)
+    touched = whole and rolled(x, v, span, space, terms, terms.rounds)
     first, behind = v.shape[0], 0
     for i in range(v.shape[0]):
         place, now, acceleration = row(x, i), row(w, i), row(a, i)
@@ -482,18 +496,16 @@ def pass_node(
                 set_row(space.given, i, share * total)
     if last:
         halve(ledger, memory)
-        read_amid(x, v, w, a, b, span, space.rolling, ledger, terms)
+        read_amid(x, v, span, space, ledger, terms)
     return first, behind
 
 
 @compiled
-def rolled(
-    x: Rows, v: Rows, w: Rows, a: Rows, span: Span, space: Space, terms: Terms, rounds: Rounds | None
-) -> bool:
+def rolled(x: Rows, v: Rows, span: Span, space: Space, terms: Terms, rounds: Rounds | None) -> bool:
     """Ask surfaces what they give a body by round features; tell whether they touch it in any copy."""
     if rounds is None:
         return False
-    return roll(v, w, a, RoundProblem(x, span, space.rolling, rounds, terms))
+    return roll(v, space.w, space.a, RoundProblem(x, span, space.rolling, rounds, terms))
 
 
 @compiled
@@ -515,9 +527,7 @@ def stored_by_features(
 
 
 @compiled
-def read_amid(
-    x: Rows, v: Rows, w: Rows, a: Rows, b: Rows, span: Span, rolling: Rolling, ledger: Ledger, terms: Terms
-) -> None:
+def read_amid(x: Rows, v: Rows, span: Span, space: Space, ledger: Ledger, terms: Terms) -> None:
     """Read a node that is passed but for the drift after it: lift it, take the mean velocity, enter what half
     of it lacks, and keep what contact holds.
 
@@ -526,17 +536,17 @@ def read_amid(
     """
     particles, memory = terms.particles, terms.memory
     raised, whole = False, rolls(terms.rounds)
-    stored, raising = stored_by_features(x, v, span, rolling, terms, terms.rounds)
+    stored, raising = stored_by_features(x, v, span, space.rolling, terms, terms.rounds)
     sums = no_kicks(stored)
     for i in range(v.shape[0]):
         place, start, after = row(x, i), row(memory.arrived, i), row(v, i)
         set_row(v, i, 0.5 * (start + after))
         if particles.free[i]:
-            now, acceleration = row(w, i), row(a, i)
+            now, acceleration = row(space.w, i), row(space.a, i)
             total = after - plus_scaled(now, span.out, acceleration)
             others = now - plus_scaled(start, span.lead, acceleration)
             passed = Passage(load(particles.mass, i), start, acceleration, others, total, after)
-            thrown = span.whole * pushed(b, i, start, terms.wrench, terms.thrust)
+            thrown = span.whole * pushed(space.b, i, start, terms.wrench, terms.thrust)
             sums = add_kicks(sums, passed, thrown, terms.gravity)
             lift = raising
             if not whole:

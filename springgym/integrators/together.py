@@ -31,7 +31,10 @@ from springgym.core.vectors import choose, dot, plus_scaled, row, set_row, vec
 from springgym.forces.ledger import CONTACT, FRICTION, record
 from springgym.forces.memory import PHASE, STORED, Memory, halve
 from springgym.integrators.node import (
+    READS,
+    STARTS,
     Given,
+    Node,
     Passage,
     Space,
     act_and_damp,
@@ -45,7 +48,6 @@ from springgym.integrators.node import (
     nothing_given,
     pushed,
     record_cross_work,
-    span_of,
     store_energy,
     stored_by_surfaces,
 )
@@ -63,20 +65,11 @@ LOOK = -2
 """As a number of steps: none, but the node where the state was read is made anew, to look at its contacts."""
 
 
-STARTS, PASSES, READS = range(3)
-"""What a node is for: to tell what touches in fresh copies, to go on to the next, or to read the state."""
-
-
 class Bodies(NamedTuple):
     """What a thread computes in: rows (N, 3) of all bodies, as `Ragged`, if nothing else is said."""
 
-    a: Rows
-    """accelerations by springs and gravity [m/s²]"""
-    b: Rows
-    """and by actuators"""
     space: Space
-    w: Rows
-    """velocities amid the node, before contact, if anything else acts there [m/s]"""
+    """in which w is only set where anything but contact acts amid the node"""
     in_contact: Numbers
     """(N,) 1 where a copy has the particle in a contact of bodies, else 0"""
     touched: Numbers
@@ -242,8 +235,8 @@ def acts_amid(terms: Terms) -> bool:
 def before_contact(i: int, v: Rows, span: Span, own: Bodies, terms: Terms) -> Vector:
     """Return the velocity of a particle amid a node, before contact is given [m/s]."""
     if acts_amid(terms):
-        return row(own.w, i)
-    return plus_scaled(row(v, i), span.lead, row(own.a, i))
+        return row(own.space.w, i)
+    return plus_scaled(row(v, i), span.lead, row(own.space.a, i))
 
 
 @compiled
@@ -252,7 +245,7 @@ def free_velocity(i: int, v: Rows, span: Span, own: Bodies, terms: Terms) -> Vec
     now = before_contact(i, v, span, own, terms)
     if needs_expected(terms.dampers):
         now = now - row(own.space.given, i)
-    return plus_scaled(now, span.out, row(own.a, i))
+    return plus_scaled(now, span.out, row(own.space.a, i))
 
 
 @compiled
@@ -268,7 +261,7 @@ def give_expected(own: Bodies) -> None:
     """Give half of what contact is expected to give, as much as at the last node, before dampers act."""
     for i in range(own.busy.size):
         if own.busy[i]:
-            set_row(own.w, i, row(own.w, i) + row(own.space.given, i))
+            set_row(own.space.w, i, row(own.space.w, i) + row(own.space.given, i))
 
 
 @compiled
@@ -281,13 +274,13 @@ def was_given(i: int, own: Bodies, terms: Terms) -> bool:
 
 
 @compiled
-def pass_free(x: Rows, v: Rows, span: Span, h: Number, last: bool, own: Bodies, terms: Terms) -> bool:
+def pass_free(x: Rows, v: Rows, node: Node, own: Bodies, terms: Terms) -> bool:
     """Let a body's particles that nothing is near go on to the next node; tell whether any are left, busy.
 
-    The way of what was not busy begins where that of the last node ended, out of reach. At the ``last`` node,
-    all are busy. A sum with zero is never −0, as where contacts of other copies add theirs.
+    The way of what was not busy begins where that of the last node ended, out of reach. Where a node is
+    read, all are busy. A sum with zero is never −0, as where contacts of other copies add theirs.
     """
-    any_busy = False
+    any_busy, span, last = False, node.span, node.stage == READS
     for i in range(x.shape[0]):
         place, was = row(x, i), own.busy[i]
         after = free_velocity(i, v, span, own, terms)
@@ -304,16 +297,14 @@ def pass_free(x: Rows, v: Rows, span: Span, h: Number, last: bool, own: Bodies, 
         else:
             after = after + vec(0.0, 0.0, 0.0)
             set_row(v, i, after)
-            set_row(x, i, place + h * after)
+            set_row(x, i, place + node.h * after)
     return any_busy
 
 
 @compiled
-def pass_busy(
-    x: Rows, v: Rows, span: Span, h: Number, last: bool, ledger: Ledger, own: Bodies, terms: Terms
-) -> None:
-    """Let what is busy of a body go on, and enter what it lost; or, at the ``last`` node, read it."""
-    particles, memory = terms.particles, terms.memory
+def pass_busy(x: Rows, v: Rows, node: Node, ledger: Ledger, own: Bodies, terms: Terms) -> None:
+    """Let what is busy of a body go on, and enter what it lost; or read it, where the node is for that."""
+    particles, memory, span, last = terms.particles, terms.memory, node.span, node.stage == READS
     none = 0.0 * load(memory.marks, PHASE)
     share = span.out * (1.0 / span.whole)
     fresh = span.lead <= 0.0
@@ -323,7 +314,7 @@ def pass_busy(
     for i in range(v.shape[0]):
         if not own.busy[i]:
             continue
-        place, start, acceleration = row(x, i), row(v, i), row(own.a, i)
+        place, start, acceleration = row(x, i), row(v, i), row(own.space.a, i)
         half, by_bodies = row(own.space.given, i), row(own.by_bodies, i)
         given = Given(row(own.change, i), row(own.rub, i), row(own.force, i))
         total = by_bodies + (given.change + given.rub)
@@ -340,7 +331,7 @@ def pass_busy(
                 lost = lost - select(fresh, by_pairs, 0.0)
                 rubbed = rubbed + of_friction
             if last:
-                thrown = span.whole * pushed(own.b, i, start, terms.wrench, terms.thrust)
+                thrown = span.whole * pushed(own.space.b, i, start, terms.wrench, terms.thrust)
                 sums = add_kicks(sums, passed, thrown, terms.gravity)
                 shift = row(own.shift, i)
                 more, lift = stored_by_surfaces(place, shift, passed, span, terms, terms.surfaces)
@@ -353,7 +344,7 @@ def pass_busy(
             set_row(memory.arrived, i, start)
             set_row(v, i, 0.5 * (start + after))
         else:
-            set_row(x, i, place + h * after)
+            set_row(x, i, place + node.h * after)
             set_row(v, i, after)
             if needs_expected(terms.dampers):
                 set_row(own.space.given, i, share * total)
@@ -405,17 +396,15 @@ def start_together(phase: Number, problem: Problem, collisions: Collisions, memo
 
 
 @compiled
-def pass_together(
-    x: Ragged, v: Ragged, phase: Number, h: Number, stage: int, ledger: Ledger, work: Bodies, terms: Terms
-) -> None:
+def pass_together(x: Ragged, v: Ragged, node: Node, ledger: Ledger, work: Bodies, terms: Terms) -> None:
     """Let all act on all bodies at a node: `springgym.integrators.node.pass_node` where they collide."""
-    span, collisions, contacts = span_of(phase, h), terms.collisions, work.contacts
-    pairs, last = collisions.pairs, stage == READS
+    span, collisions, contacts = node.span, terms.collisions, work.contacts
+    pairs, last = collisions.pairs, node.stage == READS
     rows = find(x.values, v.values, span, pairs, work.lists, contacts)
     inverse_mass, totals = terms.particles.inverse_mass.values, collisions.totals
     problem = Problem(span, rows, x.values, v.values, inverse_mass, pairs, contacts, totals)
-    if stage == STARTS:
-        start_together(phase, problem, collisions, terms.memory)
+    if node.stage == STARTS:
+        start_together(node.phase, problem, collisions, terms.memory)
         return
     list_changing(contacts, collisions.changing)
     if rows > 0:
@@ -428,9 +417,8 @@ def pass_together(
         own, of = of_body(work, body), of_body(terms, body)
         if needs_expected(terms.dampers) and work.any_busy[body]:
             give_expected(own)
-        act_and_damp(own.w, own.b, phase, span, own.space.direction, of_body(ledger, body), of)
-        here, velocities = of_body(x, body), of_body(v, body)
-        work.any_busy[body] = pass_free(here, velocities, span, h, last, own, of)
+        act_and_damp(own.space.w, node, own.space, of_body(ledger, body), of)
+        work.any_busy[body] = pass_free(of_body(x, body), of_body(v, body), node, own, of)
     find_impulses(x, v, problem, work, terms)
     add_totals(work.velocity.values, problem, collisions.changing)
     if rows > 0:
@@ -443,6 +431,6 @@ def pass_together(
     for body in range(count):
         if work.any_busy[body]:
             own, entries, of = of_body(work, body), of_body(ledger, body), of_body(terms, body)
-            pass_busy(of_body(x, body), of_body(v, body), span, h, last, entries, own, of)
+            pass_busy(of_body(x, body), of_body(v, body), node, entries, own, of)
     if last:
         store_energy_of_pairs(collisions, terms.memory, 0.5)

@@ -42,9 +42,9 @@ from springgym.forces.memory import (
     share_actions,
     steer,
 )
-from springgym.integrators.node import Space, next_phase, pass_node, span_of
+from springgym.integrators.node import PASSES, READS, STARTS, Node, Space, next_phase, node_at, pass_node
 from springgym.integrators.record import Integrator
-from springgym.integrators.together import PASSES, READS, START, STARTS, Bodies, acts_amid, pass_together
+from springgym.integrators.together import START, Bodies, acts_amid, pass_together
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -145,25 +145,24 @@ def integrate_among_surfaces(
     The state is read amid the last node, which the next call makes anew; and no other if it takes as many
     steps as `springgym.integrators.together.LOOK`.
     """
-    a, b, direction = workspace[0], workspace[1], workspace[2]
-    rolling = rolling_of(workspace, OWN_ARRAYS, terms.rounds)
-    space = Space(direction, workspace[3], workspace[4], rolling)
-    memory, w = terms.memory, workspace[5]
+    memory, rolling = terms.memory, rolling_of(workspace, OWN_ARRAYS, terms.rounds)
+    space = Space(workspace[0], workspace[1], workspace[5], workspace[2], workspace[3], workspace[4], rolling)
     phase = resume(x, v, ledger, memory)
     recall(phase, space.given, memory.given)
     among, end = (0, x.shape[0]), max(steps, 0)
     for n in range(end + 1):
-        set_forces(x, a, direction, terms)
-        actuate(x, b, terms)
-        divide_and_kick(a, v, w, span_of(phase, h).lead, terms.particles)
+        node = node_at(phase, h, READS if n == end else PASSES)
+        set_forces(x, space.a, space.direction, terms)
+        actuate(x, space.b, terms)
+        divide_and_kick(space.a, v, space.w, node.span.lead, terms.particles)
         if n == 0:
-            share_actions(b, phase, memory, memory.pushed, terms.drive)
+            share_actions(space.b, phase, memory, memory.pushed, terms.drive)
         else:
             steer(memory, terms.drive)
         if n == end:
-            remember(x, b, phase, ledger, memory, memory.pushed)
+            remember(x, space.b, phase, ledger, memory, memory.pushed)
             keep_foreseen(among, space.given, memory.given)
-        among = pass_node(x, v, w, a, b, phase, h, n == end, among, space, ledger, terms)
+        among = pass_node(x, v, node, among, space, ledger, terms)
         phase = next_phase(phase)
 
 
@@ -187,10 +186,10 @@ def integrate_together(
             recall(phase, own.space.given, kept.given)
         resume_totals(phase, terms.collisions)
     for n in range(end + 1):
-        stage = STARTS if not goes else (READS if n == end else PASSES)
+        node = node_at(phase, h, STARTS if not goes else (READS if n == end else PASSES))
         if goes:
-            come_together(x, v, h, phase, n == 0, n == end, ledger, workspace, terms)
-        pass_together(x, v, phase, h, stage, ledger, workspace, terms)
+            come_together(x, v, node, n == 0, ledger, workspace, terms)
+        pass_together(x, v, node, ledger, workspace, terms)
         if n < end:
             phase = next_phase(phase)
     if goes:
@@ -199,34 +198,27 @@ def integrate_together(
 
 @compiled
 def come_together(
-    x: Ragged,
-    v: Ragged,
-    h: Number,
-    phase: Number,
-    first: bool,
-    last: bool,
-    ledger: Ledger,
-    workspace: Bodies,
-    terms: Terms,
+    x: Ragged, v: Ragged, node: Node, first: bool, ledger: Ledger, workspace: Bodies, terms: Terms
 ) -> None:
-    """Find the forces at a node on all bodies, and remember how the ``last`` is reached."""
+    """Find the forces at a node on all bodies; how it is reached is remembered where it is to be read."""
+    last = node.stage == READS
     for body in range(bodies_of(x)):
-        own, work = of_body(terms, body), of_body(workspace, body)
-        set_forces(of_body(x, body), work.a, work.space.direction, own)
-        actuate(of_body(x, body), work.b, own)
+        own, space = of_body(terms, body), of_body(workspace, body).space
+        set_forces(of_body(x, body), space.a, space.direction, own)
+        actuate(of_body(x, body), space.b, own)
         if acts_amid(own):
-            divide_and_kick(work.a, of_body(v, body), work.w, span_of(phase, h).lead, own.particles)
+            divide_and_kick(space.a, of_body(v, body), space.w, node.span.lead, own.particles)
         else:
-            divide_by_mass(work.a, own.particles)
+            divide_by_mass(space.a, own.particles)
     for body in range(bodies_of(x)):
-        own, work = of_body(terms, body), of_body(workspace, body)
+        own, space = of_body(terms, body), of_body(workspace, body).space
         if first:
-            share_actions(work.b, phase, own.memory, own.memory.pushed, own.drive)
+            share_actions(space.b, node.phase, own.memory, own.memory.pushed, own.drive)
         else:
             steer(own.memory, own.drive)
         if last:
             entries = of_body(ledger, body)
-            remember(of_body(x, body), work.b, phase, entries, own.memory, own.memory.pushed)
-            keep_foreseen((0, work.b.shape[0]), work.space.given, own.memory.given)
+            remember(of_body(x, body), space.b, node.phase, entries, own.memory, own.memory.pushed)
+            keep_foreseen((0, space.b.shape[0]), space.given, own.memory.given)
     if last:
         remember_totals(terms.collisions)

@@ -64,8 +64,8 @@ LOADS = ARRAYS * SURFACES
 """The array behind them has force and torque of the actuators as its first rows."""
 
 
-class Node(NamedTuple):
-    """A node, and what all but the surfaces makes of it."""
+class RigidNode(NamedTuple):
+    """A node of a rigid body, and what all but the surfaces makes of it."""
 
     span: Span
     """its time"""
@@ -176,7 +176,9 @@ def warm_start(given: Motion, known: Mask, workspace: np.ndarray, solid: Solid) 
 
 
 @compiled
-def meet_surfaces(node: Node, known: Mask, active: Number, workspace: np.ndarray, solid: Solid) -> Motion:
+def meet_surfaces(
+    node: RigidNode, known: Mask, active: Number, workspace: np.ndarray, solid: Solid
+) -> Motion:
     """Return what surfaces and friction change of the motion where ``active`` is 1."""
     _, reach = strength_and_reach(solid.terms.surfaces)
     nothing = 0.0 * node.before[0]
@@ -201,7 +203,7 @@ def meet_surfaces(node: Node, known: Mask, active: Number, workspace: np.ndarray
 
 
 @compiled
-def straight(n: Vector, arm: Vector, node: Node, after: Motion, solid: Solid) -> Number:
+def straight(n: Vector, arm: Vector, node: RigidNode, after: Motion, solid: Solid) -> Number:
     """Return the way along n of a particle that flies straight, with its velocities at the node."""
     way = node.span.lead * dot(n, velocity_of(arm, node.before, solid))
     return way + node.span.out * dot(n, velocity_of(arm, after, solid))
@@ -215,7 +217,7 @@ def touch(
     given: Motion,
     after: Motion,
     going: Mask,
-    node: Node,
+    node: RigidNode,
     workspace: np.ndarray,
     solid: Solid,
 ) -> tuple[Motion, Number]:
@@ -270,7 +272,7 @@ def touch(
 
 @compiled
 def stick(
-    n: Vector, arm: Vector, old: Vector, limit: Number, given: Motion, node: Node, solid: Solid
+    n: Vector, arm: Vector, old: Vector, limit: Number, given: Motion, node: RigidNode, solid: Solid
 ) -> tuple[Vector, Motion, Number]:
     """Return friction that stops a particle along a surface or, at its limit, works against its motion.
 
@@ -308,7 +310,7 @@ def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust:
 
 
 @compiled
-def reach_node(begin: State, state: State, span: Span, b: Rows, solid: Solid) -> Node:
+def reach_node(begin: State, state: State, span: Span, b: Rows, solid: Solid) -> RigidNode:
     """Return a node; ``b`` is of `set_loads`."""
     axes = turned(solid.axes, state.q)
     before = (components(axes, state.velocity), state.spin)
@@ -317,11 +319,11 @@ def reach_node(begin: State, state: State, span: Span, b: Rows, solid: Solid) ->
     thrown = thrown_by(b, span.whole, solid, solid.terms.wrench, solid.terms.thrust)
     soon = sum_of(sum_of(before, span.whole, rate), 1.0, thrown)
     falling = plus_scaled(state.velocity, span.whole * solid.lightness, push)
-    return Node(span, begin, state, axes, before, rate, thrown, soon, falling)
+    return RigidNode(span, begin, state, axes, before, rate, thrown, soon, falling)
 
 
 @compiled
-def leave(node: Node, given: Motion, solid: Solid) -> State:
+def leave(node: RigidNode, given: Motion, solid: Solid) -> State:
     """Return the state half a step later, where surfaces change the motion by ``given``."""
     velocity = node.falling + combine(node.axes, node.thrown[0] + given[0])
     state = State(node.state.q, node.free[1] + given[1], node.state.position, velocity)
@@ -330,7 +332,7 @@ def leave(node: Node, given: Motion, solid: Solid) -> State:
 
 @compiled
 def pass_node(
-    node: Node, near: tuple[Number, Number], ledger: Ledger, workspace: np.ndarray, solid: Solid
+    node: RigidNode, near: tuple[Number, Number], ledger: Ledger, workspace: np.ndarray, solid: Solid
 ) -> tuple[State, tuple[Number, Number], Motion]:
     """Let all act at a node.
 
@@ -355,7 +357,7 @@ def pass_node(
 
 @compiled
 def record_surface_losses(
-    node: Node, given: Motion, middle: Motion, ledger: Ledger, workspace: np.ndarray, solid: Solid
+    node: RigidNode, given: Motion, middle: Motion, ledger: Ledger, workspace: np.ndarray, solid: Solid
 ) -> None:
     """Enter what contact and friction took; ``middle`` is the mean motion at the node."""
     span, none = node.span, 0.0 * node.before[0][0]
@@ -387,7 +389,7 @@ def record_surface_losses(
 
 
 @compiled
-def shown_at(node: Node, end: State, shift: Vector, solid: Solid, surfaces: Surfaces | None) -> Vector:
+def shown_at(node: RigidNode, end: State, shift: Vector, solid: Solid, surfaces: Surfaces | None) -> Vector:
     """Return where the body's point is shown: shifted off bodies and, unless pinned, lifted off surfaces."""
     shown, terms = node.state.position + shift, solid.terms
     if surfaces is not None:
@@ -402,7 +404,9 @@ def shown_at(node: Node, end: State, shift: Vector, solid: Solid, surfaces: Surf
 
 
 @compiled
-def read_node(node: Node, end: State, given: Motion, shift: Vector, ledger: Ledger, solid: Solid) -> State:
+def read_node(
+    node: RigidNode, end: State, given: Motion, shift: Vector, ledger: Ledger, solid: Solid
+) -> State:
     """Return the state amid a node, where it is read; half of the node's entries are left in the ledger."""
     memory, terms = solid.terms.memory, solid.terms
     halve(ledger, memory)

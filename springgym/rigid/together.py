@@ -31,18 +31,15 @@ from springgym.core.lanes import any_lane, bodies_of, epsilon, load, maximum, mi
 from springgym.core.vectors import TINY, choose, plus_scaled, row, set_row, vec
 from springgym.forces.ledger import CONTACT, WORK, record
 from springgym.forces.memory import PHASE, STORED, halve, remember, resume, share_actions
-from springgym.integrators.node import span_of
+from springgym.integrators.node import PASSES, READS, STARTS, Node, node_at
 from springgym.integrators.together import (
-    PASSES,
-    READS,
     START,
-    STARTS,
     record_losses,
     start_together,
     store_energy_of_pairs,
 )
 from springgym.rigid.contact import (
-    Node,
+    RigidNode,
     clearance,
     leave,
     meet_surfaces,
@@ -140,15 +137,15 @@ def half_a_step_before(state: State, span: Span, solid: Solid, surfaces: Surface
 
 
 @compiled
-def node_of(body: int, span: Span, space: Company, twin: Twin) -> tuple[Node, Solid]:
-    """Return the `Node` of a body without contact, and its `Solid`."""
+def node_of(body: int, span: Span, space: Company, twin: Twin) -> tuple[RigidNode, Solid]:
+    """Return the `RigidNode` of a body without contact, and its `Solid`."""
     state, solid = kept_state(space.bodies[body], twin)
     first = half_a_step_before(state, span, solid, solid.terms.surfaces)
     return reach_node(first, state, span, space.loads[body], solid), solid
 
 
 @compiled
-def pushed_by_pairs(node: Node, body: int, space: Company) -> tuple[Node, Motion]:
+def pushed_by_pairs(node: RigidNode, body: int, space: Company) -> tuple[RigidNode, Motion]:
     """Return a node with what bodies give each other as a part of all that surfaces do not, and that part."""
     by_bodies = (
         components(node.axes, row(space.by_bodies, 2 * body)),
@@ -157,7 +154,7 @@ def pushed_by_pairs(node: Node, body: int, space: Company) -> tuple[Node, Motion
     falling = node.falling + row(space.by_bodies, 2 * body)
     soon = sum_of(node.free, 1.0, by_bodies)
     span, first, state, axes, before, rate, thrown, _, _ = node
-    return Node(span, first, state, axes, before, rate, thrown, soon, falling), by_bodies
+    return RigidNode(span, first, state, axes, before, rate, thrown, soon, falling), by_bodies
 
 
 @compiled
@@ -173,10 +170,8 @@ def reach(
     body: int,
     x: Rows,
     v: Rows,
-    phase: Number,
-    span: Span,
+    node: Node,
     first: bool,
-    last: bool,
     ledger: Ledger,
     space: Company,
     twin: Twin,
@@ -184,7 +179,7 @@ def reach(
     """Read off how a body reaches the node, and find what all but contact gives it there."""
     rigid, asymmetry, terms = twin
     rows, b, solids = space.bodies[body], space.loads[body], space.contacts.solids
-    zero = 0.0 * phase
+    zero, last = 0.0 * node.phase, node.stage == READS
     nothing = vec(zero, zero, zero)
     space.pushed[body] = False
     if not rigid.moves:
@@ -197,10 +192,10 @@ def reach(
     keep_state(state, seen, rows)
     set_loads(b, state.q, seen, terms.wrench, terms.thrust)
     if first:
-        share_actions(b, phase, terms.memory, terms.memory.pushed, None)
+        share_actions(b, node.phase, terms.memory, terms.memory.pushed, None)
     if last:
         remember(x, b, 1.0 + zero, ledger, terms.memory, terms.memory.pushed)
-    node, solid = node_of(body, span, space, twin)
+    reached, solid = node_of(body, node.span, space, twin)
     set_row(solids.point, body, state.position)
     store(solids.lightness, body, solid.lightness)
     turn = inverse_inertia(solid)
@@ -208,8 +203,8 @@ def reach(
     set_row(solids.turn, 2 * body + 1, turn[1])
     set_row(space.before, 2 * body, state.velocity)
     set_row(space.before, 2 * body + 1, combine(solid.axes, state.spin))
-    velocity = node.falling + combine(solid.axes, node.thrown[0])
-    spin = combine(solid.axes, node.free[1])
+    velocity = reached.falling + combine(solid.axes, reached.thrown[0])
+    spin = combine(solid.axes, reached.free[1])
     for part in range(2):
         soon = velocity if part == 0 else spin
         set_row(space.free, 2 * body + part, soon)
@@ -217,7 +212,7 @@ def reach(
         set_row(space.known, 2 * body + part, soon)
         set_row(space.by_bodies, 2 * body + part, nothing)
         set_row(rows, GIVEN + part, nothing)
-    ahead = near_surfaces(node.begin, solid, terms.surfaces)
+    ahead = near_surfaces(reached.begin, solid, terms.surfaces)
     set_row(rows, NEAR, vec(ahead, zero, zero))
 
 
@@ -331,10 +326,11 @@ def find_impulses(problem: Problem, space: Company, twins: Twin) -> None:
 
 @compiled
 def leave_together(
-    body: int, x: Rows, v: Rows, span: Span, last: bool, ledger: Ledger, space: Company, twin: Twin
+    body: int, x: Rows, v: Rows, node: Node, ledger: Ledger, space: Company, twin: Twin
 ) -> None:
     """Let a body go on to the next node, and enter what it lost; or, at the ``last``, read it."""
     rigid, _, terms = twin
+    span, last = node.span, node.stage == READS
     if not rigid.moves:
         if last:
             halve(ledger, terms.memory)
@@ -343,15 +339,15 @@ def leave_together(
                 set_row(terms.memory.arrived, i, row(v, i))
         return
     free, solid = node_of(body, span, space, twin)
-    node, by_bodies = pushed_by_pairs(free, body, space)
+    passed, by_bodies = pushed_by_pairs(free, body, space)
     given = (row(space.bodies[body], GIVEN), row(space.bodies[body], TURNED))
-    end = leave(node, given, solid)
-    middle = sum_of(sum_of(node.before, span.lead, node.rate), 0.5, node.thrown)
+    end = leave(passed, given, solid)
+    middle = sum_of(sum_of(passed.before, span.lead, passed.rate), 0.5, passed.thrown)
     middle = sum_of(sum_of(middle, 0.5, by_bodies), 0.5, given)
-    record(ledger, WORK, product_of(node.thrown, middle, solid))
+    record(ledger, WORK, product_of(passed.thrown, middle, solid))
     if space.pushed[body]:
-        record_pushes(node, given, middle, ledger, space.surfaces[body], solid, terms.surfaces)
-    enter_start(node, by_bodies, middle, ledger, solid)
+        record_pushes(passed, given, middle, ledger, space.surfaces[body], solid, terms.surfaces)
+    enter_start(passed, by_bodies, middle, ledger, solid)
     if last:
         for i in range(x.shape[0]):
             set_row(terms.memory.arrived, i, row(v, i))
@@ -365,7 +361,7 @@ def leave_together(
 
 @compiled
 def record_pushes(
-    node: Node,
+    node: RigidNode,
     given: Motion,
     middle: Motion,
     ledger: Ledger,
@@ -379,7 +375,7 @@ def record_pushes(
 
 
 @compiled
-def enter_start(node: Node, by_bodies: Motion, middle: Motion, ledger: Ledger, solid: Solid) -> None:
+def enter_start(node: RigidNode, by_bodies: Motion, middle: Motion, ledger: Ledger, solid: Solid) -> None:
     """Enter, of the half node of a fresh copy, what bodies took from one body; what its barriers gave is
     entered for the pair.
 
@@ -394,30 +390,22 @@ def enter_start(node: Node, by_bodies: Motion, middle: Motion, ledger: Ledger, s
 
 @compiled
 def pass_together(
-    x: Ragged,
-    v: Ragged,
-    phase: Number,
-    h: Number,
-    first: bool,
-    stage: int,
-    ledger: Ledger,
-    space: Company,
-    twins: Twin,
+    x: Ragged, v: Ragged, node: Node, first: bool, ledger: Ledger, space: Company, twins: Twin
 ) -> None:
     """Let all act on all bodies at a node: `springgym.integrators.together.pass_together` of rigid bodies."""
-    span, terms, contacts = span_of(phase, h), twins[2], space.contacts
-    collisions, last = terms.collisions, stage == READS
+    span, terms, contacts = node.span, twins[2], space.contacts
+    collisions, last = terms.collisions, node.stage == READS
     pairs = collisions.pairs
     rows = find(x.values, v.values, span, pairs, space.lists, contacts)
     inverse_mass, totals = terms.particles.inverse_mass.values, collisions.totals
     problem = Problem(span, rows, x.values, space.before, inverse_mass, pairs, contacts, totals)
-    if stage == STARTS:
-        start_together(phase, problem, collisions, terms.memory)
+    if node.stage == STARTS:
+        start_together(node.phase, problem, collisions, terms.memory)
         return
     count = bodies_of(x)
     for body in range(count):
         here, velocities, entries = of_body(x, body), of_body(v, body), of_body(ledger, body)
-        reach(body, here, velocities, phase, span, first, last, entries, space, of_body(twins, body))
+        reach(body, here, velocities, node, first, entries, space, of_body(twins, body))
     if last:
         remember_totals(collisions)
     list_changing(contacts, collisions.changing)
@@ -432,7 +420,7 @@ def pass_together(
         lift_apart(space.shift, space.velocity, problem)
     for body in range(count):
         here, velocities, entries = of_body(x, body), of_body(v, body), of_body(ledger, body)
-        leave_together(body, here, velocities, span, last, entries, space, of_body(twins, body))
+        leave_together(body, here, velocities, node, entries, space, of_body(twins, body))
     if last:
         store_energy_of_pairs(collisions, terms.memory, 0.5)
 
@@ -461,7 +449,7 @@ def move_together(
         for n in range(end + 1):
             stage = STARTS if not goes else (READS if n == end else PASSES)
             now = phase if n == 0 else 1.0 + 0.0 * phase
-            pass_together(x, v, now, h, n == 0, stage, ledger, space, twins)
+            pass_together(x, v, node_at(now, h, stage), n == 0, ledger, space, twins)
         if goes:
             halve_totals(collisions)
 
