@@ -201,8 +201,8 @@ def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Optio
     actuators = _actuators(part, scene, options.blocks)
     kept = None
     if options.method.meets_surfaces and (part.surfaces or scene.meetings):
-        foresees = dampers is not None and not twin
-        kept = memory(count, bool(actuators), foresees, options.blocks)
+        expects = dampers is not None and not twin
+        kept = memory(count, bool(actuators), expects, options.blocks)
     terms = shared._replace(
         particles=Particles(
             parameter({"masses"}, body.masses),
@@ -437,7 +437,7 @@ def renew(terms: Terms, index: np.ndarray) -> None:
             set_copies(marks.values if isinstance(marks, Ragged) else marks, index, 0.0)
 
 
-def swing(packed: Packed, x: np.ndarray) -> np.ndarray:
+def squared_kicks(packed: Packed, x: np.ndarray) -> np.ndarray:
     """Σ m |a|² [N²/kg] of a body in all its copies (k, N, 3), by the accelerations of springs and gravity.
 
     Where the body meets something, by gravity alone: there contact holds the springs' share of the energy

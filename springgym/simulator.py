@@ -887,8 +887,8 @@ class Simulator:
             raise ValueError("the shadow energy is not known where forces of one's own act")
         self.read()
         x, slices = self.readout.positions, self.scene.slices
-        swings = [packing.swing(packed, x[:, own]) for packed, own in zip(self._packed, slices, strict=True)]
-        return np.asarray(self.readout.rows[:, measures.ENERGY] - self.step**2 / 8 * sum(swings))
+        squares = [packing.squared_kicks(packed, x[:, own]) for packed, own in zip(self._packed, slices, strict=True)]
+        return np.asarray(self.readout.rows[:, measures.ENERGY] - self.step**2 / 8 * sum(squares))
 
     @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:

@@ -89,7 +89,7 @@ def test_functions_are_called_with_what_they_take() -> None:
     assert [f"{p}, {of}" for p in scripts for of in unfit(nodes_of(p))] == []
     missing = "from springgym.contact.search import find\nfind(1, 2, 3, pairs=4)\nfind(*range(4), 5)\n"
     assert list(unfit(list(ast.walk(ast.parse(missing))))) == [
-        "line 2: find: missing a required argument: 'room'"
+        "line 2: find: missing a required argument: 'lists'"
     ]
 
 

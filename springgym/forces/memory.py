@@ -42,18 +42,18 @@ class Memory(NamedTuple):
     pushed: np.ndarray | None
     """(N, 3) what the actuators gave there [m/s²]; None without any"""
     given: np.ndarray | None
-    """(N, 3) half of what surfaces were foreseen to give there [m/s]; None without dampers"""
+    """(N, 3) half of what contact was expected to give there [m/s]; None without dampers"""
     marks: np.ndarray
     """(`MARKS`,)"""
 
 
-def memory(particles: int, actuated: bool, foresees: bool, blocks: Callable[..., np.ndarray]) -> Memory:
+def memory(particles: int, actuated: bool, expects: bool, blocks: Callable[..., np.ndarray]) -> Memory:
     """That of fresh copies of a body."""
     return Memory(
         arrived=blocks(particles, 3),
         place=blocks(particles, 3),
         pushed=blocks(particles, 3) if actuated else None,
-        given=blocks(particles, 3) if foresees else None,
+        given=blocks(particles, 3) if expects else None,
         marks=blocks(MARKS),
     )
 
@@ -123,22 +123,22 @@ def remember(x: Rows, b: Rows, phase: Number, ledger: Ledger, memory: Memory, pu
 
 
 @compiled
-def recall(phase: Number, given: Rows, foreseen: Rows | None) -> None:
-    """Foresee for the last node, which is made anew, what was foreseen; fresh copies foresee nothing."""
-    if foreseen is not None:
-        for i in range(foreseen.shape[0]):
-            set_row(given, i, choose(phase < 0.5, vec(0.0, 0.0, 0.0), row(foreseen, i)))
+def recall_expected(phase: Number, given: Rows, expected: Rows | None) -> None:
+    """Expect for the last node, which is made anew, what was expected; fresh copies expect nothing."""
+    if expected is not None:
+        for i in range(expected.shape[0]):
+            set_row(given, i, choose(phase < 0.5, vec(0.0, 0.0, 0.0), row(expected, i)))
 
 
 @compiled
-def keep_foreseen(among: tuple[int, int], given: Rows, foreseen: Rows | None) -> None:
-    """Keep what is foreseen for the last node: something for the particles ``among`` which some touched."""
-    if foreseen is not None:
-        for i in range(foreseen.shape[0]):
+def keep_expected(among: tuple[int, int], given: Rows, expected: Rows | None) -> None:
+    """Keep what is expected for the last node: something for the particles ``among`` which some touched."""
+    if expected is not None:
+        for i in range(expected.shape[0]):
             if among[0] <= i < among[1]:
-                set_row(foreseen, i, row(given, i))
+                set_row(expected, i, row(given, i))
             else:
-                set_row(foreseen, i, vec(0.0, 0.0, 0.0))
+                set_row(expected, i, vec(0.0, 0.0, 0.0))
 
 
 @compiled

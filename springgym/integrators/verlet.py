@@ -35,8 +35,8 @@ from springgym.forces.cycle import (
 )
 from springgym.forces.memory import (
     PHASE,
-    keep_foreseen,
-    recall,
+    keep_expected,
+    recall_expected,
     remember,
     resume,
     share_actions,
@@ -148,7 +148,7 @@ def integrate_among_surfaces(
     memory, rolling = terms.memory, rolling_of(workspace, OWN_ARRAYS, terms.rounds)
     space = Space(workspace[0], workspace[1], workspace[5], workspace[2], workspace[3], workspace[4], rolling)
     phase = resume(x, v, ledger, memory)
-    recall(phase, space.given, memory.given)
+    recall_expected(phase, space.given, memory.given)
     among, end = (0, x.shape[0]), max(steps, 0)
     for n in range(end + 1):
         node = node_at(phase, h, READS if n == end else PASSES)
@@ -161,7 +161,7 @@ def integrate_among_surfaces(
             steer(memory, terms.drive)
         if n == end:
             remember(x, space.b, phase, ledger, memory, memory.pushed)
-            keep_foreseen(among, space.given, memory.given)
+            keep_expected(among, space.given, memory.given)
         among = pass_node(x, v, node, among, space, ledger, terms)
         phase = next_phase(phase)
 
@@ -183,7 +183,7 @@ def integrate_together(
             own.busy[:] = True
             workspace.any_busy[body] = True
             resume(of_body(x, body), of_body(v, body), of_body(ledger, body), kept)
-            recall(phase, own.space.given, kept.given)
+            recall_expected(phase, own.space.given, kept.given)
         resume_totals(phase, terms.collisions)
     for n in range(end + 1):
         node = node_at(phase, h, STARTS if not goes else (READS if n == end else PASSES))
@@ -219,6 +219,6 @@ def come_together(
         if last:
             entries = of_body(ledger, body)
             remember(of_body(x, body), space.b, node.phase, entries, own.memory, own.memory.pushed)
-            keep_foreseen((0, space.b.shape[0]), space.given, own.memory.given)
+            keep_expected((0, space.b.shape[0]), space.given, own.memory.given)
     if last:
         remember_totals(terms.collisions)
