@@ -887,7 +887,9 @@ class Simulator:
             raise ValueError("the shadow energy is not known where forces of one's own act")
         self.read()
         x, slices = self.readout.positions, self.scene.slices
-        squares = [packing.squared_kicks(packed, x[:, own]) for packed, own in zip(self._packed, slices, strict=True)]
+        squares = [
+            packing.squared_kicks(packed, x[:, own]) for packed, own in zip(self._packed, slices, strict=True)
+        ]
         return np.asarray(self.readout.rows[:, measures.ENERGY] - self.step**2 / 8 * sum(squares))
 
     @guarded

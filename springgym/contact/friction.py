@@ -21,12 +21,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from springgym.contact.law import within_cone
 from springgym.contact.rows import add_loss
 from springgym.contact.solids import among_going, between, inverse_mass_of_both, push_both
 from springgym.contact.totals import FRICTION, add_to
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
-from springgym.core.lanes import any_lane, load, load_each, maximum, minimum, select, sqrt, store
+from springgym.core.lanes import any_lane, load, load_each, maximum, select, sqrt, store
 from springgym.core.vectors import (
     TINY,
     choose,
@@ -202,8 +203,7 @@ def held_back(slip: Vector, k: int, given: Vector, limit: Number, problem: Probl
     along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
     inverse = inverse_mass_along(along, k, problem, problem.contacts.solids)
     wanted = given - 1.0 / (inverse + TINY) * slip
-    size = sqrt(dot(wanted, wanted)) + TINY
-    return minimum(limit / size, 1.0) * wanted
+    return within_cone(wanted, limit)
 
 
 @compiled

@@ -28,8 +28,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Mask, Number
+from springgym.core.kinds import Mask, Number, Vector
 from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
+from springgym.core.vectors import TINY, dot
 
 SLOW = 0.004
 """w [m/s]: what is in contact and slower than this is slowed as by a damper, and does not rebound."""
@@ -169,6 +170,15 @@ def meet(
     keep, _ = loss_factor((end - start) / span.whole, beta)
     push = span.whole * c * mean
     return push * keep, push
+
+
+@compiled
+def within_cone(across: Vector, limit: Number) -> Vector:
+    """Return an impulse of friction, across the normal, or as much of it as Coulomb's cone allows.
+
+    ``limit`` is the coefficient of friction times the push. Both may be per mass.
+    """
+    return minimum(limit / sqrt(dot(across, across) + TINY), 1.0) * across
 
 
 @compiled

@@ -36,7 +36,7 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.bodies.round import weights
-from springgym.contact.law import Span, barrier_energy, meet
+from springgym.contact.law import Span, barrier_energy, meet, within_cone
 from springgym.contact.surfaces import Surfaces, coefficient, count, standing, strength_and_reach
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
@@ -362,8 +362,7 @@ def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, fricti
         least = AWAY * inverse_mass(e, point, point, problem)
         wanted = old - 1.0 / (maximum(inverse_mass(e, point, there, problem), least) + TINY) * slip
         limit = load(friction, 0) * sqrt(square) * push
-        wanted = minimum(limit / sqrt(dot(wanted, wanted) + TINY), 1.0) * wanted
-        new = choose(going, wanted, old)
+        new = choose(going, within_cone(wanted, limit), old)
         set_row(space.friction, r, new)
         give(e, point, new - old, v, problem)
 

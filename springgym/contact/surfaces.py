@@ -50,12 +50,6 @@ class Surfaces(NamedTuple):
 
 
 @compiled
-def slowed(slip: Vector, limit: Number) -> Vector:
-    """What friction takes from the velocity ``slip`` along a surface: ``limit`` of it, or all there is."""
-    return minimum(limit / sqrt(dot(slip, slip) + TINY), 1.0) * slip
-
-
-@compiled
 def coefficient(of: Numbers, none: Number) -> Number:
     """The one number of friction or loss, or ``none`` if the scene has no such thing."""
     if of is not None:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from springgym.contact.law import Span, meet
+from springgym.contact.law import Span, meet, within_cone
 from springgym.contact.round import RoundProblem, lifted_feature, roll, rolls
 from springgym.contact.surfaces import (
     coefficient,
@@ -25,7 +25,6 @@ from springgym.contact.surfaces import (
     facing,
     height,
     lowest,
-    slowed,
     standing,
     strength_and_reach,
 )
@@ -217,7 +216,7 @@ def impulses(
         rubbing = nothing
         if terms.friction is not None:
             left = choose(touched > 2.0, nothing, left)
-            rubbing = -1.0 * slowed(left, mu * pressed)
+            rubbing = -1.0 * within_cone(left, mu * pressed)
         if terms.surfaces.coupled is None:
             return Given(now, rubbing, pressing)
         going = active > 0.5

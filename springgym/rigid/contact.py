@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from springgym.contact.law import meet
+from springgym.contact.law import meet, within_cone
 from springgym.contact.surfaces import (
     coefficient,
     count,
@@ -282,8 +282,7 @@ def stick(
     slip = velocity_of(arm, sum_of(node.free, 1.0, given), solid)
     slip = slip - dot(n, slip) / (dot(n, n) + TINY) * n
     a = inverse_mass(arm, 1.0 / sqrt(dot(slip, slip) + TINY) * slip, solid)
-    new = old - 1.0 / a * slip
-    new = minimum(limit / sqrt(dot(new, new) + TINY), 1.0) * new
+    new = within_cone(old - 1.0 / a * slip, limit)
     change = new - old
     return new, pushed(given, arm, change, solid), a * sqrt(dot(change, change))
 
