@@ -67,7 +67,7 @@ class NotHashable(TypeError):
     """Raised where a function is compiled from something that has no digest."""
 
 
-def digest(function: Callable[..., Any], arguments: Any = (), by_source: Iterable[str] = ()) -> bytes:
+def digest(function: Callable[..., Any], arguments: object = (), by_source: Iterable[str] = ()) -> bytes:
     """Compute a digest of all that a function is compiled from, the same in every process.
 
     Parameters
@@ -97,14 +97,14 @@ class _Walk:
     def __init__(self, by_source: frozenset[str]) -> None:
         self.sum = hashlib.sha256()
         self.by_source = by_source
-        self.met: dict[int, tuple[int, Any]] = {}  # holds the objects, so that no other gets their id
+        self.met: dict[int, tuple[int, object]] = {}  # holds the objects, so that no other gets their id
         self.modules: set[str] = set()
 
-    def text(self, *parts: Any) -> None:
+    def text(self, *parts: object) -> None:
         """Feed what has the same `repr` in every process."""
         self.sum.update(repr(parts).encode())
 
-    def of_types(self, kind: Any) -> None:
+    def of_types(self, kind: object) -> None:
         """Feed the types of arguments, and what code they bring with them."""
         if isinstance(kind, (tuple, list, numba.types.BaseTuple)):
             self.text("types", type(kind).__name__, len(kind))
@@ -164,7 +164,7 @@ class _Walk:
         else:
             raise NotHashable(f"{value!r} has no digest")
 
-    def collection(self, values: Any) -> None:
+    def collection(self, values: list[object] | dict[object, object] | set[object] | frozenset[object]) -> None:
         """Feed a list, a dictionary or a set."""
         self.text(type(values).__name__, len(values))
         if isinstance(values, (set, frozenset)):
@@ -210,7 +210,7 @@ class _Walk:
             if isinstance(value, types.ModuleType):
                 self.attributes(value, names)
 
-    def unchanged(self, function: types.FunctionType, named: dict[str, Any]) -> None:
+    def unchanged(self, function: types.FunctionType, named: dict[str, object]) -> None:
         """Refuse a function that may have been compiled when its constants were others."""
         for name, value in named.items():
             now = _plain(value)
@@ -266,7 +266,7 @@ class _Walk:
                     self.text("made")
 
 
-_EARLIER: dict[tuple[Any, str], Any] = {}
+_EARLIER: dict[tuple[types.FunctionType, str], tuple[object, ...]] = {}
 """Constants as a function's first digest found them."""
 
 
@@ -274,7 +274,7 @@ def _known(module: str) -> bool:
     return module.partition(".")[0] in KNOWN
 
 
-def _plain(value: Any) -> tuple[Any, ...] | None:
+def _plain(value: object) -> tuple[object, ...] | None:
     """Return the whole content of a value that refers to no other values; None if it refers to some."""
     if isinstance(value, enum.Enum):
         return type(value).__qualname__, value.name, repr(value.value)
@@ -302,7 +302,7 @@ def _plain(value: Any) -> tuple[Any, ...] | None:
     return None
 
 
-def _bound(function: types.FunctionType) -> Iterable[tuple[str, Any]]:
+def _bound(function: types.FunctionType) -> Iterable[tuple[str, object]]:
     """Yield the names and values that a closure binds; cells that are still empty are left out."""
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
         try:

@@ -31,6 +31,9 @@ Rows: TypeAlias = Any
 Ledger: TypeAlias = Any
 """The `Numbers` of `springgym.forces.ledger`, or None."""
 
+Nested: TypeAlias = Any
+"""Nested tuples of arrays and numbers: a `Ragged` or `Each` in place of one that each body has its own of."""
+
 
 class Ragged(NamedTuple):
     """Rows of several bodies."""
