@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
@@ -65,7 +66,7 @@ class Parameter(NamedTuple):
     """the array of its values, of one body; None if the scene has none"""
 
 
-def _of(term: Any, name: str) -> Any:
+def _of(term: object, name: str) -> Any:
     """An array of a term; None if the scene has no such term."""
     return None if term is None else getattr(term, name)
 
@@ -108,7 +109,7 @@ class Options(NamedTuple):
     blocks: Callable[..., np.ndarray]
     """makes an array of blocks of some shape"""
 
-    def parameter(self, names: Collection[str], value: Any) -> np.ndarray:
+    def parameter(self, names: Collection[str], value: ArrayLike) -> np.ndarray:
         """An array of a value that depends on parameters: blocks of copies if one of them varies."""
         if self.varying.isdisjoint(names):
             return np.array(value, float)
@@ -283,7 +284,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
 
 
 def workspaces(
-    scene: Scene, method: Integrator, meets: Meets | None, twin: bool, dtype: Any, threads: int
+    scene: Scene, method: Integrator, meets: Meets | None, twin: bool, dtype: DTypeLike, threads: int
 ) -> list[Any]:
     """Return what each thread computes in, on elements of ``dtype``, by springs or by their rigid
     ``twin``."""
@@ -293,13 +294,13 @@ def workspaces(
     return [make(scene, meets.pairs, dtype) for _ in range(threads)]
 
 
-def pack_room(scene: Scene, pairs: Pairs, dtype: Any) -> Room:
+def pack_room(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Room:
     """Return what a thread finds contacts in, on elements of ``dtype``."""
     rows = most_contacts(scene.meetings, scene.shapes)[1]
     return room(pairs, len(scene.positions), rows, dtype)
 
 
-def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
+def bodies_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Bodies:
     """Return what a thread computes in where bodies collide."""
     particles = np.array([0, *(own.stop for own in scene.slices)])
     springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
@@ -329,7 +330,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
     )
 
 
-def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
+def solids_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
     """Return what a thread computes in where rigid bodies collide."""
     count, rows = len(scene.bodies), pack_room(scene, pairs, dtype)
     most = max(len(placed.body.masses) for placed in scene.bodies)
@@ -430,7 +431,7 @@ def recall_told(meets: Meets) -> None:
         row[0], row[1 : 1 + len(pairs)] = len(pairs), pairs
 
 
-def empty_tally(meets: Meets, index: Any) -> None:
+def empty_tally(meets: Meets, index: slice | np.ndarray) -> None:
     """Let some copies (k,) begin with an empty tally."""
     for array in (meets.tally, meets.before):
         row = np.zeros(array.shape[1])
@@ -522,7 +523,7 @@ def renew(terms: Terms, index: np.ndarray) -> None:
     """Let some copies (k,) of one body or of all begin anew from where they are and how they move."""
     for kept in (terms.memory, terms.cycle):
         if kept is not None:
-            marks: Any = kept.marks
+            marks: np.ndarray | Ragged = kept.marks
             set_copies(marks.values if isinstance(marks, Ragged) else marks, index, 0.0)
 
 
@@ -562,7 +563,11 @@ def vary_pairs(meets: Meets | None, scene: Scene, index: np.ndarray, given: Mapp
 
 
 def vary(
-    packed: Packed, index: np.ndarray, time: float, given: Mapping[str, np.ndarray], shapes: Any
+    packed: Packed,
+    index: np.ndarray,
+    time: float,
+    given: Mapping[str, np.ndarray],
+    shapes: list[dict[str, np.ndarray]],
 ) -> None:
     """Set parameters of some copies (k,), and what follows from them.
 

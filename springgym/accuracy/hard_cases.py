@@ -24,6 +24,7 @@ from springgym.bodies.elasticity import spring_force_and_jacobian
 from springgym.collisions import distance
 from springgym.contact.law import SLOW
 from springgym.core.blocks import numbers
+from springgym.forces import Terms
 from springgym.forces.springs import Decay, decay
 from springgym.scene import GRAVITY, Placed, Scene
 from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simulator
@@ -79,7 +80,7 @@ def forced(scene: Scene, step: float) -> Simulator:
     return made
 
 
-def terms(simulator: Simulator) -> Any:
+def terms(simulator: Simulator) -> Terms:
     """Return what its kernels are given: where twins are broken."""
     return simulator._terms
 
@@ -760,7 +761,7 @@ def degenerate(broken: bool) -> Outcome:
         "damping": np.zeros(6),
     }
 
-    def changed(name: str, place: Any, value: Any) -> dict[str, Any]:
+    def changed(name: str, place: int | tuple[int, ...], value: float) -> dict[str, Any]:
         array = np.array(sound[name], float)
         array[place] = value
         return {name: array}

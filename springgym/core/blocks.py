@@ -27,7 +27,9 @@ def block_array(copies: int, shape: tuple[int, ...], dtype: DTypeLike) -> np.nda
     return aligned_zeros(*block_layout(copies, shape, dtype))
 
 
-def block_layout(copies: int, shape: tuple[int, ...], dtype: DTypeLike) -> tuple[tuple[int, ...], np.dtype[Any]]:
+def block_layout(
+    copies: int, shape: tuple[int, ...], dtype: DTypeLike
+) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Shape and type of a block array, see `block_array`."""
     dtype = np.dtype(dtype)
     width = 1 if copies == 1 else WIDTH[dtype]

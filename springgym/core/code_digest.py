@@ -164,7 +164,9 @@ class _Walk:
         else:
             raise NotHashable(f"{value!r} has no digest")
 
-    def collection(self, values: list[object] | dict[object, object] | set[object] | frozenset[object]) -> None:
+    def collection(
+        self, values: list[object] | dict[object, object] | set[object] | frozenset[object]
+    ) -> None:
         """Feed a list, a dictionary or a set."""
         self.text(type(values).__name__, len(values))
         if isinstance(values, (set, frozenset)):

@@ -245,7 +245,7 @@ def _inlined() -> dict[str, object]:
 
     The first is half of what compiling them costs, the second a quarter of the rest, the third a seventh.
     """
-    options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    options: dict[str, object] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     try:
         from numba._dynfunc import make_function
         from numba.core.analysis import compute_cfg_from_blocks, compute_use_defs, must_use_alloca

@@ -431,7 +431,7 @@ def _loaded(scene: str | Path) -> Scene:
     return load(str(scene)).scene
 
 
-def _function(name: str, value: Any, *takes: str) -> Any:
+def _function(name: str, value: object, *takes: str) -> Callable[..., Any]:
     """A function, checked to be called with so many arguments."""
     if not callable(value):
         raise TypeError(f"{name} is {checks.shown(value)}; it must be a function")
@@ -448,7 +448,7 @@ def _function(name: str, value: Any, *takes: str) -> Any:
     return value
 
 
-def _given(name: str, value: Any) -> Any:
+def _given(name: str, value: object) -> Callable[..., Any] | None:
     """A function of measures and situation, or None."""
     return None if value is None else _function(name, value, "m", "s")
 

@@ -9,17 +9,17 @@ import importlib
 import inspect
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from springgym.checks import instance, shown
 from springgym.core.blocks import at
 from springgym.core.compiling import compiled, is_inner, kernel
-from springgym.core.kinds import Ledger
+from springgym.core.kinds import Ledger, Nested, Number, Ragged, Rows
 from springgym.core.lanes import bodies_of, of_body
 from springgym.integrators.clock import Clock, tick
-from springgym.integrators.record import Integrator, Phase
+from springgym.integrators.record import Control, Integrator, Phase
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -128,7 +128,14 @@ def advance_kernel(
 
 @compiled
 def one_by_one(
-    integrate: Any, x: Any, v: Any, ledger: Ledger, workspace: np.ndarray, h: Any, steps: int, terms: Terms
+    integrate: Callable[..., None],
+    x: Rows | Ragged,
+    v: Rows | Ragged,
+    ledger: Ledger,
+    workspace: np.ndarray,
+    h: Number | Control,
+    steps: int,
+    terms: Terms,
 ) -> None:
     """Take each body through all steps, by itself."""
     for body in range(bodies_of(x)):
@@ -145,7 +152,14 @@ def one_by_one(
 
 @compiled
 def at_once(
-    integrate: Any, x: Any, v: Any, ledger: Ledger, workspace: np.ndarray, h: Any, steps: int, terms: Terms
+    integrate: Callable[..., None],
+    x: Ragged,
+    v: Ragged,
+    ledger: Ledger,
+    workspace: Nested,
+    h: Number,
+    steps: int,
+    terms: Terms,
 ) -> None:
     """Take all bodies through the steps together."""
     integrate(x, v, ledger, workspace, h, steps, terms)
@@ -158,13 +172,13 @@ def _kernel(
     @kernel
     def advance(
         phase: Phase,
-        workspace: np.ndarray,
+        workspace: Nested,
         blocks: tuple[int, int],
-        h: Any,
+        h: Number | Control,
         steps: int,
         settles: bool,
         terms: Terms,
-        reading: Any,
+        reading: Nested,
         reads: bool,
         clock: Clock,
     ) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from springgym import checks
 from springgym.core.blocks import aligned_zeros
+from springgym.core.kinds import Ledger, Nested, Rows
 from springgym.core.ragged import stacked
 from springgym.forces.round import ARRAYS
 from springgym.integrators.envelope import envelope
@@ -86,11 +87,11 @@ class Phase(NamedTuple):
     Of several bodies, each field is a `Ragged`.
     """
 
-    x: Any
+    x: Rows
     """positions [m]"""
-    v: Any
+    v: Rows
     """velocities [m/s]"""
-    ledger: Any
+    ledger: Ledger
     """see `springgym.forces.ledger`; None if it is not kept"""
 
 
@@ -111,7 +112,7 @@ class Control(NamedTuple):
     """(`COUNTS`,) steps taken and rejected, and Newton iterations"""
 
 
-def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Any:
+def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Nested:
     """Return what a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's
     matrix."""
     bodies = [placed.body for placed in scene.bodies]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Number, Rows
+from springgym.core.kinds import Ledger, Number, Ragged, Rows
 from springgym.core.lanes import any_lane, bodies_of, load, of_body
 from springgym.forces import (
     act,
@@ -54,6 +54,7 @@ from springgym.integrators.record import Integrator
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
+    from springgym.forces.together import Bodies
 
 
 OWN_ARRAYS = 6
@@ -175,7 +176,7 @@ def integrate_among_surfaces(
 
 @compiled
 def integrate_together(
-    x: Any, v: Any, ledger: Ledger, workspace: Any, h: Number, steps: int, terms: Terms
+    x: Ragged, v: Ragged, ledger: Ledger, workspace: Bodies, h: Number, steps: int, terms: Terms
 ) -> None:
     """The same where bodies collide: all of them take each step together.
 
@@ -204,14 +205,14 @@ def integrate_together(
 
 @compiled
 def come_together(
-    x: Any,
-    v: Any,
+    x: Ragged,
+    v: Ragged,
     h: Number,
     phase: Number,
-    first: Any,
-    last: Any,
+    first: bool,
+    last: bool,
     ledger: Ledger,
-    workspace: Any,
+    workspace: Bodies,
     terms: Terms,
 ) -> None:
     """Find the forces at a node on all bodies, and remember how the ``last`` is reached."""
