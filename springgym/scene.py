@@ -388,7 +388,7 @@ class Scene(ReadOnly):
         return bodies
 
     def _replaced(self) -> bool:
-        """Whether `dataclasses.replace` makes it, from the fields of a scene of one body.
+        """Tell whether `dataclasses.replace` makes it, from the fields of a scene of one body.
 
         These say all that belongs to the body a second time, beside ``bodies``. Who writes the body twice
         does not say how it starts twice: nothing that is in the `Placed` may be dropped for that.
@@ -475,7 +475,7 @@ class Scene(ReadOnly):
         return restitution_at_most(number("speed", speed, low=0.0), self.faithful_speed)
 
     def _of(self, placed: Placed) -> str:
-        """What errors add to a particle's number: nothing if there is only one body."""
+        """Return what errors add to a particle's number: nothing if there is only one body."""
         return "" if len(self.bodies) == 1 else f" of {placed.name!r}"
 
     def check_start(

@@ -294,7 +294,7 @@ class Simulator:
         return block_array(self.copies, shape, self.dtype)
 
     def _controlled(self, tolerance: tuple[float, float] | None) -> float | Control:
-        """What the method is given in place of h: that, or the `Control`."""
+        """Return what the method is given in place of h: h itself, or the `Control`."""
         if not self.integrator.controlled:
             if tolerance is not None:
                 raise ValueError(
@@ -326,7 +326,7 @@ class Simulator:
 
     @cached_property
     def _readings(self) -> list[Reading]:
-        """How each thread reads copies off."""
+        """Make the arrays by which each thread reads copies off."""
         return [Reading(self.readout, space, self._markers) for space in self._space]
 
     @cached_property
@@ -335,7 +335,7 @@ class Simulator:
         return (*self._twin, self._terms) if self._twin else self._terms
 
     def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
-        """What `actuate` sets, by name: the array, the shape of its values, and a view of a single copy's."""
+        """Return by name what `actuate` sets: the array, the shape of its values, a view of a single copy's."""
         several = len(self._packed) > 1
         return {
             f"{placed.name}.{name}" if several else name: (

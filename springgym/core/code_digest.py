@@ -29,7 +29,7 @@ from numba import extending
 from numba.extending import is_jitted
 
 IMPORTED = time.time_ns()
-"""When this module was [ns]: before all others that hold compiled functions."""
+"""Time at which this module was imported [ns]: before all others that hold compiled functions."""
 
 KNOWN = frozenset({"numpy", "numba", "llvmlite", "builtins", *sys.stdlib_module_names} - {"__main__"})
 """Packages whose contents follow from a name and their versions."""
@@ -40,7 +40,7 @@ TEACHERS = [
     if name.startswith(("lower_", "overload", "register_model", "typeof_impl"))
     or name in ("box", "unbox", "type_callable", "make_attribute_wrapper")
 ]
-"""What a module names that teaches Numba something, of what it does not name again where it is used."""
+"""Names in a module that teaches Numba something, of what it does not name again where it is used."""
 
 OF_EVERY_CLASS = frozenset(
     (
@@ -60,7 +60,7 @@ OF_EVERY_CLASS = frozenset(
         "_abc_impl",
     )
 )
-"""What a class has that no compiled code depends on."""
+"""Attributes of a class that no compiled code depends on."""
 
 
 class NotHashable(TypeError):

@@ -114,7 +114,7 @@ def _features() -> Mapping[str, bool]:
 
 
 LEVEL = _level(os.environ.get("SPRINGGYM_CPU", ""), _features())
-"""What processors code is made for, of `LEVELS`; None for those like this one."""
+"""The processors that code is made for, of `LEVELS`; None for those like this one."""
 
 if LEVEL is not None:  # before Numba compiles anything; the key of an entry holds both
     numba.config.CPU_NAME, numba.config.CPU_FEATURES = LEVEL, ""
@@ -127,7 +127,7 @@ SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO_
 """Those of `numba.config` that change what is compiled."""
 
 INTERPRETED = bool(numba.config.DISABLE_JIT)
-"""Whether functions run as the Python they are, by `springgym.core.plain`."""
+"""True where functions run as the Python they are, by `springgym.core.plain`."""
 
 SAMPLE = CPUDispatcher(lambda: None)
 """A function that is never called: a sample of how this version of Numba wraps a compiled function."""
@@ -151,7 +151,7 @@ INSIDE = {
         "core.codegen.JitEngine._load_defined_symbols",
     )
 }
-"""What there is of the private things in Numba that the cache is made of."""
+"""The private things in Numba that the cache is made of; None for what this version lacks."""
 
 LOCK, REDUCE, REBUILD, DUMPS, NAME_SYMBOLS = INSIDE.values()
 
@@ -215,7 +215,7 @@ def _tuple_model(manager: DataModelManager, kind: numba.types.NamedTuple) -> mod
 
 
 CHECKED = bool(numba.config.BOUNDSCHECK)
-"""Whether compiled functions check indices, and `SameTypes` types."""
+"""True where compiled functions check indices, and `SameTypes` types."""
 
 
 class Inner(type(SAMPLE)):  # type: ignore[misc]
@@ -458,7 +458,7 @@ def _name_symbols(codegen: JITCPUCodegen, description: FunctionDescriptor) -> No
 
 
 PATIENCE = 2.0
-"""Who waits for code to be compiled is told so after this long [s]."""
+"""A user who waits for code to be compiled is told so after this long [s]."""
 
 _TOLD = threading.Lock()
 """Held once somebody was told."""

@@ -32,7 +32,7 @@ class Stateful:
 
     @property
     def _unready(self) -> str:
-        """Why there is nothing to step: no episode has begun, or a call broke off; empty if there is."""
+        """Tell why there is nothing to step: no episode has begun, or a call broke off; empty if there is."""
         raise NotImplementedError
 
     def get_state(self) -> dict[str, Any]:
@@ -503,7 +503,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         return [_seed(f"seed[{n}]", given) for n, given in enumerate(seed)]
 
     def _mask(self, options: Mapping[str, Any] | None) -> tuple[np.ndarray, Mapping[str, Any] | None]:
-        """Which copies are reset, and the other options."""
+        """Return which copies are reset, and the other options."""
         if not isinstance(options, Mapping) or "reset_mask" not in options:
             return np.ones(self.num_envs, bool), options
         mask = options["reset_mask"]

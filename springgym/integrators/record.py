@@ -1,4 +1,4 @@
-"""What is to be known of an integrator, what it moves, and what one that controls its error is given."""
+"""Records that describe an integrator, the state that it moves, and the tolerance that it keeps."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Nested:
 
 
 def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> str | None:
-    """Why a method makes no sense in a scene, or None if it does.
+    """Tell why a method makes no sense in a scene; None if it does.
 
     ``varying`` names parameters that differ from copy to copy; damping may be one of them.
     """
