@@ -18,7 +18,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
@@ -27,13 +27,17 @@ from config import MENDABLE, ConfigError, PPOConfig, load_config, making, whole
 from springgym.cli import INTERRUPTED, guarded
 from springgym.envs.starts import spawned
 
+if TYPE_CHECKING:
+    from ray.rllib.algorithms import Algorithm
+    from ray.rllib.core.rl_module import RLModule
+
 ROOT = Path(__file__).resolve().parent.parent
 HELD_OUT_SEED = 1_000_000  # as in runs.py, which needs Stable-Baselines3
 COLUMNS = ("timesteps", "seconds", "return_per_step", "success_rate")
 NATIVE = "vector_entry_point"
 
 
-def seed_apart(*, env_runner: Any, **given: Any) -> None:
+def seed_apart(*, env_runner: Any, **given: object) -> None:
     """Give the copies of a runner seeds that no other runner's have; RLlib calls it for each new batch.
 
     Of itself RLlib seeds runner k by seed + k, and so copy i of it by seed + k + i, as others of the next.
@@ -42,7 +46,7 @@ def seed_apart(*, env_runner: Any, **given: Any) -> None:
     env_runner._seed = spawned(env_runner.config.seed, env_runner.worker_index + 1)[-1]
 
 
-def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> Any:
+def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> Algorithm:
     """RLlib's PPO with the hyperparameters of ``configs/ppo.yaml``."""
     from ray.rllib.algorithms.ppo import PPOConfig as Settings
     from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
@@ -84,7 +88,7 @@ def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> An
     return asked.build_algo()
 
 
-def played(module: Any, env_id: str, kwargs: dict[str, Any], episodes: int) -> tuple[float, float]:
+def played(module: RLModule, env_id: str, kwargs: dict[str, Any], episodes: int) -> tuple[float, float]:
     """Return per step and success of the deterministic policy on held-out episodes."""
     import torch
 
