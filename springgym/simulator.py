@@ -335,7 +335,7 @@ class Simulator:
         return (*self._twin, self._terms) if self._twin else self._terms
 
     def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
-        """Return by name what `actuate` sets: the array, the shape of its values, a view of a single copy's."""
+        """Return by name what `actuate` sets: an array, the shape of its values, a single copy's view."""
         several = len(self._packed) > 1
         return {
             f"{placed.name}.{name}" if several else name: (
