@@ -18,7 +18,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -26,10 +26,6 @@ from config import MENDABLE, ConfigError, PPOConfig, load_config, making, whole
 
 from springgym.cli import INTERRUPTED, guarded
 from springgym.envs.starts import spawned
-
-if TYPE_CHECKING:
-    from ray.rllib.algorithms import Algorithm
-    from ray.rllib.core.rl_module import RLModule
 
 ROOT = Path(__file__).resolve().parent.parent
 HELD_OUT_SEED = 1_000_000  # as in runs.py, which needs Stable-Baselines3
@@ -46,7 +42,7 @@ def seed_apart(*, env_runner: Any, **given: object) -> None:
     env_runner._seed = spawned(env_runner.config.seed, env_runner.worker_index + 1)[-1]
 
 
-def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> Algorithm:
+def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> Any:
     """RLlib's PPO with the hyperparameters of ``configs/ppo.yaml``."""
     from ray.rllib.algorithms.ppo import PPOConfig as Settings
     from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
@@ -88,7 +84,7 @@ def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> Al
     return asked.build_algo()
 
 
-def played(module: RLModule, env_id: str, kwargs: dict[str, Any], episodes: int) -> tuple[float, float]:
+def played(module: Any, env_id: str, kwargs: dict[str, Any], episodes: int) -> tuple[float, float]:
     """Return per step and success of the deterministic policy on held-out episodes."""
     import torch
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
+from springgym.core.kinds import Ledger, Nested, Number, Numbers, Rows, Vector
 from springgym.core.lanes import bodies_of, load, maximum, of_body, sqrt, store
 from springgym.core.vectors import (
     ROUND_OFF,
@@ -257,7 +257,7 @@ def read(block: int, phase: Phase, reading: Reading, terms: Terms) -> None:
 
 
 @compiled
-def read_bodies(block: int, phase: Phase, reading: Reading, terms: Terms) -> None:
+def read_bodies(block: int, phase: Phase, reading: Reading, terms: Nested) -> None:
     """As `read`, for several bodies."""
     x, v, ledger = phase
     readout, space, markers = reading

@@ -177,9 +177,8 @@ def add_own_forces(x: Rows, force: Rows, own: Forces | None, body: int) -> None:
 
 
 @overload(add_own_forces, jit_options={**OPTIONS, "forceinline": True})
-def _add_own_forces(
-    x: types.Type, force: types.Type, own: types.Type, body: types.Type
-) -> Callable[..., None]:
+def _add_own_forces(x: Rows, force: Rows, own: Forces, body: int) -> Callable[..., None]:
+    # The annotations are those of the functions that it returns: Numba compares them.
     if not isinstance(own, types.BaseTuple) or not len(own):
 
         def add_none(x: Rows, force: Rows, own: Forces, body: int) -> None:
@@ -206,7 +205,7 @@ def own_energy(x: Rows, own: Forces | None, body: int) -> Number:
 
 
 @overload(own_energy, jit_options={**OPTIONS, "forceinline": True})
-def _own_energy(x: types.Type, own: types.Type, body: types.Type) -> Callable[..., Number]:
+def _own_energy(x: Rows, own: Forces, body: int) -> Callable[..., Number]:
     if not isinstance(own, types.BaseTuple) or not len(own):
 
         def no_energy(x: Rows, own: Forces, body: int) -> Number:

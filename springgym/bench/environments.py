@@ -84,7 +84,7 @@ def _made(env_id: str) -> gym.Env[Any, Any]:
     return gym.make(env_id)
 
 
-def _actions(space: gym.Space[Any], copies: int | None = None) -> np.ndarray:
+def _actions(space: Any, copies: int | None = None) -> np.ndarray:
     """20 random actions, of so many copies."""
     shape = space.shape if copies is None else (copies, *space.shape)
     return np.random.default_rng(0).uniform(-1, 1, (20, *shape)).astype(np.float32)

@@ -7,6 +7,8 @@ steps of h/2. It is only looked at: the episode goes on from where the first one
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from springgym.bodies.distances import largest_distances
@@ -32,7 +34,7 @@ class StepError:
         If its method chooses its steps itself.
     """
 
-    def __init__(self, simulator: Simulator, **made: object) -> None:
+    def __init__(self, simulator: Simulator, **made: Any) -> None:
         method = simulator.integrator
         if method.adaptive:
             raise ValueError(
