@@ -34,7 +34,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from config import CONFIG_OF, MENDABLE, ConfigError, load_config, whole
+from config import CONFIG_OF, MENDABLE, Config, ConfigError, load_config, whole
 from controllers import controller_env_kwargs, controllers_of, make_controller
 from runs import locked, open_run, versions, write_atomically
 from tqdm import tqdm
@@ -162,7 +162,7 @@ def last_row(folder: Path) -> tuple[int, float]:
         return 0, 0.0
 
 
-def asked(cell: Cell, plan: Plan) -> Any:
+def asked(cell: Cell, plan: Plan) -> Config | None:
     """The configuration of a cell; None of those that are not trained."""
     if cell.algorithm in UNTRAINED:
         return None
@@ -183,7 +183,7 @@ def digest(cell: Cell, plan: Plan) -> str:
     return sha256(repr(told).encode()).hexdigest()[:8]
 
 
-def usual(field: Field[Any]) -> Any:
+def usual(field: Field[Any]) -> object:
     """Return the value of a field that is not given; `MISSING` if it has to be."""
     return field.default if field.default_factory is MISSING else field.default_factory()
 

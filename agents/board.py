@@ -40,7 +40,7 @@ class TensorBoard(KVWriter):
         ]
         self._append(Event(step=step, summary=Summary(value=scalars)))
 
-    def _append(self, *events: Any) -> None:
+    def _append(self, *events: Event) -> None:
         with open(self.path, "ab") as file:
             for event in events:
                 event.wall_time = time.time()

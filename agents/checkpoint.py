@@ -18,6 +18,7 @@ from learner import native_env, network_config
 from runs import Run
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.vec_env import VecNormalize
 
 from springgym.cli import whole_file
 from springgym.envs.sb3 import StaggeredMonitor
@@ -86,7 +87,12 @@ def load_checkpoint(run: Run, env: StaggeredMonitor, recorder: Recorder) -> Base
 
 
 def _restore(
-    run: Run, env: StaggeredMonitor, recorder: Recorder, state: dict[str, Any], normalize: Any, exact: bool
+    run: Run,
+    env: StaggeredMonitor,
+    recorder: Recorder,
+    state: dict[str, Any],
+    normalize: VecNormalize | None,
+    exact: bool,
 ) -> BaseAlgorithm:
     """Put what `load_checkpoint` read into the algorithm."""
     if normalize:

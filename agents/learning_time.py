@@ -33,6 +33,7 @@ from train import begin_with_imitation
 
 from springgym.accuracy import conditions
 from springgym.cli import guarded
+from springgym.envs.sb3 import StaggeredMonitor
 from springgym.strict_yaml import read_yaml
 
 ENOUGH = 0.9
@@ -44,13 +45,13 @@ class Stopwatch(Recorder):
 
     clock = staticmethod(time.process_time)
 
-    def __init__(self, run: Run, env: Any) -> None:
+    def __init__(self, run: Run, env: StaggeredMonitor) -> None:
         super().__init__(run, env)
         self.rollouts = self.physics = 0.0
         native = native_env(env)
         step = native.step
 
-        def timed(actions: Any) -> Any:
+        def timed(actions: np.ndarray) -> object:
             began = self.clock()
             result = step(actions)
             self.physics += self.clock() - began

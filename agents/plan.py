@@ -32,6 +32,7 @@ import gymnasium as gym
 import numpy as np
 from benchmark import made_with, probe
 from config import MENDABLE, making, whole
+from gymnasium.vector import VectorEnv
 from runs import HELD_OUT_SEED, time_limit, write_atomically
 from scores import interval
 
@@ -66,7 +67,7 @@ def noise(rng: np.random.Generator, planner: Planner, actions: int) -> np.ndarra
     return np.asarray(coloured / coloured.std())
 
 
-def returns(model: Any, state: Mapping[str, Any], actions: np.ndarray) -> np.ndarray:
+def returns(model: VectorEnv, state: Mapping[str, Any], actions: np.ndarray) -> np.ndarray:
     """Return the sum of rewards of each sequence of actions (samples, horizon, actions) from a state."""
     springgym.set_state(model, state, range(len(actions)))
     total, goes_on = np.zeros(len(actions)), np.ones(len(actions), bool)
@@ -91,7 +92,7 @@ def improved(
     return np.asarray(kept[0])
 
 
-def play(env: Any, model: Any, seed: int, planner: Planner) -> dict[str, Any]:
+def play(env: Any, model: VectorEnv, seed: int, planner: Planner) -> dict[str, Any]:
     """One episode: its return per step, success and steps, and how long planning took [s]."""
     rng = np.random.default_rng(seed)
     env.reset(seed=seed)

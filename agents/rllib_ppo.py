@@ -33,7 +33,7 @@ COLUMNS = ("timesteps", "seconds", "return_per_step", "success_rate")
 NATIVE = "vector_entry_point"
 
 
-def seed_apart(*, env_runner: Any, **given: Any) -> None:
+def seed_apart(*, env_runner: Any, **given: object) -> None:
     """Give the copies of a runner seeds that no other runner's have; RLlib calls it for each new batch.
 
     Of itself RLlib seeds runner k by seed + k, and so copy i of it by seed + k + i, as others of the next.

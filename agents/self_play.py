@@ -41,7 +41,7 @@ from springgym.envs.duel import OPPONENTS
 from springgym.envs.sb3 import make_sb3
 
 if TYPE_CHECKING:
-    from springgym.envs.players import ParallelOptions
+    from springgym.envs.players import ParallelDuel, ParallelOptions
 
 ID = "SpringDuel-v0"
 SEEN: ParallelOptions = {"observation": "frame"}
@@ -176,7 +176,7 @@ def tournament(players: Sequence[Player], duels: int) -> list[Duels]:
     return played
 
 
-def duel(env: Any, first: Player, second: Player, seed: int) -> float:
+def duel(env: ParallelDuel, first: Player, second: Player, seed: int) -> float:
     """Points of the first."""
     seen, _ = env.reset(seed=seed)
     infos: dict[str, Any] = {}

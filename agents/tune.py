@@ -20,7 +20,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -32,6 +32,9 @@ from evaluate import evaluate, task_kwargs
 from runs import HELD_OUT_SEED, locked, write_atomically
 
 from springgym.cli import INTERRUPTED, guarded
+
+if TYPE_CHECKING:
+    import optuna
 
 VALIDATION_SEED = HELD_OUT_SEED + 500_000
 EPISODES = 64
@@ -70,7 +73,7 @@ SPACES["crossq"] = {key: value for key, value in SPACES["sac"].items() if key !=
 }
 
 
-def suggested(trial: Any, algo: str) -> list[str]:
+def suggested(trial: optuna.Trial, algo: str) -> list[str]:
     """Return what a trial tries, as ``--set`` takes it."""
     chosen = []
     for name, space in SPACES[algo].items():
@@ -82,7 +85,7 @@ def suggested(trial: Any, algo: str) -> list[str]:
     return chosen
 
 
-def objective(trial: Any, options: argparse.Namespace, folder: Path) -> float:
+def objective(trial: optuna.Trial, options: argparse.Namespace, folder: Path) -> float:
     """Mean return per step of the agents of a trial.
 
     Raises
@@ -160,7 +163,7 @@ def tune(options: argparse.Namespace) -> int:
     return 0
 
 
-def tell(study: Any, options: argparse.Namespace, folder: Path, path: Path | None) -> None:
+def tell(study: optuna.Study, options: argparse.Namespace, folder: Path, path: Path | None) -> None:
     """Write down what was tried, and the best of it as a configuration."""
     trials = [
         {"number": t.number, "state": t.state.name, "value": t.value, **t.params, **t.user_attrs}

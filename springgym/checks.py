@@ -77,7 +77,7 @@ def chosen(name: str, value: object, choices: Collection[str]) -> str:
     return value
 
 
-def instance(name: str, value: object, *kinds: Any) -> Any:
+def instance(name: str, value: object, *kinds: type) -> Any:
     """An object of one of some classes; ``name`` is what errors call it."""
     if not isinstance(value, kinds):
         raise TypeError(_wrong(name, value, " or ".join(kind.__name__ for kind in kinds)))

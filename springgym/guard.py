@@ -18,7 +18,7 @@ class Guard:
         self.taken: Callable[..., bool] = lock.acquire
         self.given_back: Callable[[], None] = lock.release
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self) -> tuple[type[Guard], tuple[()]]:
         return Guard, ()
 
 
@@ -32,7 +32,7 @@ def guarded(method: Method) -> Method:
     """
 
     @wraps(method)
-    def alone(self: Any, /, *arguments: Any, **options: Any) -> Any:
+    def alone(self: Any, /, *arguments: object, **options: object) -> object:
         guard = self._guard
         if not guard.taken(blocking=False):
             raise RuntimeError(

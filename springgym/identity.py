@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Mapping
-from typing import Any
 
 import numpy as np
 
 from springgym.checks import shown
 
 
-def digest(value: Any) -> str:
+def digest(value: object) -> str:
     """Return a short digest of arrays, numbers and texts, however nested in tuples."""
     found = hashlib.sha256()
 
-    def add(value: Any) -> None:
+    def add(value: object) -> None:
         if isinstance(value, np.ndarray):
             found.update(f"{value.dtype} {value.shape} ".encode() + value.tobytes())
         elif isinstance(value, tuple):
@@ -30,7 +29,7 @@ def digest(value: Any) -> str:
 
 
 def check_same(
-    what: str, theirs: Any, own: Mapping[str, Any], but: Collection[str] = (), must: str = ""
+    what: str, theirs: object, own: Mapping[str, object], but: Collection[str] = (), must: str = ""
 ) -> None:
     """Compare two identities, and raise an error that names the first difference.
 
@@ -59,7 +58,7 @@ def check_same(
             )
 
 
-def _equal(one: Any, other: Any) -> bool:
+def _equal(one: object, other: object) -> bool:
     """Tell whether two values are equal; values that cannot be compared are not."""
     try:
         return bool(one == other)

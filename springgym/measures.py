@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
+from springgym.core.kinds import Ledger, Nested, Number, Numbers, Rows, Vector
 from springgym.core.lanes import bodies_of, load, maximum, of_body, sqrt, store
 from springgym.core.vectors import (
     ROUND_OFF,
@@ -198,7 +198,7 @@ def view(values: np.ndarray) -> Measures:
 
 
 @compiled
-def write(out: Numbers, n: Number, u: Any) -> None:
+def write(out: Numbers, n: Number, u: Vector) -> None:
     for axis in range(3):
         store(out, n + axis, u[axis])
 
@@ -257,7 +257,7 @@ def read(block: int, phase: Phase, reading: Reading, terms: Terms) -> None:
 
 
 @compiled
-def read_bodies(block: int, phase: Phase, reading: Reading, terms: Any) -> None:
+def read_bodies(block: int, phase: Phase, reading: Reading, terms: Nested) -> None:
     """As `read`, for several bodies."""
     x, v, ledger = phase
     readout, space, markers = reading
@@ -289,7 +289,7 @@ def read_bodies(block: int, phase: Phase, reading: Reading, terms: Any) -> None:
 
 @compiled
 def write_copies(
-    block: Number, body: int, first: Number, x: Any, v: Any, readout: Readout, space: Vector
+    block: Number, body: int, first: Number, x: Rows, v: Rows, readout: Readout, space: Numbers
 ) -> None:
     """Write the measures in ``space`` and a body's particles, from ``first``, to the rows of the copies."""
     width = len(space[0]["lanes"])

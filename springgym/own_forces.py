@@ -24,7 +24,8 @@ that of the springs.
 from __future__ import annotations
 
 import inspect
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numba import NumbaError, types
@@ -32,6 +33,7 @@ from numba.extending import overload
 
 from springgym.checks import MANY, array, number, shown, whole, whole_array
 from springgym.core.compiling import OPTIONS, is_inner
+from springgym.core.kinds import Number, Rows
 from springgym.core.lanes import Lanes, load
 from springgym.core.vec import Vec
 from springgym.records import read_only
@@ -45,16 +47,23 @@ FUNCTIONS = {"add": ("x", "force", "own"), "energy": ("x", "own")}
 RETURNED = {"add": "nothing: it adds to force", "energy": "a number, the energy [J]"}
 """What they must return."""
 
+Force: TypeAlias = Any
+"""A named tuple of a user's, with the functions `FUNCTIONS`."""
+
 
 class OfBody(NamedTuple):
     """A force of one's own, and the body it acts on."""
 
     body: int
     """number of the body"""
-    force: Any
+    force: Force
 
 
-def checked_forces(name: str, given: Any, count: int) -> tuple[Any, ...]:
+Forces: TypeAlias = tuple[OfBody, ...]
+"""The forces of one's own in a scene."""
+
+
+def checked_forces(name: str, given: object, count: int) -> tuple[Force, ...]:
     """Forces of a body of ``count`` particles, with arrays of their own of float64 or int64, read-only.
 
     Fields called ``particle`` or ``particles`` must be particles of the body. Of all else it is only checked
@@ -73,7 +82,7 @@ def checked_forces(name: str, given: Any, count: int) -> tuple[Any, ...]:
     return tuple(_checked(f"{name}[{n}]", force, count) for n, force in enumerate(given))
 
 
-def _checked(name: str, force: Any, count: int) -> Any:
+def _checked(name: str, force: object, count: int) -> Force:
     if not isinstance(force, tuple) or not hasattr(force, "_fields"):
         raise TypeError(f"{name} is {shown(force)}; it must be a named tuple, see springgym.own_forces")
     kind: Any = type(force)
@@ -100,14 +109,14 @@ def _checked(name: str, force: Any, count: int) -> Any:
     )
 
 
-def _particles(name: str, value: Any, count: int) -> Any:
+def _particles(name: str, value: object, count: int) -> int | np.ndarray:
     """A particle as an int, or several as an array of int64."""
     if isinstance(value, (np.ndarray, list, tuple)):
         return read_only(whole_array(name, value, (None,), high=count - 1))
     return whole(name, value, high=count - 1)
 
 
-def _value(name: str, value: Any) -> Any:
+def _value(name: str, value: object) -> bool | int | float | np.ndarray:
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     if isinstance(value, (int, np.integer)):
@@ -119,12 +128,12 @@ def _value(name: str, value: Any) -> Any:
     return read_only(array(name, value, value.shape))
 
 
-def to_compiled(force: Any) -> Any:
+def to_compiled(force: Force) -> Force:
     """Copy a checked force for compiled functions, which then own its C-contiguous arrays."""
     return force._make(value.copy() if isinstance(value, np.ndarray) else value for value in force)
 
 
-def _typed(force: Any, function: str, *arguments: Any) -> Any:
+def _typed(force: types.NamedTuple, function: str, *arguments: types.Type) -> Callable[..., Any]:
     """Compile a function of a force for arguments of the given types, and return it.
 
     ``force`` is the type of the force, which is the last argument.
@@ -160,7 +169,7 @@ def _reason(error: NumbaError) -> str:
     return reason if where is None else f"{reason} ({where.filename}, line {where.line})"
 
 
-def add_own_forces(x: Any, force: Any, own: Any, body: Any) -> None:
+def add_own_forces(x: Rows, force: Rows, own: Forces | None, body: int) -> None:
     """Add the forces [N] of one's own that act on a body to ``force`` (N, 3)."""
     for one in own or ():
         if one.body == body:
@@ -168,16 +177,17 @@ def add_own_forces(x: Any, force: Any, own: Any, body: Any) -> None:
 
 
 @overload(add_own_forces, jit_options={**OPTIONS, "forceinline": True})
-def _add_own_forces(x: Any, force: Any, own: Any, body: Any) -> Any:
+def _add_own_forces(x: Rows, force: Rows, own: Forces, body: int) -> Callable[..., None]:
+    # The annotations are those of the functions that it returns: Numba compares them.
     if not isinstance(own, types.BaseTuple) or not len(own):
 
-        def add_none(x: Any, force: Any, own: Any, body: Any) -> None:
+        def add_none(x: Rows, force: Rows, own: Forces, body: int) -> None:
             pass
 
         return add_none
     add = _typed(own[0][1], "add", x, force)
 
-    def add_first_and_others(x: Any, force: Any, own: Any, body: Any) -> None:
+    def add_first_and_others(x: Rows, force: Rows, own: Forces, body: int) -> None:
         if own[0].body == body:
             add(x, force, own[0].force)
         add_own_forces(x, force, own[1:], body)
@@ -185,7 +195,7 @@ def _add_own_forces(x: Any, force: Any, own: Any, body: Any) -> Any:
     return add_first_and_others
 
 
-def own_energy(x: Any, own: Any, body: Any) -> Any:
+def own_energy(x: Rows, own: Forces | None, body: int) -> Number:
     """Add up the energy [J] of the forces of one's own that act on a body."""
     total = 0.0 * load(x, (0, 0))
     for one in reversed(own or ()):
@@ -195,16 +205,16 @@ def own_energy(x: Any, own: Any, body: Any) -> Any:
 
 
 @overload(own_energy, jit_options={**OPTIONS, "forceinline": True})
-def _own_energy(x: Any, own: Any, body: Any) -> Any:
+def _own_energy(x: Rows, own: Forces, body: int) -> Callable[..., Number]:
     if not isinstance(own, types.BaseTuple) or not len(own):
 
-        def no_energy(x: Any, own: Any, body: Any) -> Any:
+        def no_energy(x: Rows, own: Forces, body: int) -> Number:
             return 0.0 * load(x, (0, 0))
 
         return no_energy
     energy = _typed(own[0][1], "energy", x)
 
-    def energy_of_first_and_others(x: Any, own: Any, body: Any) -> Any:
+    def energy_of_first_and_others(x: Rows, own: Forces, body: int) -> Number:
         total = own_energy(x, own[1:], body)
         if own[0].body == body:
             total = total + energy(x, own[0].force)

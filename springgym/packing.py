@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
@@ -49,7 +50,7 @@ class Parameter(NamedTuple):
     """the array of its values, of one body; None if the scene has none"""
 
 
-def _of(term: Any, name: str) -> Any:
+def _of(term: object, name: str) -> Any:
     """An array of a term; None if the scene has no such term."""
     return None if term is None else getattr(term, name)
 
@@ -92,7 +93,7 @@ class Options(NamedTuple):
     blocks: Callable[..., np.ndarray]
     """makes an array of blocks of some shape"""
 
-    def parameter(self, names: Collection[str], value: Any) -> np.ndarray:
+    def parameter(self, names: Collection[str], value: ArrayLike) -> np.ndarray:
         """An array of a value that depends on parameters: blocks of copies if one of them varies."""
         if self.varying.isdisjoint(names):
             return np.array(value, float)
@@ -267,7 +268,12 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
 
 
 def workspaces(
-    scene: Scene, method: Integrator, collisions: Collisions | None, twin: bool, dtype: Any, threads: int
+    scene: Scene,
+    method: Integrator,
+    collisions: Collisions | None,
+    twin: bool,
+    dtype: DTypeLike,
+    threads: int,
 ) -> list[Any]:
     """Return what each thread computes in, on elements of ``dtype``, by springs or by their rigid
     ``twin``."""
@@ -277,13 +283,13 @@ def workspaces(
     return [make(scene, collisions.pairs, dtype) for _ in range(threads)]
 
 
-def search_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> tuple[Lists, ContactRows]:
+def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[Lists, ContactRows]:
     """Return what a thread finds contacts in, and the list of those that it finds."""
     most = most_contacts(scene.meetings, scene.shapes)[1]
     return new_lists(pairs, len(scene.positions), dtype), new_contacts(pairs, most, None, dtype)
 
 
-def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
+def bodies_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Bodies:
     """Return what a thread computes in where bodies collide."""
     particles = np.array([0, *(own.stop for own in scene.slices)])
     springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
@@ -313,7 +319,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
     )
 
 
-def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
+def solids_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
     """Return what a thread computes in where rigid bodies collide."""
     count = len(scene.bodies)
     lists, contacts = search_workspace(scene, pairs, dtype)
@@ -433,7 +439,7 @@ def renew(terms: Terms, index: np.ndarray) -> None:
     """Let some copies (k,) of one body or of all begin anew from where they are and how they move."""
     for kept in (terms.memory, terms.cycle):
         if kept is not None:
-            marks: Any = kept.marks
+            marks: np.ndarray | Ragged = kept.marks
             set_copies(marks.values if isinstance(marks, Ragged) else marks, index, 0.0)
 
 
@@ -475,7 +481,11 @@ def vary_pairs(
 
 
 def vary(
-    packed: Packed, index: np.ndarray, time: float, given: Mapping[str, np.ndarray], shapes: Any
+    packed: Packed,
+    index: np.ndarray,
+    time: float,
+    given: Mapping[str, np.ndarray],
+    shapes: list[dict[str, np.ndarray]],
 ) -> None:
     """Set parameters of some copies (k,), and what follows from them.
 

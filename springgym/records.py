@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 
-def read_only(value: Any) -> np.ndarray:
+def read_only(value: ArrayLike) -> np.ndarray:
     """A copy of an array that nobody can write to."""
     kept = np.array(value)
     kept.setflags(write=False)
     return kept
 
 
-def _protect(value: Any) -> None:
+def _protect(value: object) -> None:
     """Make arrays read-only, in nested tuples too."""
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
@@ -29,11 +28,11 @@ class ReadOnly:
     NumPy forgets that an array is read-only when it is pickled or copied deeply, so it is said again.
     """
 
-    def keep(self, name: str, value: Any) -> None:
+    def keep(self, name: str, value: ArrayLike) -> None:
         """Set a field to a read-only copy of an array, while the record is made."""
         object.__setattr__(self, name, read_only(value))
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         for value in state.values():
             _protect(value)
         self.__dict__.update(state)

@@ -134,7 +134,9 @@ class Placed(ReadOnly):
             raise ValueError(f"drive.particle {self.drive.particle} must be pinned: the drive alone moves it")
         self.check_start(self.positions, self.velocities)
 
-    def check_start(self, positions: np.ndarray, velocities: np.ndarray, copies: Any = None) -> None:
+    def check_start(
+        self, positions: np.ndarray, velocities: np.ndarray, copies: np.ndarray | None = None
+    ) -> None:
         """Refuse what cannot be started from.
 
         Parameters
@@ -386,7 +388,7 @@ class Scene(ReadOnly):
         return bodies
 
     def _replaced(self) -> bool:
-        """Whether `dataclasses.replace` makes it, from the fields of a scene of one body.
+        """Tell whether `dataclasses.replace` makes it, from the fields of a scene of one body.
 
         These say all that belongs to the body a second time, beside ``bodies``. Who writes the body twice
         does not say how it starts twice: nothing that is in the `Placed` may be dropped for that.
@@ -409,7 +411,7 @@ class Scene(ReadOnly):
             for body in self._different:
                 check_surfaces(self.surfaces, scales(self.contact, body)[1])
 
-    def _check_heights(self, positions: np.ndarray, copies: Any = None) -> None:
+    def _check_heights(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:
         if self.surfaces and not self._well_above(positions):
             self._check_each(positions, copies)
 
@@ -425,13 +427,13 @@ class Scene(ReadOnly):
             for surface in self.surfaces
         )
 
-    def _check_each(self, positions: np.ndarray, copies: Any) -> None:
+    def _check_each(self, positions: np.ndarray, copies: np.ndarray | None) -> None:
         for placed, own in zip(self.bodies, self.slices, strict=True):
             reach = scales(self.contact, placed.body)[1]
             of = self._of(placed)
             check_heights(self.surfaces, reach, positions[..., own, :], placed.free, placed.body, copies, of)
 
-    def _check_apart(self, positions: np.ndarray, copies: Any = None) -> None:
+    def _check_apart(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:
         names = [placed.name for placed in self.bodies]
         check_apart(self.shapes, names, self.starts, self.meetings, positions, copies)
 
@@ -473,10 +475,12 @@ class Scene(ReadOnly):
         return restitution_at_most(number("speed", speed, low=0.0), self.faithful_speed)
 
     def _of(self, placed: Placed) -> str:
-        """What errors add to a particle's number: nothing if there is only one body."""
+        """Return what errors add to a particle's number: nothing if there is only one body."""
         return "" if len(self.bodies) == 1 else f" of {placed.name!r}"
 
-    def check_start(self, positions: np.ndarray, velocities: np.ndarray, copies: Any = None) -> None:
+    def check_start(
+        self, positions: np.ndarray, velocities: np.ndarray, copies: np.ndarray | None = None
+    ) -> None:
         """Refuse what cannot be started from.
 
         Parameters

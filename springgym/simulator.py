@@ -14,6 +14,7 @@ from threading import Lock
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import checks, contacts, measures, packing, stability
 from springgym.checks import FLOAT, HUGE, MANY, TINY, sum_of_squares
@@ -35,7 +36,7 @@ from springgym.core.blocks import (
     to_copies,
 )
 from springgym.core.compiling import SameTypes
-from springgym.core.kinds import Ragged
+from springgym.core.kinds import Nested, Ragged
 from springgym.core.ragged import share, stacked
 from springgym.dynamics import DYNAMICS, Pace
 from springgym.forces.ledger import ENTRIES
@@ -171,7 +172,7 @@ class Simulator:
         integrator: str | None = None,
         step: float | None = None,
         copies: int = 1,
-        dtype: Any = np.float64,
+        dtype: DTypeLike = np.float64,
         threads: int = 1,
         varying: Collection[str] = (),
         ledger: bool = True,
@@ -293,7 +294,7 @@ class Simulator:
         return block_array(self.copies, shape, self.dtype)
 
     def _controlled(self, tolerance: tuple[float, float] | None) -> float | Control:
-        """What the method is given in place of h: that, or the `Control`."""
+        """Return what the method is given in place of h: h itself, or the `Control`."""
         if not self.integrator.controlled:
             if tolerance is not None:
                 raise ValueError(
@@ -325,16 +326,16 @@ class Simulator:
 
     @cached_property
     def _readings(self) -> list[Reading]:
-        """How each thread reads copies off."""
+        """Make the arrays by which each thread reads copies off."""
         return [Reading(self.readout, space, self._markers) for space in self._space]
 
     @cached_property
-    def _acting(self) -> Any:
+    def _acting(self) -> tuple[object, ...]:
         """The scene as kernels take it."""
         return (*self._twin, self._terms) if self._twin else self._terms
 
     def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
-        """What `actuate` sets, by name: the array, the shape of its values, and a view of a single copy's."""
+        """Return by name what `actuate` sets: an array, the shape of its values, a single copy's view."""
         several = len(self._packed) > 1
         return {
             f"{placed.name}.{name}" if several else name: (
@@ -366,7 +367,7 @@ class Simulator:
         return int(numbers(self._x).shape[-1])
 
     @guarded
-    def place(self, positions: Any, velocities: Any, copies: Any = None) -> None:
+    def place(self, positions: ArrayLike, velocities: ArrayLike, copies: ArrayLike | None = None) -> None:
         """Start some copies (all) anew, with an empty ledger, at time 0.
 
         Parameters
@@ -414,7 +415,7 @@ class Simulator:
             ]
             self.scene.check_start(np.concatenate(settled, axis=1), v, index)
 
-    def _index(self, copies: Any) -> np.ndarray:
+    def _index(self, copies: ArrayLike | None) -> np.ndarray:
         """Indices (k,) of copies, checked."""
         return (
             np.arange(self.copies)
@@ -425,7 +426,7 @@ class Simulator:
     def _rows(
         self,
         name: str,
-        value: Any,
+        value: ArrayLike,
         index: np.ndarray,
         shape: tuple[int, ...],
         low: float = -HUGE,
@@ -458,7 +459,7 @@ class Simulator:
                 self._run(0, first, last, START, settles=False, reads=False)
 
     @guarded
-    def vary(self, copies: Any, **values: Any) -> None:
+    def vary(self, copies: ArrayLike, **values: ArrayLike) -> None:
         """Give some copies their own parameters.
 
         Parameters
@@ -546,7 +547,7 @@ class Simulator:
                 set_all(array, value)
 
     @guarded
-    def state(self, copies: Any = None) -> dict[str, Any]:
+    def state(self, copies: ArrayLike | None = None) -> dict[str, Any]:
         """Return a copy of all that changes, for `restore` of this simulator or of one made alike.
 
         Beside the arrays it says what it is of, and which copies ("lost") are not finite.
@@ -590,7 +591,7 @@ class Simulator:
         }
 
     @guarded
-    def restore(self, state: Mapping[str, Any], copies: Any = None) -> None:
+    def restore(self, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
         """Return to what `state` gave, to the bit.
 
         Parameters
@@ -942,7 +943,7 @@ class Simulator:
         return contacts.padded(found, self.copies)
 
     @guarded
-    def read(self, copies: Any = None) -> None:
+    def read(self, copies: ArrayLike | None = None) -> None:
         """Write measures, positions and velocities of some copies (all) to their rows of `readout`.
 
         Those of the others in the same blocks are written, too.
@@ -1025,7 +1026,7 @@ class Simulator:
             f"damping every {self.damping_every}, {self.dtype})"
         )
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         if name in vars(self) and not name.startswith("_"):
             raise AttributeError(f"{name} of a simulator is what it was made with; make another")
         super().__setattr__(name, value)
@@ -1106,7 +1107,7 @@ def _await(lock: Lock) -> None:
             continue
 
 
-def _checked_names(varying: Any) -> frozenset[str]:
+def _checked_names(varying: object) -> frozenset[str]:
     """Names out of `PARAMETERS`."""
     if isinstance(varying, str) or not isinstance(varying, (Set, Sequence, Mapping)):
         raise TypeError(
@@ -1173,7 +1174,7 @@ def _set(
     deque(map(np.ndarray.__setitem__, tuple(arrays), where, tuple(values)), 0)
 
 
-def _blocks_in(name: str, term: Any) -> Iterator[tuple[str, np.ndarray]]:
+def _blocks_in(name: str, term: Nested) -> Iterator[tuple[str, np.ndarray]]:
     """Find the arrays of values per copy in nested tuples, with names that say where they are.
 
     Lists of whole numbers, which all copies of a block share, follow from them.

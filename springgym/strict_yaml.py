@@ -94,7 +94,7 @@ def parse_yaml(text: str, source: str) -> Tree:
     where: dict[tuple[str, ...], str] = {}
     most = len(text) + MOST_REPEATED  # a value that is written takes a character at least
 
-    def value_of(node: yaml.Node, path: tuple[str, ...], here: str) -> Any:
+    def value_of(node: yaml.Node, path: tuple[str, ...], here: str) -> object:
         where[path] = here
         if len(where) > most:
             raise YamlError(f"{here}: aliases repeat more than {MOST_REPEATED} values")
@@ -108,7 +108,7 @@ def parse_yaml(text: str, source: str) -> Tree:
             except Exception as error:  # such as the 99th of a month, or a !!bool that is none
                 kind = node.tag.rpartition(":")[2]
                 raise YamlError(f"{here}: {shown(node.value)} is no {kind}: {shown(str(error))}") from error
-        entries: dict[str, Any] = {}
+        entries: dict[str, object] = {}
         for key_node, value_node in node.value:
             here, key = _line(source, key_node), key_node.value
             if not isinstance(key, str):
@@ -138,7 +138,7 @@ def parse_yaml(text: str, source: str) -> Tree:
         raise YamlError(f"{source}: nested too deeply, or an alias that refers to itself") from None
 
 
-def changed(tree: Tree, changes: Mapping[tuple[str, ...], Any], source: str = "a change") -> Tree:
+def changed(tree: Tree, changes: Mapping[tuple[str, ...], object], source: str = "a change") -> Tree:
     """A document with the values at some paths replaced, or added where their mapping exists or is new.
 
     Raises
@@ -171,7 +171,7 @@ def changed(tree: Tree, changes: Mapping[tuple[str, ...], Any], source: str = "a
     return Tree(value, where)
 
 
-def _paths(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
+def _paths(value: object, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
     """Yield the paths of a value and of all in it; items of lists by number, as text."""
     yield path
     if isinstance(value, dict):
@@ -191,7 +191,7 @@ def build(
     tree: Tree,
     path: tuple[str, ...] = (),
     skip: Collection[str] = (),
-    **given: Any,
+    **given: object,
 ) -> Any:
     """Call ``make`` with the mapping at ``path`` of a document as keyword arguments, besides ``given``.
 
@@ -235,7 +235,7 @@ def build(
         raise YamlError(f"{place}: {name}: {str(error) or 'not enough memory'}") from error
 
 
-def fit(kind: Any, tree: Tree, path: tuple[str, ...]) -> Any:
+def fit(kind: object, tree: Tree, path: tuple[str, ...]) -> Any:
     """The value at a path, if it is of a kind: a type annotation.
 
     Raises
@@ -245,14 +245,14 @@ def fit(kind: Any, tree: Tree, path: tuple[str, ...]) -> Any:
     """
     value, origin, arguments = tree.at(path), get_origin(kind), get_args(kind)
 
-    def fits(other: Any) -> bool:
+    def fits(other: object) -> bool:
         try:
             fit(other, tree, path)
         except YamlError:
             return False
         return True
 
-    if kind is Any:
+    if kind in (Any, object):
         return value
     if kind is float and type(value) in (int, float):
         return _number(tree, path, value)
@@ -278,7 +278,7 @@ def fit(kind: Any, tree: Tree, path: tuple[str, ...]) -> Any:
             items = [fit(arguments[0], tree, (*path, str(n))) for n in range(len(value))]
             return items if origin is list else tuple(items)
     if origin in (dict, Mapping) and isinstance(value, dict):
-        found: dict[Any, Any] = {}
+        found: dict[str | int, object] = {}
         for name in value:
             key = _key(arguments[0], name, tree, path)
             if key in found:
@@ -295,7 +295,7 @@ def _number(tree: Tree, path: tuple[str, ...], value: float) -> float:
     raise YamlError(f"{place}: expected a number of size {HUGE:g} at most, got {shown(value)}")
 
 
-def _key(kind: Any, key: str, tree: Tree, path: tuple[str, ...]) -> Any:
+def _key(kind: object, key: str, tree: Tree, path: tuple[str, ...]) -> str | int:
     if kind is str:
         return key
     if kind is int and re.fullmatch(r"[0-9]{1,18}", key):
@@ -303,7 +303,7 @@ def _key(kind: Any, key: str, tree: Tree, path: tuple[str, ...]) -> Any:
     raise YamlError(f"{tree.where[*path, key]}: expected {_described(kind)} as a key, got {shown(key)}")
 
 
-def _described(kind: Any) -> str:
+def _described(kind: object) -> str:
     simple = {
         int: "a whole number",
         float: "a number",

@@ -760,7 +760,7 @@ def degenerate(broken: bool) -> Outcome:
         "damping": np.zeros(6),
     }
 
-    def changed(name: str, place: Any, value: Any) -> dict[str, Any]:
+    def changed(name: str, place: int | tuple[int, ...], value: float) -> dict[str, Any]:
         array = np.array(sound[name], float)
         array[place] = value
         return {name: array}

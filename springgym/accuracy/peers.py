@@ -5,8 +5,8 @@ from __future__ import annotations
 import importlib.util
 import math
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,15 +20,19 @@ from springgym.scene import Scene
 from springgym.stability import largest_step
 from springgym.surfaces import Plane, scales
 
+if TYPE_CHECKING:
+    import mujoco
+    from scipy.optimize import OptimizeResult
+
 LONGEST_PIECE = 1e-2
 """Timed runs take about this long [s]: slower programs, longer pieces."""
 
 
-def mujoco_model(scene: Scene, integrator: str, step: float) -> Any:
+def mujoco_model(scene: Scene, integrator: str, step: float) -> mujoco.MjModel:
     """The scene's particles on slide joints, its springs and dampers as spatial tendons."""
     import mujoco
 
-    def numbers(values: Any) -> str:
+    def numbers(values: Iterable[float]) -> str:
         return " ".join(repr(float(value)) for value in values)
 
     body, free = scene.body, scene.free
@@ -82,12 +86,16 @@ def mujoco_rungs(problem: Problem, scene: Scene) -> list[Rung]:
             model = mujoco_model(scene, name, step)
             data = mujoco.MjData(model)
 
-            def begin(model: Any = model, data: Any = data) -> None:
+            def begin(model: mujoco.MjModel = model, data: mujoco.MjData = data) -> None:
                 mujoco.mj_resetData(model, data)
                 data.qvel[:] = scene.velocities[free].ravel()
 
             def run(
-                count: int = count, name: str = name, data: Any = data, model: Any = model, begin: Any = begin
+                count: int = count,
+                name: str = name,
+                data: mujoco.MjData = data,
+                model: mujoco.MjModel = model,
+                begin: Callable[[], None] = begin,
             ) -> tuple[np.ndarray, float, float]:
                 begin()
                 positions = []
@@ -101,7 +109,11 @@ def mujoco_rungs(problem: Problem, scene: Scene) -> list[Rung]:
                 return np.array(positions), EVALUATIONS[name] * count / problem.seconds, wall
 
             def piece(
-                wall: float, count: int = count, step: float = step, data: Any = data, model: Any = model
+                wall: float,
+                count: int = count,
+                step: float = step,
+                data: mujoco.MjData = data,
+                model: mujoco.MjModel = model,
             ) -> tuple[Callable[[], object], float]:
                 steps = max(1, min(count, int(count * LONGEST_PIECE / wall)))
                 return lambda: mujoco.mj_step(model, data, steps), steps * step
@@ -164,7 +176,7 @@ def scipy_rungs(problem: Problem, scene: Scene) -> list[Rung]:
     began = np.concatenate([scene.positions.ravel(), scene.velocities.ravel()])
     times = problem.seconds * np.arange(1, SAMPLES + 1) / SAMPLES
 
-    def solve(method: str, tolerance: float, until: float) -> Any:
+    def solve(method: str, tolerance: float, until: float) -> OptimizeResult:
         options = {"jac": matrix} if method == "Radau" else {}
         return solve_ivp(
             slope,

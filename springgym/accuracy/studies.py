@@ -200,15 +200,15 @@ def _mujoco_top(frame: np.ndarray, omega: np.ndarray, shape: np.ndarray, quick: 
             )
             data = mujoco.MjData(model)
 
-            def begin(model: Any = model, data: Any = data) -> None:
+            def begin(model: mujoco.MjModel = model, data: mujoco.MjData = data) -> None:
                 mujoco.mj_resetData(model, data)
                 data.qpos[:] = quaternion
                 data.qvel[:] = omega
 
             def run(
-                begin: Any = begin,
-                model: Any = model,
-                data: Any = data,
+                begin: Callable[[], None] = begin,
+                model: mujoco.MjModel = model,
+                data: mujoco.MjData = data,
                 count: int = count,
                 evaluations: int = evaluations,
             ) -> tuple[np.ndarray, float, float]:
@@ -221,7 +221,11 @@ def _mujoco_top(frame: np.ndarray, omega: np.ndarray, shape: np.ndarray, quick: 
                 return (shape @ turn.reshape(3, 3).T)[None], evaluations * count / SECONDS, wall
 
             def piece(
-                wall: float, model: Any = model, data: Any = data, count: int = count, step: float = step
+                wall: float,
+                model: mujoco.MjModel = model,
+                data: mujoco.MjData = data,
+                count: int = count,
+                step: float = step,
             ) -> tuple[Callable[[], object], float]:
                 steps = max(1, min(count, int(count * 5e-3 / wall)))
                 return lambda: mujoco.mj_step(model, data, steps), steps * step

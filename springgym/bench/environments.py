@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from itertools import cycle
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
 
 from springgym.bench.timing import Case, Row, measured
 from springgym.registration import ENVIRONMENTS
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.vec_env import VecEnv
 
 NATIVE = {"vectorization_mode": "vector_entry_point"}
 COLLECTED = 32
@@ -102,7 +105,7 @@ def _single(env_id: str) -> Callable[[], None]:
     return run
 
 
-def _native(env_id: str, copies: int, threads: int, **options: Any) -> Callable[[], None]:
+def _native(env_id: str, copies: int, threads: int, **options: object) -> Callable[[], None]:
     """2 steps of a native batch."""
     how: dict[str, Any] = NATIVE | {"threads": threads} | options
     env = gym.make_vec(env_id, num_envs=copies, **how)
@@ -136,7 +139,7 @@ def _compiled_alone(env_id: str, copies: int, facts: Mapping[str, Any]) -> Case:
     return Case(what, run, 2 * copies, lambda: simulator.restore(began), facts)
 
 
-def _collecting(envs: Any) -> Callable[[], object]:
+def _collecting(envs: VecEnv) -> Callable[[], object]:
     """A rollout of Stable-Baselines3's PPO: policy, environments and buffer, without learning."""
     import torch
     from stable_baselines3 import PPO

@@ -8,10 +8,10 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from springgym.core.blocks import aligned_zeros
 from springgym.forces.springs import interleaved
 from springgym.scene import Scene
 from springgym.simulator import Simulator
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 
 class Peer(NamedTuple):
@@ -40,7 +43,9 @@ FLAGS = ("-std=c++17", "-O3", "-march=native", "-ffast-math", "-mprefer-vector-w
 
 
 @cache
-def _reference(compiler: str, precision: str, registers: int, particles: int, springs: int) -> Any:
+def _reference(
+    compiler: str, precision: str, registers: int, particles: int, springs: int
+) -> Callable[..., object]:
     """The hand-written reference, compiled for blocks of so many vector registers of 64 bytes."""
     real = "double" if precision == "float64" else "float"
     sizes = {"REAL": real, "REGISTERS": registers, "PARTICLES": particles, "SPRINGS": springs}
@@ -148,7 +153,7 @@ def mujoco_rigid(scene: Scene, integrator: str, step: float) -> Peer | None:
     turn = inertia(x, masses)
     about = inertia(x - centre, masses)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
-    def text(values: Any) -> str:
+    def text(values: Iterable[float]) -> str:
         return " ".join(repr(float(value)) for value in values)
 
     model = mujoco.MjModel.from_xml_string(
@@ -181,13 +186,13 @@ def jax_batch(scene: Scene, step: float, copies: int) -> Peer | None:
     inverse = jnp.array(scene.free / body.masses)[:, None]
     pull = jnp.array(np.where(scene.free[:, None], scene.gravity or (0, 0, 0), 0.0))
 
-    def slope(x: Any, v: Any) -> Any:
+    def slope(x: jax.Array, v: jax.Array) -> tuple[jax.Array, jax.Array]:
         apart = x[second] - x[first]
         force = (body.stiffness * (1 - body.lengths / jnp.linalg.norm(apart, axis=1)))[:, None] * apart
         total = jnp.zeros_like(x).at[first].add(force).at[second].add(-force)
         return v, total * inverse + pull
 
-    def rk4(_: int, state: Any) -> Any:
+    def rk4(_: int, state: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
         x, v = state
         a = slope(x, v)
         b = slope(x + step / 2 * a[0], v + step / 2 * a[1])
@@ -217,7 +222,7 @@ def scipy_rk45(scene: Scene, step: float) -> Peer | None:
     slope = derivative(scene)
     state = np.concatenate([scene.positions.ravel(), scene.velocities.ravel()])
 
-    def advance(steps: int) -> Any:
+    def advance(steps: int) -> OptimizeResult:
         span = (0.0, steps * step)
         return solve_ivp(slope, span, state, max_step=step, first_step=step, rtol=1e9, atol=1e9)
 

@@ -21,7 +21,7 @@ def ratios(report: Mapping[str, Any]) -> dict[str, float]:
     return found | _against_reference(report) | _equal_error(report) | _outside(report) | _linear(report)
 
 
-def speed(report: Mapping[str, Any], section: str, **which: Any) -> float | None:
+def speed(report: Mapping[str, Any], section: str, **which: object) -> float | None:
     """The median of the row that is ``which``, or None."""
     for row in report.get(section, {}).get("rows", ()):
         if all(row.get(name) == value for name, value in which.items()):

@@ -183,7 +183,7 @@ def against_peers(rounds: int) -> list[Row]:
         precision: str = "float64",
         dynamics: str = "springs",
         scene: Scene = plain,
-        **facts: Any,
+        **facts: object,
     ) -> None:
         if peer is not None:
             facts["error"] = rms_distance(peer.positions, exact_positions(scene, 1.0, dynamics), scene.sizes)

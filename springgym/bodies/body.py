@@ -363,7 +363,7 @@ def rigid_motions(positions: np.ndarray, about: ArrayLike | None = None) -> np.n
     return motions
 
 
-def rigid_ways(positions: np.ndarray, particles: Any = slice(None)) -> int:
+def rigid_ways(positions: np.ndarray, particles: slice | np.ndarray = slice(None)) -> int:
     """Count the independent rigid motions of a body, of any size, that move some of its particles."""
     size = np.ptp(positions, axis=0).max() or 1.0
     return rank(rigid_motions(positions / size)[particles].reshape(-1, 6))

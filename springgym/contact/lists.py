@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from springgym.contact.pairs import Pairs
 from springgym.contact.rows import ContactRows
@@ -162,7 +163,7 @@ class Search(NamedTuple):
     contacts: ContactRows
 
 
-def new_lists(pairs: Pairs, particles: int, dtype: np.dtype) -> Lists:
+def new_lists(pairs: Pairs, particles: int, dtype: DTypeLike) -> Lists:
     """Return empty lists of the features of ``particles`` in all, on elements of ``dtype``."""
     shapes = pairs.shapes
     bodies, count = len(shapes.radius), len(pairs.first)

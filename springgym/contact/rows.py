@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from springgym.contact.law import Span
 from springgym.contact.pairs import Pairs
@@ -94,7 +95,7 @@ class Problem(NamedTuple):
     """what is told of pairs, see `springgym.contact.totals`; None if nothing is"""
 
 
-def new_contacts(pairs: Pairs, rows: int, solids: Solids | None, dtype: np.dtype) -> ContactRows:
+def new_contacts(pairs: Pairs, rows: int, solids: Solids | None, dtype: DTypeLike) -> ContactRows:
     """Return an empty list of contacts, on elements of ``dtype``; ``rows`` is the most a block can have."""
     width = np.dtype(dtype)["lanes"].shape[0]
     rows = min(rows, pairs.most * width) + 1

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from springgym.core.lanes import at as at
 from springgym.core.lanes import block_dtype
@@ -18,7 +19,7 @@ CACHE_LINE = 64
 """[bytes]"""
 
 
-def block_array(copies: int, shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+def block_array(copies: int, shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
     """Zeros of shape (blocks, *shape), each element a number for every copy of the block.
 
     One copy makes a block of width 1; more make blocks of `WIDTH`, the last one padded.
@@ -26,14 +27,16 @@ def block_array(copies: int, shape: tuple[int, ...], dtype: Any) -> np.ndarray:
     return aligned_zeros(*block_layout(copies, shape, dtype))
 
 
-def block_layout(copies: int, shape: tuple[int, ...], dtype: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
+def block_layout(
+    copies: int, shape: tuple[int, ...], dtype: DTypeLike
+) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Shape and type of a block array, see `block_array`."""
     dtype = np.dtype(dtype)
     width = 1 if copies == 1 else WIDTH[dtype]
     return (-(-copies // width), *shape), block_dtype(dtype, width)
 
 
-def aligned_zeros(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
     """Zeros that start at a cache line, so that no block of a full width straddles two."""
     dtype = np.dtype(dtype)
     size = math.prod(shape) * dtype.itemsize
@@ -60,7 +63,7 @@ def to_copies(array: np.ndarray, copies: int) -> np.ndarray:
     return np.array(rows[:copies], order="C")
 
 
-def set_copies(array: np.ndarray, index: np.ndarray, values: Any) -> None:
+def set_copies(array: np.ndarray, index: np.ndarray, values: ArrayLike) -> None:
     """Set the copies ``index`` (k,) of a block array to ``values`` (k, *shape)."""
     lanes = by_copies(array)
     width = lanes.shape[1]

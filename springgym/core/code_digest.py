@@ -29,7 +29,7 @@ from numba import extending
 from numba.extending import is_jitted
 
 IMPORTED = time.time_ns()
-"""When this module was [ns]: before all others that hold compiled functions."""
+"""Time at which this module was imported [ns]: before all others that hold compiled functions."""
 
 KNOWN = frozenset({"numpy", "numba", "llvmlite", "builtins", *sys.stdlib_module_names} - {"__main__"})
 """Packages whose contents follow from a name and their versions."""
@@ -40,7 +40,7 @@ TEACHERS = [
     if name.startswith(("lower_", "overload", "register_model", "typeof_impl"))
     or name in ("box", "unbox", "type_callable", "make_attribute_wrapper")
 ]
-"""What a module names that teaches Numba something, of what it does not name again where it is used."""
+"""Names in a module that teaches Numba something, of what it does not name again where it is used."""
 
 OF_EVERY_CLASS = frozenset(
     (
@@ -60,14 +60,14 @@ OF_EVERY_CLASS = frozenset(
         "_abc_impl",
     )
 )
-"""What a class has that no compiled code depends on."""
+"""Attributes of a class that no compiled code depends on."""
 
 
 class NotHashable(TypeError):
     """Raised where a function is compiled from something that has no digest."""
 
 
-def digest(function: Callable[..., Any], arguments: Any = (), by_source: Iterable[str] = ()) -> bytes:
+def digest(function: Callable[..., Any], arguments: object = (), by_source: Iterable[str] = ()) -> bytes:
     """Compute a digest of all that a function is compiled from, the same in every process.
 
     Parameters
@@ -97,14 +97,14 @@ class _Walk:
     def __init__(self, by_source: frozenset[str]) -> None:
         self.sum = hashlib.sha256()
         self.by_source = by_source
-        self.met: dict[int, tuple[int, Any]] = {}  # holds the objects, so that no other gets their id
+        self.met: dict[int, tuple[int, object]] = {}  # holds the objects, so that no other gets their id
         self.modules: set[str] = set()
 
-    def text(self, *parts: Any) -> None:
+    def text(self, *parts: object) -> None:
         """Feed what has the same `repr` in every process."""
         self.sum.update(repr(parts).encode())
 
-    def of_types(self, kind: Any) -> None:
+    def of_types(self, kind: object) -> None:
         """Feed the types of arguments, and what code they bring with them."""
         if isinstance(kind, (tuple, list, numba.types.BaseTuple)):
             self.text("types", type(kind).__name__, len(kind))
@@ -164,7 +164,9 @@ class _Walk:
         else:
             raise NotHashable(f"{value!r} has no digest")
 
-    def collection(self, values: Any) -> None:
+    def collection(
+        self, values: list[object] | dict[object, object] | set[object] | frozenset[object]
+    ) -> None:
         """Feed a list, a dictionary or a set."""
         self.text(type(values).__name__, len(values))
         if isinstance(values, (set, frozenset)):
@@ -210,7 +212,7 @@ class _Walk:
             if isinstance(value, types.ModuleType):
                 self.attributes(value, names)
 
-    def unchanged(self, function: types.FunctionType, named: dict[str, Any]) -> None:
+    def unchanged(self, function: types.FunctionType, named: dict[str, object]) -> None:
         """Refuse a function that may have been compiled when its constants were others."""
         for name, value in named.items():
             now = _plain(value)
@@ -266,7 +268,7 @@ class _Walk:
                     self.text("made")
 
 
-_EARLIER: dict[tuple[Any, str], Any] = {}
+_EARLIER: dict[tuple[types.FunctionType, str], tuple[object, ...]] = {}
 """Constants as a function's first digest found them."""
 
 
@@ -274,7 +276,7 @@ def _known(module: str) -> bool:
     return module.partition(".")[0] in KNOWN
 
 
-def _plain(value: Any) -> tuple[Any, ...] | None:
+def _plain(value: object) -> tuple[object, ...] | None:
     """Return the whole content of a value that refers to no other values; None if it refers to some."""
     if isinstance(value, enum.Enum):
         return type(value).__qualname__, value.name, repr(value.value)
@@ -302,7 +304,7 @@ def _plain(value: Any) -> tuple[Any, ...] | None:
     return None
 
 
-def _bound(function: types.FunctionType) -> Iterable[tuple[str, Any]]:
+def _bound(function: types.FunctionType) -> Iterable[tuple[str, object]]:
     """Yield the names and values that a closure binds; cells that are still empty are left out."""
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
         try:

@@ -41,12 +41,12 @@ from functools import wraps
 from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, TypeGuard
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypeGuard
 from uuid import uuid4
 
 import numba
 import numpy as np
-from llvmlite import binding
+from llvmlite import binding, ir
 from numba import extending
 from numba.core import sigutils
 from numba.core.registry import CPUDispatcher
@@ -54,6 +54,18 @@ from numba.extending import is_jitted, models, register_model
 
 from springgym.core import plain
 from springgym.core.code_digest import NotHashable, digest
+
+if TYPE_CHECKING:
+    from numba.core.codegen import JITCPUCodegen
+    from numba.core.compiler import CompileResult, StateDict
+    from numba.core.compiler_machinery import PassManager
+    from numba.core.cpu import CPUContext
+    from numba.core.datamodel import DataModelManager
+    from numba.core.funcdesc import FunctionDescriptor
+    from numba.core.typing.templates import Signature
+
+    Asked: TypeAlias = Signature | tuple[numba.types.Type, ...]
+    """Types of the arguments that Numba asks code for."""
 
 PACKAGE = __name__.partition(".")[0]
 LOGGER = logging.getLogger(PACKAGE)
@@ -102,7 +114,7 @@ def _features() -> Mapping[str, bool]:
 
 
 LEVEL = _level(os.environ.get("SPRINGGYM_CPU", ""), _features())
-"""What processors code is made for, of `LEVELS`; None for those like this one."""
+"""The processors that code is made for, of `LEVELS`; None for those like this one."""
 
 if LEVEL is not None:  # before Numba compiles anything; the key of an entry holds both
     numba.config.CPU_NAME, numba.config.CPU_FEATURES = LEVEL, ""
@@ -115,7 +127,7 @@ SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO_
 """Those of `numba.config` that change what is compiled."""
 
 INTERPRETED = bool(numba.config.DISABLE_JIT)
-"""Whether functions run as the Python they are, by `springgym.core.plain`."""
+"""True where functions run as the Python they are, by `springgym.core.plain`."""
 
 SAMPLE = CPUDispatcher(lambda: None)
 """A function that is never called: a sample of how this version of Numba wraps a compiled function."""
@@ -139,7 +151,7 @@ INSIDE = {
         "core.codegen.JitEngine._load_defined_symbols",
     )
 }
-"""What there is of the private things in Numba that the cache is made of."""
+"""The private things in Numba that the cache is made of; None for what this version lacks."""
 
 LOCK, REDUCE, REBUILD, DUMPS, NAME_SYMBOLS = INSIDE.values()
 
@@ -182,18 +194,18 @@ class WholeTuple(models.TupleModel):
     that is called puts them together again: most of what there would be to compile.
     """
 
-    def get_argument_type(self) -> Any:
+    def get_argument_type(self) -> ir.Type:
         return self.get_value_type()
 
-    def as_argument(self, builder: Any, value: Any) -> Any:
+    def as_argument(self, builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
         return value
 
-    def from_argument(self, builder: Any, value: Any) -> Any:
+    def from_argument(self, builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
         return value
 
 
 @register_model(numba.types.NamedTuple)
-def _tuple_model(manager: Any, kind: Any) -> Any:
+def _tuple_model(manager: DataModelManager, kind: numba.types.NamedTuple) -> models.TupleModel:
     """Return the data model of this package's own tuples.
 
     Those of others stay as they are, for code that others have compiled.
@@ -203,13 +215,13 @@ def _tuple_model(manager: Any, kind: Any) -> Any:
 
 
 CHECKED = bool(numba.config.BOUNDSCHECK)
-"""Whether compiled functions check indices, and `SameTypes` types."""
+"""True where compiled functions check indices, and `SameTypes` types."""
 
 
 class Inner(type(SAMPLE)):  # type: ignore[misc]
     """A compiled function that only other compiled functions call; see `_inlined`."""
 
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+    def __call__(self, *args: object, **kwargs: object) -> NoReturn:
         raise TypeError(
             f"{self.__name__} is compiled for kernels only; call {self.__name__}.py_func from Python"
         )
@@ -218,7 +230,7 @@ class Inner(type(SAMPLE)):  # type: ignore[misc]
 class Kept(type(SAMPLE)):  # type: ignore[misc]
     """A compiled function that Python calls, whose code is kept."""
 
-    def compile(self, sig: Any) -> Any:
+    def compile(self, sig: Asked) -> Callable[..., Any]:
         try:
             return super().compile(sig)
         finally:
@@ -226,14 +238,14 @@ class Kept(type(SAMPLE)):  # type: ignore[misc]
                 self._cache.stop_waiting()
 
 
-def _inlined() -> dict[str, Any]:
+def _inlined() -> dict[str, object]:
     """Options of functions that are only ever inlined: no code by which Python would call them, and, if this
     version of Numba lets us, no optimised machine code of their own, which nobody would run, and less of what
     goes by the stack.
 
     The first is half of what compiling them costs, the second a quarter of the rest, the third a seventh.
     """
-    options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    options: dict[str, object] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     try:
         from numba._dynfunc import make_function
         from numba.core.analysis import compute_cfg_from_blocks, compute_use_defs, must_use_alloca
@@ -285,7 +297,7 @@ def _inlined() -> dict[str, Any]:
         _name = "inner_lowering"
         lowering_class = ValueLower
 
-        def run_pass(self, state: Any) -> bool:
+        def run_pass(self, state: StateDict) -> bool:
             context, function = state.targetctx, state.func_id
             state.library = Library(context.codegen(), function.func_qualname)
             state.flags.no_compile = True
@@ -301,7 +313,7 @@ def _inlined() -> dict[str, Any]:
     class InnerCompiler(Compiler):
         """Numba's compiler, which ends with `InnerLowering`."""
 
-        def define_pipelines(self) -> list[Any]:
+        def define_pipelines(self) -> list[PassManager]:
             (passes,) = super().define_pipelines()
             passes.passes[:] = [
                 (InnerLowering if one is NativeLowering else one, why)
@@ -335,7 +347,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     if INTERPRETED:
 
         @wraps(function)
-        def run(*arguments: Any) -> Any:
+        def run(*arguments: object) -> object:
             with np.errstate(all="ignore"):  # as IEEE's arithmetic goes on
                 return function(*arguments)
 
@@ -358,12 +370,12 @@ def intrinsic(function: Callable[..., Any]) -> Any:
     return getattr(plain, function.__name__) if INTERPRETED else extending.intrinsic(function)
 
 
-def is_kernel(function: Any) -> bool:
+def is_kernel(function: object) -> bool:
     """Tell whether Python calls a function as it is written for kernels: compiled, or interpreted."""
     return is_jitted(function) or (INTERPRETED and hasattr(function, "py_func"))
 
 
-def is_inner(function: Any) -> TypeGuard[Any]:
+def is_inner(function: object) -> TypeGuard[Any]:
     """Tell whether a function is one of `compiled`."""
     return isinstance(function, Inner) or (INTERPRETED and getattr(function, "py_func", None) is function)
 
@@ -381,9 +393,9 @@ class SameTypes:
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function: Any = function
         self._code: Callable[..., Any] | None = None
-        self._types: tuple[Any, ...] | None = None
+        self._types: tuple[numba.types.Type, ...] | None = None
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> object:
         if self._code is None:
             self._code = self._function
             if is_jitted(self._function):
@@ -420,7 +432,7 @@ def cache_directory() -> Path | None:
     return home / PACKAGE if home.is_absolute() else None
 
 
-def _asked(found: Any, sig: Any) -> Any:
+def _asked(found: CompileResult, sig: Asked) -> CompileResult:
     """Return what was found, under the types that were asked for: those of a script's own classes are made
     anew."""
     args, _ = sigutils.normalize_signature(sig)
@@ -429,7 +441,7 @@ def _asked(found: Any, sig: Any) -> Any:
     return found._replace(signature=found.signature.replace(args=tuple(args)))
 
 
-def _without_bitcode(parts: tuple[Any, ...]) -> tuple[Any, ...]:
+def _without_bitcode(parts: tuple[Any, ...]) -> tuple[object, ...]:
     """Return what Numba keeps of a function without what other functions would inline of it: most of it.
 
     Compiled functions that call it find its machine code by its name.
@@ -438,7 +450,7 @@ def _without_bitcode(parts: tuple[Any, ...]) -> tuple[Any, ...]:
     return (name, kind, (machine_code, binding.parse_assembly("").as_bitcode())), *others
 
 
-def _name_symbols(codegen: Any, description: Any) -> None:
+def _name_symbols(codegen: JITCPUCodegen, description: FunctionDescriptor) -> None:
     """Tell Numba's engine the names of a function's machine code, which it would read in the bitcode."""
     names = (description.llvm_func_name, description.llvm_cpython_wrapper_name)
     functions = [SimpleNamespace(name=name, is_declaration=False) for name in names]
@@ -446,7 +458,7 @@ def _name_symbols(codegen: Any, description: Any) -> None:
 
 
 PATIENCE = 2.0
-"""Who waits for code to be compiled is told so after this long [s]."""
+"""A user who waits for code to be compiled is told so after this long [s]."""
 
 _TOLD = threading.Lock()
 """Held once somebody was told."""
@@ -474,7 +486,7 @@ class DigestKeyedCache:
     def flush(self) -> None:
         """Nothing is ever out of date."""
 
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
+    def load_overload(self, sig: Asked, target_context: CPUContext) -> CompileResult | None:
         """The compiled function of a signature, if there is an entry of it."""
         found = self._load(sig, target_context)
         if found is None:
@@ -491,7 +503,7 @@ class DigestKeyedCache:
             waiting.cancel()
             waiting.join()  # who forks next should be alone
 
-    def _load(self, sig: Any, target_context: Any) -> Any:
+    def _load(self, sig: Asked, target_context: CPUContext) -> CompileResult | None:
         try:
             target_context.refresh()
             path = self._path(sig, target_context.codegen())
@@ -507,7 +519,7 @@ class DigestKeyedCache:
         except Exception:  # whatever is wrong with an entry: it is compiled anew, and replaced
             return None
 
-    def save_overload(self, sig: Any, data: Any) -> None:
+    def save_overload(self, sig: Asked, data: CompileResult) -> None:
         """Keep a compiled function."""
         try:
             path = self._path(sig, data.codegen)
@@ -530,7 +542,7 @@ class DigestKeyedCache:
         except OSError:
             pass  # a read-only or full disk costs a compilation, not the program
 
-    def _path(self, sig: Any, codegen: Any) -> Path | None:
+    def _path(self, sig: Asked, codegen: JITCPUCodegen) -> Path | None:
         """The entry's file; None if there is no digest to name it by, or no folder."""
         folder, function = cache_directory(), self._function
         if folder is None:

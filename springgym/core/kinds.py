@@ -1,4 +1,4 @@
-"""What compiled functions take, in names for the reader: Numba finds the types itself, call by call.
+"""Names for what compiled functions take, for the reader: Numba finds the types itself, call by call.
 
 One source serves one copy and a block of them (`springgym.core.lanes`): a number is a float, or one of each
 copy.
@@ -30,6 +30,9 @@ Rows: TypeAlias = Any
 
 Ledger: TypeAlias = Any
 """The `Numbers` of `springgym.forces.ledger`, or None."""
+
+Nested: TypeAlias = Any
+"""Nested tuples of arrays and numbers: a `Ragged` or `Each` in place of one that each body has its own of."""
 
 
 class Ragged(NamedTuple):

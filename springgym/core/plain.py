@@ -13,12 +13,16 @@ Indices are checked: a negative one, or one outside of its array, raises an `Ind
 from __future__ import annotations
 
 import operator
-from typing import Any
+from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from springgym.core.kinds import Each, Ragged
+from springgym.core.kinds import Each, Mask, Nested, Number, Ragged
+
+Index: TypeAlias = Number | tuple[Number, ...]
+"""A whole number or `Lanes` of them; or a tuple of these, one an axis."""
 
 
 class Lanes(NDArrayOperatorsMixin):
@@ -30,7 +34,7 @@ class Lanes(NDArrayOperatorsMixin):
     def __repr__(self) -> str:
         return f"Lanes({self.numbers.tolist()})"
 
-    def everywhere(self, value: Any) -> np.ndarray:
+    def everywhere(self, value: Number) -> np.ndarray:
         """Return the numbers of lanes of this kind, or a number repeated in each lane."""
         if not isinstance(value, Lanes):
             return np.full_like(self.numbers, value)
@@ -38,7 +42,9 @@ class Lanes(NDArrayOperatorsMixin):
             raise TypeError(f"{value} and {self} are of different precision or width")
         return value.numbers
 
-    def __array_ufunc__(self, function: Any, method: str, *values: Any, **options: Any) -> Any:
+    def __array_ufunc__(
+        self, function: np.ufunc, method: str, *values: Number, **options: object
+    ) -> Lanes | np.ndarray:
         """Let operators and NumPy's functions act on lanes and numbers; comparisons give truth values."""
         if method != "__call__" or options:
             return NotImplemented
@@ -51,13 +57,13 @@ class Vec:
 
     __array_ufunc__ = None  # so that a number of NumPy times a vector is what the vector makes of it
 
-    def __init__(self, *components: Any) -> None:
+    def __init__(self, *components: Number) -> None:
         self.components = components
 
     def __repr__(self) -> str:
         return f"Vec{self.components}"
 
-    def __getitem__(self, axis: int) -> Any:
+    def __getitem__(self, axis: int) -> Number:
         return self.components[axis]
 
     def __add__(self, other: Vec) -> Vec:
@@ -66,14 +72,14 @@ class Vec:
     def __sub__(self, other: Vec) -> Vec:
         return vec(*map(operator.sub, self.components, other.components))
 
-    def __rmul__(self, scale: Any) -> Vec:
+    def __rmul__(self, scale: Number) -> Vec:
         return vec(*(scale * component for component in self.components))
 
     def __neg__(self) -> Vec:
         return vec(*map(operator.neg, self.components))
 
 
-def _alike(*values: Any) -> list[Any]:
+def _alike(*values: Number) -> list[Number]:
     """Return values as lanes if one of them is, else as numbers in double precision."""
     lanes = next((value for value in values if isinstance(value, Lanes)), None)
     if lanes is None:
@@ -81,22 +87,22 @@ def _alike(*values: Any) -> list[Any]:
     return [Lanes(lanes.everywhere(value)) for value in values]
 
 
-def vec(x: Any, y: Any, z: Any) -> Vec:
+def vec(x: Number, y: Number, z: Number) -> Vec:
     return Vec(*_alike(x, y, z))
 
 
 # --- Arithmetic -------------------------------------------------------------------------------------
 
 
-def sqrt(value: Any) -> Any:
+def sqrt(value: Number) -> Number:
     return np.sqrt(value)
 
 
-def inverse_sqrt(value: Any) -> Any:
+def inverse_sqrt(value: Number) -> Number:
     return 1.0 / np.sqrt(value)
 
 
-def nearest(value: Any) -> Any:
+def nearest(value: Number) -> Number:
     return np.rint(value)
 
 
@@ -112,40 +118,40 @@ def _rounded_once(a: float, b: float, c: float) -> float:
 _fused = np.frompyfunc(_rounded_once, 3, 1)
 
 
-def multiply_add(a: Any, b: Any, c: Any) -> Any:
+def multiply_add(a: Number, b: Number, c: Number) -> Number:
     a, b, c = _alike(a, b, c)
     found = _fused(a, b, c)
     return found if isinstance(found, Lanes) else np.float64(found)
 
 
-def select(mask: Any, true: Any, false: Any) -> Lanes:
+def select(mask: Mask, true: Number, false: Number) -> Lanes:
     true, false = _alike(true, false)
     return Lanes(np.where(mask, true.numbers, false.numbers))
 
 
-def any_lane(mask: Any) -> bool:
+def any_lane(mask: Mask) -> bool:
     return bool(np.any(mask))
 
 
-def filled(mask: Any, value: Any) -> Lanes:
+def filled(mask: Mask, value: Number) -> Lanes:
     return Lanes(np.where(mask, value.numbers, value.numbers[np.argmax(mask)]))
 
 
-def epsilon(value: Any) -> float:
+def epsilon(value: Number) -> float:
     return float(np.finfo(value.numbers.dtype if isinstance(value, Lanes) else np.float64).eps)
 
 
 # --- Memory -----------------------------------------------------------------------------------------
 
 
-def _check(n: Any, extent: int, axis: int = 0) -> None:
+def _check(n: int | np.ndarray, extent: int, axis: int = 0) -> None:
     """Raise an `IndexError` unless 0 ≤ n < extent, in each lane."""
     if not np.all((n >= 0) & (n < extent)):
         raise IndexError(f"index {n} on axis {axis} of length {extent}")
 
 
-def _place(array: np.ndarray, index: Any) -> tuple[Any, ...]:
-    """Check an index of an array, whole numbers or `Lanes` of them, and return it as a tuple, one an axis."""
+def _place(array: np.ndarray, index: Index) -> tuple[int | np.ndarray, ...]:
+    """Check an index of an array, and return it as a tuple of whole numbers, one an axis."""
     index = index if isinstance(index, tuple) else (index,)
     found = tuple(n.numbers.astype(np.int64) if isinstance(n, Lanes) else n for n in index)
     for axis, (n, extent) in enumerate(zip(found, array.shape, strict=True)):
@@ -153,27 +159,27 @@ def _place(array: np.ndarray, index: Any) -> tuple[Any, ...]:
     return found
 
 
-def load(array: np.ndarray, index: Any) -> Any:
+def load(array: np.ndarray, index: Index) -> Number:
     place = _place(array, index)
     return Lanes(array["lanes"][place].copy()) if array.dtype.names else array[place]
 
 
-def store(array: np.ndarray, index: Any, value: Any) -> None:
+def store(array: np.ndarray, index: Index, value: Number) -> None:
     numbers = array["lanes"][_place(array, index)]
     numbers[...] = Lanes(numbers).everywhere(value)
 
 
-def _lanes_of(index: Any) -> Lanes:
+def _lanes_of(index: Index) -> Lanes:
     return index[0] if isinstance(index, tuple) else index
 
 
-def load_each(array: np.ndarray, index: Any) -> Lanes:
+def load_each(array: np.ndarray, index: Index) -> Lanes:
     place, lanes = _place(array, index), _lanes_of(index).numbers
     found = array["lanes"][*place, np.arange(lanes.size)] if array.dtype.names else array[place]
     return Lanes(found.astype(lanes.dtype))
 
 
-def store_each(array: np.ndarray, index: Any, value: Any) -> None:
+def store_each(array: np.ndarray, index: Index, value: Number) -> None:
     lanes = _lanes_of(index)
     array["lanes"][*_place(array, index), np.arange(lanes.numbers.size)] = lanes.everywhere(value)
 
@@ -181,13 +187,13 @@ def store_each(array: np.ndarray, index: Any, value: Any) -> None:
 # --- Blocks and bodies ------------------------------------------------------------------------------
 
 
-def _in_each(choose: Any, term: tuple[Any, ...], n: int) -> Any:
+def _in_each(choose: Callable[[Nested, int], Nested], term: tuple[Nested, ...], n: int) -> Nested:
     """Choose from each item of a tuple."""
     items = [choose(item, n) for item in term]
     return type(term)(*items) if hasattr(term, "_fields") else tuple(items)
 
 
-def at(term: Any, block: int) -> Any:
+def at(term: Nested, block: int) -> Nested:
     if isinstance(term, tuple):
         return _in_each(at, term, block)
     if not (isinstance(term, np.ndarray) and term.dtype.names):
@@ -196,7 +202,7 @@ def at(term: Any, block: int) -> Any:
     return term[block, ...]
 
 
-def of_body(term: Any, body: int) -> Any:
+def of_body(term: Nested, body: int) -> Nested:
     if isinstance(term, Ragged):
         return term.values[term.start[body] : term.start[body + 1]]
     if isinstance(term, Each):
@@ -204,5 +210,5 @@ def of_body(term: Any, body: int) -> Any:
     return _in_each(of_body, term, body) if isinstance(term, tuple) else term
 
 
-def bodies_of(term: Any) -> int:
+def bodies_of(term: Nested) -> int:
     return len(term.start) - 1 if isinstance(term, Ragged) else 1

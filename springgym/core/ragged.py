@@ -8,15 +8,14 @@ In a scene of one body nothing is `Ragged` or `Each`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from springgym.core.blocks import aligned_zeros
-from springgym.core.kinds import Each, Ragged
+from springgym.core.kinds import Each, Nested, Ragged
 
 
-def stacked(terms: Sequence[Any], blocks: bool = True) -> Any:
+def stacked(terms: Sequence[Nested], blocks: bool = True) -> Nested:
     """Nested tuples of the same form, one for each body, as one of `Ragged` and `Each`.
 
     Parameters
@@ -43,7 +42,7 @@ def stacked(terms: Sequence[Any], blocks: bool = True) -> Any:
     return Ragged(values, start)
 
 
-def share(term: Any, body: int) -> Any:
+def share(term: Nested, body: int) -> Nested:
     """Return what a body has of nested tuples that `stacked` made: views, to write to."""
     if isinstance(term, Ragged):
         own = slice(term.start[body], term.start[body + 1])

@@ -16,7 +16,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TimeLimit
-from numpy.typing import DTypeLike
+from numpy.typing import ArrayLike, DTypeLike
 
 from springgym.checks import chosen, flag, indices, instance, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
@@ -32,7 +32,7 @@ class Stateful:
 
     @property
     def _unready(self) -> str:
-        """Why there is nothing to step: no episode has begun, or a call broke off; empty if there is."""
+        """Tell why there is nothing to step: no episode has begun, or a call broke off; empty if there is."""
         raise NotImplementedError
 
     def get_state(self) -> dict[str, Any]:
@@ -241,7 +241,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
     observation_space: spaces.Box
     action_space: spaces.Box
 
-    def __init_subclass__(cls, **kwargs: Any) -> None:
+    def __init_subclass__(cls, **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
         if hasattr(cls, "task_type"):
             cls.metadata = SpringEnv.metadata | {"render_fps": frame_rate(cls.task_type)}
@@ -502,8 +502,8 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
             raise ValueError(f"{len(seed)} seeds were given for {self.num_envs} copies")
         return [_seed(f"seed[{n}]", given) for n, given in enumerate(seed)]
 
-    def _mask(self, options: Any) -> tuple[np.ndarray, Any]:
-        """Which copies are reset, and the other options."""
+    def _mask(self, options: Mapping[str, Any] | None) -> tuple[np.ndarray, Mapping[str, Any] | None]:
+        """Return which copies are reset, and the other options."""
         if not isinstance(options, Mapping) or "reset_mask" not in options:
             return np.ones(self.num_envs, bool), options
         mask = options["reset_mask"]
@@ -525,7 +525,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
             self._canvases = [self._renderer(self.render_mode) for _ in range(self.num_envs)]
         return tuple(self._picture(canvas, n) for n, canvas in enumerate(self._canvases))
 
-    def close_extras(self, **kwargs: Any) -> None:
+    def close_extras(self, **kwargs: object) -> None:
         for canvas in self._canvases:
             canvas.close()
         self._canvases = []
@@ -539,7 +539,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         return tuple(self._generators)
 
     @np_random.setter
-    def np_random(self, generators: Any) -> None:
+    def np_random(self, generators: np.random.Generator | Sequence[np.random.Generator]) -> None:
         given = list(generators) if isinstance(generators, Sequence) else [generators]
         if len({id(rng) for rng in given if isinstance(rng, np.random.Generator)}) != self.num_envs:
             raise ValueError(
@@ -554,7 +554,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         return tuple(self._seeds) if self.np_random else ()
 
     @guarded
-    def get_state(self, copies: Any = None) -> dict[str, Any]:
+    def get_state(self, copies: ArrayLike | None = None) -> dict[str, Any]:
         """Return the true state of some copies or all, with clocks and random generators, for `set_state`.
 
         Parameters
@@ -577,7 +577,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         }
 
     @guarded
-    def set_state(self, state: Mapping[str, Any], copies: Any = None) -> None:
+    def set_state(self, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
         """Return to a state, or set it into some copies, to the bit: what follows is what followed.
 
         Parameters
@@ -623,7 +623,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         self.episodes.unready = "" if ready else NOT_BEGUN
         self._show_new(own)
 
-    def _some(self, copies: Any) -> np.ndarray:
+    def _some(self, copies: ArrayLike | None) -> np.ndarray:
         """Indices (k,) of copies, checked; all if None."""
         if copies is None:
             return np.arange(self.num_envs)
@@ -647,7 +647,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 # --- States, through wrappers -------------------------------------------------------------------------
 
 
-def get_state(env: object, copies: Any = None) -> dict[str, Any]:
+def get_state(env: object, copies: ArrayLike | None = None) -> dict[str, Any]:
     """Return the true state of an environment or of a native batch.
 
     It holds positions and velocities, clocks, goals, factors, time limits and random generators, and what the
@@ -674,7 +674,7 @@ def get_state(env: object, copies: Any = None) -> dict[str, Any]:
     return dict(own.get_state(*_named(own, copies)))
 
 
-def set_state(env: Any, state: Mapping[str, Any], copies: Any = None) -> None:
+def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
     """Return to what `get_state` gave, or set it into copies, to the bit: what follows is what followed.
 
     The time limit that `gymnasium.make` adds returns, too.
@@ -710,7 +710,7 @@ def set_state(env: Any, state: Mapping[str, Any], copies: Any = None) -> None:
         env = env.env
 
 
-def _own(env: Any) -> Any:
+def _own(env: object) -> Any:
     """Return the object with the state from inside of its wrappers."""
     own = getattr(env, "unwrapped", env)
     if not isinstance(own, _Common):  # Stable-Baselines3's have a monitor around them, which counts
@@ -722,7 +722,7 @@ def _own(env: Any) -> Any:
     return own
 
 
-def _named(own: object, copies: Any) -> tuple[Any, ...]:
+def _named(own: object, copies: ArrayLike | None) -> tuple[ArrayLike, ...]:
     """The argument that names copies of a native batch; none if none are named."""
     if copies is not None and not isinstance(own, SpringVectorEnv):
         raise TypeError(
@@ -824,7 +824,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     return {k: _plain(v) if isinstance(v, dict) else v.item() for k, v in values.items()}
 
 
-def _written(value: Any) -> Any:
+def _written(value: object) -> Any:
     """An argument in the words and numbers that JSON has for it; what it has none for stays."""
     if isinstance(value, Mapping):
         return {str(key): _written(item) for key, item in value.items()}

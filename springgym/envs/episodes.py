@@ -441,7 +441,7 @@ class Episodes:
         )
 
     def _seen_in(self, copies: np.ndarray | slice) -> tuple[Measures, Situation]:
-        """What functions see of some copies."""
+        """Collect what functions see of some copies."""
         rows, x, v, bodies = (values[copies] for values in self.simulator.readout)
         m = measures.view(bodies if self._apart else rows)
         action, goal, time, memory = (
@@ -619,7 +619,7 @@ def _locked(array: np.ndarray) -> np.ndarray:
 
 
 def _fastest(scene: Scene, kind: Dynamics) -> str:
-    """What asks for the shortest steps, in words."""
+    """Say in words what asks for the shortest steps."""
     if kind.rigid:
         return "it starts to turn too fast"
     found = []

@@ -66,7 +66,7 @@ def arguments(maker: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, 
     return {name: _plain(value) for name, value in bound.arguments.items()}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
     if isinstance(value, Mapping):
@@ -80,7 +80,7 @@ def _plain(value: Any) -> Any:
     return getattr(value, "__qualname__", type(value).__qualname__)
 
 
-def made(maker: Callable[..., Body], body: Mapping[str, Any] | None, **usual: Any) -> Body:
+def made(maker: Callable[..., Body], body: Mapping[str, Any] | None, **usual: object) -> Body:
     """A body from the arguments of its maker that the user gave as ``body``, over the usual ones.
 
     Keys that are numbers may be texts: JSON makes them so.

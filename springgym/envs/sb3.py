@@ -156,7 +156,7 @@ class SB3VecEnv(Stateful, VecEnv):
         value = getattr(self.vector_env, attr_name)
         return [value for _ in self._get_indices(indices)]
 
-    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+    def set_attr(self, attr_name: str, value: object, indices: VecEnvIndices = None) -> None:
         """Set the vector environment's attribute, which all copies share.
 
         Raises
@@ -174,9 +174,9 @@ class SB3VecEnv(Stateful, VecEnv):
     def env_method(
         self,
         method_name: str,
-        *method_args: Any,
+        *method_args: object,
         indices: VecEnvIndices = None,
-        **method_kwargs: Any,
+        **method_kwargs: object,
     ) -> list[Any]:
         """Call the vector environment's method once; return its result for each copy asked for."""
         result = getattr(self.vector_env, method_name)(*method_args, **method_kwargs)

@@ -431,7 +431,7 @@ def _loaded(scene: str | Path) -> Scene:
     return load(str(scene)).scene
 
 
-def _function(name: str, value: Any, *takes: str) -> Any:
+def _function(name: str, value: object, *takes: str) -> Callable[..., Any]:
     """A function, checked to be called with so many arguments."""
     if not callable(value):
         raise TypeError(f"{name} is {checks.shown(value)}; it must be a function")
@@ -448,7 +448,7 @@ def _function(name: str, value: Any, *takes: str) -> Any:
     return value
 
 
-def _given(name: str, value: Any) -> Any:
+def _given(name: str, value: object) -> Callable[..., Any] | None:
     """A function of measures and situation, or None."""
     return None if value is None else _function(name, value, "m", "s")
 
@@ -464,7 +464,7 @@ def _defaulted(function: Callable[..., Any]) -> tuple[str, ...]:
 
 
 def _most(name: str, given: Most) -> np.ndarray:
-    """What an actuator does at 1 on each axis, (3,)."""
+    """Return what an actuator does at 1 on each axis, (3,)."""
     if not isinstance(given, (Sequence, np.ndarray)) or isinstance(given, str) or np.ndim(given) == 0:
         return np.full(3, checks.number(name, given, TINY))
     most = checks.array(name, given, (3,), low=0.0)
@@ -494,19 +494,19 @@ def _by_name(
 
 
 def _sound(m: Measures) -> np.ndarray:
-    """Which copies have not diverged (n,): of the others, functions may say what they like."""
+    """Return which copies have not diverged (n,): of the others, functions may say what they like."""
     sound = np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)  # of several bodies, of each
     return sound.reshape(len(sound), -1).all(axis=1)
 
 
 def _hearing(m: Measures) -> AbstractContextManager[None]:
-    """Where functions are called: warnings are not heard while a copy has diverged."""
+    """Return a context to call functions in: warnings are not heard while a copy has diverged."""
     quick = np.vdot(m.strain, m.strain) < STRAIN_LIMIT**2  # then each is within its limit
     return LOUD if quick or _sound(m).all() else np.errstate(all="ignore")
 
 
 def _numbers(name: str, given: object, shape: tuple[int | None, ...], m: Measures) -> np.ndarray:
-    """What a function gave, as numbers that are finite where the copy has not diverged."""
+    """Return what a function gave, as numbers that are finite where the copy has not diverged."""
     values = _of_shape(name, given, shape, "biuf", "numbers")
     if not math.isfinite(np.vdot(values, values)):  # or they are huge
         wrong = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
@@ -559,7 +559,7 @@ def _named(scene: Scene, name: str) -> tuple[int, str]:
 
 
 def _thrusters(scene: Scene, name: str) -> int:
-    """How many thrusters an actuator has; anything else is one."""
+    """Return how many thrusters an actuator has; anything else is one."""
     body, kind = _named(scene, name)
     thrust = scene.bodies[body].thrust
     return len(thrust.particles) if kind == "thrust" and thrust else 1

@@ -28,7 +28,7 @@ class Agent(NamedTuple):
     policy: Callable[[gym.Env], Policy]
     """makes the policy for an environment: from observations (n, …), or one of them, to actions"""
 
-    def make(self, **options: Any) -> gym.Env:
+    def make(self, **options: object) -> gym.Env:
         """Make the environment that the agent was trained for; ``options`` are added to its arguments."""
         return gym.make(self.env_id, **(self.env_kwargs | options))
 

@@ -9,17 +9,15 @@ import importlib
 import inspect
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from springgym.checks import instance, shown
 from springgym.core.blocks import at
 from springgym.core.compiling import compiled, is_inner, kernel
-from springgym.core.kinds import Ledger
+from springgym.core.kinds import Nested, Number
 from springgym.core.lanes import bodies_of, of_body
 from springgym.integrators.clock import Clock, tick
-from springgym.integrators.record import Integrator, Phase
+from springgym.integrators.record import Control, Integrator, Phase
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -40,7 +38,7 @@ METHODS = (
 
 
 TAKEN = ("x", "v", "ledger", "workspace", "h", "steps", "terms")
-"""What the function of a method takes."""
+"""Arguments of the function of a method."""
 
 
 def integrator(name: str) -> Integrator:
@@ -128,27 +126,25 @@ def advance_kernel(
 
 @compiled
 def one_by_one(
-    integrate: Any, x: Any, v: Any, ledger: Ledger, workspace: np.ndarray, h: Any, steps: int, terms: Terms
+    integrate: Callable[..., None],
+    phase: Phase,
+    workspace: Nested,
+    h: Number | Control,
+    steps: int,
+    terms: Terms,
 ) -> None:
     """Take each body through all steps, by itself."""
-    for body in range(bodies_of(x)):
-        integrate(
-            of_body(x, body),
-            of_body(v, body),
-            of_body(ledger, body),
-            of_body(workspace, body),
-            h,
-            steps,
-            of_body(terms, body),
-        )
+    for body in range(bodies_of(phase.x)):
+        own = of_body(phase, body)
+        integrate(own.x, own.v, own.ledger, of_body(workspace, body), h, steps, of_body(terms, body))
 
 
 @compiled
 def at_once(
-    integrate: Any, x: Any, v: Any, ledger: Ledger, workspace: np.ndarray, h: Any, steps: int, terms: Terms
+    integrate: Callable[..., None], phase: Phase, workspace: Nested, h: Number, steps: int, terms: Terms
 ) -> None:
     """Take all bodies through the steps together."""
-    integrate(x, v, ledger, workspace, h, steps, terms)
+    integrate(phase.x, phase.v, phase.ledger, workspace, h, steps, terms)
 
 
 @cache
@@ -158,20 +154,20 @@ def _kernel(
     @kernel
     def advance(
         phase: Phase,
-        workspace: np.ndarray,
+        workspace: Nested,
         blocks: tuple[int, int],
-        h: Any,
+        h: Number | Control,
         steps: int,
         settles: bool,
         terms: Terms,
-        reading: Any,
+        reading: Nested,
         reads: bool,
         clock: Clock,
     ) -> None:
         for block in range(blocks[0], blocks[1]):
             here, own = at(phase, block), at(terms, block)
             if steps != 0:
-                take(integrate, here.x, here.v, here.ledger, workspace, at(h, block), steps, own)
+                take(integrate, here, workspace, at(h, block), steps, own)
             if steps > 0:
                 tick(clock, block, steps)
             if reads:

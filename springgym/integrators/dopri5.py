@@ -109,7 +109,7 @@ def advance(
         active = remaining > 0.0
         # a copy that has arrived has no error to accept: it stays as it is, to the bit
         accepted = select(active, error, 2.0) <= 1.0
-        finish(accepted, x, v, xs, vs, tau, workspace, ledger, power)
+        finish(accepted, x, v, tau, workspace, ledger, power)
         taken = select(accepted, 1.0 + nothing, nothing)
         rejected = select(active, 1.0 - taken, nothing)
         store(control.counts, STEPS, load(control.counts, STEPS) + taken)
@@ -166,17 +166,10 @@ def error_norm(
 
 @compiled
 def finish(
-    accepted: Mask,
-    x: Rows,
-    v: Rows,
-    xs: Rows,
-    vs: Rows,
-    tau: Number,
-    workspace: np.ndarray,
-    ledger: Ledger,
-    power: Numbers,
+    accepted: Mask, x: Rows, v: Rows, tau: Number, workspace: np.ndarray, ledger: Ledger, power: Numbers
 ) -> None:
     """Take the step in the copies that accept it; its last stage is the next step's first."""
+    xs, vs = workspace[14], workspace[15]
     for i in range(x.shape[0]):
         set_row(x, i, choose(accepted, row(xs, i), row(x, i)))
         set_row(v, i, choose(accepted, row(vs, i), row(v, i)))

@@ -46,5 +46,5 @@ def integrate(
         if n < steps:
             copy_rows(x, x0)
             copy_rows(v, v0)
-            solve_stage(x0, v0, x, v, h, matrix, (a, change), control, terms)
+            solve_stage((x0, v0), x, v, h, (matrix, a, change), control, terms)
             record_losses(x, v, a, h, ledger, terms)

@@ -47,7 +47,7 @@ def integrate(
         if n < steps:
             copy_rows(x, x0)
             copy_rows(v, v0)
-            solve_stage(x0, v0, x, v, 0.5 * h, matrix, (a, change), control, terms)
+            solve_stage((x0, v0), x, v, 0.5 * h, (matrix, a, change), control, terms)
             record_losses(x, v, a, h, ledger, terms)
             for i in range(x.shape[0]):
                 set_row(x, i, row(x0, i) + h * row(v, i))

@@ -92,21 +92,21 @@ def subtract_jacobian(
 
 @compiled
 def solve_stage(
-    x0: Rows,
-    v0: Rows,
+    start: tuple[Rows, Rows],
     x: Rows,
     v: Rows,
     tau: Number,
-    matrix: Envelope,
-    space: tuple[Rows, Rows],
+    space: tuple[Envelope, Rows, Rows],
     control: Control,
     terms: Terms,
 ) -> None:
     """Find v = v₀ + τ a(x, v) with x = x₀ + τ v, from the v given, by Newton's method.
 
-    A copy that does not converge is set to NaN. ``space`` holds two arrays.
+    A copy that does not converge is set to NaN. ``start`` holds x₀ and v₀; ``space`` holds the matrix, and
+    arrays for the accelerations and the corrections.
     """
-    a, change = space
+    x0, v0 = start
+    matrix, a, change = space
     particles = terms.particles
     bound = (control.absolute + control.relative * longest_spring(x, terms.springs)) / tau
     bound = bound * bound

@@ -160,8 +160,7 @@ def near(begin: Vector, free: Vector, surfaces: Surfaces) -> Mask:
 @compiled
 def impulses(
     i: int,
-    begin: Vector,
-    free: Vector,
+    way: tuple[Vector, Vector],
     speed: Vector,
     smooth: Vector,
     span: Span,
@@ -170,11 +169,12 @@ def impulses(
 ) -> Given:
     """Return what surfaces and friction give particle ``i`` at a node.
 
-    Its way is from ``begin`` to ``free`` without them. It begins with the velocity ``speed``, which all else
+    Without them, its ``way`` would have these two ends. It begins with the velocity ``speed``, which all else
     changes by ``smooth``. What one surface gives is all else to the others: they are taken in turn until they
     agree. Where a normal depends on the end of the way, that is found in the same turns. Friction acts along
     what the surfaces that touch leave free, so that it moves nothing towards one, and stops what it can stop.
     """
+    begin, free = way
     nothing = 0.0 * speed
     given, rub, force = nothing, nothing, nothing
     strength, reach = strength_and_reach(terms.surfaces)
@@ -479,7 +479,7 @@ def pass_node(
         if whole:
             given = of_features(i, start, space.rolling)
         else:
-            given = impulses(i, begin, end, start, soon - start, span, space.pushes, terms)
+            given = impulses(i, (begin, end), start, soon - start, span, space.pushes, terms)
         total = given.change + given.rub
         after = soon + total
         others = now - plus_scaled(start, span.lead, acceleration)

@@ -1,11 +1,11 @@
-"""What is to be known of an integrator, what it moves, and what one that controls its error is given."""
+"""Records that describe an integrator, the state that it moves, and the tolerance that it keeps."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -13,6 +13,7 @@ from numpy.typing import DTypeLike
 from springgym import checks
 from springgym.contact.round import ARRAYS
 from springgym.core.blocks import aligned_zeros
+from springgym.core.kinds import Ledger, Nested, Rows
 from springgym.core.ragged import stacked
 from springgym.integrators.envelope import envelope
 from springgym.scene import Scene
@@ -86,11 +87,11 @@ class Phase(NamedTuple):
     Of several bodies, each field is a `Ragged`.
     """
 
-    x: Any
+    x: Rows
     """positions [m]"""
-    v: Any
+    v: Rows
     """velocities [m/s]"""
-    ledger: Any
+    ledger: Ledger
     """see `springgym.forces.ledger`; None if it is not kept"""
 
 
@@ -111,7 +112,7 @@ class Control(NamedTuple):
     """(`COUNTS`,) steps taken and rejected, and Newton iterations"""
 
 
-def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Any:
+def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Nested:
     """Return what a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's
     matrix."""
     bodies = [placed.body for placed in scene.bodies]
@@ -127,7 +128,7 @@ def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Any:
 
 
 def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> str | None:
-    """Why a method makes no sense in a scene, or None if it does.
+    """Tell why a method makes no sense in a scene; None if it does.
 
     ``varying`` names parameters that differ from copy to copy; damping may be one of them.
     """

@@ -1,4 +1,4 @@
-"""What splitting methods have in common."""
+"""The kick that splitting methods share: forces and actuators act at once."""
 
 from __future__ import annotations
 
@@ -10,31 +10,14 @@ from springgym.forces import act, kick
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
-    from springgym.forces.actuators import Thrust, Wrench
 
 
 @compiled
 def kick_and_act(v: Rows, a: Rows, b: Rows, tau: Number, ledger: Ledger, terms: Terms) -> None:
     """Let forces ``a`` and actuators ``b`` act for ``tau`` seconds, at once: with half of the kick on either
     side the actuators' work is that of the exact flow, so that the ledger closes to the method's order."""
-    kick_amid(v, a, b, tau, ledger, terms, terms.wrench, terms.thrust)
-
-
-@compiled
-def kick_amid(
-    v: Rows,
-    a: Rows,
-    b: Rows,
-    tau: Number,
-    ledger: Ledger,
-    terms: Terms,
-    wrench: Wrench | None,
-    thrust: Thrust | None,
-) -> None:
-    if wrench is None and thrust is None:
-        kick(v, a, tau)
-        act(v, b, tau, ledger, terms)
-    else:
-        kick(v, a, 0.5 * tau)
-        act(v, b, tau, ledger, terms)
+    actuated = terms.wrench is not None or terms.thrust is not None
+    kick(v, a, 0.5 * tau if actuated else tau)
+    act(v, b, tau, ledger, terms)
+    if actuated:
         kick(v, a, 0.5 * tau)

@@ -166,7 +166,7 @@ def by_surfaces(
         begin = plus_scaled(place, -1.0 * span.lead, start)
         end = plus_scaled(place, span.out, after)
         if reached(i, begin, end, terms.particles, surfaces):
-            given = impulses(i, begin, end, start, after - start, span, space.pushes, terms)
+            given = impulses(i, (begin, end), start, after - start, span, space.pushes, terms)
     return given
 
 

@@ -67,11 +67,11 @@ def integrate(
             set_row(v_start, i, row(v, i))
             set_row(x0, i, row(x, i) + TAU * h * row(v, i))
             set_row(v0, i, row(v, i) + TAU * h * row(a, i))
-        solve_stage(x0, v0, x, v, TAU * h, matrix, (a, change), control, terms)
+        solve_stage((x0, v0), x, v, TAU * h, (matrix, a, change), control, terms)
         record_losses(x, v, a, OUTER * h, ledger, terms)
         for i in range(x.shape[0]):
             x_past, v_past = row(x_start, i), row(v_start, i)
             set_row(x0, i, x_past + FORWARD * (row(x, i) - x_past))
             set_row(v0, i, v_past + FORWARD * (row(v, i) - v_past))
-        solve_stage(x0, v0, x, v, TAU * h, matrix, (a, change), control, terms)
+        solve_stage((x0, v0), x, v, TAU * h, (matrix, a, change), control, terms)
         record_losses(x, v, a, TAU * h, ledger, terms)

@@ -114,11 +114,10 @@ def move(
     workspace: np.ndarray,
     h: Number,
     steps: int,
-    rigid: Rigid,
-    asymmetry: Numbers,
-    terms: Terms,
+    twin: Twin,
 ) -> None:
     """Take the particles of one block through ``steps`` steps; none only makes them rigid."""
+    rigid, asymmetry, terms = twin
     if rigid.moves:
         go_back(x, v, ledger, steps, terms.memory)
         state, solid = read_state(x, v, rigid, asymmetry, terms)
@@ -127,7 +126,7 @@ def move(
 
 
 @compiled
-def read_state(x: Rows, v: Rows, rigid: Rigid, asymmetry: Numbers, terms: Terms) -> Any:
+def read_state(x: Rows, v: Rows, rigid: Rigid, asymmetry: Numbers, terms: Terms) -> tuple[State, Solid]:
     """Return the `State` with the momenta of particles, where their triad is, and its `Solid`."""
     mass = terms.particles.mass
     zero = 0.0 * load(x, (0, 0))
@@ -221,13 +220,12 @@ def take_among_surfaces(
 
 
 @compiled
-def move_each(phase: Any, workspace: Any, h: Number, steps: int, settles: bool, terms: Any) -> None:
+def move_each(phase: Phase, workspace: np.ndarray, h: Number, steps: int, settles: bool, twins: Twin) -> None:
     """Take each body through all steps, by itself, if it ``settles``."""
     if settles:
         for body in range(bodies_of(phase.x)):
             x, v, ledger = of_body(phase, body)
-            rigid, asymmetry, own = of_body(terms, body)
-            move(x, v, ledger, workspace, h, steps, rigid, asymmetry, own)
+            move(x, v, ledger, workspace, h, steps, of_body(twins, body))
 
 
 @cache

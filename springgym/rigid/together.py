@@ -26,12 +26,13 @@ from springgym.contact.solids import CHANGE, GOING
 from springgym.contact.solver import add_totals, lift_apart, prepare, sweep, taper
 from springgym.contact.totals import halve_totals, list_changing, remember_totals, resume_totals
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Mask, Number, Ragged, Rows, Vector
+from springgym.core.kinds import Ledger, Mask, Number, Rows, Vector
 from springgym.core.lanes import any_lane, bodies_of, epsilon, load, maximum, minimum, of_body, select, store
 from springgym.core.vectors import TINY, choose, plus_scaled, row, set_row, vec
 from springgym.forces.ledger import CONTACT, WORK, record
 from springgym.forces.memory import PHASE, STORED, halve, remember, resume, share_actions
 from springgym.integrators.node import PASSES, READS, STARTS, Node, node_at
+from springgym.integrators.record import Phase
 from springgym.integrators.together import (
     START,
     record_losses,
@@ -166,17 +167,9 @@ def near_surfaces(state: State, solid: Solid, surfaces: Surfaces | None) -> Numb
 
 
 @compiled
-def reach(
-    body: int,
-    x: Rows,
-    v: Rows,
-    node: Node,
-    first: bool,
-    ledger: Ledger,
-    space: Company,
-    twin: Twin,
-) -> None:
+def reach(body: int, all_bodies: Phase, node: Node, first: bool, space: Company, twin: Twin) -> None:
     """Read off how a body reaches the node, and find what all but contact gives it there."""
+    x, v, ledger = of_body(all_bodies, body)
     rigid, asymmetry, terms = twin
     rows, b, solids = space.bodies[body], space.loads[body], space.contacts.solids
     zero, last = 0.0 * node.phase, node.stage == READS
@@ -325,10 +318,9 @@ def find_impulses(problem: Problem, space: Company, twins: Twin) -> None:
 
 
 @compiled
-def leave_together(
-    body: int, x: Rows, v: Rows, node: Node, ledger: Ledger, space: Company, twin: Twin
-) -> None:
+def leave_together(body: int, all_bodies: Phase, node: Node, space: Company, twin: Twin) -> None:
     """Let a body go on to the next node, and enter what it lost; or, at the ``last``, read it."""
+    x, v, ledger = of_body(all_bodies, body)
     rigid, _, terms = twin
     span, last = node.span, node.stage == READS
     if not rigid.moves:
@@ -389,10 +381,9 @@ def enter_start(node: RigidNode, by_bodies: Motion, middle: Motion, ledger: Ledg
 
 
 @compiled
-def pass_together(
-    x: Ragged, v: Ragged, node: Node, first: bool, ledger: Ledger, space: Company, twins: Twin
-) -> None:
+def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: Twin) -> None:
     """Let all act on all bodies at a node: `springgym.integrators.together.pass_together` of rigid bodies."""
+    x, v, ledger = phase
     span, terms, contacts = node.span, twins[2], space.contacts
     collisions, last = terms.collisions, node.stage == READS
     pairs = collisions.pairs
@@ -404,8 +395,7 @@ def pass_together(
         return
     count = bodies_of(x)
     for body in range(count):
-        here, velocities, entries = of_body(x, body), of_body(v, body), of_body(ledger, body)
-        reach(body, here, velocities, node, first, entries, space, of_body(twins, body))
+        reach(body, phase, node, first, space, of_body(twins, body))
     if last:
         remember_totals(collisions)
     list_changing(contacts, collisions.changing)
@@ -419,22 +409,19 @@ def pass_together(
             set_row(space.shift, n, vec(0.0, 0.0, 0.0))
         lift_apart(space.shift, space.velocity, problem)
     for body in range(count):
-        here, velocities, entries = of_body(x, body), of_body(v, body), of_body(ledger, body)
-        leave_together(body, here, velocities, node, entries, space, of_body(twins, body))
+        leave_together(body, phase, node, space, of_body(twins, body))
     if last:
         store_energy_of_pairs(collisions, terms.memory, 0.5)
 
 
 @compiled
-def move_together(
-    motion: tuple[Ragged, Ragged, Ledger], space: Company, h: Number, steps: int, settles: bool, twins: Twin
-) -> None:
+def move_together(bodies: Phase, space: Company, h: Number, steps: int, settles: bool, twins: Twin) -> None:
     """Take all bodies through the steps together; the last node is made anew by the next call.
 
     None only makes them rigid, if it ``settles``; as many as `springgym.integrators.together.START` tell
     which bodies of fresh copies touch, as many as `LOOK` make the last node anew.
     """
-    x, v, ledger = motion
+    x, v, ledger = bodies
     if steps == 0:
         if settles:
             for body in range(bodies_of(x)):
@@ -449,7 +436,7 @@ def move_together(
         for n in range(end + 1):
             stage = STARTS if not goes else (READS if n == end else PASSES)
             now = phase if n == 0 else 1.0 + 0.0 * phase
-            pass_together(x, v, node_at(now, h, stage), n == 0, ledger, space, twins)
+            pass_together(bodies, node_at(now, h, stage), n == 0, space, twins)
         if goes:
             halve_totals(collisions)
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -201,7 +201,7 @@ def _scaled(unit: str, *values: np.ndarray) -> tuple[str, float]:
     return prefix + unit, factor
 
 
-def _named(axes: Axes, x: float, y: float, text: str, color: Any, **options: Any) -> None:
+def _named(axes: Axes, x: float, y: float, text: str, color: str, **options: Any) -> None:
     """The name of a curve beside its end."""
     axes.annotate(
         text,
@@ -219,7 +219,7 @@ def _legend(axes: Axes, below: bool = False) -> None:
     """Draw the legend between a panel and its title, or below the panel."""
     entries = len(axes.get_legend_handles_labels()[0])
     columns = entries if entries <= 4 else 3
-    place: Any
+    place: Literal["upper center", "lower left"]
     if below:
         rows: Any = axes.get_subplotspec()
         place, spot = "upper center", (0.5, -0.36 if len(rows.rowspan) == 1 else -0.17)

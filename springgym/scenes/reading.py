@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -98,7 +99,7 @@ def _file(scene: str) -> Iterator[Path]:
     yield path
 
 
-def _folder() -> Any:
+def _folder() -> Traversable:
     return resources.files("springgym.scenes")
 
 
@@ -109,21 +110,21 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
     def plan(
         title: str,
         duration: float,
-        body: Any = None,
-        bodies: Any = None,
+        body: object = None,
+        bodies: object = None,
         pinned: Sequence[str | int] = (),
         gravity: float | Vector = -GRAVITY[2],
-        start: Any = None,
-        surfaces: Any = None,
-        contact: Any = None,
-        collisions: Any = None,
+        start: object = None,
+        surfaces: object = None,
+        contact: object = None,
+        collisions: object = None,
         interval: float = 0.01,
         integrator: str = "verlet",
         step: float | None = None,
         trace: str | int | None = None,
         plot: Plot | None = None,
         checks: Sequence[str] = (),
-        view: Any = None,
+        view: object = None,
     ) -> Plan:
         for name, value in {"duration": duration, "interval": interval, "step": step}.items():
             if value is not None and value < LEAST[name]:
@@ -221,7 +222,12 @@ class _Standing(NamedTuple):
 
 
 def _bodies(
-    tree: Tree, world: Mapping[str, Any], body: Any, bodies: Any, pinned: Sequence[str | int], start: Any
+    tree: Tree,
+    world: Mapping[str, Any],
+    body: object,
+    bodies: object,
+    pinned: Sequence[str | int],
+    start: object,
 ) -> list[_Standing]:
     """The one body of a file, or several by their names."""
     if bodies is None:
@@ -236,9 +242,9 @@ def _bodies(
 
     def one(
         name: str,
-        body: Any,
+        body: object,
         pinned: Sequence[str | int] = (),
-        start: Any = None,
+        start: object = None,
         checks: Sequence[str] = (),
     ) -> _Standing:
         standing = _standing(tree, ("bodies", name), world, pinned, start, checks)
@@ -252,7 +258,7 @@ def _standing(
     path: tuple[str, ...],
     world: Mapping[str, Any],
     pinned: Sequence[str | int] = (),
-    start: Any = None,
+    start: object = None,
     checks: Sequence[str] = (),
 ) -> _Standing:
     """A body with its pins and its start, which a file says at ``path``."""
@@ -440,7 +446,7 @@ def _collisions(tree: Tree) -> Collisions:
         return how
     if isinstance(given, list):
 
-        def pair(n: str, first: str, second: str, contact: Any = None) -> Pair:
+        def pair(n: str, first: str, second: str, contact: object = None) -> Pair:
             how = None if contact is None else build(Contact, tree, ("collisions", n, "contact"))
             return Pair(first, second, how)
 
