@@ -533,7 +533,7 @@ def page() -> str:
             "# Environments\n",
             INTRODUCTION,
             *table_of_environments(),
-            "![The environments in the order of the table](figures/environments.png)\n",
+            "![The environments in the order of the table](figures/environments.webp)\n",
             *table_of_named_variants(),
             "Written by `python docs/environments.py`.\n",
         ]

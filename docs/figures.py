@@ -24,7 +24,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from springgym.registration import ENVIRONMENTS
-from springgym.rendering import Renderer, save_video
+from springgym.rendering import Renderer
 from springgym.scenes import load
 from springgym.scenes.film import GIF_FPS, visible_speed
 from springgym.scenes.recording import record
@@ -36,11 +36,13 @@ FIGURES = HERE / "figures"
 SCENES = ("top", "elongated-top", "unbalanced-top", "irregular-fall")
 """Figures 5, 6, 7 and 9 of the paper."""
 FILMED = "SpringTop-v0"
-FILM_SIZE, FILM_SECONDS = 280, 2.4
-COLUMNS, TILE, SEED, MOMENT = 4, 420, 8, 1.2
+FILM_SIZE, FILM_SECONDS = 400, 2.4
+"""Pixels of the film, the size that the README shows it at, and seconds of the motion."""
+COLUMNS, TILE, SEED, MOMENT = 4, 420, 8, 0.7
 """Of the sheet of environments: columns, pixels of a picture, seed and second of its episode."""
-POSTER, MIDDLE = 320, 0.6
-"""Of a poster: its larger side in pixels, and what share of the film runs before it."""
+POSTER, EARLY, MIDDLE = 320, 0.08, 0.6
+"""Of a poster: its larger side in pixels, and what share of the film of an environment, where the agent still
+has something to do, or of a scene runs before it."""
 INK = (52, 60, 76)
 
 
@@ -79,7 +81,10 @@ def scenes(folder: Path, args: argparse.Namespace) -> None:
 
 
 def environments(folder: Path, args: argparse.Namespace) -> None:
-    """Every environment with its name, some time after the start of an episode under classical control."""
+    """Every environment with its name, some time after the start of an episode under classical control.
+
+    Readings and keys are left out: at the size of the sheet nobody could read them.
+    """
     rows = -(-len(ENVIRONMENTS) // COLUMNS)
     caption = 34
     sheet = Image.new("RGB", (COLUMNS * TILE, rows * (TILE + caption)), "white")
@@ -87,36 +92,50 @@ def environments(folder: Path, args: argparse.Namespace) -> None:
     font = ImageFont.load_default(22)
     for n, row in enumerate(ENVIRONMENTS):
         motion = played(classical(row.id), SEED)
+        motion = replace(motion, marks=[replace(marks, text=(), key=()) for marks in motion.marks])
         *_, picture = islice(pictures(motion, 50.0, 1.0, TILE), 1 + round(50 * MOMENT))
         left, top = TILE * (n % COLUMNS), (TILE + caption) * (n // COLUMNS)
         sheet.paste(Image.fromarray(picture), (left, top))
         write.text((left + TILE // 2, top + TILE + caption // 2), row.id, INK, font, anchor="mm")
-    shrunk(sheet).save(folder / "environments.png", optimize=True)
+    sheet.save(folder / "environments.webp", quality=85, method=6)
 
 
 def agent(folder: Path, args: argparse.Namespace) -> None:
-    """A film of an agent."""
-    chosen = classical(FILMED) if args.agent is None else find_agent(args.agent, FILMED)
-    motion = played(chosen, SEED)
+    """A film of an agent, with the strain of the springs: WebP has all colors in a third of a GIF's bytes."""
+    motion = played(find_agent(args.agent, FILMED), SEED)
     pace = visible_speed(motion.fastest, GIF_FPS)
     count = round(FILM_SECONDS / pace * GIF_FPS)
-    save_video(islice(pictures(motion, GIF_FPS, pace, FILM_SIZE), count), folder / "agent.gif", GIF_FPS)
+    shown = islice(pictures(motion, GIF_FPS, pace, FILM_SIZE, springs=True), count)
+    first, *others = (Image.fromarray(picture) for picture in shown)
+    first.save(
+        folder / "agent.webp",
+        save_all=True,
+        append_images=others,
+        duration=round(1000 / GIF_FPS),
+        loop=0,
+        quality=70,
+        method=6,
+    )
 
 
 def posters(folder: Path, args: argparse.Namespace) -> None:
     """A picture out of each film that docs/build.py has made: pages show them where there are no films."""
+    ids = {row.id for row in ENVIRONMENTS}
     for film in sorted((HERE / "_media").glob("*.mp4")):
         frames, _ = imageio_ffmpeg.count_frames_and_secs(str(film))
         reader = imageio_ffmpeg.read_frames(str(film))
         width, height = next(reader)["size"]
-        *_, picture = islice(reader, 1 + round(MIDDLE * frames))
+        share = EARLY if film.stem in ids else MIDDLE
+        *_, picture = islice(reader, 1 + round(share * frames))
         image = Image.frombytes("RGB", (width, height), picture)
         image.thumbnail((POSTER, POSTER), Image.Resampling.LANCZOS)
         (folder / "posters").mkdir(exist_ok=True)
         image.save(folder / "posters" / f"{film.stem}.webp", quality=80, method=6)
 
 
-def pictures(motion: Motion, fps: float, pace: float, size: int) -> Iterator[np.ndarray]:
+def pictures(
+    motion: Motion, fps: float, pace: float, size: int, springs: bool = False
+) -> Iterator[np.ndarray]:
     """Pictures of a motion at ``pace`` seconds of it a second; where that is not 1, they say so."""
     assert motion.camera is not None
     renderer = Renderer(motion.look, motion.camera, motion.scenery, (size, size))
@@ -125,7 +144,9 @@ def pictures(motion: Motion, fps: float, pace: float, size: int) -> Iterator[np.
         n, share = motion.at(float(time))
         n += round(share)
         marks = motion.marks[n]
-        yield renderer.draw(motion.positions[n], replace(marks, text=(*marks.text, *note)))  # type: ignore[misc]
+        strain = motion.strain[n] if springs else None
+        told = replace(marks, text=(*marks.text, *note))
+        yield renderer.draw(motion.positions[n], told, strain)  # type: ignore[misc]
 
 
 def shrunk(image: Image.Image) -> Image.Image:
@@ -146,7 +167,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "which", nargs="*", metavar="KIND", help=f"of {', '.join(MAKERS)}; all if none is given"
     )
-    parser.add_argument("--agent", metavar="RUN", help="a run folder to film, in place of classical control")
+    parser.add_argument(
+        "--agent", metavar="RUN", default=FILMED, help="a run folder to film, in place of the published agent"
+    )
     parser.add_argument("--out", type=Path, default=FIGURES, metavar="FOLDER")
     args = parser.parse_args(arguments)
     if unknown := set(args.which) - set(MAKERS):

@@ -15,6 +15,7 @@ from numpy.random import Generator
 from springgym.bodies import Body, ball, rotation, top
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
+from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
@@ -23,7 +24,7 @@ from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
-from springgym.rendering.look import GREEN, ORANGE
+from springgym.rendering.look import GREEN, ORANGE, RED
 from springgym.scene import GRAVITY, Placed, Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.surfaces import Contact
@@ -188,10 +189,12 @@ class SpringBalance(Task):
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         error = math.hypot(m.centre[BALL, 0] - s.goal[0], m.centre[BALL, 1] - s.goal[1])
+        torque = across(np.append(s.action, 0.0), m.axis[PLATE])
         return Marks(
             balls=[(s.goal[:3], 0.05)],
             lines=[((0.0, 0.0, -0.3), (0.0, 0.0, 0.0))],
-            key=((GREEN, "keep the ball here"),),
+            arrows=[torque_arrow(m.centre[PLATE], torque, 0.6 * RADIUS)],
+            key=((GREEN, "keep the ball here"), (RED, "torque on the plate")),
             text=(f"off its place {100 * error:4.1f} cm",),
         )
 

@@ -15,6 +15,7 @@ from springgym.bodies.rotations import axes, cross
 from springgym.checks import chosen, flag
 from springgym.core.compiling import compiled, kernel
 from springgym.core.kinds import Vector
+from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
@@ -22,8 +23,8 @@ from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import any_rotation, direction, principal_axes
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, two_tone
-from springgym.rendering.look import RED
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
+from springgym.rendering.look import RED, TEAL
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 
 TORQUE = 0.35  # [N·m]
@@ -159,16 +160,21 @@ class SpringDetumble(Task):
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0), 1.6 * float(np.linalg.norm(SIDES)))
 
+    def scenery(self) -> Scenery:
+        size = float(np.linalg.norm(SIDES))
+        return Scenery(floor=-0.75 * size)
+
     def marks(self, m: Measures, s: Situation) -> Marks:
-        arrows = []
+        size, triad = float(np.linalg.norm(SIDES)), np.array([m.side, np.cross(m.axis, m.side), m.axis])
         if self.action == "thrusters":
-            triad = np.array([m.side, np.cross(m.axis, m.side), m.axis])
             pushes = 0.4 * s.action[:, None] * (self._thrust @ triad)
-            arrows = [Arrow(s.x[corner], push) for (corner, _), push in zip(THRUSTERS, pushes, strict=True)]
+            acting = [Arrow(s.x[corner], push) for (corner, _), push in zip(THRUSTERS, pushes, strict=True)]
+        else:
+            acting = [torque_arrow(m.centre, s.action @ triad, 0.55 * size)]
         return Marks(
-            arrows=arrows,
+            arrows=[Arrow(m.centre, 0.2 * size * m.angular_velocity, TEAL), *acting],
             text=(f"turning {float(np.linalg.norm(m.angular_velocity)):4.2f} rad/s",),
-            key=((RED, "thrust"),) if arrows else (),
+            key=((TEAL, "axis and speed of its turning: bring it to rest"), (RED, self.action)),
         )
 
 

@@ -24,7 +24,7 @@ from springgym.envs.starts import above_bowl, standing, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
-from springgym.rendering.look import AMBER, BLUE, GREEN, RED, TEAL, together, two_tone
+from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, RED, TEAL, together, two_tone
 from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
 from springgym.surfaces import Bowl, Contact
 from springgym.theory.contact import rest_height
@@ -314,7 +314,7 @@ class SpringDuel(Task):
                 springs=self.body.springs,
                 radii=radii,
             )
-            for colors, odd in (((BLUE, (243, 239, 230)), TEAL), ((RED, (243, 239, 230)), AMBER))
+            for colors, odd in (((BLUE, IVORY), TEAL), ((AMBER, IVORY), INK))
         ]
         return together(looks, [count, count])
 
@@ -331,8 +331,13 @@ class SpringDuel(Task):
         return Marks(
             rings=[(rim, RIM)],
             arrows=[Arrow(crown, (0.5 * s.action[0], 0.5 * s.action[1], 0.0))],
-            key=((BLUE, "the agent's top, and its push"), (GREEN, "who leaves the ring loses")),
-            text=(f"own {away[0]:4.2f} m, other {away[1]:4.2f} m from the middle",),
+            key=(
+                (BLUE, "first top, the agent's"),
+                (RED, "its push"),
+                (AMBER, "second top, the opponent's"),
+                (GREEN, "who leaves the ring, or falls, loses"),
+            ),
+            text=(f"first {away[0]:4.2f} m, second {away[1]:4.2f} m from the middle",),
         )
 
 

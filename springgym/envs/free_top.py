@@ -14,6 +14,7 @@ from numpy.random import Generator
 from springgym.bodies import Body, rigid_velocities, stretched_shapes, top
 from springgym.checks import chosen, flag
 from springgym.core.compiling import kernel
+from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
@@ -197,10 +198,14 @@ class SpringFreeTop(Task):
     def marks(self, m: Measures, s: Situation) -> Marks:
         tilt, spin = angle_of.py_func(m.axis[2]), float(m.angular_velocity @ m.axis)
         push = (0.5 * s.action[0], 0.5 * s.action[1], 0.0)
+        radius = float(np.hypot(self.body.positions[:, 0], self.body.positions[:, 1]).max())
         return Marks(
             rings=[((0.0, 0.0, 0.0), INSIDE)],
-            arrows=[Arrow(s.x[self.body.particle("crown")], push)],
-            key=((GREEN, "stay in here"), (RED, "push on the crown")),
+            arrows=[
+                Arrow(s.x[self.body.particle("crown")], push),
+                torque_arrow(s.x[self.body.particle("crown")], s.action[2] * m.axis, 1.1 * radius),
+            ],
+            key=((GREEN, "stay in here"), (RED, "push and torque")),
             text=(
                 f"tilt {math.degrees(tilt):4.1f}°",
                 f"spin {spin:4.1f} rad/s",

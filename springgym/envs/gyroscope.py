@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
@@ -15,6 +16,7 @@ from springgym.bodies import gyroscope, rigid_velocities, rotation, stretched_sh
 from springgym.bodies.rotations import cross
 from springgym.checks import flag
 from springgym.core.compiling import kernel
+from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
@@ -22,9 +24,10 @@ from springgym.envs.rewards import angle_between, angle_of, long_tail, spinning,
 from springgym.envs.starts import direction, tilted, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
-from springgym.rendering.look import GREEN
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, ORANGE, RED
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
+from springgym.scenes import film
 
 TORQUE = 20.0  # [N·m]
 IMPULSE = 0.8  # largest component a control period [N·s]: 20 N·m at the arm of the head
@@ -138,30 +141,34 @@ class SpringGyroscope(Task):
         return {"torque": TORQUE * action}
 
     def look(self) -> Look:
-        parts = self.body.parts
-        return Look(
-            triangles=self.body.triangles,
-            triangle_colors=two_tone(len(parts["ring"])),
-            opacity=0.85,
-            bars=[(parts["foot"][0], parts["head"][0])],
-            springs=self.body.springs,
-            trace=parts["head"][0],
-        )
+        head = self.body.particle("head")
+        shown = film.look(self.scene, head)
+        colors = np.array(shown.ball_colors)
+        colors[head] = ORANGE
+        return replace(shown, ball_colors=colors)
 
     def camera(self) -> Camera:
-        return Camera.framing((0, 0, 0), 2.6 * float(np.linalg.norm(self.body.positions, axis=1).max()))
+        return Camera.framing((0, 0, 0), 3.0 * float(np.linalg.norm(self.body.positions, axis=1).max()))
 
     def scenery(self) -> Scenery:
         return Scenery(floor=-1.3 * float(np.linalg.norm(self.body.positions, axis=1).max()))
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         centre = s.x[self.body.particle("centre")]
+        axle = float(np.linalg.norm(self.body.positions[self.body.particle("head")]))
         reach = float(np.linalg.norm(self.body.positions, axis=1).max())
+        if self.action == "impulse":
+            acting = Arrow(s.x[self.body.particle("head")], 0.6 * axle * s.action)
+        else:
+            acting = torque_arrow(centre, across(s.action, m.axis), 1.1 * reach)
         angle = math.degrees(angle_of.py_func(m.axis @ s.goal))
         return Marks(
-            balls=[(centre + 1.4 * reach * s.goal, 0.06 * reach)],
-            arrows=[Arrow(centre, 1.3 * reach * s.goal, GREEN)],
-            key=((GREEN, "where the axle shall point"),),
+            balls=[(centre + axle * s.goal, 0.16 * axle)],
+            arrows=[Arrow(centre + 1.2 * axle * s.goal, 0.5 * axle * s.goal, GREEN), acting],
+            key=(
+                (GREEN, "bring the axle's orange end here"),
+                (RED, "impulse on it" if self.action == "impulse" else "torque"),
+            ),
             text=(f"off target {angle:5.1f}°", f"spin {float(m.angular_velocity @ m.axis):5.1f} rad/s"),
         )
 

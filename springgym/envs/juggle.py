@@ -15,6 +15,7 @@ from numpy.random import Generator
 from springgym.bodies import Body, ball, top
 from springgym.checks import flag, whole
 from springgym.core.compiling import compiled, kernel
+from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
@@ -23,7 +24,7 @@ from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
-from springgym.rendering.look import GREEN, ORANGE
+from springgym.rendering.look import GREEN, ORANGE, RED
 from springgym.scene import GRAVITY, Placed, Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.surfaces import Contact
@@ -224,11 +225,18 @@ class SpringJuggle(Task):
     def marks(self, m: Measures, s: Situation) -> Marks:
         height = s.goal[0] + BALL_RADIUS
         apexes = apex_of.py_func(m.centre[BALL:, 2], m.centre_velocity[BALL:, 2])
+        torque = across(np.append(s.action[3:], 0.0), m.axis[PADDLE])
         return Marks(
             rings=[((column, 0.0, height), 0.1) for column in self.columns],
-            arrows=[Arrow(m.centre[PADDLE], tuple((0.2 * s.action[:3]).tolist()))],
-            key=((GREEN, "bounce up to this ring"),),
-            text=tuple(f"{100 * (reached - s.goal[0]):+5.1f} cm off the height" for reached in apexes),
+            arrows=[
+                Arrow(m.centre[PADDLE], 0.3 * s.action[:3]),
+                torque_arrow(m.centre[PADDLE], torque, 1.2 * RADIUS),
+            ],
+            key=((GREEN, "bounce up to this ring"), (RED, "force and torque on the paddle")),
+            text=tuple(
+                f"this flight peaks {100 * abs(high):4.1f} cm {'above' if high > 0 else 'below'} the ring"
+                for high in apexes - s.goal[0]
+            ),
         )
 
 

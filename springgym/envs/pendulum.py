@@ -14,6 +14,7 @@ from numpy.random import Generator
 from springgym.bodies import cube, start
 from springgym.checks import chosen
 from springgym.core.compiling import kernel
+from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
@@ -132,7 +133,7 @@ class SpringPendulum(Task):
         )
 
     def camera(self) -> Camera:
-        return Camera.framing((0, 0, 0), 4.0 * float(self.body.lengths.max()) / math.sqrt(3))
+        return Camera.framing((0, 0, 0), 4.4 * float(self.body.lengths.max()) / math.sqrt(3))
 
     def scenery(self) -> Scenery:
         length = float(self.body.lengths.max())
@@ -142,12 +143,15 @@ class SpringPendulum(Task):
         tilt = math.degrees(angle_of.py_func(m.axis[2]))
         speed = float(np.linalg.norm(m.angular_velocity))
         top = (0.0, 0.0, float(self.body.lengths.max()))
-        impulse = ((RED, "impulse"),) if self.action == "impulse" else ()
+        if self.action == "impulse":
+            acting = Arrow(s.x[FAR], 0.4 * s.action)
+        else:
+            acting = torque_arrow(m.centre, across(s.action, m.axis), 0.45 * top[2])
         return Marks(
             balls=[(top, 0.04)],
-            arrows=[Arrow(s.x[FAR], 0.4 * s.action)] if self.action == "impulse" else [],
+            arrows=[acting],
             text=(f"tilt {tilt:5.1f}°", f"turning {speed:4.1f} rad/s"),
-            key=((GREEN, "where the far corner shall be"), *impulse),
+            key=((GREEN, "bring the far corner here"), (RED, self.action)),
         )
 
 

@@ -22,11 +22,12 @@ from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import tilted, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
-from springgym.rendering import Camera, Look, Marks, Scenery
-from springgym.rendering.look import GREEN
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import BLUE, GREEN, INK, RED
 from springgym.scene import GRAVITY, DriveActuator, Scene
 
 ACCELERATION = 3.0  # of the trolley [m/s²]
+LOAD_RADIUS = 0.34  # as it is drawn [m]
 SPEED = 3.0  # of the trolley [m/s]
 WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # what the compact observation shows as 1 [m], [m/s]
 
@@ -134,11 +135,13 @@ class SpringRope(Task):
     def look(self) -> Look:
         count = len(self.body.masses)
         radii = np.full(count, 0.06)
-        radii[0], radii[-1] = 0.15, 0.34
+        radii[0], radii[-1] = 0.15, LOAD_RADIUS
         return Look(
             bars=self.body.springs,
             bar_radius=0.035,
+            bar_colors=INK,
             radii=radii,
+            ball_colors=[INK] * (count - 1) + [BLUE],
             springs=self.body.springs,
             trace=count - 1,
             trace_length=60,
@@ -152,19 +155,22 @@ class SpringRope(Task):
         return Scenery(floor=-1.2 * float(self.body.lengths.sum()))
 
     def marks(self, m: Measures, s: Situation) -> Marks:
-        floor = -1.2 * float(self.body.lengths.sum())
-        target = (float(s.goal[0]), float(s.goal[1]), floor)
-        high = (float(s.goal[0]), float(s.goal[1]), float(s.x[-1, 2]))
-        error = math.hypot(s.x[-1, 0] - s.goal[0], s.x[-1, 1] - s.goal[1])
-        rails = [
-            ((s.x[0, 0] - 1.0, s.x[0, 1], 0.0), (s.x[0, 0] + 1.0, s.x[0, 1], 0.0)),
-            ((s.x[0, 0], s.x[0, 1] - 1.0, 0.0), (s.x[0, 0], s.x[0, 1] + 1.0, 0.0)),
+        x, y = s.goal[:2].tolist()
+        length, trolley, side = float(self.body.lengths.sum()), s.x[0], 1.2 * self.farthest
+        error = math.hypot(s.x[-1, 0] - x, s.x[-1, 1] - y)
+        feet = [(i * side, j * side, -1.2 * length) for i in (-1, 1) for j in (-1, 1)]
+        crane = [
+            ((-side, trolley[1], 0.0), (side, trolley[1], 0.0)),
+            *(((end, -side, 0.0), (end, side, 0.0)) for end in (-side, side)),
+            *((foot, (foot[0], foot[1], 0.0)) for foot in feet),
         ]
         return Marks(
-            rings=[(target, 0.3)],
-            lines=[(target, high), *rails],
+            rings=[((x, y, -1.2 * length), LOAD_RADIUS)],
+            balls=[((x, y, -length), LOAD_RADIUS)],
+            lines=[((x, y, -1.2 * length), (x, y, -length - LOAD_RADIUS)), *crane],
+            arrows=[Arrow(trolley, 1.2 * np.append(s.action, 0.0))],
             text=(f"off target {error:4.2f} m",),
-            key=((GREEN, "above here the load shall rest"),),
+            key=((GREEN, "bring the load here, to rest"), (RED, "acceleration of the trolley")),
         )
 
 

@@ -19,13 +19,15 @@ from numpy.random import Generator
 
 from springgym import checks
 from springgym.checks import TINY, chosen, instance
+from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, RewardedOptions, mapping
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures, MeasuresOfBodies
 from springgym.records import read_only
-from springgym.rendering import Camera, Look, Marks, Scenery
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import RED
 from springgym.scene import Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.simulator import STRAIN_LIMIT
@@ -205,7 +207,8 @@ class SceneTask(Task):
     camera, scenery
         From where it is seen, and what stands around; derived from the scene if not given.
     marks
-        Takes measures and situation of one copy (so ``s.goal`` is (G,)); returns what else is drawn.
+        Takes measures and situation of one copy (so ``s.goal`` is (G,)); returns what else is drawn. If it is
+        not given, arrows show what the actions drive.
     """
 
     observations: ClassVar = ("particles", "own")
@@ -421,8 +424,29 @@ class SceneTask(Task):
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         if self._marks is None:
-            return Marks()
+            return Marks(arrows=self._acting(self._named(m), s), key=((RED, ", ".join(self._actuators)),))
         return instance("what marks gave", self._marks(self._named(m), s), Marks)
+
+    def _acting(self, m: MeasuresOfBodies, s: Situation) -> list[Arrow]:
+        """Arrows of what the actions drive: at 1, those of forces are half as long as the largest body."""
+        arrows, reach = [], 0.5 * self._extent
+        for name, (values,) in self.actuate(s.action[None]).items():
+            n, kind = _named(self._scene, name)
+            placed, x, body = self._scene.bodies[n], s.x[self._scene.slices[n]], m[n]
+            thrust, drive = placed.thrust, placed.drive
+            shares = values.reshape(-1, 3) / self._actuators[name].max()
+            if kind == "body_torque" or (kind == "thrust" and thrust and thrust.turns):
+                shares = shares @ np.array([body.side, np.cross(body.axis, body.side), body.axis])
+            if kind.endswith("torque"):
+                arrows.append(torque_arrow(body.centre, shares[0], reach))
+            elif kind == "force":
+                arrows.append(Arrow(body.centre, reach * shares[0]))
+            elif kind == "thrust" and thrust:
+                pairs = zip(thrust.particles, shares, strict=True)
+                arrows += [Arrow(x[particle], reach * share) for particle, share in pairs]
+            elif drive:
+                arrows.append(Arrow(x[drive.particle], reach * shares[0]))
+        return arrows
 
 
 def _loaded(scene: str | Path) -> Scene:

@@ -214,7 +214,7 @@ class SpringShove(Task):
                 Arrow(top, ahead, GREEN),
                 Arrow((0.0, 0.0, 0.0), (0.15, 0.0, 0.0), GREEN),
             ],
-            key=((GREEN, "bring the box here, turned so"), (RED, "push")),
+            key=((GREEN, "bring the box here, turned so"), (RED, "push on the ball")),
             text=(f"off target {100 * error:3.0f} cm, {math.degrees(heading):4.0f}°",),
         )
 

@@ -206,7 +206,7 @@ class SpringStack(Task):
                 ),
                 Arrow(m.centre[BOX] + 0.14 * m.axis[BOX], 0.15 * m.side[BOX], GREEN),
             ],
-            key=((GREEN, "bring this box onto the other, turned alike"), (RED, "push")),
+            key=((GREEN, "bring this box onto the other, turned alike"), (RED, "push on the ball")),
             text=(f"off its place {100 * math.hypot(way[0], way[1]):3.0f} cm",),
         )
 

@@ -14,6 +14,7 @@ from numpy.random import Generator
 from springgym.bodies import Body, rigid_velocities, solid_top, stretched_shapes, top
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
+from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
@@ -22,7 +23,7 @@ from springgym.envs.starts import standing, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
-from springgym.rendering.look import RED
+from springgym.rendering.look import GREEN, RED
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 from springgym.scenes import film
 
@@ -165,13 +166,20 @@ class SpringTop(Task):
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         tilt, spin = angle_of.py_func(m.axis[2]), float(m.angular_velocity @ m.axis)
-        arrows = []
+        radius = float(np.hypot(self.body.positions[:, 0], self.body.positions[:, 1]).max())
         if self.action == "impulse":
-            arrows = [Arrow(s.x[self.upper], 0.4 * s.action)]
+            acting = Arrow(s.x[self.upper], 0.4 * s.action)
+        else:
+            torque = across(s.action * (1.0, 1.0, 0.0), m.axis) + s.action[2] * m.axis
+            acting = torque_arrow(m.centre, torque, 1.1 * radius)
         return Marks(
-            arrows=arrows,
+            balls=[((0.0, 0.0, float(self.body.positions[:, 2].max())), 0.08 * radius)],
+            arrows=[acting],
             text=(f"tilt {math.degrees(tilt):4.1f}°", f"spin {spin:4.1f} rad/s"),
-            key=((RED, "impulse on the crown"),) if self.action == "impulse" else (),
+            key=(
+                (GREEN, "bring the axis here"),
+                (RED, "impulse" if self.action == "impulse" else "torque"),
+            ),
         )
 
 

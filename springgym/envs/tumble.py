@@ -15,6 +15,7 @@ from springgym.bodies import Body, from_points
 from springgym.bodies.rotations import cross
 from springgym.checks import flag, whole
 from springgym.core.compiling import compiled, kernel
+from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
@@ -23,7 +24,7 @@ from springgym.envs.starts import any_rotation, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
-from springgym.rendering.look import GREEN, RED
+from springgym.rendering.look import AMBER, BLUE, GREEN, IVORY, ORANGE, RED
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 from springgym.surfaces import Contact, floor
 
@@ -36,7 +37,7 @@ TURNING_UNIT = 4.0  # angular velocity that the compact observation shows as 1 [
 ARENA = 4.0  # where an episode ends [m]
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
 """The face opposite to each corner; its corners in the order that points the normal outwards."""
-COLORS = ((46, 98, 170), (228, 94, 44), (34, 150, 100), (242, 172, 60))
+COLORS = (BLUE, ORANGE, IVORY, AMBER)
 
 
 @compiled
@@ -188,15 +189,19 @@ class SpringTumble(Task):
         corner = int(s.goal[3])
         error = math.hypot(m.centre[0] - s.goal[0], m.centre[1] - s.goal[1])
         place = (float(s.goal[0]), float(s.goal[1]), 0.0)
-        arrows = [Arrow(m.centre, 0.4 * s.action[:3])]
         if self.action == "impulses":
             arrows = [Arrow(s.x[n], 0.2 * push) for n, push in enumerate(s.action.reshape(-1, 3))]
+        else:
+            arrows = [Arrow(m.centre, 0.4 * s.action[:3]), torque_arrow(m.centre, s.action[3:], 0.3)]
         return Marks(
             rings=[(place, 0.1), (place, 0.3)],
             balls=[(s.x[corner], 0.05)],
             arrows=arrows,
             text=(f"off target {error:4.2f} m",),
-            key=((GREEN, "ring: here; ball: this corner up"), (RED, "push")),
+            key=(
+                (GREEN, "bring it into the ring, this corner up"),
+                (RED, "force and torque" if self.action == "wrench" else "impulses"),
+            ),
         )
 
 

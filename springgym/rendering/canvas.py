@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 OVERSAMPLE = 3  # drawn this much larger, then averaged: smooth edges
 _BAR_STRIPES = ((1.0, 0.6), (0.82, 0.78), (0.6, 0.93), (0.36, 1.05), (0.14, 1.18))  # width, light
+_FLAT_STRIPE = ((1.0, 0.9),)
 _AMBIENT = np.array([0.63, 0.65, 0.69])  # cool light from all around, a little more from above
 _DIFFUSE = np.array([0.33, 0.31, 0.27])  # warm light from the lamp
 _FAR = 16_000  # canvas pixels beyond which pygame's 16-bit polygons cannot go
@@ -189,8 +190,16 @@ class Canvas:
         side = np.array([-along[1], along[0]]) * (0.5 * width / max(float(np.hypot(*along)), 1e-9))
         self.polygon(np.concatenate([ends + side, (ends - side)[::-1]]), color)
 
-    def bar(self, ends: Array, depth: Array, radius: float, color: ArrayLike, caps: bool = True) -> None:
-        """A lit round bar between two pixels (2, 2) at depths (2,), radius in m."""
+    def bar(
+        self,
+        ends: Array,
+        depth: Array,
+        radius: float,
+        color: ArrayLike,
+        caps: bool = True,
+        alpha: int = 255,
+    ) -> None:
+        """A round bar between two pixels (2, 2) at depths (2,), radius in m: lit, or flat if translucent."""
         half = np.maximum(radius * self.pixels_per_meter(depth), 0.5 * OVERSAMPLE)
         along = ends[1] - ends[0]
         length = float(np.hypot(*along))
@@ -199,14 +208,14 @@ class Canvas:
         side = np.array([-along[1], along[0]]) / length if length > 1e-9 else glow
         tilt = float(side @ glow)
         rgb = np.asarray(color, dtype=float)
-        for share, bright in _BAR_STRIPES:
+        for share, bright in _BAR_STRIPES if alpha == 255 else _FLAT_STRIPE:
             middle = ends + np.outer(half, side) * (0.75 * tilt * (1.0 - share))
             edge = np.outer(half * share, side)
             paint = np.clip(rgb * bright, 0, 255).astype(int).tolist()
             if caps:
                 for center, r in zip(np.rint(middle).tolist(), half * share, strict=True):
                     self._touch(self.pygame.draw.circle(self._surface, paint, center, float(r)))
-            self.polygon(np.concatenate([middle + edge, (middle - edge)[::-1]]), paint)
+            self.polygon(np.concatenate([middle + edge, (middle - edge)[::-1]]), paint, alpha)
 
     def ball(
         self, center: Array, depth: float, radius: float, color: ArrayLike, opacity: float = 1.0

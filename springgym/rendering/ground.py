@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from springgym.rendering.canvas import OVERSAMPLE, Array, Canvas
 from springgym.rendering.look import GREEN, Color, Look, Scenery
+from springgym.rendering.occlusion import Occluders
 from springgym.rendering.solids import circle, tangents
 
 if TYPE_CHECKING:
@@ -132,14 +133,19 @@ def _paint_net(canvas: Canvas, surface: Surface) -> None:
     _fading_paths(canvas, paths, fade)
 
 
-def paint_ring(canvas: Canvas, center: ArrayLike, radius: float) -> None:
-    """A horizontal target."""
+def paint_disk(canvas: Canvas, center: ArrayLike, radius: float) -> None:
+    """The inside of a horizontal target ring."""
     for share, alpha in ((1.0, 40), (0.5, 50)):
         pixels, _ = canvas.image(circle(center, share * radius, 72))
         canvas.polygon(pixels, GREEN, alpha)
-    pixels, _ = canvas.image(circle(center, radius, 72))
-    around = np.stack([pixels, np.roll(pixels, -1, axis=0)], axis=1)
-    canvas.strokes(around, 2.6, GREEN, np.full(len(around), 0.9))
+
+
+def paint_ring(canvas: Canvas, center: ArrayLike, radius: float, occluders: Occluders) -> None:
+    """A horizontal target ring, where it is not hidden."""
+    points = circle(center, radius, 144)
+    around = np.stack([points, np.roll(points, -1, axis=0)], axis=1)
+    shown = ~occluders.hide(around.mean(axis=1))
+    canvas.strokes(canvas.image(around)[0], 2.6, GREEN, 0.9 * shown)
 
 
 def paint_shadows(canvas: Canvas, look: Look, x: Array, scenery: Scenery) -> None:

@@ -254,11 +254,16 @@ def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = N
 
 
 class Arrow(NamedTuple):
-    """An arrow from ``origin`` by ``vector`` (both m, world axes)."""
+    """An arrow from ``origin`` by ``vector`` (both m, world axes): a force, an impulse, a direction.
+
+    With a ``radius`` [m] it runs around the axis through ``origin`` along ``vector``, by the right hand, over
+    an arc as long as ``vector``: a torque.
+    """
 
     origin: Point
     vector: Point
     color: Color = RED
+    radius: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,6 +292,8 @@ class Scenery:
 class Marks:
     """The marks that may change with every frame beside the body.
 
+    A body hides what lies behind it. Arrows show faintly through it, as the trace does.
+
     Parameters
     ----------
     rings : sequence of (centre, radius)
@@ -296,7 +303,7 @@ class Marks:
     lines : sequence of (start, end)
         Rails and other slender straight things, m.
     arrows : sequence of Arrow
-        Forces, thrusts, directions to reach.
+        Forces, torques, directions to reach.
     text : sequence of str
         Lines in the top left corner.
     key : sequence of (color, str)

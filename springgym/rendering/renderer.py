@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -11,9 +10,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from springgym.rendering.camera import Camera
 from springgym.rendering.canvas import Array, Canvas, import_pygame
-from springgym.rendering.ground import paint_background, paint_ring, paint_shadows
-from springgym.rendering.look import GREEN, INK, ORANGE, Look, Marks, Scenery
-from springgym.rendering.solids import arrow, body, dashes, rail, strain_colors
+from springgym.rendering.ground import paint_background, paint_disk, paint_ring, paint_shadows
+from springgym.rendering.look import INK, ORANGE, Look, Marks, Scenery
+from springgym.rendering.occlusion import Occluders
+from springgym.rendering.solids import (
+    THROUGH,
+    arrow,
+    body,
+    dashes,
+    opacities,
+    paint_all,
+    rail,
+    strain_colors,
+)
 
 CHORDS = 4
 """Straight pieces that the trace is drawn with from one moment to the next."""
@@ -152,65 +161,61 @@ class Renderer:
         """One picture, from back to front."""
         canvas = self._prepared_canvas()
         for center, radius in marks.rings:
-            paint_ring(canvas, center, radius)
+            paint_disk(canvas, center, radius)
         paint_shadows(canvas, self.look, x, self.scenery)
+        paint_all(body(canvas, self.look, x, strain, marks.balls))
 
-        items = body(canvas, self.look, x, strain)
-        for center, radius in marks.balls:
-            pixels, depth = canvas.image(center)
-            if np.isfinite(pixels).all():
-                paint = partial(canvas.ball, pixels, float(depth), radius, GREEN, 0.6)
-                items.append((float(depth), paint))
-        for start, stop in marks.lines:
-            items += rail(canvas, start, stop)
-        over = [item for mark in marks.arrows for item in arrow(canvas, mark)]
+        occluders = Occluders(np.asarray(self.camera.eye), self.look, x, opacities(self.look, strain))
+        for center, radius in marks.rings:
+            paint_ring(canvas, center, radius, occluders)
+        over = [item for ends in marks.lines for item in rail(canvas, *ends, occluders)]
+        over += [item for mark in marks.arrows for item in arrow(canvas, mark, occluders)]
         if self.scenery.vertical is not None:
-            items += dashes(canvas, *self.scenery.vertical)
-        for group in (items, over):  # what pushes is seen, be it behind or inside of the body
-            for _, draw in sorted(group, key=lambda item: -item[0]):
-                draw()
-        self._paint_trace(canvas)
+            over += dashes(canvas, *self.scenery.vertical, occluders)
+        paint_all(over)
+        self._paint_trace(canvas, occluders)
         picture = canvas.picture()
         self._write(picture, marks, strain is not None)
         return picture
 
-    def _paint_trace(self, canvas: Canvas) -> None:
-        """Over everything else, because much of a trace runs inside the body."""
+    def _paint_trace(self, canvas: Canvas, occluders: Occluders) -> None:
+        """Paint the trace, pale where it is hidden: much of a trace runs inside the body."""
         if len(self._trace) < 2:
             return
         points = np.array(self._trace)
-        pixels, _ = canvas.image(_curve(points))
+        curve = _curve(points)
+        pixels, _ = canvas.image(curve)
         young = np.linspace(0.0, 1.0, self.look.trace_length)[1 - len(points) :].repeat(CHORDS)
         segments = np.stack([pixels[:-1], pixels[1:]], axis=1)
-        canvas.strokes(segments, 1.2 + 1.8 * young, ORANGE, 0.95 * young**1.2)
+        opacity = np.where(occluders.hide(0.5 * (curve[:-1] + curve[1:])), THROUGH, 1.0)
+        canvas.strokes(segments, 1.2 + 1.8 * young, ORANGE, 0.95 * young**1.2 * opacity)
 
     def _write(self, picture: Any, marks: Marks, legend: bool) -> None:
         """Text and legends, on the finished picture."""
         pygame = import_pygame()
         pygame.font.init()
         height = self.size[1]
-        unit = max(height // 32, 10)
-        font = pygame.font.Font(None, round(1.25 * unit))
+        unit = max(height // 32, 11)  # then an em is 11 pixels or more: pygame's font has 0.69 of its size
+        font = pygame.font.Font(None, round(1.5 * unit))
         for row, line in enumerate(marks.text):
-            picture.blit(font.render(line, True, INK), (unit, round(unit * (1.0 + 1.25 * row))))
+            picture.blit(font.render(line, True, INK), (unit, round(unit * (1.0 + 1.4 * row))))
         bottom = height - (4 if legend else 1) * unit
         for row, (color, line) in enumerate(reversed(marks.key)):
-            middle = (round(1.35 * unit), round(bottom - 1.25 * unit * row - 0.4 * unit))
-            pygame.draw.circle(picture, color, middle, round(0.35 * unit))
+            middle = (round(1.35 * unit), round(bottom - 1.4 * unit * row - 0.4 * unit))
+            pygame.draw.circle(picture, color, middle, round(0.4 * unit))
             word = font.render(line, True, INK)
             picture.blit(word, word.get_rect(midleft=(2 * unit, middle[1])))
         if legend:
             scale = self.look.strain_scale
-            steps = np.linspace(-scale, scale, 9 * unit)
+            steps = np.linspace(-scale, scale, 11 * unit)
             bar = np.repeat(strain_colors(steps, scale)[:, None], unit // 2, axis=1)
             box = picture.blit(pygame.surfarray.make_surface(bar), (unit, height - 3 * unit // 2))
-            small = pygame.font.Font(None, unit)
             for place, label in (
                 ("midleft", f"-{scale:g}"),
                 ("center", "strain"),
                 ("midright", f"+{scale:g}"),
             ):
-                word = small.render(label, True, INK)
+                word = font.render(label, True, INK)
                 picture.blit(word, word.get_rect(**{place: getattr(box.move(0, -unit), place)}))
 
     def _show(self, picture: Any) -> NDArray[np.uint8] | None:

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import cycle
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from springgym.rendering.canvas import OVERSAMPLE, Array, Canvas, shade
-from springgym.rendering.look import GRAPHITE, STEEL, Arrow, Look
+from springgym.rendering.look import GRAPHITE, GREEN, STEEL, Arrow, Look, Point
+from springgym.rendering.occlusion import Occluders
 
 Item = tuple[float, Callable[[], None]]
+
+THROUGH = 0.4
+"""Opacity of a trace or an arrow where a body hides it."""
 
 COLD, NEUTRAL, HOT = np.array([[38, 96, 190], [172, 178, 188], [206, 48, 44]], dtype=float)
 _SMOOTH = 0.8  # cosine between neighbouring faces above which their edge is not outlined
 _GLASS = 0.14  # opacity of a body whose springs are shown
+_TARGET = 0.5  # opacity of target balls
+
+
+def paint_all(items: list[Item]) -> None:
+    """Draw items from the farthest to the nearest."""
+    for _, draw in sorted(items, key=lambda item: -item[0]):
+        draw()
 
 
 def strain_colors(strain: ArrayLike, scale: float) -> NDArray[np.uint8]:
@@ -40,10 +52,17 @@ def tangents(normal: ArrayLike) -> tuple[Array, Array]:
     return first, np.cross(n, first)
 
 
-def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Item]:
-    """Surface, bars, balls, and the springs if their strains are given."""
+def opacities(look: Look, strain: Array | None) -> Array:
+    """Opacity (T,) of the triangles: where springs are shown, the surface is glass."""
     whole = np.asarray(look.opacity)
-    opacity = whole if strain is None else np.minimum(whole, _GLASS)
+    return whole if strain is None else np.minimum(whole, _GLASS)
+
+
+def body(
+    canvas: Canvas, look: Look, x: Array, strain: Array | None, targets: Sequence[tuple[Point, float]] = ()
+) -> list[Item]:
+    """Surface, bars, balls, and the springs if their strains are given; among them target balls."""
+    opacity = opacities(look, strain)
     faces = x[np.asarray(look.triangles)]
     normal, _ = normals(faces)
     keys = depths(canvas, faces, normal, look.solids)
@@ -53,7 +72,7 @@ def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Ite
         faces,
         np.asarray(look.triangle_colors),
         opacity,
-        two_sided=whole < 1.0,
+        two_sided=np.asarray(look.opacity) < 1.0,
         edges=look.edges[(opacity[look.edges[:, [0, 2]]] == 1.0).all(axis=1)],
         keys=keys,
     )
@@ -76,17 +95,21 @@ def body(canvas: Canvas, look: Look, x: Array, strain: Array | None) -> list[Ite
     ):
         cut = np.sqrt(np.maximum(trimmed[pair] ** 2 - radius**2, 0.0))
         if full > cut.sum():
-            start, stop = end[0] + cut[0] * unit, end[1] - cut[1] * unit
-            items += rod(canvas, start, stop, radius, color)
+            shown, far = canvas.image([end[0] + cut[0] * unit, end[1] - cut[1] * unit])
+            if np.isfinite(shown).all():
+                items.append((far.mean(), partial(canvas.bar, shown, far, radius, color)))
 
-    for place, center, far, radius, color in zip(
-        x, pixels, depth, radii, np.asarray(look.ball_colors), strict=False
-    ):
+    own = zip(x, pixels, depth, radii, np.asarray(look.ball_colors), cycle((1.0,)), strict=False)
+    marked = [
+        (np.asarray(place), *canvas.image(place), radius, np.array(GREEN), _TARGET)
+        for place, radius in targets
+    ]
+    for place, center, far, radius, color, whole in (*own, *marked):
         if radius > 0.0 and np.isfinite(center).all():
             size = radius * float(canvas.pixels_per_meter(far))
             under = keys[beneath(eye, faces, corners, normal, place, center, size, radius)]
             key = min(far, under.min(initial=np.inf) * (1 - 1e-9))
-            items.append((key, partial(canvas.ball, center, far, radius, color)))
+            items.append((key, partial(canvas.ball, center, far, radius, color, whole)))
 
     if strain is not None:
         springs = np.asarray(look.springs)
@@ -239,34 +262,34 @@ def is_behind(
     return found
 
 
-def rod(
-    canvas: Canvas, start: Array, stop: Array, radius: float, color: ArrayLike, pieces: int = 1
-) -> list[Item]:
-    """A round bar; in several pieces, so that a long one sorts rightly among other things."""
-    points = start + np.linspace(0.0, 1.0, pieces + 1)[:, None] * (stop - start)
+def tube(canvas: Canvas, points: Array, radius: float, color: ArrayLike, opacity: Array) -> list[Item]:
+    """A round bar along points (n, 3), in pieces of their own opacity (n − 1,) and depth."""
     pixels, depth = canvas.image(points)
     return [
-        (far.mean(), partial(canvas.bar, ends, far, radius, color, pieces == 1))
-        for ends, far in zip(
+        (far.mean(), partial(canvas.bar, ends, far, radius, color, False, round(255 * whole)))
+        for ends, far, whole in zip(
             np.stack([pixels[:-1], pixels[1:]], axis=1),
             np.stack([depth[:-1], depth[1:]], axis=1),
+            opacity.tolist(),
             strict=True,
         )
-        if np.isfinite(ends).all()
+        if whole > 0.0 and np.isfinite(ends).all()
     ]
 
 
-def rail(canvas: Canvas, start: ArrayLike, stop: ArrayLike) -> list[Item]:
-    """A slender bar that belongs to the surroundings."""
-    a, b = np.asarray(start, dtype=float), np.asarray(stop, dtype=float)
-    return rod(canvas, a, b, 0.006 * canvas.extent, STEEL, pieces=12)
+def rail(canvas: Canvas, start: ArrayLike, stop: ArrayLike, occluders: Occluders) -> list[Item]:
+    """A slender bar that belongs to the surroundings, where it is not hidden."""
+    ends = np.asarray(start, dtype=float), np.asarray(stop, dtype=float)
+    points = ends[0] + np.linspace(0.0, 1.0, 97)[:, None] * (ends[1] - ends[0])
+    shown = 1.0 - occluders.hide(0.5 * (points[:-1] + points[1:]))
+    return tube(canvas, points, 0.006 * canvas.extent, STEEL, shown)
 
 
-def dashes(canvas: Canvas, foot: ArrayLike, height: float) -> list[Item]:
-    """A dashed line upwards."""
+def dashes(canvas: Canvas, foot: ArrayLike, height: float, occluders: Occluders) -> list[Item]:
+    """A dashed line upwards, where it is not hidden."""
     steps = np.linspace(0.0, height, 49)[:-1].reshape(-1, 2)  # start and end of each dash
     points = np.asarray(foot, dtype=float) + steps[..., None] * np.array([0.0, 0.0, 1.0])
-    pixels, depth = canvas.image(points)
+    pixels, depth = canvas.image(points[~occluders.hide(points.mean(axis=1))])
     return [
         (far.mean(), partial(canvas.line, ends, 1.4 * OVERSAMPLE, GRAPHITE))
         for ends, far in zip(pixels, depth, strict=True)
@@ -274,18 +297,37 @@ def dashes(canvas: Canvas, foot: ArrayLike, height: float) -> list[Item]:
     ]
 
 
-def arrow(canvas: Canvas, mark: Arrow) -> list[Item]:
-    """A bar with a cone; nothing if the vector is negligible in the picture."""
-    origin, vector = np.asarray(mark.origin, dtype=float), np.asarray(mark.vector, dtype=float)
+def arrow(canvas: Canvas, mark: Arrow, occluders: Occluders) -> list[Item]:
+    """A bar with a cone, pale where it is hidden; nothing if the vector is negligible in the picture."""
+    vector = np.asarray(mark.vector, dtype=float)
     length = float(np.linalg.norm(vector))
     if not length > 0.004 * canvas.extent:
         return []
-    axis = vector / length
     head = min(0.05 * canvas.extent, 0.6 * length)
-    neck = origin + (length - head) * axis
+    points, axis = _path(mark, vector / length, length, head, np.asarray(canvas.camera.eye))
+    neck, tip = points[-1], points[-1] + head * axis
+    middles = np.vstack([0.5 * (points[:-1] + points[1:]), 0.5 * (neck + tip)])
+    opacity = np.where(occluders.hide(middles), THROUGH, 1.0)
     rim = circle(neck, 0.36 * head, 14, axis)
     turned = np.roll(rim, -1, axis=0)
-    tip, hub = np.broadcast_to(origin + vector, rim.shape), np.broadcast_to(neck, rim.shape)
-    cone = np.concatenate([np.stack([rim, turned, tip], axis=1), np.stack([turned, rim, hub], axis=1)])
-    shaft = rod(canvas, origin, neck, 0.13 * head, mark.color, pieces=3)
-    return shaft + mesh(canvas, cone, mark.color)
+    tips, hub = np.broadcast_to(tip, rim.shape), np.broadcast_to(neck, rim.shape)
+    cone = np.concatenate([np.stack([rim, turned, tips], axis=1), np.stack([turned, rim, hub], axis=1)])
+    shaft = tube(canvas, points, 0.13 * head, mark.color, opacity[:-1])
+    return shaft + mesh(canvas, cone, mark.color, opacity[-1])
+
+
+def _path(mark: Arrow, axis: Array, length: float, head: float, eye: Array) -> tuple[Array, Array]:
+    """Points (25, 3) along an arrow up to its head, and the unit vector in which the head points.
+
+    The middle of an arrow around an axis is turned to the eye.
+    """
+    origin, along = np.asarray(mark.origin, dtype=float), np.linspace(0.0, length - head, 25)[:, None]
+    if not mark.radius:
+        return origin + along * axis, axis
+    front = eye - origin
+    front -= (front @ axis) * axis
+    size = float(np.linalg.norm(front))
+    first = front / size if size > 1e-9 else tangents(axis)[0]
+    second, angle = np.cross(axis, first), (along - 0.5 * length) / mark.radius
+    points = origin + mark.radius * (np.cos(angle) * first + np.sin(angle) * second)
+    return points, np.cos(angle[-1]) * second - np.sin(angle[-1]) * first

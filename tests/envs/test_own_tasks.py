@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -13,13 +14,14 @@ from numpy.random import Generator
 
 import springgym
 from springgym.bodies import box, cube, gyroscope, rigid_velocities, rotation, stretched_shapes
+from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.observation import Situation
 from springgym.envs.sb3 import make_sb3
 from springgym.envs.starts import direction, tilted, uniform
 from springgym.envs.task import Start
 from springgym.measures import MeasuresOfBodies
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery, two_tone
-from springgym.rendering.look import AMBER, BLUE, GREEN, TEAL
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import AMBER, BLUE, GREEN, ORANGE, RED, TEAL
 from springgym.scene import Placed, Scene, ThrustActuator, WrenchActuator
 from springgym.scenes import film
 
@@ -73,10 +75,14 @@ def start(rng: Generator, spin: float | None = None, angle: float | None = None)
 
 def marks(m: MeasuresOfBodies, s: Situation) -> Marks:
     angle = math.degrees(math.acos(m.axis @ s.goal))
+    axle = ROTOR.positions[ROTOR.particle("head"), 2]
     return Marks(
-        balls=[(1.4 * REACH * s.goal, 0.06 * REACH)],
-        arrows=[Arrow((0, 0, 0), 1.3 * REACH * s.goal, GREEN)],
-        key=((GREEN, "where the axle shall point"),),
+        balls=[(axle * s.goal, 0.16 * axle)],
+        arrows=[
+            Arrow(1.2 * axle * s.goal, 0.5 * axle * s.goal, GREEN),
+            torque_arrow((0, 0, 0), across(s.action, m.axis), 1.1 * REACH),
+        ],
+        key=((GREEN, "bring the axle's orange end here"), (RED, "torque")),
         text=(f"off target {angle:5.1f}°", f"spin {float(m.angular_velocity @ m.axis):5.1f} rad/s"),
     )
 
@@ -88,7 +94,9 @@ def rebuilt(**options: Any) -> Any:
         pinned=ROTOR.parts["centre"],
         wrench=WrenchActuator(axial=False),
     )
-    foot, head = ROTOR.parts["foot"][0], ROTOR.parts["head"][0]
+    head = ROTOR.particle("head")
+    shown = film.look(scene, head)
+    colors = [ORANGE if n == head else color for n, color in enumerate(np.asarray(shown.ball_colors))]
     return springgym.make_scene_env(
         scene,
         reward,
@@ -98,15 +106,8 @@ def rebuilt(**options: Any) -> Any:
         observe=observe,
         metrics=measured,
         start=start,
-        look=Look(
-            triangles=ROTOR.triangles,
-            triangle_colors=two_tone(len(ROTOR.parts["ring"])),
-            opacity=0.85,
-            bars=[(foot, head)],
-            springs=ROTOR.springs,
-            trace=head,
-        ),
-        camera=Camera.framing((0, 0, 0), 2.6 * REACH),
+        look=replace(shown, ball_colors=colors),
+        camera=Camera.framing((0, 0, 0), 3.0 * REACH),
         scenery=Scenery(floor=-1.3 * REACH),
         marks=marks,
         **options,

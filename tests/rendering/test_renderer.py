@@ -313,8 +313,31 @@ def test_marks_are_where_they_should_be():
         assert strongest(pixel(ring, edge, above)) == 1
 
 
-def test_a_vanishing_arrow_is_left_out():
-    marks = Marks(arrows=[Arrow((0, 0, 0), (0, 0, 0))])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_arrow_around_an_axis(sign):
+    """Half a turn about the upright, the middle of it nearest to the eye, by the right hand."""
+    camera, radius, size = Camera.framing((0, 0, 0), 2.0, azimuth=0.0, elevation=1.2), 0.6, (300, 300)
+    mark = Arrow((0, 0, 0), (0, 0, sign * np.pi * radius), BLUE, radius)
+    picture = draw(Look(), np.zeros((0, 3)), Marks(arrows=[mark]), camera=camera, size=size)
+    blue = (picture[..., 2] - picture[..., 0] > 60).astype(int)
+
+    def around(angle, share=1.0):
+        at = share * radius * np.array([np.cos(angle), np.sin(angle), 0.0])
+        return pixel(blue, at, camera)
+
+    assert all(around(angle) for angle in np.linspace(-1.4, 1.4, 15))
+    assert not any(around(angle) for angle in np.linspace(1.8, 4.5, 15))
+    assert not any(around(angle, share) for angle in np.linspace(-3, 3, 15) for share in (0.0, 0.7, 1.3))
+    head, tail = (
+        sum(around(end * angle, share) for angle in np.linspace(1.3, 1.6, 31) for share in (0.955, 1.045))
+        for end in (sign, -sign)
+    )
+    assert head > 10 > tail
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.5])
+def test_a_vanishing_arrow_is_left_out(radius):
+    marks = Marks(arrows=[Arrow((0, 0, 0), (0, 0, 0), RED, radius)])
     np.testing.assert_array_equal(draw(Look(), np.zeros((0, 3)), marks), empty())
 
 

@@ -1,0 +1,144 @@
+"""Pictures of tasks: every action is seen, and the key says what is true."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from springgym.bodies import cube
+from springgym.envs.arrows import ARC, across, torque_arrow
+from springgym.envs.observation import Situation
+from springgym.envs.scene import SceneTask
+from springgym.measures import SIZE, view
+from springgym.rendering import Marks
+from springgym.rendering.look import GREEN, RED
+from springgym.scene import DriveActuator, Placed, Scene, ThrustActuator
+from tests.envs.cases import IDS, make, task_type
+
+each_action = pytest.mark.parametrize(
+    ("env_id", "action"), [(env_id, action) for env_id in IDS for action in task_type(env_id).actions]
+)
+
+
+def acted(env: gym.Env, action: np.ndarray):
+    """The marks after a step from one start."""
+    env.reset(seed=1)
+    env.step(action.astype(np.float32))
+    episodes = env.unwrapped.episodes
+    return episodes.task.marks(*episodes.seen_of(0))
+
+
+def red(marks):
+    return [np.append(a.origin, a.vector) for a in marks.arrows if a.color == RED and np.any(a.vector)]
+
+
+@each_action
+def test_every_entry_of_the_action_is_seen(env_id: str, action: str) -> None:
+    """Red arrows tell how much of it acts, and which way; none is there where nothing acts."""
+    env = make(env_id, action=action)
+    size = env.action_space.shape[0]
+    assert not red(acted(env, np.zeros(size)))
+    for n in range(size):
+        full, half, back = (red(acted(env, share * np.eye(size)[n])) for share in (1.0, 0.5, -1.0))
+        assert len(full) == len(half) == len(back) == 1
+        one, less, other = full[0][3:], half[0][3:], back[0][3:]
+        assert np.linalg.norm(less) == pytest.approx(0.5 * np.linalg.norm(one), rel=0.1)
+        assert one @ other < -0.9 * np.linalg.norm(one) * np.linalg.norm(other)
+
+
+@each_action
+def test_the_key_says_what_is_there(env_id: str, action: str) -> None:
+    """Every colour of the key is in the picture, and every arrow and target has its colour in the key."""
+    env = make(env_id, action=action)
+    task = env.unwrapped.episodes.task
+    marks = acted(env, np.ones(env.action_space.shape))
+    key = [color for color, _ in marks.key]
+    assert len(set(key)) == len(key)
+    marked = {arrow.color for arrow in marks.arrows}
+    marked |= {GREEN} if (*marks.rings, *marks.balls) else set()
+    look = task.look()
+    drawn = np.concatenate([look.triangle_colors, look.ball_colors]).tolist()
+    assert marked <= set(key) <= marked | {tuple(color) for color in drawn}
+    assert RED in key
+    assert not {GREEN, RED} & {tuple(color) for color in drawn}  # bodies are neither targets nor actions
+
+
+@each_action
+def test_pictures_show_the_action(env_id: str, action: str) -> None:
+    env = make(env_id, action=action, render_mode="rgb_array")
+    shown = []
+    for share in (0.0, 1.0, -1.0):  # one of both may act into the body, where it is pale
+        env.reset(seed=1)
+        env.step(np.full(env.action_space.shape, share, np.float32))
+        r, g, b = env.render().astype(int).transpose(2, 0, 1)
+        shown.append(((r > 120) & (r > 2.5 * g) & (r > 2.5 * b)).sum())
+    assert 50 < shown[0] < 250  # in the key
+    assert max(shown) > shown[0] + 100
+
+
+def test_duel_tells_the_tops_apart() -> None:
+    """The colours that the key gives them are those of their own faces."""
+    env = make("SpringDuel-v0")
+    task = env.unwrapped.episodes.task
+    key = {line: color for color, line in acted(env, np.ones(2)).key}
+    faces = np.split(np.asarray(task.look().triangle_colors), 2)
+    own, other = ({tuple(color) for color in half.tolist()} for half in faces)
+    assert key["first top, the agent's"] in own - other
+    assert key["second top, the opponent's"] in other - own
+
+
+def test_juggle_says_how_high_this_flight_goes() -> None:
+    env = make("SpringJuggle-v0")
+    for height, word in ((0.3, "below"), (0.7, "above")):
+        env.reset(seed=1, options={"wanted": 0.5, "height": height, "away": 0.0})
+        task, seen = env.unwrapped.episodes.task, env.unwrapped.episodes.seen_of(0)
+        (line,) = task.marks(*seen).text
+        assert line.startswith("this flight peaks 20.")
+        assert line.endswith(f"cm {word} the ring")
+
+
+def test_tasks_of_scenes_show_what_their_actions_drive() -> None:
+    """Of two bodies, the first turned by a quarter about x, each at its own place."""
+    side = np.ptp(cube().positions, axis=0)[0]
+    first = Placed(cube(), name="first", thrust=ThrustActuator((1, 6), turns=True))
+    second = Placed(cube(), cube().positions + 3.0, pinned=(2,), name="second", drive=DriveActuator(2, 1.0))
+    actuators = {
+        "first.force": (0.0, 4.0, 8.0),
+        "first.body_torque": 2.0,
+        "first.thrust": 3.0,
+        "second.torque": 1.0,
+        "second.acceleration": (5.0, 0.0, 0.0),
+    }
+    scene = Scene(bodies=(first, second), gravity=None, collisions=None)
+    task = SceneTask(scene, lambda m, s: s.time, actuators)
+    m = view(np.zeros((2, SIZE)))
+    m.centre[1], m.side[:], m.axis[:] = 7.0, (1, 0, 0), ((0, -1, 0), (0, 0, 1))
+    action = np.array([0.5, -1, 0, 0, 1, 0, 1, 0, 1, 0, 0, 0, 0, 0.2, 0.5])
+    empty = np.zeros(0)
+    s = Situation(scene.positions, 0 * scene.positions, action, empty, empty, empty, empty)
+    marks, reach = task.marks(m, s), 0.5 * side
+    wanted = [
+        (m.centre[0], (0, 0.25, -1), 0),  # 4 N is half of the most
+        (m.centre[0], (0, -ARC, 0), reach),
+        (scene.positions[1], (0, 0, 1), 0),
+        (scene.positions[6], (1, 0, 0), 0),
+        (m.centre[1], (0, 0, 0.2 * ARC), reach),
+        (scene.positions[8 + 2], (0.5, 0, 0), 0),
+    ]
+    assert len(marks.arrows) == len(wanted)
+    for arrow, (origin, vector, radius) in zip(marks.arrows, wanted, strict=True):
+        np.testing.assert_allclose(arrow.origin, origin)
+        np.testing.assert_allclose(arrow.vector, reach * np.array(vector), atol=1e-12)
+        assert (arrow.color, arrow.radius) == (RED, radius)
+    assert marks.key == ((RED, ", ".join(actuators)),)
+    own = SceneTask(scene, lambda m, s: s.time, actuators, marks=lambda m, s: Marks(text=("own",)))
+    assert own.marks(m, s).text == ("own",)
+    assert not own.marks(m, s).arrows
+
+
+def test_arrows_of_torques() -> None:
+    arrow = torque_arrow((1.0, 2.0, 3.0), np.array([0.0, 0.5, 0.0]), 0.2)
+    np.testing.assert_allclose(arrow.vector, (0.0, 0.3, 0.0))  # 1.5 rad of a circle of 0.2 m
+    assert arrow.radius == 0.2
+    np.testing.assert_allclose(across(np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.0, 1.0])), (1.0, 2.0, 0.0))
