@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import ball, cube, rope
-from springgym.core.blocks import block_array, numbers, set_all
+from springgym.core.blocks import block_array, copy_views, numbers, set_all
 from springgym.forces.pairs import terms
 from springgym.forces.pairs.terms import ROWS, WATCHED
 from springgym.packing import pack_room
@@ -50,8 +50,8 @@ class Blocks:
 
     def search(self, x: np.ndarray, v: np.ndarray, room: Any) -> list[Any]:
         """All contacts of each copy."""
-        set_all(self.x, x)
-        set_all(self.v, v)
+        for array, values in ((self.x, x), (self.v, v)):
+            set_all(copy_views(array, COPIES), values)
         rows = found(self.x, self.v, self.pairs, room)
         there = numbers(room.distance)[:rows] < 0.5 * terms.FAR
         several = {"particle": 4, "weight": 4, "toward": 1, "distance": 1, "share": 1}

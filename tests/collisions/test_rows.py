@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from springgym.bodies import ball, top
-from springgym.core.blocks import at, block_array, numbers, set_all
+from springgym.core.blocks import at, block_array, copy_views, numbers, set_all
 from springgym.core.compiling import kernel
 from springgym.forces.node import Span
 from springgym.forces.pairs.search import SPARE, find
@@ -37,7 +37,7 @@ def contacts(places: np.ndarray) -> tuple[int, Any]:
     x, v = (block_array(COPIES, (len(scene.positions), 3), float) for _ in range(2))
     positions = np.repeat(scene.positions[None], COPIES, axis=0)
     positions[:, -1] = places
-    set_all(x, positions)
+    set_all(copy_views(x, COPIES), positions)
     room = pack_room(scene, meets.pairs, x.dtype)
     return found(x, v, meets.pairs, room), room
 
