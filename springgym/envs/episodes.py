@@ -153,7 +153,7 @@ class Episodes:
         self.diverged = np.zeros(copies, bool)
         self._names = np.dtype([(name, self.out.dtype) for name in task.outcome])
         self._ends, self._lengths = scene.springs.T, scene.of_bodies("lengths")
-        self._columns = observation.columns(task.particles)
+        self._columns, self._seen_size = observation.columns(task.particles), task.observation_size
         self._of = {
             "task": type(task).__name__,
             **(arguments or {}),
@@ -408,7 +408,7 @@ class Episodes:
         return seen
 
     def _room(self, copies: int) -> np.ndarray:
-        return np.empty((copies, self.task.observation_size), np.float32)
+        return np.empty((copies, self._seen_size), np.float32)
 
     def _look(self, own: Part, seen: np.ndarray) -> None:
         """Write what some copies observe to ``seen``."""
