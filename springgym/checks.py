@@ -219,6 +219,8 @@ def _range(what: str, low: float, high: float) -> str:
 
 def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]) -> np.ndarray:
     """A value as an array of one of some shapes, of whatever it holds."""
+    if value.__class__ is np.ndarray and _fits(value.shape, shapes):
+        return value
     try:
         given = np.asarray(value)
     except ValueError:
@@ -239,10 +241,14 @@ def _fits(given: tuple[int, ...], shapes: tuple[tuple[int | None, ...], ...]) ->
     """Tell whether a shape is one of some."""
     if given in shapes:
         return True
-    return any(
-        len(shape) == len(given) and all(n in (None, m) for n, m in zip(shape, given, strict=True))
-        for shape in shapes
-    )
+    for shape in shapes:
+        if len(shape) == len(given):
+            for n, m in zip(shape, given, strict=True):
+                if n is not None and n != m:
+                    break
+            else:
+                return True
+    return False
 
 
 def _shapes(shapes: tuple[tuple[int | None, ...], ...]) -> str:

@@ -293,11 +293,13 @@ def write_copies(
 ) -> None:
     """Write the measures in ``space`` and a body's particles, from ``first``, to the rows of the copies."""
     width = len(space[0]["lanes"])
-    for copy in range(block * width, min((block + 1) * width, readout.bodies.shape[0])):
-        lane = copy - block * width
+    start = block * width
+    for lane in range(min(width, readout.bodies.shape[0] - start)):
+        measured = readout.bodies[start + lane, body]
         for n in range(SIZE):
-            readout.bodies[copy, body, n] = space[n]["lanes"][lane]
+            measured[n] = space[n]["lanes"][lane]
+        place, speed = readout.positions[start + lane], readout.velocities[start + lane]
         for i in range(x.shape[0]):
             for axis in range(3):
-                readout.positions[copy, first + i, axis] = x[i, axis]["lanes"][lane]
-                readout.velocities[copy, first + i, axis] = v[i, axis]["lanes"][lane]
+                place[first + i, axis] = x[i, axis]["lanes"][lane]
+                speed[first + i, axis] = v[i, axis]["lanes"][lane]

@@ -435,12 +435,16 @@ def values(packed: Packed, name: str, index: np.ndarray) -> np.ndarray:
     return found
 
 
+def marks(terms: Terms) -> list[np.ndarray]:
+    """Return the arrays that are zero in copies which begin anew from where they are and how they move."""
+    kept: list[np.ndarray | Ragged] = [term.marks for term in (terms.memory, terms.cycle) if term is not None]
+    return [of.values if isinstance(of, Ragged) else of for of in kept]
+
+
 def renew(terms: Terms, index: np.ndarray) -> None:
     """Let some copies (k,) of one body or of all begin anew from where they are and how they move."""
-    for kept in (terms.memory, terms.cycle):
-        if kept is not None:
-            marks: np.ndarray | Ragged = kept.marks
-            set_copies(marks.values if isinstance(marks, Ragged) else marks, index, 0.0)
+    for array in marks(terms):
+        set_copies(array, index, 0.0)
 
 
 def squared_kicks(packed: Packed, x: np.ndarray) -> np.ndarray:

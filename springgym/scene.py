@@ -200,8 +200,8 @@ def _as_bytes(feature: Round) -> tuple[bytes, bytes, tuple[int, ...]]:
 def too_short(springs: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Tell which springs (…, S) have no direction, with particles at positions (…, N, 3) [m]."""
     first, second = springs.T
-    apart = np.abs(positions.take(second, axis=-2) - positions.take(first, axis=-2)).max(axis=-1)
-    return np.asarray(apart < TINY)
+    apart = positions.take(second, axis=-2) - positions.take(first, axis=-2)
+    return np.asarray(np.einsum("...n,...n", apart, apart) < TINY**2)
 
 
 def _numbered(bodies: tuple[Placed, ...]) -> tuple[Placed, ...]:
@@ -419,13 +419,14 @@ class Scene(ReadOnly):
         """Tell whether all particles are far enough above all surfaces, of bodies without round features."""
         if any(body.rounds for body in self._different):
             return False
-        each = [(scales(self.contact, body)[1], body.radius) for body in self._different]
-        reach, radius = self.of_particles([each[kind] for kind in self.kinds]).T
-        least = NEAREST * reach + radius
-        return all(
-            bool((~self.free | (surface.height(np.asarray(positions, float)) >= least)).all())
-            for surface in self.surfaces
-        )
+        positions, least = np.asarray(positions, float), self._least_heights
+        return all(bool((surface.height(positions) >= least).all()) for surface in self.surfaces)
+
+    @cached_property
+    def _least_heights(self) -> np.ndarray:
+        """Return how far above surfaces each particle must start at least, (N,) [m]; pinned ones anywhere."""
+        each = [NEAREST * scales(self.contact, body)[1] + body.radius for body in self._different]
+        return np.where(self.free, self.of_particles([each[kind] for kind in self.kinds]), -np.inf)
 
     def _check_each(self, positions: np.ndarray, copies: np.ndarray | None) -> None:
         for placed, own in zip(self.bodies, self.slices, strict=True):
@@ -496,9 +497,11 @@ class Scene(ReadOnly):
             If `Placed.check_start` refuses what a body starts with, a particle is behind a surface, or bodies
             that collide are in each other.
         """
-        short = too_short(self.springs, positions).any(axis=tuple(range(positions.ndim - 2)))
-        doubtful = set(self._springs_of[short].tolist()) | self._held
-        for n in sorted(doubtful):
+        doubtful = [0]
+        if len(self.bodies) > 1:
+            short = too_short(self.springs, positions).any(axis=tuple(range(positions.ndim - 2)))
+            doubtful = sorted(set(self._springs_of[short].tolist()) | self._held)
+        for n in doubtful:
             placed, own = self.bodies[n], self.slices[n]
             try:
                 placed.check_start(positions[..., own, :], velocities[..., own, :], copies)

@@ -29,10 +29,10 @@ from springgym.core.blocks import (
     block_layout,
     by_copies,
     chosen_copies,
+    copy_views,
     get_copies,
     numbers,
     set_all,
-    set_copies,
     to_copies,
 )
 from springgym.core.compiling import SameTypes
@@ -325,6 +325,17 @@ class Simulator:
         return Clock(self.time, self.step, self.width)
 
     @cached_property
+    def _moving(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities by copies, to be set."""
+        return by_copies(self._x), by_copies(self._v)
+
+    @cached_property
+    def _emptied(self) -> list[np.ndarray]:
+        """What is zero in copies that start, by copies: the ledger, and what is left of steps before."""
+        ledger = [] if self._ledger is None else [self._ledger]
+        return [by_copies(array) for array in (*ledger, *packing.marks(self._terms))]
+
+    @cached_property
     def _readings(self) -> list[Reading]:
         """Make the arrays by which each thread reads copies off."""
         return [Reading(self.readout, space, self._markers) for space in self._space]
@@ -334,14 +345,13 @@ class Simulator:
         """The scene as kernels take it."""
         return (*self._twin, self._terms) if self._twin else self._terms
 
-    def _actuated(self) -> dict[str, tuple[np.ndarray, tuple[int, ...], np.ndarray | None]]:
-        """Return by name what `actuate` sets: an array, the shape of its values, a single copy's view."""
+    def _actuated(self) -> dict[str, tuple[tuple[int, ...], list[tuple[np.ndarray, slice]]]]:
+        """What `actuate` sets, by name: the shape of its values, and where they are written."""
         several = len(self._packed) > 1
         return {
             f"{placed.name}.{name}" if several else name: (
-                array,
                 (self.copies, *array.shape[1:]),
-                numbers(array)[0, ..., 0] if self.copies == 1 else None,
+                copy_views(array, self.copies),
             )
             for placed, packed in zip(self.scene.bodies, self._packed, strict=True)
             for name, array in packing.actuators(packed).items()
@@ -394,15 +404,15 @@ class Simulator:
         self.scene.check_start(x, v, index)
         self._check_settled(x, v, index)
         self._check_distance(x)
-        set_copies(self._x, index, x)
-        set_copies(self._v, index, v)
+        where = np.divmod(index, self.width)
+        for lanes, values in zip(self._moving, (x, v), strict=True):
+            lanes[where] = values
         self._settle(index)
-        packing.renew(self._terms, index)
+        for lanes in self._emptied:
+            lanes[where] = 0.0
         if self._terms.collisions is not None:
             totals.empty_totals(self._terms.collisions, index)
             self.unresolved[index] = False
-        if self._ledger is not None:
-            set_copies(self._ledger, index, 0.0)
         self._meet(index)
         self.time[index] = 0.0
 
@@ -530,7 +540,7 @@ class Simulator:
             if name not in actuators:
                 known = ", ".join(actuators) or "none"
                 raise ValueError(f"the scene has no actuator for {name!r}; it has {known}")
-            shape = actuators[name][1]
+            shape, _ = actuators[name]
             # What environments give at every step passes at once.
             if not (
                 value.__class__ is np.ndarray
@@ -540,11 +550,7 @@ class Simulator:
             ):
                 values[name] = np.broadcast_to(checks.array(name, value, shape, shape[1:]), shape)
         for name, value in values.items():
-            array, _, single = actuators[name]
-            if single is not None:
-                single[...] = value
-            else:
-                set_all(array, value)
+            set_all(actuators[name][1], value)
 
     @guarded
     def state(self, copies: ArrayLike | None = None) -> dict[str, Any]:
@@ -760,8 +766,7 @@ class Simulator:
                 f"t = {self.time[n]:g} s, and holds no shape any more; take stiffer springs, or say "
                 "strain_limit, the share up to which you mean it"
             )
-        if self._far < math.inf:
-            self._check_distance(self.readout.positions)
+        self._check_distance(self.readout.positions)
 
     def _what_is_unresolved(self, copy: int) -> str:
         """Say of a copy which bodies met in a way that a step cannot resolve, how, and what would help."""
@@ -788,6 +793,8 @@ class Simulator:
 
     def _check_distance(self, positions: np.ndarray) -> None:
         """Warn if positions (copies, N, 3) are so far away that their rounding stretches springs."""
+        if self._far == math.inf:
+            return
         far = float(np.abs(positions).max(initial=0.0))
         if far > self._far:
             limit = self._far
@@ -1038,6 +1045,8 @@ class Simulator:
             "_actuators",
             "_phase",
             "_clock",
+            "_moving",
+            "_emptied",
             "_readings",
             "_acting",
             "_packed",

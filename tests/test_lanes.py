@@ -12,7 +12,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from springgym.bodies import start, top
-from springgym.core.blocks import aligned_zeros, block_array, numbers, set_all, set_copies, to_copies
+from springgym.core.blocks import (
+    aligned_zeros,
+    block_array,
+    copy_views,
+    numbers,
+    set_all,
+    set_copies,
+    to_copies,
+)
 from springgym.core.compiling import kernel
 from springgym.core.lanes import (
     any_lane,
@@ -193,7 +201,7 @@ def test_rows_of_a_batch(copies: int, dtype: Any) -> None:
     """What goes into blocks copy by copy comes out again, and only what was named is changed."""
     rows = np.arange(copies * 6).reshape(copies, 2, 3).astype(dtype)
     array = block_array(copies, (2, 3), dtype)
-    set_all(array, rows)
+    set_all(copy_views(array, copies), rows)
     np.testing.assert_array_equal(to_copies(array, copies), rows)
     chosen = np.unique([0, copies // 2, copies - 1])
     set_copies(array, chosen, -1.0)

@@ -86,14 +86,15 @@ def chosen_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
     return chosen
 
 
-def set_all(array: np.ndarray, values: np.ndarray) -> None:
-    """Set all copies of a block array to ``values`` (copies, *shape)."""
+def copy_views(array: np.ndarray, copies: int) -> list[tuple[np.ndarray, slice]]:
+    """Views of the copies in a block array, and which these are: in full blocks, and the rest in the last."""
     lanes = by_copies(array)
-    width = lanes.shape[1]
-    if width == 1:
-        lanes[:, 0] = values
-        return
-    full, rest = divmod(len(values), width)
-    lanes[:full] = np.reshape(values[: full * width], (full, *lanes.shape[1:]))
-    if rest:
-        lanes[full, :rest] = values[full * width :]
+    full, rest = divmod(copies, lanes.shape[1])
+    views = [(lanes[:full], slice(copies - rest)), (lanes[full:, :rest], slice(copies - rest, copies))]
+    return [(view, own) for view, own in views if view.size]
+
+
+def set_all(views: list[tuple[np.ndarray, slice]], values: np.ndarray) -> None:
+    """Set `copy_views` of a block array to ``values`` (copies, *shape)."""
+    for view, own in views:
+        view[...] = values[own].reshape(view.shape)

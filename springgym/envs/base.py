@@ -810,13 +810,14 @@ def _seed(name: str, seed: object) -> int | None:
 def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> None:
     """Add arrays to ``infos`` as Gymnasium does: zero where the mask is not, with the mask beside them."""
     every = mask.all()
-    for name, value in values.items():
+    masks = np.repeat(mask[None], len(values), axis=0)
+    for (name, value), own in zip(values.items(), masks, strict=True):
         if isinstance(value, dict):
             infos[name] = {}
             _add(infos[name], value, mask)
         else:
             infos[name] = value.copy() if every else np.where(mask, value, np.zeros((), value.dtype))
-        infos[f"_{name}"] = mask.copy()
+        infos[f"_{name}"] = own
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:

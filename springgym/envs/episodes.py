@@ -54,14 +54,12 @@ class Begun(NamedTuple):
 
     copies: np.ndarray
     """(k,) their indices"""
-    part: Part
-    """what functions see, of these copies and maybe others"""
-    row: np.ndarray
-    """(k,) where in there each of them is"""
+    parts: list[Part]
+    """what functions see of these copies and maybe of others"""
 
 
 class Part(NamedTuple):
-    """Some copies: what functions see of them, and where their outcome is written."""
+    """Some copies in a row: what functions see of them, and where their outcome is written, as views."""
 
     measures: Measures
     situation: Situation
@@ -74,6 +72,8 @@ class Part(NamedTuple):
     diverged: np.ndarray
     unresolved: np.ndarray
     """`springgym.simulator.Simulator.unresolved`"""
+    copies: slice
+    """which they are"""
 
 
 STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
@@ -153,7 +153,7 @@ class Episodes:
         self.diverged = np.zeros(copies, bool)
         self._names = np.dtype([(name, self.out.dtype) for name in task.outcome])
         self._ends, self._lengths = scene.springs.T, scene.of_bodies("lengths")
-        self._columns = observation.columns(task.particles)
+        self._columns, self._seen_size = observation.columns(task.particles), task.observation_size
         self._of = {
             "task": type(task).__name__,
             **(arguments or {}),
@@ -293,18 +293,19 @@ class Episodes:
             self.error.last[copies] = 0.0
         self.simulator.read(copies)
         self.balance[copies] = self.measures.balance[copies]
-        begun = self._seen_alone(copies)
+        parts = self._parts_with(copies)
         if self._remember is not None:
-            memory = begun.part.situation.memory.copy()
-            self._remember(*begun.part[:2], memory)
-            self.memory[copies] = memory[begun.row]
-            begun = self._seen_alone(copies)
+            memory = self.memory.copy()
+            for part in parts:
+                self._remember(*part[:2], memory[part.copies])
+            self.memory[copies] = memory[copies]
         if self.task.metrics:
-            fresh = np.zeros_like(begun.part.out)
-            self._evaluate(*begun.part[:2], self._named(fresh))
+            fresh = np.zeros(self.out.shape)
+            for part in parts:
+                self._evaluate(*part[:2], self._named(fresh[part.copies]))
             metrics = slice(len(self.task.terms), len(self.task.reported))  # nothing has been earned yet
-            self.out[copies, metrics] = fresh[begun.row, metrics]
-        return begun
+            self.out[copies, metrics] = fresh[copies, metrics]
+        return Begun(copies, parts)
 
     def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
         """Refuse starts (k, N, 3) in a shape that has diverged already."""
@@ -369,10 +370,11 @@ class Episodes:
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
         """Outcome, end and observation of the copies from ``first`` to the one before ``last``."""
-        own, share = self._whole, slice(first, last)
+        own = self._part(first, last)
+        share = own.copies
         self._tick(self.time[share], float(self.task.period))
-        if (first, last) != (0, self.copies):
-            own, result = self._part(share), Step(*(values[share] for values in result))
+        if own is not self._whole:
+            result = Step(*(values[share] for values in result))
             seen = None if seen is None else seen[share]
         if self._move is not None:
             self._move(*own[:2], self.goal[share])
@@ -399,13 +401,14 @@ class Episodes:
             seen = self._room(self.copies)
             self._look(self._whole, seen)
         elif begun is not None:
-            room = self._room(len(begun.part.rows))
-            self._look(begun.part, room)
-            seen[begun.copies] = room[begun.row]
+            room = self._room(self.copies)
+            for part in begun.parts:
+                self._look(part, room[part.copies])
+            seen[begun.copies] = room[begun.copies]
         return seen
 
     def _room(self, copies: int) -> np.ndarray:
-        return np.empty((copies, self.task.observation_size), np.float32)
+        return np.empty((copies, self._seen_size), np.float32)
 
     def _look(self, own: Part, seen: np.ndarray) -> None:
         """Write what some copies observe to ``seen``."""
@@ -415,32 +418,39 @@ class Episodes:
             self._observe(own.rows, own.situation, self._columns, seen)
         self._bound(seen, own.diverged)
 
-    def _seen_alone(self, copies: np.ndarray) -> Begun:
-        """Some copies (k,) without the others.
+    def _parts_with(self, copies: np.ndarray) -> list[Part]:
+        """Return parts that together hold some copies (k,): the blocks that they are in, or all copies.
 
         A user's own functions are given all copies. A row by itself would be of another type than many, see
-        `SameTypes`: it is there twice.
+        `SameTypes`: a last block of one copy goes with the block before it.
         """
-        if not self._sees_parts:
-            return Begun(copies, self._whole, copies)
-        alone = copies if len(copies) > 1 or self.copies == 1 else np.repeat(copies, 2)
-        return Begun(copies, self._part(alone), np.arange(len(copies)))
+        width = self.simulator.width
+        last = max(self.copies - 2, 0) // width
+        blocks = set(np.minimum(copies // width, last).tolist())
+        if not self._sees_parts or 2 * len(blocks) > last:
+            return [self._whole]
+        ends = [self.copies if n == last else (n + 1) * width for n in blocks]
+        return [self._part(n * width, end) for n, end in zip(blocks, ends, strict=True)]
 
-    def _part(self, copies: np.ndarray | slice) -> Part:
-        """Some copies: views if they are a slice, else copies of their numbers."""
-        out = self.out[copies]
-        return Part(
-            *self._seen_in(copies),
-            self.simulator.readout.rows[copies],
-            out,
-            self._named(out),
-            self.held[copies],
-            self.elapsed[copies],
-            self.diverged[copies],
-            self.simulator.unresolved[copies],
-        )
+    def _part(self, first: int, last: int) -> Part:
+        """Return the copies from ``first`` to the one before ``last``."""
+        if (first, last) not in self._parts:
+            copies = slice(first, last)
+            out = self.out[copies]
+            self._parts[first, last] = Part(
+                *self._seen_in(copies),
+                self.simulator.readout.rows[copies],
+                out,
+                self._named(out),
+                self.held[copies],
+                self.elapsed[copies],
+                self.diverged[copies],
+                self.simulator.unresolved[copies],
+                copies,
+            )
+        return self._parts[first, last]
 
-    def _seen_in(self, copies: np.ndarray | slice) -> tuple[Measures, Situation]:
+    def _seen_in(self, copies: slice) -> tuple[Measures, Situation]:
         """Collect what functions see of some copies."""
         rows, x, v, bodies = (values[copies] for values in self.simulator.readout)
         m = measures.view(bodies if self._apart else rows)
@@ -565,7 +575,8 @@ class Episodes:
 
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
-        self._whole = self._part(slice(None))
+        self._parts: dict[tuple[int, int], Part] = {}
+        self._whole = self._part(0, self.copies)
         compact = self.task.observation != "particles"
         observe = self.task.compact if compact else observation.observe_particles
         self._sees_parts = self._trusts and is_kernel(observe)
@@ -584,7 +595,7 @@ class Episodes:
         return {
             name: value
             for name, value in vars(self).items()
-            if name not in ("measures", "_whole") and not isinstance(value, SameTypes)
+            if name not in ("measures", "_parts", "_whole") and not isinstance(value, SameTypes)
         }  # views do not survive being copied
 
     def __setstate__(self, state: dict[str, Any]) -> None:

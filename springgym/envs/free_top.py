@@ -158,7 +158,7 @@ class SpringFreeTop(Task):
             heights.append(height)
         arms, velocities = standing(self._shape, self._tip, np.array(poses), factors)
         positions = np.array(feet)[:, None] + arms
-        positions[:, :, 2] += self._lift(positions[:, self._others], np.array(heights)[:, None])
+        positions[:, :, 2] += self._lift(positions.take(self._others, axis=1), np.array(heights)[:, None])
         return Start(positions, velocities)
 
     def _foot(self, away: float, bearing: float, height: float) -> tuple[float, float, float]:

@@ -113,7 +113,7 @@ class Columns(NamedTuple):
 def columns(particles: ObservedParticles) -> Columns:
     """What `observe_particles` takes of an observation."""
     every = [(i, axis) for i in particles.observed for axis in range(3)]
-    entries = np.array([pair for pair in every if pair not in particles.skipped], np.int64)
+    entries = np.array([pair for pair in every if pair not in particles.skipped], np.uint32)
     measured: list[int] = []
     scales: list[float] = []
     for name, scale in particles.appended.items():

@@ -66,9 +66,15 @@ def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
     To the bit the product of two of `springgym.bodies.rotation`, in which a cosine c is 1 − (1 − c).
     """
     angles = np.array((azimuth, tilt))
-    (s, sine), (c, cosine) = np.sin(angles), 1 - (1 - np.cos(angles))
-    turn = np.array([[c * cosine, -s, c * sine], [s * cosine, c, s * sine], [-sine, 0 * c, cosine]])
-    return turn if angles.ndim == 1 else np.ascontiguousarray(turn.transpose(2, 0, 1))
+    sines, cosines = np.sin(angles).tolist(), (1 - (1 - np.cos(angles))).tolist()
+    if angles.ndim == 1:
+        return np.array(_turn(*sines, *cosines))
+    return np.array([_turn(*own) for own in zip(*sines, *cosines, strict=True)])
+
+
+def _turn(s: float, sine: float, c: float, cosine: float) -> list[list[float]]:
+    """The rows of a rotation about y, then z, from sine and cosine of the angle about z, and of the other."""
+    return [[c * cosine, -s, c * sine], [s * cosine, c, s * sine], [-sine, 0 * c, cosine]]
 
 
 def standing(
@@ -91,7 +97,7 @@ def standing(
     """
     azimuth, tilt, spin = poses.T
     softer = np.sqrt([own["masses"] / own["stiffness"] for own in factors])
-    shapes = np.array([own["scale"] for own in factors])[:, None, None] * shape(spin * softer)
+    shapes = np.array([[[own["scale"]]] for own in factors]) * shape(spin * softer)
     turn = tilted(azimuth, tilt)
     arms = (shapes - shapes[:, tip, None]) @ turn.transpose(0, 2, 1)
     return arms, cross((spin[:, None] * turn[:, :, 2])[:, None], arms)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Vector
 from springgym.core.lanes import load
 from springgym.core.vectors import dot, row
+from springgym.records import read_only
 from springgym.surfaces.surface import Surface, points
 
 
@@ -52,14 +54,19 @@ class Plane(Surface):
         object.__setattr__(self, "point", tuple(array("point of a plane", self.point, (3,)).tolist()))
         object.__setattr__(self, "normal", tuple(direction("normal of a plane", self.normal).tolist()))
 
-    @property
+    @cached_property
     def offset(self) -> float:
         """Return normal · point [m]."""
         return float(np.dot(self.normal, self.point))
 
     def height(self, positions: np.ndarray) -> np.ndarray:
         """Return the heights [m] (…) of positions (…, 3): negative behind the plane."""
-        return points(positions) @ np.asarray(self.normal) - self.offset
+        return points(positions) @ self._across - self.offset
+
+    @cached_property
+    def _across(self) -> np.ndarray:
+        """The normal as an array."""
+        return read_only(self.normal)
 
     @classmethod
     def packed(cls, surfaces: Sequence[Self]) -> Planes:

@@ -14,7 +14,7 @@ from springgym.bodies import ball, cube, rope
 from springgym.contact import lists
 from springgym.contact.lists import WATCHED
 from springgym.contact.rows import FAR, ROWS
-from springgym.core.blocks import block_array, numbers, set_all
+from springgym.core.blocks import block_array, copy_views, numbers, set_all
 from springgym.packing import search_workspace
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
@@ -51,17 +51,14 @@ class Blocks:
 
     def search(self, x: np.ndarray, v: np.ndarray, workspace: Any) -> list[Any]:
         """All contacts of each copy."""
-        set_all(self.x, x)
-        set_all(self.v, v)
+        for array, values in ((self.x, x), (self.v, v)):
+            set_all(copy_views(array, COPIES), values)
         contacts = workspace[1]
         rows = found(self.x, self.v, self.pairs, *workspace)
         there = numbers(contacts.gap)[:rows] < 0.5 * FAR
         several = {"particle": 4, "weight": 4, "normal": 1, "gap": 1, "share": 1}
-        seen = [
-            numbers(contacts.left_out).copy(),
-            *(of[:rows].copy() for of in (contacts.pair, contacts.members)),
-        ]
-        seen.append(there)
+        seen = [numbers(contacts.left_out).copy(), contacts.pair[:rows].copy()]
+        seen += [contacts.members[:rows].copy(), there]
         for name, each in several.items():
             values = numbers(getattr(contacts, name))[: each * rows]
             values = values.reshape(rows, values.size // max(rows * COPIES, 1), COPIES)

@@ -38,26 +38,51 @@ def test_threads_find_the_same(copies: int, observation: str, monkeypatch: pytes
     assert len(set(parts)) == (1 if copies % 16 == 1 else 2)
 
 
-def test_a_copy_that_begins_alone() -> None:
+@pytest.mark.parametrize(("copies", "which"), [(5, 3), (49, 20), (49, 48)])
+def test_a_copy_that_begins_alone(copies: int, which: int) -> None:
     """First of all that compiled functions are given, it is read as it is among many."""
-    first = batch(5)
+    first = batch(copies)
     first.reset(seed=0)
-    action = np.full((5, 3), 0.5, np.float32)
+    action = np.full((copies, 3), 0.5, np.float32)
     first.step(action)
     second = copy.deepcopy(first)  # which finds its functions anew
-    mask = np.arange(5) == 3
+    mask = np.arange(copies) == which
     both = [envs.reset(seed=7, options={"reset_mask": mask}) for envs in (first, second)]
     same(*both)
     for envs in (first, second):
         envs.step(action)
-    third = batch(5)
+    third = batch(copies)
     third.reset(seed=7)
     same(first.step(action), second.step(action))
     observations, *_, info = first.step(action)
     for _ in range(3):
         seen, *_, its = third.step(action)
-    np.testing.assert_array_equal(observations[3], seen[3])
-    assert info["tilt"][3] == its["tilt"][3]
+    np.testing.assert_array_equal(observations[which], seen[which])
+    assert info["tilt"][which] == its["tilt"][which]
+
+
+@pytest.mark.parametrize(
+    ("begun", "parts"),
+    [([3], [(0, 16)]), ([40, 5], [(0, 16), (32, 48)]), ([80], [(64, 81)]), ([0, 20, 40], [(0, 81)])],
+    ids=str,
+)
+def test_few_copies_begin_in_their_blocks(begun: list[int], parts: list[tuple[int, int]]) -> None:
+    """They are what they are where all copies are looked at, and the others stay as they were."""
+    blocks, whole = (batch(81) for _ in range(2))
+    whole.unwrapped.episodes._sees_parts = False  # as functions of a user's own are taken
+    found = []
+    look = blocks.episodes._look
+    blocks.episodes._look = lambda own, seen: (
+        found.append((own.copies.start, own.copies.stop)),
+        look(own, seen),
+    )
+    for envs in (blocks, whole):
+        envs.reset(seed=0)
+        envs.episodes.elapsed[begun] = 499
+    found.clear()
+    for action in np.random.default_rng(0).uniform(-1, 1, (3, 81, 3)).astype(np.float32):
+        same(blocks.step(action), whole.step(action))
+    assert sorted(found[2:-1]) == parts
 
 
 def test_what_was_returned_stays() -> None:
