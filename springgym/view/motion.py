@@ -158,7 +158,7 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
         arrows=_arrows(recording),
         touches=_touches(recording),
         paths=paths,
-        note=pinned_note(scene),
+        note=told_of(scene),
         summary=(
             f"{recording.integrator.name}, step {1e3 * recording.step:.3g} ms · largest strain "
             f"{m.strain.max():.1e} · energy {m.energy[0]:.4g} → {m.energy[-1]:.4g} J, lost {lost:.3g} J, "
@@ -221,8 +221,8 @@ def _arrows(recording: Recording) -> dict[str, Arrows]:
     scene, m, x = recording.plan.scene, recording.measures, recording.positions
     size = 0.6 * extent_of(x)
     drawn: dict[str, Arrows] = {}
-    if scene.gravity is not None and len(recording.times) > 2:
-        weight = scene.masses.sum() * np.array(scene.gravity)
+    weight = weight_of(scene)
+    if weight.any() and len(recording.times) > 2:
         push = np.gradient(m.momentum, recording.times, axis=0) - weight
         longer = np.linalg.norm(push, axis=1) / np.linalg.norm(weight)
         push = push / np.maximum(1.0, longer / STEEPEST)[:, None]
@@ -257,15 +257,23 @@ def _touches(recording: Recording) -> Touches | None:
         points[n, :count], forces[n, :count] = of.point[0, there], of.force[0, there]
         mutual[n, :count] = of.second[0, there] >= 0
     size = np.linalg.norm(forces, axis=2)
-    pull = np.zeros(3) if scene.gravity is None else np.asarray(scene.gravity)
-    unit = float(scene.masses.sum() * np.linalg.norm(pull)) or float(size.max()) / STEEPEST or 1.0
+    unit = float(np.linalg.norm(weight_of(scene))) or float(size.max()) / STEEPEST or 1.0
     longer = np.maximum(1.0, size / (STEEPEST * unit))[..., None]
     return Touches(points, 0.36 * extent_of(recording.positions) * forces / unit / longer, mutual)
 
 
-def pinned_note(scene: Scene) -> str:
-    """Return what is said of a scene in which something is pinned and no surface holds anything."""
-    return "pinned, no floor: nothing collides with the grid" if scene.pins and not scene.surfaces else ""
+def told_of(scene: Scene) -> str:
+    """Return what is missing in a scene without surfaces."""
+    if scene.surfaces:
+        return ""
+    if scene.pins:
+        return "pinned, no floor: nothing collides with the grid"
+    return "" if weight_of(scene).any() else "no gravity"
+
+
+def weight_of(scene: Scene) -> np.ndarray:
+    """Return the weight of all bodies (3,) [N]."""
+    return np.zeros(3) if scene.gravity is None else scene.masses.sum() * np.array(scene.gravity)
 
 
 def _supported_at(recording: Recording) -> np.ndarray:

@@ -19,7 +19,7 @@ SKY = ((250, 251, 253), (222, 229, 238))
 """Colours of the background at the top and at the bottom."""
 GROUND = (244, 247, 251)
 CELL, SECTION = (222, 228, 236), (196, 205, 217)
-GLASS = 0.18
+GLASS = 0.12
 """Opacity of a body whose springs are shown."""
 SKYLIGHT = 1.85
 """Light from all around, beside viser's lamp of 3 above: what faces the sky is 1.5 times as bright as what

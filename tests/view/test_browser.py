@@ -172,24 +172,31 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     shown = f"{page.motion.graphs['tilt [°]']['tilt'].values[page.motion.at(page.time)[0]]:.3g}°"
     until(lambda: f"tilt {shown}" in text(browser))
 
-    # a number that makes no sense is told, and the motion stays
-    kept = page.motion
+    # a number that makes no sense is told over an empty stage, on which nothing plays
+    kept, full = page.motion, settled(browser)
     page._ask("top", {("body", "mass"): -1.0})
-    until(lambda: "positive" in text(browser))
+    until(lambda: "positive" in browser.find_element(By.CSS_SELECTOR, ".told.wrong").text)
+    changes(browser, full)
+    assert not browser.find_element(By.XPATH, "//button[normalize-space()='play']").is_enabled()
+    assert "spin [rad/s] " not in text(browser)
     assert page.motion is kept
 
     # back to the file
     click(browser, "button", "as it was")
     until(lambda: abs(page.motion.fastest - spun.fastest) < 1e-6)
 
-    # springs by strain, forces
+    # springs by strain, forces and rotation are there at first; so is a key to them over the stage
+    key = browser.find_element(By.CSS_SELECTOR, ".over")
+    for name in ("strain", "weight", "support", "ω, angular velocity", "L, angular momentum"):
+        assert name in key.text
+    assert key.rect["x"] + key.rect["width"] < browser.find_element(By.CSS_SELECTOR, "canvas").rect["width"]
     before = settled(browser)
     click(browser, "[role=tab]", "show")
     for tick in ("springs", "forces", "rotation", "rigid twin"):
         box = labelled(browser, tick)[0]
         browser.execute_script("arguments[0].click()", box)
     changes(browser, before)
-    until(lambda: "strain" in text(browser) and "angular momentum" in text(browser))
+    until(lambda: "strain" not in key.text and "angular momentum" not in key.text)
 
     # another scene
     page._ask("rope-swing", {})
@@ -204,6 +211,74 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     assert text(browser).count("tilt [rad]") == 4
     assert requested(browser) == {"127.0.0.1"}
     assert not complaints(browser)
+
+
+def test_on_a_phone(browser, page):
+    """The panel is as broad as the page, and leaves the upper half to the body."""
+    size = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    opened(browser, page)
+    still = settled(browser)
+    assert still.shape[1] == 390
+    button = browser.find_element(By.XPATH, "//button[normalize-space()='play']")
+    sheet = button.find_element(By.XPATH, "./ancestor::*[contains(@style, 'max-height: 60%')][1]")
+    assert sheet.rect["width"] == 390
+    assert sheet.rect["y"] >= 0.49 * 844
+    assert button.rect["width"] > 300
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+    key = browser.find_element(By.CSS_SELECTOR, ".over").rect
+    body = still[int(key["y"] + key["height"]) : int(sheet.rect["y"])]
+    assert np.ptp(body, axis=(0, 1)).min() > 100
+    button.click()
+    until(lambda: page.time > 0)
+    # another scene is seen there, too; and what goes wrong is told there
+    page._ask("tippe-top", {})
+    until(lambda: "tippe-top" in text(browser))
+    client = next(iter(page._server.get_clients().values()))
+    until(
+        lambda: np.allclose(client.camera.position, page._stage.camera(page.motion, 390 / 844).eye, atol=1e-3)
+    )
+    page._ask("top", {("body", "mass"): -1.0})
+    until(lambda: browser.find_elements(By.CSS_SELECTOR, ".told.wrong"))
+    told = browser.find_element(By.CSS_SELECTOR, ".told.wrong").rect
+    assert told["x"] >= 0
+    assert told["x"] + told["width"] <= 390
+    assert told["y"] >= 0
+    assert told["y"] + told["height"] <= sheet.rect["y"]
+
+
+def test_the_clock_of_who_seeks_shows_what_was_sought(browser, page):
+    opened(browser, page)
+    page.play(True)
+    clock = labelled(browser, "time [s]")[-1]
+    clock.send_keys(Keys.CONTROL, "a")
+    clock.send_keys("2.5", Keys.ENTER)
+    until(lambda: not page.playing and page.time == 2.5)
+    time.sleep(1.0)  # what was on its way has come
+    assert float(clock.get_attribute("value")) == 2.5
+    n, share = page.motion.at(2.5)
+    assert f"tilt {page.motion.graphs['tilt [°]']['tilt'].at(n, share):.3g}°" in text(browser)
+
+
+def test_a_class_needs_the_token(browser):
+    server, url = view._served(0, "127.0.0.1")
+    page = view.Page(server, view.scenes("top"))
+    thread = threading.Thread(target=page.run)
+    thread.start()
+    try:
+        browser.get(url[:-3])
+        assert "lacks the right token" in text(browser)
+        browser.get(url)
+        until(lambda: "spin [rad/s]" in text(browser))
+        until(server.get_clients)
+        browser.refresh()
+        until(lambda: "spin [rad/s]" in text(browser))
+        click(browser, "button", "pause")
+        until(lambda: not page.playing)
+    finally:
+        page.stop()
+        thread.join()
+        view._end(server)
 
 
 EVIL = """
