@@ -123,8 +123,8 @@ class Page:
             if self._begun is None:
                 if self.playing and not self._told(partial(self._advance, now - last)):
                     self.play(False)
-            elif now - self._begun > PATIENCE:
-                self._say("simulating …")
+            else:
+                self._tell_patience(now)
             last = now
         self._asked.set()
         worker.join()
@@ -137,6 +137,12 @@ class Page:
                 self.time = 0.0
             self._draw(read=self._frame % READ_EVERY == 0)
             self._frame += 1
+
+    def _tell_patience(self, now: float) -> None:
+        """Say that a motion is being made, once that has taken some time."""
+        with self._lock:
+            if self._begun is not None and now - self._begun > PATIENCE:
+                self._say("simulating …")
 
     def _told(self, action: Callable[[], None]) -> bool:
         """Do something; whatever it raises, the page shows, and goes on. Whether it raised nothing."""
@@ -177,11 +183,12 @@ class Page:
         gui.add_html(STYLE)
         self._key, self._over = gui.add_html(""), gui.add_html("")
         self._shown = True
+        self._chooser = None
         if len(self._subject.names) > 1:
-            chooser = gui.add_dropdown(
+            self._chooser = gui.add_dropdown(
                 self._subject.kind, tuple(self._subject.names), initial_value=self.name
             )
-            self._heed(chooser, "choice", lambda name: self._ask(name, {}))
+            self._heed(self._chooser, "choice", lambda name: self._ask(name, {}))
         self._title = gui.add_markdown("")
         self._button = gui.add_button("pause", hint="the space bar does the same")
         self._button.on_click(lambda event: self.play(not self.playing))
@@ -274,7 +281,8 @@ class Page:
             self._shown = False
             self.play(False)
             self._stage.clear()
-            self._readings.content = self._summary.content = self._key.content = ""
+            self._readings.content = self._summary.content = ""
+            self._tell_key()
             self._offer()
 
     def _offer(self) -> None:
@@ -312,7 +320,7 @@ class Page:
         signs += [("■", color, text) for text, color in self.motion.key.items()]
         lines += [f"<b style='color:rgb{color}'>{sign}</b>{html.escape(text)}" for sign, color, text in signs]
         lines += [html.escape(self.motion.note)] if self.motion.note else []
-        self._key.content = f"<div class='over'>{'<br>'.join(lines)}</div>"
+        self._key.content = f"<div class='over'>{'<br>'.join(lines)}</div>" if self._shown else ""
 
     # --- What the user does -------------------------------------------------------------------------
 
@@ -332,7 +340,7 @@ class Page:
         with self._lock, self._server.atomic():
             self.time = float(time)
             if self.playing:
-                # the clock of frames before is still on its way to who sought, and he to be told anew
+                # earlier frames may still reach whoever sought: the clock is sent again even if it is equal
                 self._moment.value = -1.0
             self.play(False)
             self._draw(read=True)
@@ -366,18 +374,22 @@ class Page:
             wanted, self._wanted = self._wanted, None
             if wanted is not None and not self._told(partial(self._make, *wanted)):
                 self._clear()
-            with self._lock:
-                if self._wanted is None:
-                    self._begun = None
 
     def _make(self, name: str, changes: Changes) -> None:
         """Make a motion and show it."""
-        motion = self._subject.make(name, changes)
+        try:
+            motion = self._subject.make(name, changes)
+        finally:
+            with self._lock:
+                if self._wanted is None:
+                    self._begun = None
         with self._lock:
             if name == self.name:
                 self._show(motion)
             else:
                 self._turn_to(name, motion)
+            if self._chooser is not None:
+                self._chooser.value = name  # another may have been chosen that could not be made
 
     # --- Drawing ------------------------------------------------------------------------------------
 

@@ -356,7 +356,7 @@ class Stage:
                 name,
                 points.astype(np.float32),
                 toned(RED, 1.0),
-                point_size=0.03 * motion.extent,
+                point_size=0.012 * motion.extent,
                 point_shape="circle",
                 precision="float32",
                 point_shading="flat",
@@ -364,7 +364,7 @@ class Stage:
         self._hide(name, not len(points))
         seen = np.linalg.norm(vectors, axis=1) > SHORTEST * motion.extent
         if seen.any():
-            self._arrows("/world/contacts/forces", points[seen], vectors[seen], RED, 0.7 * motion.extent)
+            self._arrows("/world/contacts/forces", points[seen], vectors[seen], RED, 0.35 * motion.extent)
         self._hide("/world/contacts/forces", not seen.any())
 
     def _arrows(self, name: str, starts: np.ndarray, along: np.ndarray, color: Any, size: float) -> None:
