@@ -31,6 +31,7 @@ FROM_ACES = np.array(
     [[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]]
 )
 """The tone mapping of three.js: between them each channel x becomes (x² + a x − b)/(c x² + d x + e)."""
+BEFORE, AFTER = np.linalg.inv(TO_ACES).T, np.linalg.inv(FROM_ACES).T
 EXPOSURE = 1 / 0.6
 ASIDE = (-0.25, -0.1)
 """Half heights of the picture that the camera is moved right and up: the graph is at the lower left."""
@@ -221,7 +222,7 @@ class Stage:
                 f"/world/body/faces{n}",
                 x[corners].astype(np.float32),
                 np.arange(len(corners)).reshape(-1, 3),
-                color=tuple(toned(color, LIT).tolist()),
+                color=tuple(toned(color, LIT, linear=False).tolist()),
                 flat_shading=True,
                 side="double",
                 opacity=self._opacities[n],
@@ -355,7 +356,7 @@ class Stage:
             self._nodes[name] = self._scene.add_point_cloud(
                 name,
                 points.astype(np.float32),
-                toned(RED, 1.0),
+                RED,
                 point_size=0.012 * motion.extent,
                 point_shape="circle",
                 precision="float32",
@@ -417,7 +418,7 @@ class Stage:
                 self._nodes[name] = self._scene.add_icosphere(
                     name,
                     radius=radius,
-                    color=tuple(toned(GREEN, LIT).tolist()),
+                    color=tuple(toned(GREEN, LIT, linear=False).tolist()),
                     opacity=0.6,
                     position=np.asarray(centre, float),
                 )
@@ -462,20 +463,22 @@ def _rounded(value: float) -> float:
     return float(next(k * power for k in (1.0, 2.0, 5.0, 10.0) if k * power >= value * (1 - 1e-9)))
 
 
-def toned(colors: ArrayLike, light: float = 1.0) -> np.ndarray:
+def toned(colors: ArrayLike, light: float = 1.0, linear: bool = True) -> np.ndarray:
     """Return colours (…, 3) from 0 to 255 that look in the browser as those given, under some light.
 
-    Its light and its tone mapping are undone; what is too bright for them stays a little darker.
+    Its light and its tone mapping are undone; what is too bright for them becomes a little darker. The colours
+    of lines and instances are ``linear``: viser takes them as amounts of light. Those of meshes are sRGB.
     """
     shown = np.asarray(colors, float) / 255.0
-    linear = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
-    y = np.clip(linear @ np.linalg.inv(FROM_ACES).T, 0.0, 1.0)
+    y = np.clip(np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4) @ AFTER, 0.0, 1.0)
     a, b, c, d, e = 0.0245786, 0.000090537, 0.983729, 0.432951, 0.238081
     first, second, third = 1.0 - c * y, a - d * y, -(b + e * y)
     x = (np.sqrt(second**2 - 4.0 * first * third) - second) / (2.0 * first)
-    sent = np.clip(x @ np.linalg.inv(TO_ACES).T / EXPOSURE / light, 0.0, 1.0)
-    coded = np.where(sent <= 0.0031308, 12.92 * sent, 1.055 * sent ** (1 / 2.4) - 0.055)
-    return np.rint(255.0 * coded).astype(np.uint8)
+    sent = np.maximum(x @ BEFORE / EXPOSURE / light, 0.0)
+    sent = sent / np.maximum(sent.max(axis=-1, keepdims=True), 1.0)
+    if not linear:
+        sent = np.where(sent <= 0.0031308, 12.92 * sent, 1.055 * sent ** (1 / 2.4) - 0.055)
+    return np.rint(255.0 * sent).astype(np.uint8)
 
 
 def group_of(arrow: str) -> str:

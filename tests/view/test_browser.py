@@ -27,6 +27,8 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
 from springgym import view
+from springgym.rendering.look import BLUE, IVORY
+from springgym.scenes.film import BALLS
 from tests.test_docs import page_writer
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
@@ -245,6 +247,25 @@ def test_on_a_phone(browser, page):
     assert told["x"] + told["width"] <= 390
     assert told["y"] >= 0
     assert told["y"] + told["height"] <= sheet.rect["y"]
+
+
+def test_colors_are_those_of_the_films(browser, page):
+    """Of meshes, balls and lines: some pixels have nearly the colour that is asked for."""
+    opened(browser, page)
+
+    def nearest(color):
+        return np.abs(picture(browser) - color).max(axis=2).min()
+
+    page._ask("newtons-cradle", {})
+    until(lambda: page.name == "newtons-cradle")
+    settled(browser)
+    for color in BALLS:
+        assert nearest(color) < 16, color
+    page._ask("ball-rolls", {})
+    until(lambda: page.name == "ball-rolls")
+    settled(browser)
+    for color in (BLUE, IVORY):
+        assert nearest(color) < 16, color
 
 
 def test_the_clock_of_who_seeks_shows_what_was_sought(browser, page):
