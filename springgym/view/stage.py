@@ -466,8 +466,8 @@ def _rounded(value: float) -> float:
 def toned(colors: ArrayLike, light: float = 1.0, linear: bool = True) -> np.ndarray:
     """Return colours (…, 3) from 0 to 255 that look in the browser as those given, under some light.
 
-    Its light and its tone mapping are undone; what is too bright for them becomes a little darker. The colours
-    of lines and instances are ``linear``: viser takes them as amounts of light. Those of meshes are sRGB.
+    Its light and its tone mapping are undone; what is too bright for them becomes a little darker. Colours of
+    lines and of instances are ``linear``: viser takes them as amounts of light. Those of meshes are sRGB.
     """
     shown = np.asarray(colors, float) / 255.0
     y = np.clip(np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4) @ AFTER, 0.0, 1.0)
