@@ -26,7 +26,7 @@ from springgym.scenes.recording import Recording, record
 from springgym.stability import automatic_step
 from springgym.view.knobs import knobs
 from springgym.view.motion import Motion, of_recording
-from springgym.view.page import FPS, Changes, Page, Subject
+from springgym.view.page import FPS, STYLE, TICKS, Changes, Page, Subject, key
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -149,7 +149,8 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
         Or a recording of a scene.
     path
         A .html file holds the viewer, too: some 1 MB, that any browser opens from where it lies. A .viser
-        file is a fifth of it, and is played by the viewer of `save_viewer`.
+        file is a fifth of it, and is played by the viewer of `save_viewer`. It shows what films show, without
+        arrows and springs: it has no key to them.
     speed
         Seconds of the motion a second of playing; if not given, the fastest at which the eye can follow.
 
@@ -163,20 +164,26 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
 
     path = Path(path)
     _check_saved(path)
+    alone = path.suffix.lower() == ".html"
     if isinstance(motion, Recording):
         motion = of_recording(motion)
     server = _server(PORT)
     try:
         stage = Stage(server)
-        stage.show(springs=motion.glassy)
+        if alone:
+            stage.show(springs=motion.glassy)
+        else:
+            stage.show(springs=False, forces=False, rotation=False, contacts=False)
         stage.set_up(motion)
         look_from(server.initial_camera, stage.camera(motion))
         pace = motion.speed(FPS) if speed is None else speed
         if pace != 1:
             stage.write(told(pace))
         serializer = play(server, stage, motion, FPS, pace)
-        if path.suffix.lower() == ".html":
-            path.write_text(serializer.as_html(), encoding="utf-8")
+        if alone:
+            head, _, tail = serializer.as_html().rpartition("</body>")
+            legend = key(motion, [tick for tick in TICKS if stage.shows(tick)], stage.strain_scale)
+            path.write_text(f"{head}{STYLE}{legend}</body>{tail}", encoding="utf-8")
         else:
             path.write_bytes(serializer.serialize())
     finally:

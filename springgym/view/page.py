@@ -6,7 +6,7 @@ import html
 import logging
 import threading
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from fractions import Fraction
 from functools import partial
@@ -298,29 +298,8 @@ class Page:
 
     def _tell_key(self) -> None:
         """Say over the stage what the colours mean that are shown."""
-        shown = {name for name, tick in self._ticks.items() if tick.value and tick.visible}
-        lines = []
-        if "springs" in shown:
-            scale = f"{100 * self._stage.strain_scale:g} %"
-            ramp = ", ".join(f"rgb({r:.0f},{g:.0f},{b:.0f})" for r, g, b in (COLD, NEUTRAL, HOT))
-            lines.append(
-                f"−{scale} <span style='display:inline-block;width:9em;height:.7em;border-radius:3px;"
-                f"background:linear-gradient(to right,{ramp})'></span> +{scale} strain"
-            )
-        signs: list[tuple[str, Color, str]] = []
-        if "trace" in shown:
-            signs.append(("—", ORANGE, "trace"))
-        if "rigid twin" in shown:
-            signs.append(("┄", self.motion.paths["rigid twin"][1], "trace of the rigid twin"))
-        for name, arrows in self.motion.arrows.items():
-            if group_of(name) in shown:
-                signs.append(("→", arrows.color, NAMES.get(name, name)))
-        if "contacts" in shown:
-            signs.append(("→", RED, "force of a contact, where it acts"))
-        signs += [("■", color, text) for text, color in self.motion.key.items()]
-        lines += [f"<b style='color:rgb{color}'>{sign}</b>{html.escape(text)}" for sign, color, text in signs]
-        lines += [html.escape(self.motion.note)] if self.motion.note else []
-        self._key.content = f"<div class='over'>{'<br>'.join(lines)}</div>" if self._shown else ""
+        shown = {name for name, tick in self._ticks.items() if tick.value}
+        self._key.content = key(self.motion, shown, self._stage.strain_scale) if self._shown else ""
 
     # --- What the user does -------------------------------------------------------------------------
 
@@ -476,6 +455,41 @@ class Page:
 
 NAMES = {"angular velocity": "ω, angular velocity", "angular momentum": "L, angular momentum"}
 """What the key calls arrows, where it is more than their name."""
+
+
+def key(motion: Motion, ticks: Collection[str], strain: float) -> str:
+    """What colours mean, as HTML that lies over the stage.
+
+    Parameters
+    ----------
+    ticks
+        What is shown, see `TICKS`.
+    strain
+        That of the full colour.
+    """
+    shown = {name for name in ticks if _there(name, motion)}
+    lines = []
+    if "springs" in shown:
+        scale = f"{100 * strain:g} %"
+        ramp = ", ".join(f"rgb({r:.0f},{g:.0f},{b:.0f})" for r, g, b in (COLD, NEUTRAL, HOT))
+        lines.append(
+            f"−{scale} <span style='display:inline-block;width:9em;height:.7em;border-radius:3px;"
+            f"background:linear-gradient(to right,{ramp})'></span> +{scale} strain"
+        )
+    signs: list[tuple[str, Color, str]] = []
+    if "trace" in shown:
+        signs.append(("—", ORANGE, "trace"))
+    if "rigid twin" in shown:
+        signs.append(("┄", motion.paths["rigid twin"][1], "trace of the rigid twin"))
+    for name, arrows in motion.arrows.items():
+        if group_of(name) in shown:
+            signs.append(("→", arrows.color, NAMES.get(name, name)))
+    if "contacts" in shown:
+        signs.append(("→", RED, "force of a contact, where it acts"))
+    signs += [("■", color, text) for text, color in motion.key.items()]
+    lines += [f"<b style='color:rgb{color}'>{sign}</b>{html.escape(text)}" for sign, color, text in signs]
+    lines += [html.escape(motion.note)] if motion.note else []
+    return f"<div class='over'>{'<br>'.join(lines)}</div>"
 
 
 def fraction(speed: float) -> str:

@@ -350,6 +350,7 @@ def test_saved_page_plays_by_itself(browser, tmp_path):
     until(lambda: browser.find_elements(By.CSS_SELECTOR, "canvas"))
     until(lambda: np.ptp(picture(browser), axis=(0, 1)).min() > 100)
     changes(browser, picture(browser))
+    assert "L, angular momentum" in browser.find_element(By.CSS_SELECTOR, ".over").text
     assert requested(browser) == set()
     assert not complaints(browser)
 
