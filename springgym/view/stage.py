@@ -121,7 +121,7 @@ class Stage:
         tips = [
             (origins + vectors)[every, None]
             for name, (origins, vectors, _) in motion.arrows.items()
-            if self._shown[group_of(name)]
+            if group_of(name) == "rotation" and self._shown["rotation"]
         ]
         x = np.concatenate([x, *tips], axis=1)
         if self._follows:

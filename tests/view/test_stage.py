@@ -96,7 +96,7 @@ def test_all_is_in_the_free_part_of_the_picture(stage, scene, aspect):
     camera = stage.camera(motion, aspect)
     assert camera.fov == FOV
     x = motion.look.points(motion.positions[::10])
-    tips = [o[::10, None] + v[::10, None] for o, v, _ in motion.arrows.values()]
+    tips = [o[::10, None] + v[::10, None] for name, (o, v, _) in motion.arrows.items() if "angular" in name]
     pixels, _ = camera.project(np.concatenate([x, *tips], axis=1).reshape(-1, 3), (1000 * aspect, 1000.0))
     assert pixels.min() > 0
     assert pixels[:, 0].max() < 1000 * max(aspect, 1.3)
