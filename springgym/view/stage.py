@@ -238,7 +238,7 @@ class Stage:
                 faces,
                 *self._bar_poses(x)[:2],
                 batched_scales=self._bar_poses(x)[2],
-                batched_colors=toned(look.bar_colors, LIT),
+                batched_colors=toned(np.asarray(look.bar_colors), LIT),
                 lod="off",
             )
         self._balls: Any = None

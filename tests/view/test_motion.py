@@ -11,6 +11,7 @@ from springgym.scenes import load
 from springgym.scenes.film import TURN_A_FRAME
 from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import record
+from springgym.simulator import PAPER_METHOD
 from springgym.view.motion import of_recording
 
 pytest.importorskip("viser")
@@ -65,7 +66,8 @@ def test_contacts_are_recorded_where_they_can_be_told():
     assert len(told.contacts) == len(told.times)
     assert all(part.contacts == () for part in told.parts)
     assert record(plan).contacts == ()
-    other = replace(load("block-holds"), duration=0.1, integrator="rk4", step=None)
+    block = load("block-holds")
+    other = replace(block, duration=0.1, scene=block.scene.with_(contact=block.paper), **PAPER_METHOD)
     assert record(other, contacts=True).contacts == ()
     assert of_recording(record(other, contacts=True), twin=False).touches is None
 
