@@ -91,12 +91,18 @@ def test_a_round_body_shows_its_skin_and_others_their_springs(stage):
 
 @pytest.mark.parametrize("scene", ["top", "tippe-top", "ball-rolls"])
 @pytest.mark.parametrize("aspect", [0.46, 1.0])
-def test_all_is_in_the_free_part_of_the_picture(stage, scene, aspect):
+@pytest.mark.parametrize("rotation", [True, False])
+def test_all_is_in_the_free_part_of_the_picture(stage, scene, aspect, rotation):
     motion = view.simulated(scene, {})
+    stage.show(rotation=rotation)
     camera = stage.camera(motion, aspect)
     assert camera.fov == FOV
     x = motion.look.points(motion.positions[::10])
-    tips = [o[::10, None] + v[::10, None] for name, (o, v, _) in motion.arrows.items() if "angular" in name]
+    tips = [
+        o[::10, None] + v[::10, None]
+        for name, (o, v, _) in motion.arrows.items()
+        if rotation and "angular" in name
+    ]
     pixels, _ = camera.project(np.concatenate([x, *tips], axis=1).reshape(-1, 3), (1000 * aspect, 1000.0))
     assert pixels.min() > 0
     assert pixels[:, 0].max() < 1000 * max(aspect, 1.3)
