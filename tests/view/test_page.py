@@ -165,6 +165,7 @@ def test_what_diverges_leaves_the_stage(page):
         stood = page.time
         send(client, value(page._button, True), value(page._moment, 0.05))
         page.play(True)
+        assert not page.playing
         page._ask(page.name, {("gravity",): 8.0})  # until this has been tried, what was sent has come
         until(lambda: page._begun is None)
         assert not page.playing
