@@ -177,7 +177,8 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     # a number that makes no sense is told over an empty stage, on which nothing plays
     kept, full = page.motion, settled(browser)
     page._ask("top", {("body", "mass"): -1.0})
-    until(lambda: "positive" in browser.find_element(By.CSS_SELECTOR, ".told.wrong").text)
+    until(lambda: "positive" in text(browser))
+    assert "positive" in browser.find_element(By.CSS_SELECTOR, ".told.wrong").text
     changes(browser, full)
     assert not browser.find_element(By.XPATH, "//button[normalize-space()='play']").is_enabled()
     assert "spin [rad/s] " not in text(browser)
@@ -188,6 +189,7 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     until(lambda: abs(page.motion.fastest - spun.fastest) < 1e-6)
 
     # springs by strain, forces and rotation are there at first; so is a key to them over the stage
+    until(lambda: browser.find_elements(By.CSS_SELECTOR, ".over"))
     key = browser.find_element(By.CSS_SELECTOR, ".over")
     for name in ("strain", "weight", "support", "ω, angular velocity", "L, angular momentum"):
         assert name in key.text
@@ -198,7 +200,7 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
         box = labelled(browser, tick)[0]
         browser.execute_script("arguments[0].click()", box)
     changes(browser, before)
-    until(lambda: "strain" not in key.text and "angular momentum" not in key.text)
+    until(lambda: "angular momentum" not in text(browser))
 
     # another scene
     page._ask("rope-swing", {})
