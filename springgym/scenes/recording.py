@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from springgym.contact.totals import PairReadings
+from springgym.contacts import Contacts, any_possible
 from springgym.integrators.record import Integrator
 from springgym.measures import SIZE, Measures, view
 from springgym.scenes.plan import Plan
@@ -48,6 +49,8 @@ class Recording:
     """whether it was not interrupted"""
     shadow: tuple[float, float]
     """`Simulator.shadow_energy` at the start and at the end [J], not a number where it is not known"""
+    contacts: tuple[Contacts, ...] = ()
+    """`Simulator.contacts` at each time, if they were asked for and can be told"""
 
     @property
     def parts(self) -> tuple[Recording, ...]:
@@ -66,6 +69,7 @@ class Recording:
                 bodies=(m,),
                 pairs=PairReadings(*(of[:, :0] for of in self.pairs)),
                 shadow=(math.nan, math.nan),
+                contacts=(),
             )
             for part, scene, own, m in each
         )
@@ -75,6 +79,7 @@ def record(
     plan: Plan,
     *,
     dynamics: str = "springs",
+    contacts: bool = False,
     progress: Callable[[Iterable[int]], Iterable[int]] = iter,
 ) -> Recording:
     """Simulate a plan.
@@ -86,6 +91,8 @@ def record(
         is given, and the other way round if not.
     dynamics
         "springs", or "rigid" for the rigid twin, whose method and step are its own.
+    contacts
+        Whether to record the contacts, too. Those of a scene or method that cannot tell them are left out.
     progress
         What to wrap the count of states in, to show it. Ctrl-C ends the simulation and keeps what is there,
         from two states on.
@@ -108,6 +115,8 @@ def record(
     several = len(plan.scene.bodies) > 1
     each = np.zeros((count, len(plan.scene.bodies), SIZE)) if several else rows[:, None]
     told: list[PairReadings] = []
+    touching: list[Contacts] = []
+    contacts = contacts and any_possible(plan.scene)
     floppy = any(placed.body.floppy for placed in plan.scene.bodies)
     done, shadow = 0, [math.nan, math.nan]
     try:
@@ -119,6 +128,11 @@ def record(
             rows[n], positions[n], velocities[n] = read.rows[0], read.positions[0], read.velocities[0]
             each[n] = read.bodies[0]
             told.append(simulator.pairs())
+            if contacts:
+                try:
+                    touching.append(simulator.contacts())
+                except ValueError:
+                    contacts = False
             if not np.isfinite(velocities[n]).all():
                 raise SimulationDivergedError(f"{plan.name} diverged before t = {simulator.time[0]:g} s")
             if n in (0, count - 1):
@@ -140,6 +154,7 @@ def record(
         pairs=PairReadings(*(np.concatenate(of) for of in zip(*told[:done], strict=True))),
         complete=done == count,
         shadow=(shadow[0], shadow[1]),
+        contacts=tuple(touching[:done]),
     )
 
 

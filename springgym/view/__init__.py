@@ -26,7 +26,7 @@ from springgym.scenes.recording import Recording, record
 from springgym.stability import automatic_step
 from springgym.view.knobs import knobs
 from springgym.view.motion import Motion, of_recording
-from springgym.view.page import FPS, Changes, Page, Subject
+from springgym.view.page import FPS, STYLE, TICKS, Changes, Page, Subject, key
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -56,13 +56,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--port", type=int, default=PORT, help="the first that is free from this one on; of 0, any"
     )
+    parser.add_argument(
+        "--address",
+        help="let others in the network open it, too, who have the token in the address that is printed: an "
+        "IPv4 address of this machine, or 0.0.0.0 for all it has",
+    )
     parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
 
 
 def run(args: argparse.Namespace) -> int:
     """Do what the arguments ask for; the exit status."""
     if args.save is None:
-        show(_subject(args), args.port, browser=not args.no_browser)
+        show(_subject(args), args.port, browser=not args.no_browser, address=args.address)
         return 0
     _check_saved(args.save)
     subject = _subject(args)
@@ -71,15 +76,29 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def show(subject: Subject, port: int = PORT, browser: bool = True) -> None:
-    """Serve a page, print its address and, unless told not to, open it, until Ctrl-C is pressed."""
-    server = _server(port)
+def show(subject: Subject, port: int = PORT, browser: bool = True, address: str | None = None) -> None:
+    """Serve a page, print where it is and, unless told not to, open it, until Ctrl-C is pressed.
+
+    Parameters
+    ----------
+    port
+        The first that is free from this one on; of 0, any.
+    address
+        The IPv4 address to serve it at for others in the network, or "0.0.0.0" for all that this machine has;
+        then the printed address holds a token, without which nobody is let in. If None, it is served to this
+        machine alone.
+
+    Raises
+    ------
+    ValueError
+        If this machine has no such address.
+    """
+    server, url = _served(port, address)
     try:
         page = Page(server, subject)
-        address = f"http://127.0.0.1:{server.get_port()}"
-        print(f"{subject.names[0]}: {address} (Ctrl-C ends)", flush=True)
+        print(f"{subject.names[0]}: {url} (Ctrl-C ends)", flush=True)
         if browser:
-            webbrowser.open(address)
+            webbrowser.open(url)
         page.run()
     except KeyboardInterrupt:
         print()
@@ -118,7 +137,7 @@ def simulated(scene: str, changes: Changes) -> Motion:
         from springgym.integrators import integrator
 
         plan = replace(plan, step=min(plan.step, automatic_step(plan.scene, integrator(plan.integrator))))
-    return of_recording(record(plan))
+    return of_recording(record(plan, contacts=True))
 
 
 def save_page(motion: Motion | Recording, path: str | Path, speed: float | None = None) -> None:
@@ -130,7 +149,8 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
         Or a recording of a scene.
     path
         A .html file holds the viewer, too: some 1 MB, that any browser opens from where it lies. A .viser
-        file is a fifth of it, and is played by the viewer of `save_viewer`.
+        file is a fifth of it, and is played by the viewer of `save_viewer`. It shows what films show, without
+        arrows and springs: it has no key to them.
     speed
         Seconds of the motion a second of playing; if not given, the fastest at which the eye can follow.
 
@@ -144,19 +164,26 @@ def save_page(motion: Motion | Recording, path: str | Path, speed: float | None 
 
     path = Path(path)
     _check_saved(path)
+    alone = path.suffix.lower() == ".html"
     if isinstance(motion, Recording):
         motion = of_recording(motion)
     server = _server(PORT)
     try:
         stage = Stage(server)
+        if alone:
+            stage.show(springs=motion.glassy)
+        else:
+            stage.show(springs=False, forces=False, rotation=False, contacts=False)
         stage.set_up(motion)
-        look_from(server, stage.camera(motion))
+        look_from(server.initial_camera, stage.camera(motion))
         pace = motion.speed(FPS) if speed is None else speed
         if pace != 1:
             stage.write(told(pace))
         serializer = play(server, stage, motion, FPS, pace)
-        if path.suffix.lower() == ".html":
-            path.write_text(serializer.as_html(), encoding="utf-8")
+        if alone:
+            head, _, tail = serializer.as_html().rpartition("</body>")
+            legend = key(motion, [tick for tick in TICKS if stage.shows(tick)], stage.strain_scale)
+            path.write_text(f"{head}{STYLE}{legend}</body>{tail}", encoding="utf-8")
         else:
             path.write_bytes(serializer.serialize())
     finally:
@@ -183,17 +210,22 @@ def _check_saved(path: Path) -> None:
 
 
 def _server(port: int) -> ViserServer:
-    """A server that pages of this machine alone reach, see `springgym.view.door`."""
+    """A server that pages of this machine alone reach."""
+    return _served(port, None)[0]
+
+
+def _served(port: int, address: str | None) -> tuple[ViserServer, str]:
+    """A server and where a browser finds it, see `springgym.view.door`."""
     try:
         import viser
     except ImportError as error:
         raise ImportError(missing("viewing", "viser", "view")) from error
     from springgym.view.door import HOST, Door
 
-    door = Door(port)
+    door = Door(port, address)
     with door.hung(), redirect_stdout(io.StringIO()):  # it prints its address in a frame; ours is a line
         server = viser.ViserServer(host=HOST, port=door.port, label="springgym", verbose=False)
-    return door.guard(server)
+    return door.guard(server), door.url
 
 
 def _end(server: ViserServer) -> None:

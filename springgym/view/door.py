@@ -1,10 +1,12 @@
 """Who may speak to a page, and what it takes from them.
 
-viser's server listens on this machine alone. Still, every page that a browser here shows can open a
-connection to it, and the browser names that page in the header ``Origin``. viser looks at neither this nor
-``Host``, and takes any value for anything. The door stands before it:
+viser's server listens on this machine alone unless it is told another address. Still, every page that a
+browser here shows can open a connection to it, and the browser names that page in the header ``Origin``.
+viser looks at neither this nor ``Host``, and takes any value for anything. The door stands before it:
 
 - A connection comes from a page of this very server, see `stranger`.
+- At an address that was asked for, everybody in the network can knock. There the path of every request begins
+  with a token, which the address that is printed has, and nobody can guess.
 - A message is one that the page can send: a camera, a command, or a value of what the panel shows. A choice
   is one of those offered; a number is clamped to the ends of its slider. See `Door.admitted`.
 - There are at most `CONNECTIONS` at once, and no message is longer than `LONGEST`.
@@ -15,8 +17,11 @@ What is refused goes no further, and nobody is told.
 from __future__ import annotations
 
 import errno
+import hmac
+import ipaddress
 import math
 import re
+import secrets
 import socket
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -28,12 +33,13 @@ import viser
 import websockets.asyncio.server as websocket
 from websockets.datastructures import Headers
 
-from springgym.checks import chosen, number, whole
+from springgym.checks import chosen, instance, number, shown, whole
 
-HOST = "127.0.0.1"
+HOST, ANY = "127.0.0.1", "0.0.0.0"
+"""The addresses of this machine for itself, and of all that it has."""
 NAMES = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:[0-9]{1,5})?")
 """What a browser on this machine calls it, with a port: that of the server, or one that is led to it."""
-CONNECTIONS = 16
+CONNECTIONS = 40
 """Open at once."""
 LONGEST = 4096
 """Bytes of a message: a page's own have 300 at the most."""
@@ -41,15 +47,20 @@ DEPTH = 2
 """Lists within a camera's message."""
 
 
-def stranger(headers: Headers) -> str:
-    """Why a request is no page's of this machine; "" if it is one.
+TOKEN = 16
+"""Random bytes of a token."""
 
+
+def stranger(headers: Headers, names: re.Pattern[str] | None = NAMES) -> str:
+    """Why a request is no page's of this server; "" if it is one.
+
+    Under ``names`` the server may be asked for; of None, under any, and a token tells friend from stranger.
     A browser lets no page choose ``Host`` and ``Origin``. ``Host`` is the name that was asked for, and gives
     away a foreign name that was made to lead here. ``Origin`` is the page that asks; a request for a file may
     lack it, one for a connection may not.
     """
     hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
-    if len(hosts) != 1 or not NAMES.fullmatch(hosts[0].lower()):
+    if len(hosts) != 1 or not (names is None or names.fullmatch(hosts[0].lower())):
         return f"Host is {hosts}; it must be this machine"
     own = [f"http://{hosts[0].lower()}"]
     if (origins or "Upgrade" in headers) and [origin.lower() for origin in origins] != own:
@@ -64,11 +75,21 @@ class Door:
     ----------
     port
         The first to listen on that is free from this one on; of 0, any that is free.
+    address
+        The IPv4 address to listen on, for whoever has the token; "0.0.0.0" for all that this machine has. If
+        None, this machine alone is listened to, and needs no token.
+
+    Raises
+    ------
+    ValueError
+        If this machine has no such address.
     """
 
-    def __init__(self, port: int) -> None:
-        self._socket = _bound(port)
+    def __init__(self, port: int, address: str | None = None) -> None:
+        self._socket = _bound(port, HOST if address is None else address)
         self.port: int = self._socket.getsockname()[1]
+        self._host: str = self._socket.getsockname()[0]
+        self._token = None if address is None else secrets.token_urlsafe(TOKEN)
         self._panel: Mapping[str, Any] = {}
         self._connections = 0
         self._hung = False
@@ -98,6 +119,12 @@ class Door:
         finally:
             setattr(websocket, "serve", serve)  # noqa: B010
 
+    @property
+    def url(self) -> str:
+        """Where a browser finds the page, with the token."""
+        host = _own_address() if self._host == ANY else self._host
+        return f"http://{host}:{self.port}" + ("" if self._token is None else f"/{self._token}/")
+
     def guard(self, server: Any) -> Any:
         """Let in what the panel of a server offers; the server."""
         if not self._hung:
@@ -111,7 +138,13 @@ class Door:
 
     def _answering(self, answer: Any) -> Any:
         def answered(connection: Any, request: Any) -> Any:
-            if why := stranger(request.headers):
+            why = stranger(request.headers, NAMES if self._token is None else None)
+            if self._token is not None:
+                first, _, rest = request.path.removeprefix("/").partition("?")[0].partition("/")
+                if not hmac.compare_digest(first.encode(errors="surrogateescape"), self._token.encode()):
+                    why = "The address lacks the right token; ask for the address that was printed"
+                request.path = f"/{rest}"
+            if why:
                 return connection.respond(HTTPStatus.FORBIDDEN, f"{why}\n")
             return answer(connection, request)
 
@@ -192,13 +225,29 @@ def _pose(value: Any, depth: int = DEPTH) -> Any:
     return value
 
 
-def _bound(port: int) -> socket.socket:
+def _own_address() -> str:
+    """The address under which others in the network find this machine; without a network, `HOST`."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # an address that nobody has, to which nothing is sent
+        except OSError:
+            return HOST
+        return str(probe.getsockname()[0])
+
+
+def _bound(port: int, address: str) -> socket.socket:
     """A socket that listens on the first port that is free from one on."""
+    try:
+        ipaddress.IPv4Address(instance("address", address, str))
+    except ValueError:
+        raise ValueError(f"address is {shown(address)}; it must be an IPv4 address such as {ANY}") from None
     first = whole("port", port, high=2**16 - 1)
     for free in range(first, 2**16):
         try:
-            return socket.create_server((HOST, free))
+            return socket.create_server((address, free))
         except OSError as error:
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise ValueError(f"address is {address}; this machine has no such address") from None
             if error.errno not in (errno.EADDRINUSE, errno.EACCES):
                 raise
     raise OSError(f"port is {first}; no port from it on is free")

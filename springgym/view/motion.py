@@ -31,12 +31,27 @@ class Arrows(NamedTuple):
     color: Color
 
 
+class Touches(NamedTuple):
+    """The contacts at every time, at most K."""
+
+    points: np.ndarray
+    """(T, K, 3) [m]; not numbers where there is none"""
+    vectors: np.ndarray
+    """(T, K, 3) force on the first body, as long as it is drawn [m]"""
+    mutual: np.ndarray
+    """(T, K) mask: True where two bodies touch, and the second feels the opposite"""
+
+
 class Curve(NamedTuple):
     """A quantity over time."""
 
     values: np.ndarray
     """(T,)"""
     color: Color
+
+    def at(self, n: int, share: float) -> float:
+        """The value a share of the way from time ``n`` to the next, see `Motion.at`."""
+        return float(self.values[n] + share * (self.values[n + 1] - self.values[n]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +76,8 @@ class Motion:
     graphs: Mapping[str, Mapping[str, Curve]]
     """curves by name, in graphs by name with unit"""
     arrows: Mapping[str, Arrows] = field(default_factory=dict)
+    touches: Touches | None = None
+    """None where nothing touches, or nobody can tell"""
     paths: Mapping[str, tuple[np.ndarray, Color]] = field(default_factory=dict)
     """(T, 3) paths drawn at once, by name"""
     marks: Sequence[Marks] = ()
@@ -71,6 +88,8 @@ class Motion:
     """how fast it is to be played, if that is said"""
     summary: str = ""
     """in a line, what simulated it and how well"""
+    note: str = ""
+    """what a picture of it does not tell"""
 
     @property
     def extent(self) -> float:
@@ -83,6 +102,16 @@ class Motion:
         first, second = np.asarray(self.look.springs).T
         apart = np.linalg.norm(self.positions[:, second] - self.positions[:, first], axis=2)
         return apart / self.lengths - 1.0
+
+    @property
+    def glassy(self) -> bool:
+        """Whether its springs are shown at first: a round body shows by its skin how it turns."""
+        return len(self.lengths) > 0 and not np.asarray(self.look.skin).size
+
+    @property
+    def key(self) -> dict[str, Color]:
+        """The colours of the marks, by what they mean."""
+        return {text: color for marks in self.marks for color, text in marks.key}
 
     def speed(self, fps: float) -> float:
         """Return how fast it is to be played or, if nothing says so, can be for the eye to follow the
@@ -127,7 +156,9 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
         direction=(plan.view.azimuth, plan.view.elevation),
         graphs=graphs(m, scene),
         arrows=_arrows(recording),
+        touches=_touches(recording),
         paths=paths,
+        note=told_of(scene),
         summary=(
             f"{recording.integrator.name}, step {1e3 * recording.step:.3g} ms · largest strain "
             f"{m.strain.max():.1e} · energy {m.energy[0]:.4g} → {m.energy[-1]:.4g} J, lost {lost:.3g} J, "
@@ -190,8 +221,8 @@ def _arrows(recording: Recording) -> dict[str, Arrows]:
     scene, m, x = recording.plan.scene, recording.measures, recording.positions
     size = 0.6 * extent_of(x)
     drawn: dict[str, Arrows] = {}
-    if scene.gravity is not None and len(recording.times) > 2:
-        weight = scene.masses.sum() * np.array(scene.gravity)
+    weight = weight_of(scene)
+    if weight.any() and len(recording.times) > 2:
         push = np.gradient(m.momentum, recording.times, axis=0) - weight
         longer = np.linalg.norm(push, axis=1) / np.linalg.norm(weight)
         push = push / np.maximum(1.0, longer / STEEPEST)[:, None]
@@ -210,6 +241,39 @@ def _arrows(recording: Recording) -> dict[str, Arrows]:
             if largest > 1e-9:
                 drawn[name] = Arrows(about, 2.0 * size / largest * vectors, color)
     return drawn
+
+
+def _touches(recording: Recording) -> Touches | None:
+    """Return the contacts that were recorded; forces are drawn in the scale of the weight of all bodies."""
+    scene, found = recording.plan.scene, recording.contacts
+    most = max((of.there.shape[1] for of in found), default=0)
+    if not most:
+        return None
+    points, forces = np.full((len(found), most, 3), np.nan), np.zeros((len(found), most, 3))
+    mutual = np.zeros((len(found), most), bool)
+    for n, of in enumerate(found):
+        there = of.there[0]
+        count = int(there.sum())
+        points[n, :count], forces[n, :count] = of.point[0, there], of.force[0, there]
+        mutual[n, :count] = of.second[0, there] >= 0
+    size = np.linalg.norm(forces, axis=2)
+    unit = float(np.linalg.norm(weight_of(scene))) or float(size.max()) / STEEPEST or 1.0
+    longer = np.maximum(1.0, size / (STEEPEST * unit))[..., None]
+    return Touches(points, 0.36 * extent_of(recording.positions) * forces / unit / longer, mutual)
+
+
+def told_of(scene: Scene) -> str:
+    """Return what is missing in a scene without surfaces."""
+    if scene.surfaces:
+        return ""
+    if scene.pins:
+        return "pinned, no floor: nothing collides with the grid"
+    return "" if weight_of(scene).any() else "no gravity"
+
+
+def weight_of(scene: Scene) -> np.ndarray:
+    """Return the weight of all bodies (3,) [N]."""
+    return np.zeros(3) if scene.gravity is None else scene.masses.sum() * np.array(scene.gravity)
 
 
 def _supported_at(recording: Recording) -> np.ndarray:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import html
 import logging
 import threading
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from fractions import Fraction
 from functools import partial
@@ -15,12 +16,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym.checks import chosen
-from springgym.rendering.look import GREEN, ORANGE, SLATE, TEAL, Color
+from springgym.rendering.look import ORANGE, RED, Color
 from springgym.rendering.solids import COLD, HOT, NEUTRAL
 from springgym.scenes.plan import SPEEDS
 from springgym.view.knobs import Knob
-from springgym.view.motion import PURPLE, Motion
-from springgym.view.stage import Stage, look_from
+from springgym.view.motion import Motion
+from springgym.view.stage import Stage, group_of, look_from
 
 FPS = 30.0
 """Frames a second that are sent to the browser."""
@@ -29,11 +30,32 @@ READ_EVERY = 4
 SAMPLES = 400
 """Points of a curve."""
 BRAND: Color = (43, 92, 150)
+PATIENCE = 0.5
+"""Seconds of simulating from which on the page says so."""
+WIDTH = 380
+"""Pixels of the panel."""
+STYLE = f"""<style>
+.over {{position: fixed; top: .8em; left: .9em; max-width: min(26em, 85vw); pointer-events: none;
+  font-size: .8em; line-height: 1.5; color: #343c4c; text-shadow: 0 0 3px #fff, 0 0 6px #fff}}
+.over b {{font-size: 1.4em; margin-right: .2em}}
+.told {{position: fixed; top: 40%; left: calc(50vw - {WIDTH // 2}px); transform: translate(-50%, -50%);
+  width: max-content; max-width: 24em; padding: .8em 1.2em; border-radius: 6px; background: #fff;
+  box-shadow: 0 1px 8px #0003; pointer-events: none; overflow-wrap: anywhere}}
+.wrong {{border-left: 5px solid #be323c}}
+@media (max-width: 36em) {{
+  .over {{font-size: .7em; line-height: 1.35}}
+  .told {{top: 25%; left: 50vw; max-width: 80vw}}
+  [style*="max-height: 60%"] {{width: 100% !important; max-height: 50% !important}}
+  [style*="max-height: 60%"] [style*="width: 20em"] {{width: 100% !important}}
+}}
+</style>"""
+"""What lies over the stage; on a phone the panel is as broad as the page, and covers half of it at most."""
 TICKS = {
     "trace": "the way of the traced particle",
     "springs": "the springs, coloured by their strain, through the body",
     "forces": "the weight, and what pin and surfaces push back with",
-    "rotation": "angular velocity and angular momentum",
+    "rotation": "angular momentum L and angular velocity ω",
+    "contacts": "where bodies and surfaces touch, and with which force",
     "rigid twin": "the trace of the same particles as a rigid body, dashed",
     "follow": "move with the centre of mass",
 }
@@ -77,6 +99,7 @@ class Page:
         self._sliders: dict[Knob, Any] = {}
         self._folders: list[Any] = []
         self._frame = 0
+        self._begun: float | None = None
         self.name = subject.names[0]
         """what is chosen"""
         self.motion = subject.make(self.name, {})
@@ -86,6 +109,7 @@ class Page:
         self.playing = True
         self._build()
         self._turn_to(self.name, self.motion)
+        server.on_client_connect(self._place)
 
     def run(self) -> None:
         """Play until `stop` is called."""
@@ -96,8 +120,11 @@ class Page:
             now = clock.perf_counter()
             for name in list(self._due):
                 self._told(self._due.pop(name))
-            if self.playing and not self._told(partial(self._advance, now - last)):
-                self.play(False)
+            if self._begun is None:
+                if self.playing and not self._told(partial(self._advance, now - last)):
+                    self.play(False)
+            else:
+                self._tell_patience(now)
             last = now
         self._asked.set()
         worker.join()
@@ -111,6 +138,12 @@ class Page:
             self._draw(read=self._frame % READ_EVERY == 0)
             self._frame += 1
 
+    def _tell_patience(self, now: float) -> None:
+        """Say that a motion is being made, once that has taken some time."""
+        with self._lock:
+            if self._begun is not None and now - self._begun > PATIENCE:
+                self._say("simulating …")
+
     def _told(self, action: Callable[[], None]) -> bool:
         """Do something; whatever it raises, the page shows, and goes on. Whether it raised nothing."""
         try:
@@ -118,7 +151,7 @@ class Page:
         except Exception as error:
             if not isinstance(error, (ValueError, ArithmeticError)):
                 logging.getLogger("springgym").exception("the page could not do that")
-            self._summary.content = f"⚠ {str(error) or type(error).__name__}"
+            self._say(f"⚠ {str(error) or type(error).__name__}", wrong=True)
             return False
         return True
 
@@ -127,9 +160,17 @@ class Page:
         self._stopped.set()
 
     def play(self, playing: bool) -> None:
-        """Play, or pause."""
-        self.playing = playing
-        self._button.label = "pause" if playing else "play"
+        """Play, or pause; nothing is played where nothing is shown."""
+        self.playing = playing and self._shown
+        self._button.label = "pause" if self.playing else "play"
+        if self.playing:
+            self._say("")
+        self._due["clock"] = self._settle
+
+    def _settle(self) -> None:
+        """Have clock and readings say what is shown, not what was a few frames before."""
+        with self._lock:
+            self._read()
 
     # --- The panel ----------------------------------------------------------------------------------
 
@@ -138,12 +179,16 @@ class Page:
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
         gui.set_panel_label("springgym")
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(380)
+        gui.main_panel.set_width(WIDTH)
+        gui.add_html(STYLE)
+        self._key, self._over = gui.add_html(""), gui.add_html("")
+        self._shown = True
+        self._chooser = None
         if len(self._subject.names) > 1:
-            chooser = gui.add_dropdown(
+            self._chooser = gui.add_dropdown(
                 self._subject.kind, tuple(self._subject.names), initial_value=self.name
             )
-            self._heed(chooser, "choice", lambda name: self._ask(name, {}))
+            self._heed(self._chooser, "choice", lambda name: self._ask(name, {}))
         self._title = gui.add_markdown("")
         self._button = gui.add_button("pause", hint="the space bar does the same")
         self._button.on_click(lambda event: self.play(not self.playing))
@@ -160,9 +205,9 @@ class Page:
             self._reset.on_click(lambda event: self._due.update(sliders=self._restore))
         with tabs.add_tab("show"):
             self._ticks = {
-                name: gui.add_checkbox(name, name == "trace", hint=hint) for name, hint in TICKS.items()
+                name: gui.add_checkbox(name, self._stage.shows(name), hint=hint)
+                for name, hint in TICKS.items()
             }
-            self._legend = gui.add_html("")
         for tick in self._ticks.values():
             self._heed(tick, "ticks", lambda _: self._ticked())
         graph = gui.add_panel()
@@ -194,11 +239,18 @@ class Page:
             self._heed(slider, "sliders", lambda _: self._slid())
         self._reset.visible, self._nothing.visible = bool(self._sliders), not self._sliders
         travels = float(np.linalg.norm(np.ptp(motion.centre, axis=0))) > 6 * motion.extent
-        self._ticks["follow"].value = travels
-        self._stage.show(follow=travels)
+        self._ticks["follow"].value, self._ticks["springs"].value = travels, motion.glassy
+        self._stage.show(follow=travels, springs=motion.glassy)
         self._speed.value = fraction(motion.speed(FPS))
         self._show(motion)
-        look_from(self._server, self._stage.camera(motion))
+        look_from(self._server.initial_camera, self._stage.camera(motion))
+        for client in self._server.get_clients().values():
+            self._place(client)
+
+    def _place(self, client: Any) -> None:
+        """Have a client look at the motion, in the part of its picture that the panel leaves free."""
+        with self._lock:
+            look_from(client.camera, self._stage.camera(self.motion, client.camera.aspect))
 
     def _show(self, motion: Motion) -> None:
         """Show a motion, where the clock stands."""
@@ -207,6 +259,9 @@ class Page:
         self.time = min(self.time, last)
         with self._server.atomic():
             self._stage.set_up(motion)
+            self._shown = True
+            self._say("")
+            self._offer()
             self._title.content = f"**{motion.title}**"
             self._summary.content = motion.summary
             self._moment.max = last
@@ -216,36 +271,35 @@ class Page:
                 self._graphed.value = graph if graph in motion.graphs else next(iter(motion.graphs))
             for name, tick in self._ticks.items():
                 tick.visible = _there(name, motion)
-            self._tell_legend()
+            self._tell_key()
             self._replot()
             self._draw(read=True)
 
-    def _tell_legend(self) -> None:
-        """Return what the colours mean that are shown."""
-        shown = {name for name, tick in self._ticks.items() if tick.value and tick.visible}
-        lines = []
-        if "springs" in shown:
-            scale = f"{100 * self._stage.strain_scale:g} %"
-            ramp = ", ".join(f"rgb({r:.0f},{g:.0f},{b:.0f})" for r, g, b in (COLD, NEUTRAL, HOT))
-            lines.append(
-                f"−{scale} <span style='display:inline-block;width:9em;height:.7em;border-radius:3px;"
-                f"background:linear-gradient(to right,{ramp})'></span> +{scale} strain"
-            )
-        named: dict[str, Color] = {}
-        if "trace" in shown:
-            named["trace"] = ORANGE
-        if "forces" in shown:
-            named |= {"weight": SLATE, "support": GREEN}
-        if "rotation" in shown:
-            named |= {"angular velocity": TEAL, "angular momentum": PURPLE}
-        present = {"trace", *self.motion.arrows}
-        lines += [
-            f"<span style='color:rgb{color}'>■</span> {name}"
-            for name, color in named.items()
-            if name in present
-        ]
-        body = "<br>".join(lines)
-        self._legend.content = f"<div style='font-size:.8em;padding:0 1em .6em'>{body}</div>" if lines else ""
+    def _clear(self) -> None:
+        """Show nothing: what was shown is not what the sliders say."""
+        with self._lock, self._server.atomic():
+            self._shown = False
+            self.play(False)
+            self._stage.clear()
+            self._readings.content = self._summary.content = ""
+            self._tell_key()
+            self._offer()
+
+    def _offer(self) -> None:
+        """Let the user play, seek and read, if anything is shown."""
+        self._button.disabled = self._moment.disabled = not self._shown
+        if self._plot is not None:
+            self._plot.visible = self._shown
+
+    def _say(self, text: str, wrong: bool = False) -> None:
+        """Say something over the stage."""
+        kind = "told wrong" if wrong else "told"
+        self._over.content = f"<div class='{kind}'>{html.escape(text)}</div>" if text else ""
+
+    def _tell_key(self) -> None:
+        """Say over the stage what the colours mean that are shown."""
+        shown = {name for name, tick in self._ticks.items() if tick.value}
+        self._key.content = key(self.motion, shown, self._stage.strain_scale) if self._shown else ""
 
     # --- What the user does -------------------------------------------------------------------------
 
@@ -262,15 +316,18 @@ class Page:
         part.on_update(changed)
 
     def _sought(self, time: float) -> None:
-        with self._lock:
-            self.play(False)
+        with self._lock, self._server.atomic():
             self.time = float(time)
+            if self.playing:
+                # earlier frames may still reach whoever sought: the clock is sent again even if it is equal
+                self._moment.value = -1.0
+            self.play(False)
             self._draw(read=True)
 
     def _ticked(self) -> None:
         with self._lock:
             self._stage.show(**{name.replace(" ", "_"): tick.value for name, tick in self._ticks.items()})
-            self._tell_legend()
+            self._tell_key()
             self._draw(read=False)
 
     def _slid(self) -> None:
@@ -284,25 +341,34 @@ class Page:
 
     def _ask(self, name: str, changes: Changes) -> None:
         """Have the worker make a motion; what was asked for before, and not begun, is forgotten."""
-        self._wanted = (chosen(self._subject.kind, name, self._subject.names), changes)
-        self._asked.set()
+        wanted = (chosen(self._subject.kind, name, self._subject.names), changes)
+        with self._lock:
+            self._wanted, self._begun = wanted, clock.perf_counter()
+            self._asked.set()
 
     def _work(self) -> None:
         """Make the motions that are asked for."""
         while self._asked.wait() and not self._stopped.is_set():
             self._asked.clear()
             wanted, self._wanted = self._wanted, None
-            if wanted is not None:
-                self._told(partial(self._make, *wanted))
+            if wanted is not None and not self._told(partial(self._make, *wanted)):
+                self._clear()
 
     def _make(self, name: str, changes: Changes) -> None:
         """Make a motion and show it."""
-        motion = self._subject.make(name, changes)
+        try:
+            motion = self._subject.make(name, changes)
+        finally:
+            with self._lock:
+                if self._wanted is None:
+                    self._begun = None
         with self._lock:
             if name == self.name:
                 self._show(motion)
             else:
                 self._turn_to(name, motion)
+            if self._chooser is not None:
+                self._chooser.value = name  # another may have been chosen that could not be made
 
     # --- Drawing ------------------------------------------------------------------------------------
 
@@ -317,11 +383,13 @@ class Page:
 
     def _read(self) -> None:
         """Put clock, readings and the graph's pointer where the motion is."""
-        motion, (n, _) = self.motion, self.motion.at(self.time)
+        if not self._shown:
+            return
+        motion, (n, share) = self.motion, self.motion.at(self.time)
         self._moment.value = round(self.time, 3)
         texts = list(motion.marks[n].text) if motion.marks else []
         texts += [
-            f"{name.split(' [')[0]} {round(float(curve.values[n]), 5) + 0.0:.3g}{_unit(name)}"
+            f"{name.split(' [')[0]} {round(curve.at(n, share), 5) + 0.0:.3g}{_unit(name)}"
             for name, curves in motion.graphs.items()
             if len(curves) == 1
             for curve in curves.values()
@@ -385,6 +453,45 @@ class Page:
         return values
 
 
+NAMES = {"angular velocity": "ω, angular velocity", "angular momentum": "L, angular momentum"}
+"""What the key calls arrows, where it is more than their name."""
+
+
+def key(motion: Motion, ticks: Collection[str], strain: float) -> str:
+    """What colours mean, as HTML that lies over the stage.
+
+    Parameters
+    ----------
+    ticks
+        What is shown, see `TICKS`.
+    strain
+        That of the full colour.
+    """
+    shown = {name for name in ticks if _there(name, motion)}
+    lines = []
+    if "springs" in shown:
+        scale = f"{100 * strain:g} %"
+        ramp = ", ".join(f"rgb({r:.0f},{g:.0f},{b:.0f})" for r, g, b in (COLD, NEUTRAL, HOT))
+        lines.append(
+            f"−{scale} <span style='display:inline-block;width:9em;height:.7em;border-radius:3px;"
+            f"background:linear-gradient(to right,{ramp})'></span> +{scale} strain"
+        )
+    signs: list[tuple[str, Color, str]] = []
+    if "trace" in shown:
+        signs.append(("—", ORANGE, "trace"))
+    if "rigid twin" in shown:
+        signs.append(("┄", motion.paths["rigid twin"][1], "trace of the rigid twin"))
+    for name, arrows in motion.arrows.items():
+        if group_of(name) in shown:
+            signs.append(("→", arrows.color, NAMES.get(name, name)))
+    if "contacts" in shown:
+        signs.append(("→", RED, "force of a contact, where it acts"))
+    signs += [("■", color, text) for text, color in motion.key.items()]
+    lines += [f"<b style='color:rgb{color}'>{sign}</b>{html.escape(text)}" for sign, color, text in signs]
+    lines += [html.escape(motion.note)] if motion.note else []
+    return f"<div class='over'>{'<br>'.join(lines)}</div>"
+
+
 def fraction(speed: float) -> str:
     """A speed as a choice: "1/8", "1", "2"."""
     return str(Fraction(speed))
@@ -404,7 +511,8 @@ def _there(tick: str, motion: Motion) -> bool:
         "trace": motion.look.trace is not None,
         "springs": len(motion.lengths) > 0,
         "forces": "weight" in motion.arrows,
-        "rotation": any(name.startswith("angular") for name in motion.arrows),
+        "rotation": any(group_of(name) == "rotation" for name in motion.arrows),
+        "contacts": motion.touches is not None,
         "rigid twin": "rigid twin" in motion.paths,
         "follow": True,
     }[tick]

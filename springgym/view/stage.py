@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from springgym.rendering import Camera, Marks
-from springgym.rendering.look import GRAPHITE, GREEN, ORANGE, STEEL
+from springgym.rendering.look import GRAPHITE, GREEN, ORANGE, RED, STEEL
 from springgym.rendering.solids import circle, strain_colors
 from springgym.view.motion import Motion
 
@@ -17,14 +19,30 @@ SKY = ((250, 251, 253), (222, 229, 238))
 """Colours of the background at the top and at the bottom."""
 GROUND = (244, 247, 251)
 CELL, SECTION = (222, 228, 236), (196, 205, 217)
-GLASS = 0.1
+GLASS = 0.12
 """Opacity of a body whose springs are shown."""
-DEEPER = 1.8
-"""Power that makes up for the browser's tone mapping, which pales the colours of lines and arrows."""
+SKYLIGHT = 1.85
+"""Light from all around, beside viser's lamp of 3 above: what faces the sky is 1.5 times as bright as what
+faces the horizon, as in the films."""
+LIT = (3.0 * 0.96 + SKYLIGHT) / np.pi
+"""Light that a white face sends on that looks at the sky."""
+TO_ACES = np.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]])
+FROM_ACES = np.array(
+    [[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]]
+)
+"""The tone mapping of three.js: between them each channel x becomes (x² + a x − b)/(c x² + d x + e)."""
+BEFORE, AFTER = np.linalg.inv(TO_ACES).T, np.linalg.inv(FROM_ACES).T
+EXPOSURE = 1 / 0.6
 ASIDE = (-0.25, -0.1)
 """Half heights of the picture that the camera is moved right and up: the graph is at the lower left."""
+SHEET = 0.5
+"""Share of a narrow picture, as of a phone held upright, that the panel takes at the bottom."""
+MOMENTS = 300
+"""Moments of a motion that the camera is to see."""
 TRAIL = 400
 """Pieces of a trace."""
+SHORTEST = 0.02
+"""Share of a body's extent below which an arrow is not drawn."""
 
 
 class Stage:
@@ -41,13 +59,15 @@ class Stage:
         self._scene.set_up_direction("+z")
         shades = np.linspace(SKY[0], SKY[1], 64)[:, None].repeat(2, axis=1)
         self._scene.set_background_image(np.rint(shades).astype(np.uint8), format="png")
+        self._scene.configure_environment_map(None)
         self._scene.add_light_hemisphere(
-            "/light", sky_color=(255, 255, 255), ground_color=(210, 214, 224), intensity=1.1
+            "/light", sky_color=(255, 255, 255), ground_color=(210, 214, 224), intensity=SKYLIGHT
         )
         self._shown = {
-            "springs": False,
-            "forces": False,
-            "rotation": False,
+            "springs": True,
+            "forces": True,
+            "rotation": True,
+            "contacts": True,
             "trace": True,
             "rigid twin": False,
         }
@@ -82,15 +102,37 @@ class Stage:
         self._follows = shown.pop("follow", self._follows)
         self._shown |= {name.replace("_", " "): value for name, value in shown.items()}
 
-    def camera(self, motion: Motion) -> Camera:
-        """A camera that sees the whole motion, or a body's way and breadth where it is followed."""
-        x = motion.positions
+    def shows(self, name: str) -> bool:
+        """Whether a tick of a page is set."""
+        return self._follows if name == "follow" else self._shown[name]
+
+    def clear(self) -> None:
+        """Take the motion off the stage, until the next one is set up."""
+        self._world.visible = False
+
+    def camera(self, motion: Motion, aspect: float = 1.0) -> Camera:
+        """A camera that sees the whole motion, or a body's way and breadth where it is followed.
+
+        In a picture that is higher than wide, with an aspect (width by height) below 1, the motion is in the
+        upper part, above the panel.
+        """
+        every = slice(None, None, -(-len(motion.times) // MOMENTS))
+        x = motion.look.points(motion.positions[every])
+        tips = [
+            (origins + vectors)[every, None]
+            for name, (origins, vectors, _) in motion.arrows.items()
+            if group_of(name) == "rotation" and self._shown["rotation"]
+        ]
+        x = np.concatenate([x, *tips], axis=1)
         if self._follows:
-            x = x - (motion.centre - motion.centre[0])[:, None]
-        camera = Camera.fitting(x, (100, 100), *motion.direction, FOV, 0.1)
+            x = x - (motion.centre - motion.centre[0])[every, None]
+        aside, share = (ASIDE, 1.0) if aspect >= 1.0 else ((0.0, -SHEET), 1.0 - SHEET)
+        size = (round(1000 * min(1.0, aspect / share)), 1000)
+        narrow = 2.0 * float(np.arctan(share * np.tan(0.5 * FOV)))
+        camera = replace(Camera.fitting(x, size, *motion.direction, narrow, 0.1), fov=FOV)
         right, up, _ = camera.axes()
         reach = float(np.linalg.norm(np.subtract(camera.target, camera.eye))) * np.tan(0.5 * FOV)
-        return camera.moved(reach * (ASIDE[0] * right + ASIDE[1] * up))
+        return camera.moved(reach * (aside[0] * right + aside[1] * up))
 
     def write(self, text: str) -> None:
         """Write a line below the motion."""
@@ -180,7 +222,7 @@ class Stage:
                 f"/world/body/faces{n}",
                 x[corners].astype(np.float32),
                 np.arange(len(corners)).reshape(-1, 3),
-                color=tuple(map(int, color)),
+                color=tuple(toned(color, LIT, linear=False).tolist()),
                 flat_shading=True,
                 side="double",
                 opacity=self._opacities[n],
@@ -196,7 +238,7 @@ class Stage:
                 faces,
                 *self._bar_poses(x)[:2],
                 batched_scales=self._bar_poses(x)[2],
-                batched_colors=np.asarray(look.bar_colors),
+                batched_colors=toned(np.asarray(look.bar_colors), LIT),
                 lod="off",
             )
         self._balls: Any = None
@@ -212,7 +254,7 @@ class Stage:
                 np.tile((1.0, 0.0, 0.0, 0.0), (count, 1)),
                 x[self._round],
                 batched_scales=np.repeat(radii[self._round, None], 3, axis=1),
-                batched_colors=np.asarray(look.ball_colors)[self._round],
+                batched_colors=toned(np.asarray(look.ball_colors)[self._round], LIT),
                 lod="off",
             )
 
@@ -257,6 +299,7 @@ class Stage:
         self._draw_springs(motion, x, n, share)
         self._draw_trace(motion, x, n)
         self._draw_arrows(motion, n, share)
+        self._draw_contacts(motion, n)
         if motion.marks:
             self._draw_marks(motion, motion.marks[n])
 
@@ -290,23 +333,52 @@ class Stage:
 
     def _draw_arrows(self, motion: Motion, n: int, share: float) -> None:
         for name, (origins, vectors, color) in motion.arrows.items():
-            group = "rotation" if name.startswith("angular") else "forces"
             start = origins[n] + share * (origins[n + 1] - origins[n])
             along = vectors[n] + share * (vectors[n + 1] - vectors[n])
-            shown = self._shown[group] and float(np.linalg.norm(along)) > 0.02 * motion.extent
+            shown = self._shown[group_of(name)] and float(np.linalg.norm(along)) > SHORTEST * motion.extent
             if shown:
-                self._arrow(f"/world/arrows/{name}", start, along, color, motion.extent)
+                self._arrows(f"/world/arrows/{name}", start[None], along[None], color, motion.extent)
             self._hide(f"/world/arrows/{name}", not shown)
 
-    def _arrow(self, name: str, start: Any, along: Any, color: Any, size: float) -> None:
-        points = np.stack([start, np.add(start, along)])[None].astype(np.float32)
-        if name in self._nodes:
-            self._nodes[name].points = points
+    def _draw_contacts(self, motion: Motion, n: int) -> None:
+        """Points and forces of the contacts; between two times nobody knows which there are."""
+        points, vectors = np.zeros((0, 3)), np.zeros((0, 3))
+        if motion.touches is not None and self._shown["contacts"]:
+            points, vectors, mutual = (of[n] for of in motion.touches)
+            there = np.isfinite(points).all(axis=1)
+            points = np.concatenate([points[there], points[there & mutual]])
+            vectors = np.concatenate([vectors[there], -vectors[there & mutual]])
+        name = "/world/contacts/points"
+        node = self._nodes.get(name)
+        if node is not None and node.points.shape == points.shape:
+            node.points = points.astype(np.float32)
+        elif len(points):
+            self._nodes[name] = self._scene.add_point_cloud(
+                name,
+                points.astype(np.float32),
+                RED,
+                point_size=0.012 * motion.extent,
+                point_shape="circle",
+                precision="float32",
+                point_shading="flat",
+            )
+        self._hide(name, not len(points))
+        seen = np.linalg.norm(vectors, axis=1) > SHORTEST * motion.extent
+        if seen.any():
+            self._arrows("/world/contacts/forces", points[seen], vectors[seen], RED, 0.35 * motion.extent)
+        self._hide("/world/contacts/forces", not seen.any())
+
+    def _arrows(self, name: str, starts: np.ndarray, along: np.ndarray, color: Any, size: float) -> None:
+        """Arrows from points (n, 3) by vectors (n, 3) [m]."""
+        points = np.stack([starts, starts + along], axis=1).astype(np.float32)
+        node = self._nodes.get(name)
+        if node is not None and node.points.shape == points.shape:
+            node.points = points
         else:
             self._nodes[name] = self._scene.add_arrows(
                 name,
                 points,
-                _deeper(np.array(color)),
+                toned(color, LIT),
                 shaft_radius=0.014 * size,
                 head_radius=0.04 * size,
                 head_length=0.1 * size,
@@ -315,7 +387,7 @@ class Stage:
     def _lines(self, name: str, points: np.ndarray, colors: np.ndarray, thickness: float) -> None:
         if colors.ndim == 1:
             colors = np.broadcast_to(colors, points.shape)
-        colors = _deeper(colors)
+        colors = toned(colors)
         points = points.astype(np.float32)
         node = self._nodes.get(name)
         if node is not None and node.points.shape == points.shape:
@@ -344,14 +416,19 @@ class Stage:
             name = f"/world/marks/ball{n}"
             if name not in self._nodes:
                 self._nodes[name] = self._scene.add_icosphere(
-                    name, radius=radius, color=GREEN, opacity=0.6, position=np.asarray(centre, float)
+                    name,
+                    radius=radius,
+                    color=tuple(toned(GREEN, LIT, linear=False).tolist()),
+                    opacity=0.6,
+                    position=np.asarray(centre, float),
                 )
             self._nodes[name].position = np.asarray(centre, float)
         for n, arrow in enumerate(marks.arrows):
             name = f"/world/marks/arrow{n}"
-            shown = float(np.linalg.norm(arrow.vector)) > 0.02 * extent
+            start, along = (np.asarray(of, float)[None] for of in (arrow.origin, arrow.vector))
+            shown = float(np.linalg.norm(along)) > SHORTEST * extent
             if shown:
-                self._arrow(name, arrow.origin, arrow.vector, arrow.color, extent)
+                self._arrows(name, start, along, arrow.color, extent)
             self._hide(name, not shown)
 
     def _marked_lines(self, name: str, points: np.ndarray, color: Any, thickness: float) -> None:
@@ -371,12 +448,11 @@ def record(server: Any, stage: Stage, motion: Motion, fps: float, speed: float) 
     return serializer
 
 
-def look_from(server: Any, camera: Camera) -> None:
-    """Return where clients look from when they come, and those that are there from now on."""
-    for view in (server.initial_camera, *(client.camera for client in server.get_clients().values())):
-        view.fov = camera.fov
-        view.position = np.array(camera.eye)
-        view.look_at = np.array(camera.target)
+def look_from(view: Any, camera: Camera) -> None:
+    """Put the camera of a viser client, or the one that clients come with, in a place."""
+    view.fov = camera.fov
+    view.position = np.array(camera.eye)
+    view.look_at = np.array(camera.target)
 
 
 def _rounded(value: float) -> float:
@@ -387,8 +463,27 @@ def _rounded(value: float) -> float:
     return float(next(k * power for k in (1.0, 2.0, 5.0, 10.0) if k * power >= value * (1 - 1e-9)))
 
 
-def _deeper(colors: np.ndarray) -> np.ndarray:
-    return np.rint(255.0 * (colors / 255.0) ** DEEPER).astype(np.uint8)
+def toned(colors: ArrayLike, light: float = 1.0, linear: bool = True) -> np.ndarray:
+    """Return colours (…, 3) from 0 to 255 that look in the browser as those given, under some light.
+
+    Its light and its tone mapping are undone; what is too bright for them becomes a little darker. Colours of
+    lines and of instances are ``linear``: viser takes them as amounts of light. Those of meshes are sRGB.
+    """
+    shown = np.asarray(colors, float) / 255.0
+    y = np.clip(np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4) @ AFTER, 0.0, 1.0)
+    a, b, c, d, e = 0.0245786, 0.000090537, 0.983729, 0.432951, 0.238081
+    first, second, third = 1.0 - c * y, a - d * y, -(b + e * y)
+    x = (np.sqrt(second**2 - 4.0 * first * third) - second) / (2.0 * first)
+    sent = np.maximum(x @ BEFORE / EXPOSURE / light, 0.0)
+    sent = sent / np.maximum(sent.max(axis=-1, keepdims=True), 1.0)
+    if not linear:
+        sent = np.where(sent <= 0.0031308, 12.92 * sent, 1.055 * sent ** (1 / 2.4) - 0.055)
+    return np.rint(255.0 * sent).astype(np.uint8)
+
+
+def group_of(arrow: str) -> str:
+    """The tick that an arrow belongs to."""
+    return "rotation" if arrow.startswith("angular") else "forces"
 
 
 def _turned(direction: np.ndarray) -> np.ndarray:

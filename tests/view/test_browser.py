@@ -27,6 +27,8 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
 from springgym import view
+from springgym.rendering.look import BLUE, IVORY
+from springgym.scenes.film import BALLS
 from tests.test_docs import page_writer
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
@@ -169,27 +171,36 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     number.send_keys(Keys.CONTROL, "a")
     number.send_keys("0.8", Keys.ENTER)
     until(lambda: page.motion.graphs["tilt [°]"]["tilt"].values[0] > 45)
-    shown = f"{page.motion.graphs['tilt [°]']['tilt'].values[page.motion.at(page.time)[0]]:.3g}°"
+    shown = f"{page.motion.graphs['tilt [°]']['tilt'].at(*page.motion.at(page.time)):.3g}°"
     until(lambda: f"tilt {shown}" in text(browser))
 
-    # a number that makes no sense is told, and the motion stays
-    kept = page.motion
+    # a number that makes no sense is told over an empty stage, on which nothing plays
+    kept, full = page.motion, settled(browser)
     page._ask("top", {("body", "mass"): -1.0})
     until(lambda: "positive" in text(browser))
+    assert "positive" in browser.find_element(By.CSS_SELECTOR, ".told.wrong").text
+    changes(browser, full)
+    assert not browser.find_element(By.XPATH, "//button[normalize-space()='play']").is_enabled()
+    assert "spin [rad/s] " not in text(browser)
     assert page.motion is kept
 
     # back to the file
     click(browser, "button", "as it was")
     until(lambda: abs(page.motion.fastest - spun.fastest) < 1e-6)
 
-    # springs by strain, forces
+    # springs by strain, forces and rotation are there at first; so is a key to them over the stage
+    until(lambda: browser.find_elements(By.CSS_SELECTOR, ".over"))
+    key = browser.find_element(By.CSS_SELECTOR, ".over")
+    for name in ("strain", "weight", "support", "ω, angular velocity", "L, angular momentum"):
+        assert name in key.text
+    assert key.rect["x"] + key.rect["width"] < browser.find_element(By.CSS_SELECTOR, "canvas").rect["width"]
     before = settled(browser)
     click(browser, "[role=tab]", "show")
     for tick in ("springs", "forces", "rotation", "rigid twin"):
         box = labelled(browser, tick)[0]
         browser.execute_script("arguments[0].click()", box)
     changes(browser, before)
-    until(lambda: "strain" in text(browser) and "angular momentum" in text(browser))
+    until(lambda: "angular momentum" not in text(browser))
 
     # another scene
     page._ask("rope-swing", {})
@@ -204,6 +215,92 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     assert text(browser).count("tilt [rad]") == 4
     assert requested(browser) == {"127.0.0.1"}
     assert not complaints(browser)
+
+
+def test_on_a_phone(browser, page):
+    """The panel is as broad as the page, and leaves the upper half to the body."""
+    size = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    opened(browser, page)
+    still = settled(browser)
+    assert still.shape[1] == 390
+    button = browser.find_element(By.XPATH, "//button[normalize-space()='play']")
+    sheet = button.find_element(By.XPATH, "./ancestor::*[contains(@style, 'max-height: 60%')][1]")
+    assert sheet.rect["width"] == 390
+    assert sheet.rect["y"] >= 0.49 * 844
+    assert button.rect["width"] > 300
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+    key = browser.find_element(By.CSS_SELECTOR, ".over").rect
+    body = still[int(key["y"] + key["height"]) : int(sheet.rect["y"])]
+    assert np.ptp(body, axis=(0, 1)).min() > 100
+    button.click()
+    until(lambda: page.time > 0)
+    # another scene is seen there, too; and what goes wrong is told there
+    page._ask("tippe-top", {})
+    until(lambda: "tippe-top" in text(browser))
+    client = next(iter(page._server.get_clients().values()))
+    until(
+        lambda: np.allclose(client.camera.position, page._stage.camera(page.motion, 390 / 844).eye, atol=1e-3)
+    )
+    page._ask("top", {("body", "mass"): -1.0})
+    until(lambda: browser.find_elements(By.CSS_SELECTOR, ".told.wrong"))
+    told = browser.find_element(By.CSS_SELECTOR, ".told.wrong").rect
+    assert told["x"] >= 0
+    assert told["x"] + told["width"] <= 390
+    assert told["y"] >= 0
+    assert told["y"] + told["height"] <= sheet.rect["y"]
+
+
+def test_colors_are_those_of_the_films(browser, page):
+    """Of meshes, balls and lines: some pixels have nearly the colour that is asked for."""
+    opened(browser, page)
+
+    def nearest(color):
+        return np.abs(picture(browser) - color).max(axis=2).min()
+
+    page._ask("newtons-cradle", {})
+    until(lambda: page.name == "newtons-cradle")
+    settled(browser)
+    for color in BALLS:
+        assert nearest(color) < 30, color
+    page._ask("ball-rolls", {})
+    until(lambda: page.name == "ball-rolls")
+    settled(browser)
+    for color in (BLUE, IVORY):
+        assert nearest(color) < 30, color
+
+
+def test_the_clock_of_who_seeks_shows_what_was_sought(browser, page):
+    opened(browser, page)
+    page.play(True)
+    until(lambda: page.time > 0.1)
+    browser.find_elements(By.CSS_SELECTOR, "[role=slider]")[0].send_keys(Keys.ARROW_RIGHT)
+    until(lambda: not page.playing)
+    time.sleep(1.0)  # what was on its way has come
+    assert float(labelled(browser, "time [s]")[-1].get_attribute("value")) == round(page.time, 3)
+    tilt = page.motion.graphs["tilt [°]"]["tilt"].at(*page.motion.at(page.time))
+    assert f"tilt {tilt:.3g}°" in text(browser)
+
+
+def test_a_class_needs_the_token(browser):
+    server, url = view._served(0, "127.0.0.1")
+    page = view.Page(server, view.scenes("top"))
+    thread = threading.Thread(target=page.run)
+    thread.start()
+    try:
+        browser.get(url[:-3])
+        assert "lacks the right token" in text(browser)
+        browser.get(url)
+        until(lambda: "spin [rad/s]" in text(browser))
+        until(server.get_clients)
+        browser.refresh()
+        until(lambda: "spin [rad/s]" in text(browser))
+        click(browser, "button", "pause")
+        until(lambda: not page.playing)
+    finally:
+        page.stop()
+        thread.join()
+        view._end(server)
 
 
 EVIL = """
@@ -254,6 +351,7 @@ def test_saved_page_plays_by_itself(browser, tmp_path):
     until(lambda: browser.find_elements(By.CSS_SELECTOR, "canvas"))
     until(lambda: np.ptp(picture(browser), axis=(0, 1)).min() > 100)
     changes(browser, picture(browser))
+    assert "L, angular momentum" in browser.find_element(By.CSS_SELECTOR, ".over").text
     assert requested(browser) == set()
     assert not complaints(browser)
 

@@ -17,6 +17,7 @@ def test_a_page_is_saved_and_holds_what_it_needs(tmp_path, capsys):
     text = path.read_text(encoding="utf-8")
     assert "__VISER_EMBED_DATA__" in text
     assert 'src="http' not in text
+    assert "ω, angular velocity" in text
 
 
 def test_an_episode_is_saved(tmp_path):

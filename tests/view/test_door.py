@@ -2,9 +2,11 @@
 
 import json
 import math
+import re
 import socket
 import time
 import urllib.error
+import urllib.parse
 import urllib.request
 
 import numpy as np
@@ -34,6 +36,7 @@ CAMERA = {
     "up_direction": [0, 0, 1],
 }
 SECRET = "what nobody offered"
+PROTOCOL = f"viser-v{viser.__version__}"
 
 
 @pytest.fixture
@@ -245,3 +248,95 @@ def test_the_next_free_port_is_taken_and_the_last_is_told(server):
         last.listen()
         with pytest.raises(OSError, match="port is 65535; no port from it on is free"):
             view._server(65535)
+
+
+@pytest.fixture
+def open_to_others():
+    made, url = view._served(0, "127.0.0.1")
+    yield made, url
+    view._end(made)
+
+
+def test_at_an_address_that_is_asked_for_only_the_token_opens(open_to_others):
+    server, url = open_to_others
+    host, token = url.removeprefix("http://").rstrip("/").split("/")
+    assert len(token) >= 4 * door.TOKEN / 3
+    assert asked(server, f"/{token}/")[0] == 200
+    assert asked(server, f"/{token}")[0] == 200
+    assert asked(server, f"/{token}/?a=b/c")[0] == 200
+    wrong = [
+        "",
+        token[:-1],
+        token + "x",
+        token.swapcase(),
+        "x/" + token,
+        "/" + token,
+        f"?{token}",
+        "%2e%2e",
+        "..",
+        "é",
+    ]
+    for path in wrong:
+        status, said = asked(server, "/" + urllib.parse.quote(path, safe="/?%."))
+        assert status == 403, path
+        assert token.encode() not in said
+    for path in ("", token[:-1], f"?{token}", f"x/{token}", f"/{token}"):
+        with pytest.raises(InvalidStatus) as refused:
+            connect(f"ws://{host}/{path}", origin=f"http://{host}", subprotocols=[PROTOCOL]).close()
+        assert refused.value.response.status_code == 403
+    for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example", "Origin": f"http://{host}"}):
+        assert asked(server, f"/{token}/", **headers)[0] == 403
+    assert not server.get_clients()
+    with connect(
+        f"ws://{host}/{token}", origin=f"http://{host}", subprotocols=[PROTOCOL], max_size=None
+    ) as client:
+        send(client, CAMERA)
+        until(server.get_clients)
+
+
+def test_bytes_that_are_no_letters_are_no_token(open_to_others):
+    server, _ = open_to_others
+    with socket.create_connection(("127.0.0.1", server.get_port())) as raw:
+        raw.sendall(b"GET /\xff\xfe HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert raw.recv(99).split()[1] in (b"400", b"403")
+
+
+def test_tokens_are_made_anew():
+    first, second = (door.Door(0, "127.0.0.1") for _ in range(2))
+    assert first.url.split("/")[3] != second.url.split("/")[3]
+    for made in (first, second):
+        made._socket.close()
+
+
+def test_unasked_it_is_this_machine_alone(server):
+    assert server.get_host() == "127.0.0.1"
+    made = door.Door(0)
+    assert made._socket.getsockname()[0] == "127.0.0.1"
+    assert made.url == f"http://127.0.0.1:{made.port}"
+    made._socket.close()
+    everywhere = door.Door(0, "0.0.0.0")
+    assert everywhere._socket.getsockname()[0] == "0.0.0.0"
+    assert "0.0.0.0" not in everywhere.url
+    everywhere._socket.close()
+
+
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ("", "must be an IPv4 address"),
+        ("localhost", "must be an IPv4 address"),
+        ("::", "must be an IPv4 address"),
+        ("192.168.0.1:80", "must be an IPv4 address"),
+        ("192.0.2.1", "this machine has no such address"),
+    ],
+)
+def test_an_address_that_is_none_is_told(address, message, capsys):
+    assert main(["view", "top", "--address", address, "--no-browser"]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_the_address_with_the_token_is_printed(monkeypatch, capsys):
+    monkeypatch.setattr(view.Page, "run", lambda page: None)
+    assert main(["view", "top", "--address", "127.0.0.1", "--port", "0", "--no-browser"]) == 0
+    printed = capsys.readouterr().out
+    assert re.fullmatch(r"top: http://127\.0\.0\.1:\d+/[\w-]{22}/ \(Ctrl-C ends\)\n", printed)

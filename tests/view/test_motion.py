@@ -11,6 +11,7 @@ from springgym.scenes import load
 from springgym.scenes.film import TURN_A_FRAME
 from springgym.scenes.plan import SPEEDS
 from springgym.scenes.recording import record
+from springgym.simulator import PAPER_METHOD
 from springgym.view.motion import of_recording
 
 pytest.importorskip("viser")
@@ -57,6 +58,34 @@ def test_floor_holds_what_lies_on_it():
     assert recording.plan.scene.surfaces[0].height(arrows["support"].origins[-1]) == pytest.approx(
         lowest, abs=1e-3
     )
+
+
+def test_contacts_are_recorded_where_they_can_be_told():
+    plan = replace(load("stack"), duration=0.1)
+    told = record(plan, contacts=True)
+    assert len(told.contacts) == len(told.times)
+    assert all(part.contacts == () for part in told.parts)
+    assert record(plan).contacts == ()
+    block = load("block-holds")
+    other = replace(block, duration=0.1, scene=block.scene.with_(contact=block.paper), **PAPER_METHOD)
+    assert record(other, contacts=True).contacts == ()
+    assert of_recording(record(other, contacts=True), twin=False).touches is None
+
+
+def test_what_is_missing_is_told():
+    told = {
+        name: of_recording(recorded(name, 0.02), twin=False).note
+        for name in ("top", "newtons-cradle", "stack")
+    }
+    assert told["top"].startswith("pinned, no floor")
+    assert told["newtons-cradle"] == "no gravity"
+    assert told["stack"] == ""
+
+
+def test_without_gravity_there_is_no_weight():
+    """Nor an arrow of no numbers."""
+    arrows = of_recording(recorded("newtons-cradle", 0.02), twin=False).arrows
+    assert "weight" not in arrows
 
 
 def test_in_flight_nothing_holds():

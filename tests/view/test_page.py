@@ -1,8 +1,10 @@
 """The page without a browser: what its panel holds."""
 
+import re
 import threading
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 
 from springgym import view
@@ -83,10 +85,10 @@ def test_whatever_making_raises_the_page_lives_on(page, caplog):
         page._subject = page._subject._replace(make=raising)
         for kind in (ValueError, KeyError, RuntimeError, MemoryError, AttributeError, RecursionError):
             page._ask(page.name, {"error": kind("it went wrong")})
-            until(lambda: "it went wrong" in page._summary.content)
-            page._summary.content = ""
+            until(lambda: "it went wrong" in page._over.content)
+            page._say("")
         page._ask(page.name, {"error": RuntimeError()})
-        until(lambda: page._summary.content == "⚠ RuntimeError")
+        until(lambda: "⚠ RuntimeError" in page._over.content)
         assert page.motion is motion
         page._subject = page._subject._replace(make=make)
         page._ask(page.name, {("gravity",): 5.0})
@@ -102,8 +104,9 @@ def test_whatever_drawing_raises_the_page_lives_on(page, monkeypatch):
         with monkeypatch.context() as patched:
             patched.setattr(page._stage, "draw", lambda time: 1 / 0)
             until(lambda: not page.playing)
-            assert page._summary.content == "⚠ division by zero"
+            until(lambda: "⚠ division by zero" in page._over.content)
         page.play(True)
+        assert page._over.content == ""
         was = page.time
         until(lambda: page.time != was)
         assert playing.is_alive()
@@ -138,3 +141,126 @@ def test_what_a_client_sends_is_done_once_a_frame(page):
         assert len(made) < 500
         assert playing.is_alive()
         assert page._speed.value in page._speed.options
+
+
+def test_what_diverges_leaves_the_stage(page):
+    """It is said over the stage, and the old motion is neither seen nor played under the new sliders."""
+    make, motion = page._subject.make, page.motion
+
+    def diverging(name, changes):
+        if changes:
+            raise ValueError("it <diverged>")
+        return make(name, changes)
+
+    page._subject = page._subject._replace(make=diverging)
+    with connected(page._server) as client, run(page):
+        send(client, CAMERA)
+        until(page._server.get_clients)
+        page._ask(page.name, {("gravity",): 9.0})
+        until(lambda: not page._shown)
+        assert "class='told wrong'>⚠ it &lt;diverged&gt;<" in page._over.content
+        assert not page._stage._world.visible
+        assert not page._plot.visible
+        assert not page.playing
+        stood = page.time
+        send(client, value(page._button, True), value(page._moment, 0.05))
+        page.play(True)
+        assert not page.playing
+        page._ask(page.name, {("gravity",): 8.0})  # until this has been tried, what was sent has come
+        until(lambda: page._begun is None)
+        assert not page.playing
+        assert page.time == stood
+        page._ask(page.name, {})
+        until(lambda: page._shown)
+        assert page.motion is not motion
+        assert page._stage._world.visible
+        assert page._plot.visible
+        assert page._over.content == ""
+        page.play(True)
+        until(lambda: page.time != stood)
+
+
+def test_the_old_motion_stands_while_another_is_made(page):
+    make, go = page._subject.make, threading.Event()
+
+    def waiting(name, changes):
+        go.wait(60)
+        return make(name, changes)
+
+    page._subject = page._subject._replace(make=waiting)
+    with run(page):
+        until(lambda: page.time > 0)
+        page._ask(page.name, {("gravity",): 5.0})
+        until(lambda: "simulating" in page._over.content)
+        stood, motion = page.time, page.motion
+        assert page.playing
+        until(lambda: page._due == {})
+        assert page.time == stood
+        go.set()
+        until(lambda: page.motion is not motion and page._over.content == "")
+        until(lambda: page.time != stood)
+
+
+def test_clock_readings_and_picture_agree_after_a_seek(page):
+    """Even with who sought while it played: the clock of the frame before is still on its way to him."""
+    with connected(page._server) as client, run(page):
+        send(client, CAMERA)
+        until(page._server.get_clients)
+        drawn = []
+        draw = page._stage.draw
+        page._stage.draw = lambda time: drawn.append(time) or draw(time)
+        for sought in (0.0234, 0.0711):
+            page.play(True)
+            until(lambda: page.playing and len(drawn) > 9)
+            send(client, value(page._moment, sought))
+            until(lambda: not page.playing)
+            until(lambda s=sought: page._moment.value == round(s, 3))
+            assert page.time == drawn[-1] == sought
+            queued = page._server._websock_server._broadcast_buffer.message_from_id.values()
+            (told,) = (
+                of
+                for of in queued
+                if getattr(of, "uuid", "") == page._moment._impl.uuid
+                and "value" in getattr(of, "updates", ())
+            )
+            assert told.updates["value"] == round(sought, 3)
+            assert told.excluded_self_client is None
+            heights = page.motion.graphs["height [m]"]["height"].values
+            expected = np.interp(sought, page.motion.times, heights)
+            assert f"height {round(expected, 5):.3g} m" in page._readings.content
+
+
+def test_clock_agrees_with_the_picture_when_it_stops(page):
+    with run(page):
+        until(lambda: page.time > 0)
+        page.play(False)
+        until(lambda: not page._due)
+        assert page._moment.value == round(page.time, 3)
+
+
+def test_the_key_says_what_is_seen(page):
+    assert "pinned, no floor" in page._key.content
+    assert "strain" in page._key.content
+    page._turn_to("top", view.simulated("top", {}))
+    told = re.sub("<[^>]*>", " ", page._key.content)
+    for name in ("trace", "weight", "support", "ω, angular velocity", "L, angular momentum"):
+        assert name in told
+    assert "rigid twin" not in told
+    page._ticks["forces"].value = False
+    page._ticks["rigid twin"].value = True
+    page._ticked()
+    assert "weight" not in page._key.content
+    assert "rigid twin" in page._key.content
+    assert not page._stage._nodes["/world/arrows/weight"].visible
+    page._turn_to("block-holds", view.simulated("block-holds", {}))
+    assert "no floor" not in page._key.content
+    assert "force of a contact" in page._key.content
+    assert page._stage._nodes["/world/contacts/forces"].visible
+
+
+def test_the_key_has_the_marks_of_an_environment(page):
+    from springgym.view.episodes import find_agent, played
+
+    motion = played(find_agent("zero", "SpringTumble-v0"), 0)
+    page._show(motion)
+    assert "ring: here; ball: this corner up" in page._key.content

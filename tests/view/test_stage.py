@@ -1,0 +1,109 @@
+"""The stage without a browser: colours, contacts and where it is seen from."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser")
+
+from springgym import view
+from springgym.rendering import look
+from springgym.view.stage import FOV, FROM_ACES, LIT, SHEET, TO_ACES, Stage, toned
+
+
+@pytest.fixture
+def stage():
+    server = view._server(0)
+    yield Stage(server)
+    view._end(server)
+
+
+def seen(color, light, linear):
+    """What three.js makes of the colour of a surface under some light."""
+    sent = np.asarray(color, float) / 255
+    if not linear:
+        sent = np.where(sent <= 0.04045, sent / 12.92, ((sent + 0.055) / 1.055) ** 2.4)
+    v = TO_ACES @ (sent * light / 0.6)
+    v = (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081)
+    shown = np.clip(FROM_ACES @ v, 0, 1)
+    return 255 * np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * shown ** (1 / 2.4) - 0.055)
+
+
+@pytest.mark.parametrize("linear", [True, False])
+@pytest.mark.parametrize("light", [1.0, LIT])
+def test_colors_are_those_of_the_films(light, linear):
+    for name in ("BLUE", "ORANGE", "GREEN", "TEAL", "RED", "SLATE", "INK", "STEEL"):
+        color = getattr(look, name)
+        np.testing.assert_allclose(seen(toned(color, light, linear), light, linear), color, atol=4)
+    many = np.array([look.BLUE, look.RED])
+    np.testing.assert_array_equal(toned(many, light, linear)[1], toned(look.RED, light, linear))
+    white = seen(toned((255, 255, 255), light, linear), light, linear)
+    assert white.min() > 220  # as bright as it gets
+    assert np.ptp(white) < 3
+
+
+def test_contacts_are_those_of_the_simulator():
+    """A block on a slope: the forces carry its weight, at points where it touches."""
+    motion = view.simulated("block-holds", {})
+    points, vectors, mutual = motion.touches
+    there = np.isfinite(points[-1]).all(axis=1)
+    assert there.sum() >= 3
+    assert not mutual.any()
+    weight = motion.arrows["weight"].vectors[-1]
+    np.testing.assert_allclose(
+        vectors[-1].sum(axis=0), -weight, rtol=0.02, atol=0.02 * np.linalg.norm(weight)
+    )
+    lowest = np.abs(points[-1, there][:, None] - motion.positions[-1]).max(axis=2).min(axis=1)
+    assert lowest.max() < 0.01 * motion.extent
+    assert view.simulated("top", {}).touches is None
+
+
+def test_both_of_two_bodies_feel_a_contact(stage):
+    motion = view.simulated("stack", {})
+    n = len(motion.times) - 1
+    points, vectors, mutual = (of[n] for of in motion.touches)
+    there = np.isfinite(points).all(axis=1)
+    assert 0 < mutual[there].sum() < there.sum()
+    stage.set_up(motion)
+    stage.draw(float(motion.times[n]))
+    drawn = stage._nodes["/world/contacts/forces"].points
+    felt = np.linalg.norm(vectors, axis=1) > 0.02 * motion.extent
+    assert len(drawn) == (felt & there).sum() + (felt & there & mutual).sum()
+    stage.show(contacts=False)
+    stage.draw(0.0)
+    assert not stage._nodes["/world/contacts/forces"].visible
+
+
+def test_a_round_body_shows_its_skin_and_others_their_springs(stage):
+    ball, top = view.simulated("ball-rolls", {}), view.simulated("top", {})
+    assert not ball.glassy
+    assert top.glassy
+    stage.show(springs=ball.glassy)
+    stage.set_up(ball)
+    colors = {tuple(mesh.color) for mesh, _ in stage._faces}
+    assert len(colors) == 3
+    before = [mesh.vertices.copy() for mesh, _ in stage._faces]
+    stage.draw(float(ball.times[-1]))
+    turned = np.concatenate([mesh.vertices for mesh, _ in stage._faces]) - ball.centre[-1]
+    came = np.concatenate(before) - ball.centre[0]
+    assert np.abs(turned - came).max() > 0.05  # of a radius of 0.1
+    assert all(mesh.opacity is None for mesh, _ in stage._faces)
+
+
+@pytest.mark.parametrize("scene", ["top", "tippe-top", "ball-rolls"])
+@pytest.mark.parametrize("aspect", [0.46, 1.0])
+@pytest.mark.parametrize("rotation", [True, False])
+def test_all_is_in_the_free_part_of_the_picture(stage, scene, aspect, rotation):
+    motion = view.simulated(scene, {})
+    stage.show(rotation=rotation)
+    camera = stage.camera(motion, aspect)
+    assert camera.fov == FOV
+    x = motion.look.points(motion.positions[::10])
+    tips = [
+        o[::10, None] + v[::10, None]
+        for name, (o, v, _) in motion.arrows.items()
+        if rotation and "angular" in name
+    ]
+    pixels, _ = camera.project(np.concatenate([x, *tips], axis=1).reshape(-1, 3), (1000 * aspect, 1000.0))
+    assert pixels.min() > 0
+    assert pixels[:, 0].max() < 1000 * max(aspect, 1.3)
+    assert pixels[:, 1].max() < (1000 * (1 - SHEET) if aspect < 1 else 1000)
