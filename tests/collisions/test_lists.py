@@ -16,8 +16,8 @@ from springgym.forces.pairs import terms
 from springgym.forces.pairs.terms import ROWS, WATCHED
 from springgym.packing import pack_room
 from springgym.scene import Placed, Scene
-from springgym.simulator import Simulator
 from springgym.surfaces import Contact
+from tests.collisions.stepped import full
 from tests.collisions.test_rows import found
 
 COPIES, REACH = 16, 0.02
@@ -39,7 +39,7 @@ class Blocks:
     """A block of copies, what it is searched in, and what was found in it."""
 
     def __init__(self, scene: Scene = SCENE) -> None:
-        meets = Simulator(scene, copies=COPIES)._terms.meets
+        meets = full(scene, copies=COPIES)._terms.meets
         assert meets is not None
         self.scene, self.pairs = scene, meets.pairs
         self.x, self.v = (block_array(COPIES, (len(scene.positions), 3), float) for _ in range(2))

@@ -5,6 +5,7 @@ Drift h/2, all impulses, drift h/2: for tests that fail without that part. With 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -109,8 +110,8 @@ def advance(
 ) -> None:
     for block in range(x.shape[0]):
         for _ in range(steps):
-            own = (at(tally, block), at(told, block))
-            one_step(at(x, block), at(v, block), w, a, direction, h, terms, pairs, room, met, *own, lacks)
+            own = (at(pairs, block), room, met, at(tally, block), at(told, block))
+            one_step(at(x, block), at(v, block), w, a, direction, h, terms, *own, lacks)
 
 
 class World:
@@ -153,7 +154,7 @@ class World:
         blocks = partial(block_array, copies, dtype=dtype)
         self.pairs = pack_pairs(scene, Options(_verlet(), self.step, frozenset(), blocks))
         if not lean:
-            self.pairs = with_all_features(self.pairs)
+            self.pairs = with_all_features(self.pairs, blocks)
         self._room = pack_room(scene, self.pairs, self._x.dtype)
         self._tally = block_array(copies, (len(self.pairs.first) * ENTRIES,), dtype)
         numbers(self._tally)[:, GAP::ENTRIES] = np.inf
@@ -225,13 +226,21 @@ class World:
         return total + (0.5 * k * (stretch**2 - (self.step**2 / 4 * rate**2 if shadow else 0.0))).sum(-1)
 
 
-def with_all_features(pairs: Pairs) -> Pairs:
-    """Pairs without None."""
+def with_all_features(pairs: Pairs, blocks: Callable[..., np.ndarray]) -> Pairs:
+    """Pairs without None, and with friction and loss of each copy in ``blocks``."""
     shapes, count, bodies = pairs.shapes, len(pairs.first), len(pairs.shapes.radius)
     none = np.zeros(bodies, bool)
+
+    def of_copies(values: np.ndarray | None) -> np.ndarray:
+        if values is not None and values.dtype.names:
+            return values
+        array = blocks(count)
+        numbers(array)[:] = np.zeros((count, 1)) if values is None else values[:, None]
+        return array
+
     return pairs._replace(
-        friction=np.zeros(count) if pairs.friction is None else pairs.friction,
-        loss=np.zeros(count) if pairs.loss is None else pairs.loss,
+        friction=of_copies(pairs.friction),
+        loss=of_copies(pairs.loss),
         shapes=shapes._replace(
             triangles=np.zeros((0, 3), np.uint32) if shapes.triangles is None else shapes.triangles,
             edges=np.zeros((0, 2), np.uint32) if shapes.edges is None else shapes.edges,
