@@ -30,17 +30,63 @@ def colliding() -> tuple[str, ...]:
     return ("tests/collisions/", "self_play", *(env_id.partition("-v")[0] for env_id in COLLIDING))
 
 
-class ByWhatIsCompiled(LoadScopeScheduling):
-    """Runs the tests of a file in one process, and so all of bodies that collide.
+@pytest.fixture
+def one_width(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compute one copy in a block as wide as that of a batch, which makes one kernel of two.
 
-    Their steps take the longest to compile, and have parts in common that a process compiles once.
+    That both widths give the same bits is tested elsewhere.
     """
+    from springgym import simulator
+    from springgym.core import blocks
+
+    layout = blocks.block_layout
+
+    def wide(copies: int, shape: tuple[int, ...], dtype: Any) -> tuple[tuple[int, ...], Any]:
+        return layout(max(copies, 2), shape, dtype)
+
+    for module in (blocks, simulator):
+        monkeypatch.setattr(module, "block_layout", wide)
+
+
+@pytest.fixture(autouse=True)
+def _one_width_where_bodies_collide(request: pytest.FixtureRequest) -> None:
+    """In all environments but `SINGLE`: their kernels take half a minute to compile. Slow runs have both."""
+    from tests.envs.cases import COLLIDING, SINGLE
+
+    nodeid = request.node.nodeid
+    told = [env_id.partition("-v")[0] for env_id in COLLIDING if env_id != SINGLE]
+    if any(name in nodeid for name in told) and not request.node.get_closest_marker("slow"):
+        request.getfixturevalue("one_width")
+
+
+LONGEST = (
+    "colliding",
+    "tests/test_rigid_collisions.py",
+    "tests/envs/test_contract.py",
+    "tests/forces/test_round.py",
+)
+"""What runs first, so that no process is left with it at the end."""
+
+
+def scope(nodeid: str) -> str:
+    """Tell which tests run in one process: those of a file, and all of bodies that collide.
+
+    These take the longest to compile, and have parts in common that a process compiles once.
+    """
+    return "colliding" if any(word in nodeid for word in colliding()) else nodeid.partition("::")[0]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: [scope(item.nodeid) != first for first in LONGEST])
+
+
+class ByWhatIsCompiled(LoadScopeScheduling):
+    """Runs the tests of a `scope` in one process, and scopes in the order in which they were collected."""
 
     def _split_scope(self, nodeid: str) -> str:
-        if any(word in nodeid for word in colliding()):
-            return "colliding"
-        return nodeid.partition("::")[0]
+        return scope(nodeid)
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByWhatIsCompiled:
+    config.option.loadscopereorder = False  # by the number of tests, which says nothing of how long they take
     return ByWhatIsCompiled(config, log)

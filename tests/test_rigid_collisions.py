@@ -1,6 +1,6 @@
 """Rigid bodies that collide: momenta, energy, restitution, friction, pins and balls, and the springs' limit.
 
-Scenes of the same kinds differ in numbers alone, so that their kernels are compiled once.
+All scenes have all kinds of terms (`tests.collisions.stepped.full`), so that their kernels are compiled once.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from springgym.bodies import Body, ball, box, cube, top
 from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, floor
+from tests.collisions.cases import approach
 from tests.collisions.impacts import impacts
+from tests.collisions.stepped import full
 
 REACH, STRENGTH = 0.01, 0.01
 G = 9.81
 COPIES = 32
-RUBBING = ("friction", "restitution")
-"""What varies in most of these scenes: so μ = 0 or e = 1 is a number."""
 
 CUBE = cube(damping=0.0)
 SLAB = box((4.0, 4.0, 0.5), 8.0, damping=0.0)
@@ -43,8 +43,8 @@ def pair(body: Body = CUBE, how: Contact | None = None) -> Scene:
     )
 
 
-def twins(step: float, how: Contact | None = None, body: Body = CUBE, copies: int = COPIES) -> Simulator:
-    return Simulator(pair(body, how), dynamics="rigid", step=step, copies=copies, varying=RUBBING)
+def twins(step: float, how: Contact | None = None, body: Body = CUBE) -> Simulator:
+    return full(pair(body, how), dynamics="rigid", step=step, copies=COPIES)
 
 
 def thrown(step: float, how: Contact | None = None, body: Body = CUBE) -> Simulator:
@@ -128,17 +128,32 @@ def test_calls_of_any_length_have_the_bits_of_one_and_a_state_restores_an_impact
 
 
 def test_every_copy_has_the_bits_of_a_single_one() -> None:
+    """Also of one that has nothing but what its scene asks for."""
     batch = thrown(REACH / 30, contact(0.5, 0.6))
     x, v = impacts(CUBE, CUBE, 1.0, COPIES, np.random.default_rng(3))
     batch.advance(1500)
     hit = np.flatnonzero(batch.pairs().impulse[:, 0] > 0)
-    single = twins(REACH / 30, contact(0.5, 0.6), copies=1)
+    single = Simulator(pair(CUBE, contact(0.5, 0.6)), dynamics="rigid", step=REACH / 30)
     for copy in (hit[0], hit[-1]):
         single.place(x[copy], v[copy])
         single.advance(1500)
         np.testing.assert_array_equal(single.positions[0], batch.positions[copy])
         np.testing.assert_array_equal(single.measure().balance[0], batch.measure().balance[copy])
         np.testing.assert_array_equal(single.pairs().impulse[0], batch.pairs().impulse[copy])
+
+
+def test_contacts_are_told_as_those_of_springs() -> None:
+    """From node to node a body's momentum changes by half of what both nodes give."""
+    simulator = Simulator(pair(CUBE, contact(0.4, 0.6)), dynamics="rigid", step=1e-4)
+    simulator.place(*approach("crossed edges", 2.0))
+    momenta, impulses = [], []
+    for _ in range(300):
+        simulator.advance(1)
+        impulses.append(simulator.contacts().impulse[0].sum(axis=0))
+        momenta.append(simulator.measure("first").momentum[0])
+    given = np.array(impulses)
+    assert np.abs(given[:, 0]).sum() > 0.5
+    np.testing.assert_allclose(np.diff(momenta, axis=0), 0.5 * (given[1:] + given[:-1]), atol=1e-11)
 
 
 @pytest.mark.slow
@@ -150,7 +165,7 @@ def test_springs_approach_their_twin_as_they_grow_stiff() -> None:
     hit = rigid.pairs().impulse[:, 0] > 0
     errors = []
     for stiffness in (1e5, 1e6, 1e7):
-        springs = Simulator(pair(cube(stiffness=stiffness, damping=0.0)), copies=COPIES, varying=RUBBING)
+        springs = full(pair(cube(stiffness=stiffness, damping=0.0)), copies=COPIES)
         springs.place(x, v)
         springs.advance(round(0.7 / springs.step))
         apart = [
@@ -183,7 +198,7 @@ def on_slab(angle: float = 0.0, how: Contact | None = None) -> Scene:
 
 
 def test_a_cube_and_a_ball_rest_on_a_pinned_slab() -> None:
-    simulator = Simulator(on_slab(), dynamics="rigid", step=1e-3, copies=2, varying=RUBBING)
+    simulator = full(on_slab(), dynamics="rigid", step=1e-3, copies=2)
     slab = simulator.positions[:, :8]
     simulator.advance(4000)
     x, still = simulator.positions, np.abs(simulator.velocities)
@@ -202,7 +217,7 @@ def test_a_cube_and_a_ball_rest_on_a_pinned_slab() -> None:
 def test_friction_holds_below_its_limit_and_slides_above() -> None:
     slides = []
     for angle in (25.5, 27.6):  # arctan 0.5 is 26.57°
-        simulator = Simulator(on_slab(angle), dynamics="rigid", step=1e-3, copies=2, varying=RUBBING)
+        simulator = full(on_slab(angle), dynamics="rigid", step=1e-3, copies=2)
         simulator.advance(1500)  # it falls by Δ and comes to rest, or does not
         before = [simulator.measure(body) for body in ("cube", "ball")]
         simulator.advance(200)
@@ -225,7 +240,7 @@ def test_a_body_turns_about_its_pin_when_it_is_hit() -> None:
         contact=contact(),
         collisions="all",
     )
-    simulator = Simulator(scene, dynamics="rigid", step=2e-4, copies=2, varying=RUBBING)
+    simulator = full(scene, dynamics="rigid", step=2e-4, copies=2)
     pin, mass = pinned[0], np.concatenate([CUBE.masses, CUBE.masses])
 
     def about_pin() -> np.ndarray:
@@ -251,7 +266,7 @@ def test_cubes_stack_on_a_floor_and_one_is_pushed() -> None:
         contact=contact(0.5, 0.3),
         collisions="all",
     )
-    simulator = Simulator(scene, dynamics="rigid", step=1e-3, copies=2, varying=RUBBING)
+    simulator = full(scene, dynamics="rigid", step=1e-3, copies=2)
     first = simulator.measure().balance
     simulator.advance(4000)
     assert np.abs(simulator.velocities).max() < 1e-6

@@ -2,19 +2,81 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 from unittest import mock
 
 import numpy as np
 
-from springgym import packing
+from springgym import packing, simulator
 from springgym.contact.pairs import Pairs
 from springgym.contact.totals import ENTRIES
+from springgym.core import ragged
 from springgym.core.blocks import to_copies
-from springgym.packing import pack_pairs
+from springgym.core.kinds import Each
+from springgym.forces import Terms
+from springgym.forces.actuators import Wrench
 from springgym.scene import Scene
 from springgym.simulator import Simulator
+from springgym.surfaces import Contact, Plane
 from tests.collisions.world import with_all_features
+
+FAR = Plane((0, 0, -100), (0, 0, 1))
+"""A floor that nothing comes near."""
+
+
+def with_all_terms(scene: Scene) -> Scene:
+    """A scene with gravity and a floor, be they without effect."""
+    if not scene.gravity:
+        scene = scene.with_(gravity=(0.0, 0.0, 0.0))
+    if scene.surfaces:
+        return scene
+    contact = scene.contact if scene.collisions == "all" else Contact(strength=1e-3, reach=1e-3)
+    return scene.with_(surfaces=(FAR,), contact=contact)
+
+
+def full(scene: Scene, *, dynamics: str = "springs", **options: Any) -> Simulator:
+    """A simulator of bodies that collide, with all kinds of terms: those of any scene share code.
+
+    What a scene does not have does nothing there: damping, friction, loss and a radius of zero, an idle
+    wrench, a floor far below.
+    """
+    pack, pack_pairs, actuators = packing._packed, packing.pack_pairs, packing._actuators
+
+    def packed(
+        part: Scene, whole: Scene, shared: Terms, twin: bool, given: packing.Options
+    ) -> packing.Packed:
+        found = pack(part, whole, shared, twin, given)
+        surfaces = found.terms.surfaces
+        assert surfaces is not None
+        rigid = found.twin
+        if twin and rigid[1] is None:
+            rigid = (rigid[0], given.parameter({"masses"}, np.zeros(1)))
+        terms = found.terms._replace(surfaces=surfaces._replace(radius=float(part.body.radius)))
+        return found._replace(terms=terms, twin=rigid)
+
+    def actuated(part: Scene, whole: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
+        markers = np.array(part.body.markers, np.uint32)
+        idle = Wrench(blocks(3), blocks(3), blocks(3), markers, part.pivot, 1.0)
+        return {"wrench": idle} | actuators(part, whole, blocks)
+
+    def paired(whole: Scene, given: packing.Options) -> Pairs:
+        return with_all_features(pack_pairs(whole, given), given.blocks)
+
+    def stacked(terms: Sequence[Any]) -> Any:
+        """Also numbers that are the same in all are of each body."""
+        first = terms[0]
+        if isinstance(first, bool | int | float):
+            return Each(np.array(terms))
+        if isinstance(first, tuple) and any(term is not first for term in terms):
+            parts = [stacked(of) for of in zip(*terms, strict=True)]
+            return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
+        return ragged.stacked(terms)
+
+    varying = ("friction", "restitution", *(("damping",) if dynamics == "springs" else ()))
+    of_packing = {"_packed": packed, "_actuators": actuated, "pack_pairs": paired, "stacked": stacked}
+    with mock.patch.multiple(packing, **of_packing), mock.patch.object(simulator, "stacked", stacked):
+        return Simulator(with_all_terms(scene), dynamics=dynamics, varying=varying, **options)
 
 
 class Stepped:
@@ -33,19 +95,10 @@ class Stepped:
         lean: bool = False,
         threads: int = 1,
     ) -> None:
-        self.scene = scene if lean or scene.gravity else scene.with_(gravity=(0.0, 0.0, 0.0))
-        varying = ("damping", "friction", "restitution") if scene.surfaces else ("damping",)
-        whole = lambda *given: with_all_features(pack_pairs(*given))  # noqa: E731
-        with mock.patch.object(packing, "pack_pairs", pack_pairs if lean else whole):
-            self.simulator = Simulator(
-                self.scene,
-                step=step,
-                copies=copies,
-                dtype=dtype,
-                threads=threads,
-                unresolved="count",
-                varying=() if lean else varying,
-            )
+        options: dict[str, Any] = {"step": step, "copies": copies, "dtype": dtype, "threads": threads}
+        options |= {"unresolved": "count"}
+        self.scene = scene if lean else with_all_terms(scene)
+        self.simulator = Simulator(scene, **options) if lean else full(scene, **options)
         self.step = self.simulator.step
 
     @property

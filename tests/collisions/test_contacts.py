@@ -13,7 +13,7 @@ from springgym.scene import Placed, Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, PaperContact, Plane
 from tests.collisions.cases import CUBE, approach
-from tests.collisions.stepped import Stepped
+from tests.collisions.stepped import Stepped, full
 
 FLOOR = Plane((0, 0, 0), (0, 0, 1))
 BLOCK = cube(damping=200.0)
@@ -106,29 +106,13 @@ def test_impulses_are_what_changes_momenta(way: str) -> None:
     np.testing.assert_allclose(changed, 0.5 * (given[1:] + given[:-1]), atol=1e-12)
 
 
-def test_rigid_bodies_tell_alike() -> None:
-    x, v = approach("crossed edges", 2.0)
-    bodies = (Placed(CUBE, name="a"), Placed(CUBE, np.add(CUBE.positions, (3, 0, 0)), name="b"))
-    scene = Scene(bodies=bodies, gravity=None, collisions=Contact(friction=0.4, restitution=0.6))
-    simulator = Simulator(scene, dynamics="rigid", step=1e-4)
-    simulator.place(x, v)
-    momenta, impulses = [], []
-    for _ in range(300):
-        simulator.advance(1)
-        impulses.append(simulator.contacts().impulse[0].sum(axis=0))
-        momenta.append(simulator.measure("a").momentum[0])
-    given = np.array(impulses)
-    assert np.abs(given[:, 0]).sum() > 0.5
-    np.testing.assert_allclose(np.diff(momenta, axis=0), 0.5 * (given[1:] + given[:-1]), atol=1e-11)
-
-
 def test_where_balls_touch() -> None:
     """Between the rims of two balls, along the line of their centres; from the start, half a node, on."""
     small, large = ball(0.1, 0.2), ball(0.3, 1.0)
     along = np.array([2.0, 1.0, -2.0]) / 3
     bodies = (Placed(small, name="a"), Placed(large, -0.404 * along[None], name="b"))
     scene = Scene(bodies=bodies, gravity=None, collisions=Contact(strength=1e-3, reach=5e-3))
-    simulator = Simulator(scene)
+    simulator = full(scene)
     found = simulator.contacts()
     assert found.there.shape == (1, 1)
     assert (found.first[0, 0], found.second[0, 0], found.surface[0, 0]) == (0, 1, -1)

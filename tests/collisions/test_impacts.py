@@ -10,7 +10,6 @@ import pytest
 from springgym.bodies import Body, cube, from_points, top
 from springgym.collisions import distance
 from springgym.contact.totals import FAST, GAP, IMPULSE, MISSES, OVERFLOW, TOUCHING
-from springgym.simulator import Simulator
 from tests.collisions.cases import CUBE, WAYS, approach
 from tests.collisions.impacts import impacts, pair_scene
 from tests.collisions.stepped import Stepped
@@ -159,7 +158,7 @@ def test_every_way_to_meet(speed: float, most: float) -> None:
     worst = []
     for finer in (1, 3):
         scene = pair_scene(CUBE, CUBE)
-        world = Stepped(scene, copies=len(WAYS), step=Simulator(scene).step / finer)
+        world = Stepped(scene, copies=len(WAYS), step=Stepped(scene).step / finer)
         x, v = map(np.array, zip(*(approach(way, speed) for way in WAYS), strict=True))
         world.place(x, v)
         energy, momenta = world.energy(), world.momenta()

@@ -17,8 +17,8 @@ from springgym.contact.rows import FAR, ROWS
 from springgym.core.blocks import block_array, copy_views, numbers, set_all
 from springgym.packing import search_workspace
 from springgym.scene import Placed, Scene
-from springgym.simulator import Simulator
 from springgym.surfaces import Contact
+from tests.collisions.stepped import full
 from tests.collisions.test_rows import found
 
 COPIES, REACH = 16, 0.02
@@ -40,7 +40,7 @@ class Blocks:
     """A block of copies, what it is searched in, and what was found in it."""
 
     def __init__(self, scene: Scene = SCENE) -> None:
-        collisions = Simulator(scene, copies=COPIES)._terms.collisions
+        collisions = full(scene, copies=COPIES)._terms.collisions
         assert collisions is not None
         self.scene, self.pairs = scene, collisions.pairs
         self.x, self.v = (block_array(COPIES, (len(scene.positions), 3), float) for _ in range(2))

@@ -12,6 +12,7 @@ from springgym.packing import pack_outlines
 from springgym.scene import Placed, Scene
 from springgym.simulator import SimulationDivergedError, Simulator, UnresolvedContactError
 from springgym.surfaces import Contact
+from tests.collisions.stepped import full
 from tests.collisions.throws import THROWS, in_each_other, thrown, watched
 
 BALL = ball(0.1)
@@ -29,7 +30,7 @@ def two_balls(speed: float, copies: int = 1, **options: object) -> Simulator:
     )
     contact = Contact(strength=0.05, reach=0.01)
     scene = Scene(bodies=bodies, gravity=None, collisions=contact)
-    return Simulator(scene, step=1e-3, copies=copies, **options)  # type: ignore[arg-type]
+    return full(scene, step=1e-3, copies=copies, **options)
 
 
 @pytest.mark.slow

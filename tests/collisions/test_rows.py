@@ -14,8 +14,8 @@ from springgym.core.blocks import at, block_array, copy_views, numbers, set_all
 from springgym.core.compiling import kernel
 from springgym.packing import search_workspace
 from springgym.scene import Placed, Scene
-from springgym.simulator import Simulator
 from springgym.surfaces import Contact
+from tests.collisions.stepped import full
 
 
 @kernel
@@ -32,7 +32,7 @@ def contacts(places: np.ndarray) -> tuple[int, Any]:
     """The rows of contacts of copies (16, 3) of where a ball is above a plate."""
     bodies = (Placed(PLATE, name="plate"), Placed(ball(RADIUS, 0.2), CROWN[None] + [0, 0, 1.0], name="ball"))
     scene = Scene(bodies=bodies, collisions=Contact(strength=1.25e-3, reach=REACH))
-    collisions = Simulator(scene, copies=COPIES, step=1e-3)._terms.collisions
+    collisions = full(scene, copies=COPIES, step=1e-3)._terms.collisions
     assert collisions is not None
     x, v = (block_array(COPIES, (len(scene.positions), 3), float) for _ in range(2))
     positions = np.repeat(scene.positions[None], COPIES, axis=0)

@@ -5,6 +5,7 @@ Drift h/2, all impulses, drift h/2: for tests that fail without that part. With 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -115,7 +116,7 @@ def advance(
     for block in range(x.shape[0]):
         for _ in range(steps):
             own = Collisions(
-                collisions.pairs,
+                at(collisions.pairs, block),
                 at(collisions.totals, block),
                 at(collisions.totals_before, block),
                 at(collisions.changing, block),
@@ -165,7 +166,7 @@ class World:
         blocks = partial(block_array, copies, dtype=dtype)
         self.pairs = pack_pairs(scene, Options(_verlet(), self.step, frozenset(), blocks))
         if not lean:
-            self.pairs = with_all_features(self.pairs)
+            self.pairs = with_all_features(self.pairs, blocks)
         self._found = search_workspace(scene, self.pairs, self._x.dtype)
         totals = block_array(copies, (len(self.pairs.first) * ENTRIES,), dtype)
         numbers(totals)[:, GAP::ENTRIES] = np.inf
@@ -236,13 +237,21 @@ class World:
         return total + (0.5 * k * (stretch**2 - (self.step**2 / 4 * rate**2 if shadow else 0.0))).sum(-1)
 
 
-def with_all_features(pairs: Pairs) -> Pairs:
-    """Pairs without None."""
+def with_all_features(pairs: Pairs, blocks: Callable[..., np.ndarray]) -> Pairs:
+    """Pairs without None, and with friction and loss of each copy in ``blocks``."""
     shapes, count, bodies = pairs.shapes, len(pairs.first), len(pairs.shapes.radius)
     none = np.zeros(bodies, bool)
+
+    def of_copies(values: np.ndarray | None) -> np.ndarray:
+        if values is not None and values.dtype.names:
+            return values
+        array = blocks(count)
+        numbers(array)[:] = np.zeros((count, 1)) if values is None else values[:, None]
+        return array
+
     return pairs._replace(
-        friction=np.zeros(count) if pairs.friction is None else pairs.friction,
-        loss=np.zeros(count) if pairs.loss is None else pairs.loss,
+        friction=of_copies(pairs.friction),
+        loss=of_copies(pairs.loss),
         shapes=shapes._replace(
             triangles=np.zeros((0, 3), np.uint32) if shapes.triangles is None else shapes.triangles,
             edges=np.zeros((0, 2), np.uint32) if shapes.edges is None else shapes.edges,

@@ -24,6 +24,8 @@ with warnings.catch_warnings():
 
 COPIES = 8
 
+pytestmark = pytest.mark.usefixtures("one_width")
+
 
 @pytest.mark.parametrize(("env_id", "honest"), [("Balance", 300), ("Shove", 200), ("Juggle", 300)])
 def test_who_fails_after_success_has_none(env_id: str, honest: int) -> None:

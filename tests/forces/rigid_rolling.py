@@ -31,7 +31,7 @@ class Solid(NamedTuple):
     """(3, 3) A"""
 
 
-@njit
+@njit(cache=True)
 def touching(turn: Any, omega: Any, arm: Any, matrix: Any) -> Any:
     """ρ and its derivative."""
     up = np.array([0.0, 0.0, 1.0])
@@ -43,7 +43,7 @@ def touching(turn: Any, omega: Any, arm: Any, matrix: Any) -> Any:
     return rho, np.cross(omega, rho) - turn @ (change / size - pull * ((g @ change) / size**3))
 
 
-@njit
+@njit(cache=True)
 def slope(y: Any, mass: Any, inertia: Any, arm: Any, matrix: Any, g: Any, mu: Any, eps: Any) -> Any:
     """Derivative of x (3), v (3), ω (3), R (9); rolling if ε is 0."""
     up = np.array([0.0, 0.0, 1.0])
@@ -74,7 +74,7 @@ def slope(y: Any, mass: Any, inertia: Any, arm: Any, matrix: Any, g: Any, mu: An
     return out
 
 
-@njit
+@njit(cache=True)
 def solved(
     y: Any,
     mass: Any,
