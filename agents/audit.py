@@ -44,7 +44,7 @@ Verdict = Literal["survives", "does not survive", "undecided", "not played"]
 
 
 def verdict(own: float, lost: float, error: float) -> Verdict:
-    """Tell whether a return survives a loss that is known to a standard error, with a certainty of 95 %.
+    """Return whether a return survives a loss of a known standard error, at 95 % certainty.
 
     A return of 0 has nothing to lose: of it nothing is known.
     """
@@ -124,13 +124,13 @@ def audit(agent: str, env_id: str, kwargs: Mapping[str, Any], episodes: int, see
 
 
 def survives(findings: Sequence[Finding]) -> bool:
-    """Tell whether an agent survives all the other simulations that are played, and one is."""
+    """Return whether an agent survives all the other simulations that are played, and at least one is."""
     others = [found.verdict for found in findings[1:] if found.verdict != "not played"]
     return bool(others) and all(said == "survives" for said in others)
 
 
 SAID = {"does not survive": "DOES NOT SURVIVE", "undecided": "undecided: it takes more episodes to tell"}
-"""How verdicts are told, where in other words."""
+"""The printed words for verdicts, where they differ."""
 
 
 def table(findings: Sequence[Finding]) -> str:

@@ -135,7 +135,7 @@ def training(cell: Cell, plan: Plan) -> list[str]:
 
 
 def trained_for(folder: Path) -> float:
-    """Return what `probe` gave for the task when a run began."""
+    """Return the result of `probe` for the task at the beginning of a run."""
     try:
         return float((folder / "probe.txt").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -153,7 +153,7 @@ def put_away(folder: Path) -> None:
 
 
 def last_row(folder: Path) -> tuple[int, float]:
-    """Return how far a run has come: steps, and seconds of processor time."""
+    """Return the progress of a run: steps, and seconds of processor time."""
     try:
         lines = (folder / "metrics.csv").read_text(encoding="utf-8").splitlines()
         cells = dict(zip(lines[0].split(","), lines[-1].split(","), strict=True))
@@ -376,7 +376,7 @@ class Table:
             raise ConfigError(f"{path}: not the rows of a benchmark: {error!r}") from error
 
     def current(self, cell: Cell, plan: Plan, probes: dict[str, float]) -> bool:
-        """Tell whether there is a row of what the cell is now."""
+        """Return whether there is a row for the cell as it is now."""
         row = self.rows.get(cell)
         return row is not None and (row["config"], row["probe"], row["episodes"]) == (
             digest(cell, plan),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from recorder import Recorder
 
 MAY_CHANGE = ("total_timesteps", "log_every", "checkpoint_every", "eval_env_kwargs")
-"""What of a configuration may change while a run goes on."""
+"""Settings that may change when a run is resumed."""
 
 
 def save_checkpoint(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Recorder) -> None:
@@ -121,7 +121,7 @@ def _restore(
 
 
 def asked_for(run: Run) -> dict[str, Any]:
-    """Return what was asked for of a run, as JSON has it."""
+    """Return the settings of a run, in the form that JSON has."""
     asked = {"algo": run.algo, "env_id": run.env_id, "seed": run.seed, **asdict(run.config)}
     return dict(json.loads(json.dumps(asked, default=str)))
 

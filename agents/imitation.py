@@ -1,4 +1,4 @@
-"""What PPO may begin with: to imitate classical control, before it learns by what it does itself.
+"""Imitation of classical control, with which PPO can begin.
 
 The controller plays in the copies that the agent learns in, with the noise that the agent is going to have,
 so that it is seen what it does after mistakes, too. The policy is fitted to what it wanted to do, the critic

@@ -1,4 +1,4 @@
-"""What learns: the copies that an agent trains in, and the untrained agent."""
+"""The learner: the copies that an agent trains in, and the untrained agent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long PPO takes to learn each task, and what of that is physics, what the policy, and what learning.
+"""Measure how long PPO takes to learn each task, and the shares of physics, policy and learning.
 
     python agents/learning_time.py                  # every task of configs/ppo.yaml
     python agents/learning_time.py SpringTop-v0 --seed 1 --json docs/learning_time.json
@@ -60,7 +60,7 @@ class Stopwatch(Recorder):
 
     @property
     def learned(self) -> bool:
-        """Tell whether the agent succeeds often enough."""
+        """Return whether the agent succeeds often enough."""
         return bool(self.progress) and (self.progress[-1][-1] or 0.0) >= ENOUGH
 
     def _on_rollout_start(self) -> None:

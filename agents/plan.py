@@ -114,7 +114,7 @@ def play(env: Any, model: Any, seed: int, planner: Planner) -> dict[str, Any]:
 
 
 def wilson(successes: int, episodes: int) -> tuple[float, float]:
-    """Where the rate of success lies (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
+    """Return an interval for the rate of success (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
     z, rate = 1.96, successes / episodes
     centre = rate + z * z / (2 * episodes)
     half = z * math.sqrt(rate * (1 - rate) / episodes + z * z / (4 * episodes**2))

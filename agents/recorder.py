@@ -1,4 +1,4 @@
-"""What a run writes while it trains: metrics.csv, progress.csv, checkpoints, and a bar on the terminal."""
+"""The files and messages of a run: metrics.csv, progress.csv, checkpoints, and a bar on the terminal."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Recorder(BaseCallback):
         self.progress: list[tuple[int, float, float, float | None]] = []
 
     def state(self) -> dict[str, Any]:
-        """Return what the rows still to come depend on."""
+        """Return the state on which the following rows depend."""
         names = ("seconds", "row_at", "steps", "episodes", "reward", "progress")
         return {name: getattr(self, name) for name in names}
 

@@ -187,7 +187,7 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def versions() -> dict[str, object]:
-    """Return what a run depends on besides its configuration."""
+    """Return the versions and the machine that a run depends on besides its configuration."""
     packages = ("springgym", "gymnasium", "numpy", "numba", "torch", "stable-baselines3", "sb3-contrib")
     installed: dict[str, str | None] = {}
     for name in packages:

@@ -13,7 +13,7 @@ REPETITIONS = 2000
 CONFIDENCE = 0.95
 
 Statistic = Callable[[np.ndarray], float]
-"""Of scores (n,)."""
+"""A function of scores (n,)."""
 
 
 def interquartile_mean(scores: np.ndarray) -> float:

@@ -121,8 +121,8 @@ def player(run: Run, path: Path) -> Player:
 
 
 FROM_NOTHING = ("imitate=0", "log_std_init=-0.5", "learning_rate=1e-3", "normalize=false")
-"""What is other than in ``configs/ppo.yaml``: nobody is imitated, so that there is more to find. Observations
-are not normalised, as the scales would have to be kept beside the model, to go on with."""
+"""Differences from ``configs/ppo.yaml``: agents do not imitate a controller, and explore more. Observations
+are not normalised, because training could not continue without the scales, which are not in the model."""
 
 
 def members(run: Run) -> dict[str, Path]:

@@ -32,9 +32,9 @@ from springgym.envs.sb3 import make_sb3
 
 DYNAMICS = ("springs", "rigid")
 RANDOMIZED = {"masses": (0.8, 1.2), "actuator": (0.8, 1.2)}
-"""What both dynamics have."""
+"""The randomisation of both dynamics."""
 STIFFNESS = (1.0, 0.3, 0.1, 0.03, 0.01)
-"""Of the springs, over the usual one."""
+"""Stiffness of the springs, relative to the default."""
 RIGID = "rigid"
 
 
@@ -49,7 +49,7 @@ def kinds() -> dict[str, dict[str, Any]]:
 
 
 def plan_of(kind: str, folder: Path, options: argparse.Namespace) -> Plan:
-    """Return how agents of a kind are trained."""
+    """Return the training plan of a kind of agents."""
     arguments = [f"env_kwargs.{key}={json.dumps(value)}" for key, value in kinds()[kind].items()]
     return Plan(
         folder / kind.replace(", ", "-"), options.episodes, (*options.overrides, *arguments), options.configs

@@ -71,7 +71,7 @@ SPACES["crossq"] = {key: value for key, value in SPACES["sac"].items() if key !=
 
 
 def suggested(trial: Any, algo: str) -> list[str]:
-    """Return what a trial tries, as ``--set`` takes it."""
+    """Return the settings of a trial, in the form that ``--set`` takes."""
     chosen = []
     for name, space in SPACES[algo].items():
         if isinstance(space, tuple):

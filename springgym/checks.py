@@ -1,4 +1,4 @@
-"""What an argument may be: each rule written once, for every public door.
+"""Checks of arguments. Each rule is written once, for all public functions.
 
 - A number is an int or a float, finite and at most `HUGE` in size. Bools, texts and None are none.
 - A positive number is at least `TINY`: say ``low=TINY``.
@@ -207,7 +207,7 @@ def _wrong(name: str, value: object, must: str) -> str:
 
 
 def _range(what: str, low: float, high: float) -> str:
-    """Return what a number must be."""
+    """Return a phrase that says what a number must be."""
     if low == TINY:
         return f"a positive {what}, from {low:g} to {high:g}"
     if what == "number":
@@ -236,7 +236,7 @@ def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]
 
 
 def _fits(given: tuple[int, ...], shapes: tuple[tuple[int | None, ...], ...]) -> bool:
-    """Tell whether a shape is one of some."""
+    """Return whether a shape is one of the allowed ones."""
     if given in shapes:
         return True
     return any(
@@ -246,7 +246,7 @@ def _fits(given: tuple[int, ...], shapes: tuple[tuple[int | None, ...], ...]) ->
 
 
 def _shapes(shapes: tuple[tuple[int | None, ...], ...]) -> str:
-    """Return what an array must be."""
+    """Return a phrase that says what an array must be."""
     return f"an array of shape {' or '.join(map(_shape, shapes))}"
 
 
@@ -255,7 +255,7 @@ def _shape(shape: tuple[int | None, ...]) -> str:
 
 
 def _mixed(value: object) -> bool:
-    """Tell whether lists, however deep, hold a bool: NumPy would make it 0 or 1 beside numbers."""
+    """Return whether nested lists contain a bool, which NumPy would turn into 0 or 1 beside numbers."""
     if isinstance(value, (list, tuple)):
         return any(map(_mixed, value))
     return isinstance(value, (bool, np.bool_))

@@ -42,7 +42,7 @@ MENDABLE = (
     *(ValueError, KeyError, OSError, ArithmeticError, MemoryError, ImportError),
     DependencyNotInstalled,
 )
-"""What is told in a line: the user can mend it."""
+"""Errors that a user can correct. The commands report them in one line."""
 
 WRONG_USE = 2
 INTERRUPTED = 130

@@ -74,7 +74,7 @@ def _stable(packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], 
 def _shapes(
     packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], pace: Pace
 ) -> list[dict[str, np.ndarray]]:
-    """Return what a rigid body takes of the masses that are given; refused where they leave it no inertia."""
+    """Return the values of rigid bodies of the given masses; raise ValueError if one has no inertia."""
     return [rigid.shape_values(packed.scene, masses) for masses in given.get("masses", ())]
 
 

@@ -60,7 +60,7 @@ def check_same(
 
 
 def _equal(one: Any, other: Any) -> bool:
-    """Tell whether two values are equal; values that cannot be compared are not."""
+    """Return whether two values are equal; False for values that cannot be compared."""
     try:
         return bool(one == other)
     except Exception:  # whatever a foreign class raises

@@ -79,7 +79,7 @@ class Material:
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         Naming a constant that no material has.
     """

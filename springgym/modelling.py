@@ -107,7 +107,7 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         Naming a number out of bounds or an unknown method; or if the plan is of several bodies or no heavy
         top, or it has no steady precession.

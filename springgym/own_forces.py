@@ -40,10 +40,10 @@ MOST_FORCES = 20
 """A body has no more: each is compiled into the kernel."""
 
 FUNCTIONS = {"add": ("x", "force", "own"), "energy": ("x", "own")}
-"""What a force has to have, and what each of them takes."""
+"""The functions that a force must have, and their parameters."""
 
 RETURNED = {"add": "nothing: it adds to force", "energy": "a number, the energy [J]"}
-"""What they must return."""
+"""What these functions must return."""
 
 
 class OfBody(NamedTuple):

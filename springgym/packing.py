@@ -136,7 +136,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
 
 
 def _shared(scene: Scene, options: Options) -> Terms:
-    """Return what acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
+    """Return the terms that all bodies share: gravity, and surfaces without what each body adds."""
     surfaces, contact, varying = scene.surfaces, scene.contact, options.varying
     own = [OfBody(n, to_compiled(force)) for n, placed in enumerate(scene.bodies) for force in placed.forces]
     gravity = None
@@ -254,7 +254,7 @@ def _meets(scene: Scene, options: Options) -> Meets | None:
 
 
 def _as_the_scene_says(scene: Scene) -> np.ndarray:
-    """Return which pairs meet by the scene's contact, and vary with it."""
+    """Return which pairs collide by the scene's contact, and vary with it."""
     return scene.meetings.by(scene.contact)
 
 
@@ -285,8 +285,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
 def workspaces(
     scene: Scene, method: Integrator, meets: Meets | None, twin: bool, dtype: Any, threads: int
 ) -> list[Any]:
-    """Return what each thread computes in, on elements of ``dtype``, by springs or by their rigid
-    ``twin``."""
+    """Return the workspace of each thread, elements of ``dtype``, for springs or the rigid ``twin``."""
     if meets is None:
         return [workspace(method, scene, dtype) for _ in range(threads)]
     make = solids_workspace if twin else bodies_workspace
@@ -294,13 +293,13 @@ def workspaces(
 
 
 def pack_room(scene: Scene, pairs: Pairs, dtype: Any) -> Room:
-    """Return what a thread finds contacts in, on elements of ``dtype``."""
+    """Return the workspace in which a thread finds contacts, with elements of ``dtype``."""
     rows = most_contacts(scene.meetings, scene.shapes)[1]
     return room(pairs, len(scene.positions), rows, dtype)
 
 
 def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
-    """Return what a thread computes in where bodies collide."""
+    """Return the workspace of a thread for bodies that collide."""
     particles = np.array([0, *(own.stop for own in scene.slices)])
     springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
     count = len(scene.positions)
@@ -330,7 +329,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Bodies:
 
 
 def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
-    """Return what a thread computes in where rigid bodies collide."""
+    """Return the workspace of a thread for rigid bodies that collide."""
     count, rows = len(scene.bodies), pack_room(scene, pairs, dtype)
     most = max(len(placed.body.masses) for placed in scene.bodies)
 
@@ -363,7 +362,7 @@ def solids_workspace(scene: Scene, pairs: Pairs, dtype: Any) -> Company:
 
 
 def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
-    """Return what is told of the pairs."""
+    """Return the readings of the pairs."""
     if meets is None:
         return PairReadings(*np.zeros((ENTRIES, copies, 0)))
     found = to_copies(meets.tally, copies).reshape(copies, -1, ENTRIES).astype(float)
@@ -381,7 +380,7 @@ def resolved_speeds(meets: Meets, step: float) -> np.ndarray:
 
 
 def unresolved(meets: Meets, step: float, blocks: slice) -> np.ndarray:
-    """Whether bodies met in a way that a step [s] cannot resolve, (blocks, copies of a block)."""
+    """Return whether bodies met in a way that a step [s] cannot resolve, (blocks, copies of a block)."""
     tally = numbers(meets.tally)[blocks]
     limit = resolved_speeds(meets, step)[:, None]
     late, left_out = tally[:, MISSES::ENTRIES], tally[:, OVERFLOW::ENTRIES]
@@ -390,7 +389,7 @@ def unresolved(meets: Meets, step: float, blocks: slice) -> np.ndarray:
 
 
 def pack_outlines(scene: Scene) -> Outlines:
-    """What of bodies may be shown in others."""
+    """Return the parts of bodies that could be shown inside other bodies."""
     return outlines(scene.shapes, scene.starts[:-1].tolist(), len(scene.positions))
 
 
@@ -494,7 +493,7 @@ def actuators(packed: Packed) -> dict[str, np.ndarray]:
 
 
 def varies(packed: Packed, name: str) -> bool:
-    """Tell whether copies have values of their own of a parameter."""
+    """Return whether copies have their own values of a parameter."""
     place = PARAMETERS[name].stored(packed.terms)
     return place is not None and place.dtype.names is not None
 

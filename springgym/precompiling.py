@@ -26,7 +26,7 @@ KINDS = {"single": "gym.make", "batch": "gym.make_vec"}
 DTYPES = ("float64", "float32")
 
 LEVELS = ("host", "x86-64-v3", "x86-64-v4")
-"""Of `springgym.core.compiling.LEVELS`, which takes a second to import."""
+"""The names in `springgym.core.compiling.LEVELS`, repeated here because importing it takes a second."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -9,9 +9,8 @@ from typing import Any, Literal, NamedTuple
 import gymnasium as gym
 
 Tier = Literal["first steps", "standard", "harder", "hard"]
-"""What a task asks of an agent. First steps are taken by linear control, too; a standard task is solved by
-PPO with the hyperparameters that ship; of a harder variant PPO does most; a hard one it does not, though it
-can be done."""
+"""The difficulty of a task. Linear control solves "first steps". PPO solves "standard" with the
+hyperparameters of the package, and most of "harder". PPO does not solve "hard", though it can be solved."""
 
 
 class Row(NamedTuple):

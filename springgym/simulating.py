@@ -137,7 +137,7 @@ def _summary(recording: Recording) -> str:
 
 
 def _between(recording: Recording) -> Iterator[str]:
-    """What happened between bodies that met, a line a pair."""
+    """Yield a line for each pair of bodies that met."""
     scene, pairs = recording.plan.scene, recording.pairs
     told = pairs.impulse[-1] + pairs.misses[-1] + pairs.too_fast[-1] + pairs.overflow[-1]
     for n in np.flatnonzero(told > 0).tolist():
@@ -163,7 +163,7 @@ def _whole(recording: Recording, lost: float) -> str:
 
 
 def _of_shadow(recording: Recording, lost: float) -> str:
-    """What is unaccounted for of the energy that the method keeps, if that is known."""
+    """Return a phrase about the unaccounted part of the energy that the method conserves, if it is known."""
     first, last = recording.shadow
     left = last + lost - float(recording.measures.work[-1]) - first
     return "" if np.isnan(left) else f", of the shadow energy {left:.2g} J"

@@ -28,7 +28,7 @@ FINE_TURN = 1 / 40
 is FINE_TURN²/24 a radian there."""
 
 RINGING = 2.0
-"""How much longer than the slowest of a body's vibrations any may last where dampers act in cycles."""
+"""With cycles, no vibration of a body may last longer than its slowest one times this factor."""
 
 RIGID = 1e-9
 """Share of the largest ω² up to which a motion is a rigid body's."""
@@ -37,13 +37,13 @@ VARIED = ("masses", "stiffness", "damping")
 """Parameters on which the length of a cycle depends."""
 
 SAMPLE = 17
-"""How many frequencies stand for all that a vibration may have."""
+"""Number of frequencies that represent the range of a vibration."""
 
 LONGEST_CYCLE = 10
 """Most steps in a cycle."""
 
 SWEEP, TURN = 0.8, 0.45
-"""What a sweep of the dampers and a push of the wrench cost, as shares of all else in a step of a top."""
+"""Costs of a sweep of the dampers and of a push of the wrench, as shares of the rest of a step of a top."""
 
 
 def highest_frequency(scene: Scene) -> float:
@@ -161,7 +161,7 @@ def damps_each_step(scene: Scene, integrator: Integrator) -> str:
 
 
 def cycles_harmless(of: Vibrations, step: float, every: int) -> bool:
-    """Tell whether dampers may act once in ``every`` steps of ``step`` seconds.
+    """Return whether dampers can act once in ``every`` steps of ``step`` seconds without harm.
 
     Dampers act on how fast stretch changes. In a body that turns at Ω it changes at rates of Ω, and dampers
     change it by a share of (c/k) Ω at the most, as C ≤ max(c/k) K. In cycles of n steps, two and two, they do
@@ -220,7 +220,7 @@ def cycles_in(of: Vibrations, period: float, steps: int, exactly: bool) -> tuple
 
 
 def steps_in(period: float, step: float) -> int:
-    """Return how many steps make a period.
+    """Return the number of steps in a period.
 
     Raises
     ------

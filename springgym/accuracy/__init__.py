@@ -121,7 +121,7 @@ def processor() -> str:
 
 
 def summary(name: str, result: dict[str, Any]) -> list[str]:
-    """Return what to print of a result."""
+    """Return the lines that report a result."""
     lines = [f"{name}: {result['kind']}"]
     if "agreement" in result:
         lines.append(f"  reference: {result['reference']}, which agree to {result['agreement']:.1e}")

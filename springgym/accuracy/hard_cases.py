@@ -80,7 +80,7 @@ def forced(scene: Scene, step: float) -> Simulator:
 
 
 def terms(simulator: Simulator) -> Any:
-    """Return what its kernels are given: where twins are broken."""
+    """Return the arguments of a simulator's kernels, which the broken twins change."""
     return simulator._terms
 
 
@@ -112,7 +112,7 @@ def fitted_power(x: ArrayLike, y: ArrayLike) -> float:
 
 
 def refused(make: Callable[[], Any], *words: str) -> bool:
-    """Tell whether ``make`` raises a ValueError that names all the words."""
+    """Return whether ``make`` raises a ValueError that contains all the words."""
     try:
         make()
     except ValueError as error:
@@ -218,7 +218,7 @@ def energies(simulator: Simulator, samples: int, every: int = 1) -> np.ndarray:
 
 
 def explicit(rates: np.ndarray, time: float) -> Decay:
-    """Return what dampers would take as impulses: their rates (4,) times the time [s], without a bound."""
+    """Return the impulses of dampers that have no bound: their rates (4,) times the time [s]."""
     return Decay(*(time * rates))
 
 
@@ -515,7 +515,7 @@ def resting_cube(angle: float, friction: float, gravity: tuple[float, float, flo
 
 
 def drift(simulator: Simulator, seconds: float) -> float:
-    """Return how far the centre of mass goes [m]."""
+    """Return the distance that the centre of mass moves [m]."""
     before = simulator.measure().centre[0]
     simulator.advance(math.ceil(seconds / simulator.step))
     return float(np.linalg.norm(simulator.measure().centre[0] - before))
@@ -812,8 +812,8 @@ def momenta(simulator: Simulator) -> np.ndarray:
 
 
 def deepest(simulator: Simulator) -> float:
-    """Return how deep a corner or an edge of one of two cubes is in the other [m], in any copy: 0 if
-    apart."""
+    """Return the depth of a corner or an edge of one of two cubes in the other [m], in any copy: 0 if they
+    are apart."""
     x, body = simulator.positions, simulator.scene.bodies[0].body
     depth = 0.0
     for own, other in ((LEFT, RIGHT), (RIGHT, LEFT)):
@@ -845,7 +845,7 @@ def thrown(rows: list[tuple[np.ndarray, np.ndarray, tuple[float, float]]], speed
 
 
 def parted(simulator: Simulator, speed: float) -> Outcome:
-    """Return what becomes of cubes thrown at each other: they part, with all they brought."""
+    """Throw two cubes at each other, and check that they part with all their energy."""
     kept, energy = momenta(simulator), simulator.measure().energy
     depth = 0.0
     for _ in range(60):

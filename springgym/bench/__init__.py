@@ -25,7 +25,7 @@ from springgym.accuracy import conditions
 from springgym.cli import whole_file
 
 NAMES = ("kernel", "environments", "errors", "features", "startup", "peers", "equal-error", "sizes")
-"""Of the sections; known without importing them."""
+"""Names of the sections, available without importing them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

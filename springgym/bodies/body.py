@@ -86,7 +86,7 @@ class Body(ReadOnly):
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         Naming the offender: a mass or stiffness that is not positive and finite, a spring of no length,
         given twice or to a particle that does not exist, a part, marker or triangle of one, a radius beside
@@ -344,7 +344,7 @@ def inertia(positions: np.ndarray, masses: np.ndarray) -> np.ndarray:
 
 
 def rigidity_matrix(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
-    """How displacements stretch springs: unit vectors along them, (S, N, 3), − at one end, + at the other."""
+    """Return the stretch of springs by displacements: unit vectors (S, N, 3), − and + at the ends."""
     first, second = springs.T
     along = positions[second] - positions[first]
     along = along / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]

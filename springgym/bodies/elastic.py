@@ -1,4 +1,4 @@
-"""What a body of springs stands for: an elastic solid, or a cable; what it has of that, and what not."""
+"""The solid or cable that a body of springs represents, and what it does not represent."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from springgym.materials import Material
 from springgym.records import ReadOnly
 
 HIGHER = "higher frequencies and the contraction across a stretch"
-"""What bodies with calibrated springs do not have of a solid."""
+"""Properties of a solid that bodies with calibrated springs lack."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,7 +43,7 @@ def relative_equilibrium(
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If there is no such shape: the springs are too weak, the body is floppy, or a pin is off the axis.
     """

@@ -85,7 +85,7 @@ def start(
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If a number is not finite, there is no such shape, or the pins do not allow the motion.
     """

@@ -1,4 +1,5 @@
-"""How an elastic top turns: not quite as a rigid one; spin stretches it, and friction takes energy."""
+"""The precession of an elastic top. It differs from that of a rigid top: spin stretches the body, and
+friction takes energy."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ def heavy_top(body: Body, pinned: Sequence[int], gravity: Sequence[float]) -> He
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If it is not pinned at one particle, or not symmetric about its axis; or gravity is not vertical, or
         does not pull it over.
@@ -90,7 +91,7 @@ def precession_gap(
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If it is no heavy top, stands upright, has no such precession, or no such shape.
     """
@@ -157,7 +158,7 @@ def wobble_growth(body: Body, spin: float) -> float:
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If it is not symmetric about its axis, or there is no steady shape at this spin.
     """

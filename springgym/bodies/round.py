@@ -54,7 +54,7 @@ class Round(ReadOnly):
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If the matrix is not symmetric, has a negative eigenvalue, is zero, or makes something flatter.
     """

@@ -64,10 +64,10 @@ FINE = 60
 """Solids of more triangles than this are solved with polynomials of a lower degree, 6: 2e-3 off at most."""
 
 REFLECTIONS = tuple(np.diag(signs) for signs in product((1.0, -1.0), repeat=3))
-"""What maps wood onto itself, its grain along z."""
+"""The symmetries of wood with its grain along z."""
 
 SWAPS = tuple(np.eye(3)[list(order)] @ signs for order in permutations(range(3)) for signs in REFLECTIONS)
-"""What maps a cube onto itself."""
+"""The symmetries of a cube."""
 
 Tensor = tuple[float, ...]
 """An elasticity tensor over the Young's modulus, flat, to 12 digits: a key to remember solutions by."""
@@ -115,7 +115,7 @@ def solid_top(
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         Naming a number out of bounds (a height is from 1/100 to 100 radii), or if the material is unknown.
     """
@@ -199,7 +199,7 @@ def solid_box(
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         Naming a number out of bounds; or if the material is unknown or, of a lattice, a wood; cells are too
         far from cubes; or the body would have more than 400 particles.
@@ -284,7 +284,7 @@ def solid_hull(points: Sequence[Sequence[float]], material: Material | str, soft
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If the points have no volume or are not finite, or the material is unknown.
     """
@@ -428,7 +428,7 @@ def solid_rope(
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         Naming a number out of bounds, or if the material is unknown.
     """
@@ -453,7 +453,7 @@ def softened(body: Body, factor: float) -> Body:
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If the factor is not positive, or farther from 1 than `springgym.materials.SOFTEST`.
     """
@@ -481,7 +481,7 @@ def _tensor(material: Material) -> Tensor:
 
 
 def _is_isotropic(tensor: Tensor) -> bool:
-    """Whether an elasticity tensor is the same along all axes: no grain."""
+    """Return whether an elasticity tensor is the same along all axes, so that there is no grain."""
     c = np.reshape(tensor, (3, 3, 3, 3))
     return bool(np.isclose(c[0, 0, 0, 0], c[2, 2, 2, 2]) and np.isclose(c[0, 0, 0, 0], c[1, 1, 1, 1]))
 

@@ -40,7 +40,7 @@ TEACHERS = [
     if name.startswith(("lower_", "overload", "register_model", "typeof_impl"))
     or name in ("box", "unbox", "type_callable", "make_attribute_wrapper")
 ]
-"""What a module names that teaches Numba something, of what it does not name again where it is used."""
+"""What a module uses to teach Numba something that the module does not name again."""
 
 OF_EVERY_CLASS = frozenset(
     (
@@ -60,7 +60,7 @@ OF_EVERY_CLASS = frozenset(
         "_abc_impl",
     )
 )
-"""What a class has that no compiled code depends on."""
+"""Attributes of a class on which no compiled code depends."""
 
 
 class NotHashable(TypeError):
@@ -321,7 +321,7 @@ def _names(code: types.CodeType) -> set[str]:
 
 
 def _teaches(module: types.ModuleType) -> bool:
-    """Tell whether a module uses one of `TEACHERS`, by its name or by way of Numba's."""
+    """Return whether a module uses one of `TEACHERS`, by its name or by way of Numba's."""
     values = list(vars(module).values())
     if any(value is one for value in values for one in (*TEACHERS, extending)):
         return True

@@ -102,7 +102,7 @@ def _features() -> Mapping[str, bool]:
 
 
 LEVEL = _level(os.environ.get("SPRINGGYM_CPU", ""), _features())
-"""What processors code is made for, of `LEVELS`; None for those like this one."""
+"""The level in `LEVELS` of the processors to compile for; None to compile for this processor."""
 
 if LEVEL is not None:  # before Numba compiles anything; the key of an entry holds both
     numba.config.CPU_NAME, numba.config.CPU_FEATURES = LEVEL, ""
@@ -115,7 +115,7 @@ SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO_
 """Those of `numba.config` that change what is compiled."""
 
 INTERPRETED = bool(numba.config.DISABLE_JIT)
-"""Whether functions run as the Python they are, by `springgym.core.plain`."""
+"""Whether functions run as interpreted Python, with `springgym.core.plain`."""
 
 SAMPLE = CPUDispatcher(lambda: None)
 """A function that is never called: a sample of how this version of Numba wraps a compiled function."""
@@ -139,7 +139,7 @@ INSIDE = {
         "core.codegen.JitEngine._load_defined_symbols",
     )
 }
-"""What there is of the private things in Numba that the cache is made of."""
+"""The private parts of Numba that the cache uses, if they exist."""
 
 LOCK, REDUCE, REBUILD, DUMPS, NAME_SYMBOLS = INSIDE.values()
 
@@ -149,7 +149,7 @@ if not hasattr(SAMPLE, "_cache"):
 
 
 def _warn_uncached(why: str) -> None:
-    """Say, once a process, that compiled code is not kept."""
+    """Warn, once a process, that compiled code is not kept."""
     global _warned
     if not _warned:
         _warned = True
@@ -359,12 +359,12 @@ def intrinsic(function: Callable[..., Any]) -> Any:
 
 
 def is_kernel(function: Any) -> bool:
-    """Tell whether Python calls a function as it is written for kernels: compiled, or interpreted."""
+    """Return whether Python calls a function as it is written for kernels: compiled, or interpreted."""
     return is_jitted(function) or (INTERPRETED and hasattr(function, "py_func"))
 
 
 def is_inner(function: Any) -> TypeGuard[Any]:
-    """Tell whether a function is one of `compiled`."""
+    """Return whether a function is one of `compiled`."""
     return isinstance(function, Inner) or (INTERPRETED and getattr(function, "py_func", None) is function)
 
 
@@ -421,8 +421,8 @@ def cache_directory() -> Path | None:
 
 
 def _asked(found: Any, sig: Any) -> Any:
-    """Return what was found, under the types that were asked for: those of a script's own classes are made
-    anew."""
+    """Return what the cache gave, under the types that were asked for. Types of a script's own classes are
+    new in each process."""
     args, _ = sigutils.normalize_signature(sig)
     if found.signature.args == tuple(args):
         return found
@@ -430,7 +430,7 @@ def _asked(found: Any, sig: Any) -> Any:
 
 
 def _without_bitcode(parts: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return what Numba keeps of a function without what other functions would inline of it: most of it.
+    """Return the data that Numba keeps of a function, without bitcode: most of it, and needed only to inline.
 
     Compiled functions that call it find its machine code by its name.
     """
@@ -439,7 +439,7 @@ def _without_bitcode(parts: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _name_symbols(codegen: Any, description: Any) -> None:
-    """Tell Numba's engine the names of a function's machine code, which it would read in the bitcode."""
+    """Register the names of a function's machine code with Numba's engine, in place of the bitcode."""
     names = (description.llvm_func_name, description.llvm_cpython_wrapper_name)
     functions = [SimpleNamespace(name=name, is_declaration=False) for name in names]
     NAME_SYMBOLS(codegen._engine, SimpleNamespace(functions=functions, global_variables=[]))
@@ -453,7 +453,7 @@ _TOLD = threading.Lock()
 
 
 def _tell_of_compiling() -> None:
-    """Say, once a process, why it takes so long: to stderr, unless logging is told otherwise."""
+    """Log, once a process, that compiling takes a while: to stderr unless logging is configured."""
     if _TOLD.acquire(blocking=False):
         LOGGER.warning(
             "springgym: compiling, for seconds to a minute. Later runs start at once; "

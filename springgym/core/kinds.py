@@ -1,4 +1,4 @@
-"""What compiled functions take, in names for the reader: Numba finds the types itself, call by call.
+"""Names for the arguments of compiled functions, for the reader: Numba infers the types call by call.
 
 One source serves one copy and a block of them (`springgym.core.lanes`): a number is a float, or one of each
 copy.

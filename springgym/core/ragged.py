@@ -44,7 +44,7 @@ def stacked(terms: Sequence[Any], blocks: bool = True) -> Any:
 
 
 def share(term: Any, body: int) -> Any:
-    """Return what a body has of nested tuples that `stacked` made: views, to write to."""
+    """Return the part of a body in nested tuples that `stacked` made: views that can be written to."""
     if isinstance(term, Ragged):
         own = slice(term.start[body], term.start[body + 1])
         return term.values[:, own] if term.values.dtype.names else term.values[own]

@@ -21,7 +21,7 @@ Policy = Callable[[np.ndarray], np.ndarray]
 """Maps observations (n, …) to actions (n, …)."""
 
 Algorithm = Literal["ppo", "sac", "tqc", "crossq", "linear"]
-"""What an agent was trained by."""
+"""The algorithm that trained an agent."""
 
 LARGEST = 1_000_000_000
 """Size of all arrays of an agent [bytes], at the most."""
@@ -52,7 +52,7 @@ ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 @dataclass(frozen=True)
 class Network:
-    """What a run's configuration says of the layers that act."""
+    """The configuration of the layers that compute actions."""
 
     algo: Algorithm
     net_arch: list[int] = field(default_factory=list)
@@ -63,7 +63,7 @@ class Network:
 
 
 def acts(algo: str, name: str) -> bool:
-    """Whether an array of a policy of Stable-Baselines3 is needed to act; the others are to learn with."""
+    """Return whether an array of a Stable-Baselines3 policy is needed to act; others serve learning."""
     return name.rpartition(".")[0].startswith(LAYERS[algo])
 
 

@@ -107,7 +107,7 @@ class _Common(Stateful):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """Return how `gymnasium.make` makes the environment again, in data that JSON can hold."""
+        """Return the data, which JSON can hold, from which `gymnasium.make` makes this environment again."""
         return self._spec
 
     @spec.setter
@@ -503,7 +503,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         return [_seed(f"seed[{n}]", given) for n, given in enumerate(seed)]
 
     def _mask(self, options: Any) -> tuple[np.ndarray, Any]:
-        """Which copies are reset, and the other options."""
+        """Return a mask of the copies to reset, and the other options."""
         if not isinstance(options, Mapping) or "reset_mask" not in options:
             return np.ones(self.num_envs, bool), options
         mask = options["reset_mask"]
@@ -741,10 +741,10 @@ def _check_keys(state: object, keys: Sequence[str]) -> None:
 
 
 OF_ONE = ("episodes", "rng", "seed", "ready")
-"""What the state of a single environment holds; that of a batch holds "ended", too."""
+"""The keys in the state of a single environment; the state of a batch has "ended", too."""
 
 LAST = {"MT19937": ("pos", 624), "Philox": ("buffer_pos", 4)}
-"""Of generators that hand numbers out of a buffer: what counts them, and how many it holds."""
+"""For random generators with a buffer: the name of their counter, and the size of the buffer."""
 
 
 def _generator(name: str, state: Any) -> np.random.Generator:
@@ -773,7 +773,7 @@ def _restored(state: Mapping[str, Any]) -> np.random.Generator:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Tell whether two states of random generators are the same."""
+    """Return whether two states of random generators are the same."""
     if isinstance(one, Mapping):
         return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
     return bool(np.array_equal(one, other))

@@ -42,7 +42,7 @@ MOST_STEPS = 100_000
 
 
 class Step(NamedTuple):
-    """What a step gave every copy."""
+    """The results of a step for every copy."""
 
     reward: np.ndarray
     terminated: np.ndarray
@@ -357,7 +357,7 @@ class Episodes:
         return result, seen
 
     def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
-        """What the actuators do in the next control period, by actions (n, A) in [−1, 1] and by others'.
+        """Return what the actuators do in the next control period, by actions (n, A) in [−1, 1] and others'.
 
         The actions are scaled by `strength` already, the others' here: their actuators are as weak.
         """
@@ -441,7 +441,7 @@ class Episodes:
         )
 
     def _seen_in(self, copies: np.ndarray | slice) -> tuple[Measures, Situation]:
-        """What functions see of some copies."""
+        """Return the arguments of a task's functions for some copies."""
         rows, x, v, bodies = (values[copies] for values in self.simulator.readout)
         m = measures.view(bodies if self._apart else rows)
         action, goal, time, memory = (
@@ -520,7 +520,7 @@ class Episodes:
         self.simulator.read(copies)
 
     def count_in(self, state: Mapping[str, Any], copies: np.ndarray | None) -> int:
-        """Of how many copies a state must be that is set into some (k,): of as many as it is, or all.
+        """Return the number of copies that a state for copies (k,) may hold: k or 1, or all if None.
 
         Raises
         ------
@@ -593,11 +593,11 @@ class Episodes:
 
     @property
     def seen(self) -> tuple[Measures, Situation, np.ndarray]:
-        """What functions see of all copies, and the rows of their measures."""
+        """Return the arguments of a task's functions for all copies, and the rows of their measures."""
         return self._whole[:3]
 
     def seen_of(self, copy: int) -> tuple[Measures, Situation]:
-        """What functions see of one copy now: it does not change with the next step."""
+        """Return the arguments of a task's functions for one copy now; the next step does not change them."""
         m, situation = self._whole[:2]
         own = (values[copy].copy() for values in situation[:-1])
         return Measures(*(values[copy].copy() for values in m)), Situation._make((*own, situation.parameters))
@@ -619,7 +619,7 @@ def _locked(array: np.ndarray) -> np.ndarray:
 
 
 def _fastest(scene: Scene, kind: Dynamics) -> str:
-    """What asks for the shortest steps, in words."""
+    """Return a phrase that says what requires the shortest steps."""
     if kind.rigid:
         return "it starts to turn too fast"
     found = []

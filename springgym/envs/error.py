@@ -19,7 +19,7 @@ FINER = 2
 
 
 class StepError:
-    """How far copies are, after a control period, from where exact steps would have taken them.
+    """Estimate the distance of copies, after a control period, from the exact solution.
 
     Parameters
     ----------

@@ -161,13 +161,13 @@ class SpringFreeTop(Task):
         return Start(positions, velocities)
 
     def _foot(self, away: float, bearing: float, height: float) -> tuple[float, float, float]:
-        """Where a tip stands that is ``height`` above the surface [m]."""
+        """Return the position of a tip that is ``height`` above the surface [m]."""
         if self.surface == "bowl":
             away, height = above_bowl(BOWL, away, height)
         return away * math.cos(bearing), away * math.sin(bearing), height
 
     def _lift(self, positions: np.ndarray, height: np.ndarray) -> np.ndarray:
-        """How far tops that lean their rings into the surface must be lifted to lie on them [m], (k, 1)."""
+        """Return the lift that takes the rings of leaning tops out of the surface [m], (k, 1)."""
         ground = height
         if self.surface == "bowl":
             ground = BOWL - np.sqrt((BOWL - height) ** 2 - (positions[:, :, :2] ** 2).sum(axis=2))

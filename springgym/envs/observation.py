@@ -24,7 +24,7 @@ ABOUT_CENTRE, ABOUT_GOAL = 1, 2
 
 
 class Situation(NamedTuple):
-    """What the functions of a task see of copies beside the measures: each has a row a copy, but the last."""
+    """What a task's functions see besides the measures. All arrays but the last have a row for each copy."""
 
     x: np.ndarray
     """(n, N, 3) positions [m]"""
@@ -111,7 +111,7 @@ class Columns(NamedTuple):
 
 
 def columns(particles: ObservedParticles) -> Columns:
-    """What `observe_particles` takes of an observation."""
+    """Return the entries of an observation in the form that `observe_particles` takes."""
     every = [(i, axis) for i in particles.observed for axis in range(3)]
     entries = np.array([pair for pair in every if pair not in particles.skipped], np.int64)
     measured: list[int] = []

@@ -1,4 +1,4 @@
-"""What users give to environments by name: declared for type checkers, checked, and told if it is wrong."""
+"""Named arguments of environments: declared for type checkers, checked, and reported if they are wrong."""
 
 from __future__ import annotations
 

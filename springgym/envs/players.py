@@ -119,7 +119,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         return self.action_spaces[agent]
 
     def _answer(self, observations: np.ndarray) -> np.ndarray:
-        """What the second agent does, as `SpringDuel` asks its opponent."""
+        """Return the actions of the second agent; `SpringDuel` calls this to ask its opponent."""
         return self._answered
 
     @guarded
@@ -252,7 +252,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         return {"first": self.episodes.observe()[0], "second": second[0]}
 
     def _outcomes(self) -> np.ndarray:
-        """What `Task.evaluate` says of both, (2, columns)."""
+        """Return what `Task.evaluate` gives for both agents, (2, columns)."""
         episodes, task = self.episodes, self.task
         out = np.zeros((2, len(task.outcome)))
         out[FIRST] = episodes.out[0]

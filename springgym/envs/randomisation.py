@@ -15,7 +15,7 @@ from springgym.scene import Scene
 from springgym.surfaces import Contact
 
 RANDOMIZABLE = ("masses", "stiffness", "damping", "scale", "gravity", "friction", "restitution", "actuator")
-"""What `randomize` may give a range of factors for, where the scene has it."""
+"""Names for which `randomize` accepts a range of factors, if the scene has them."""
 
 OF_SPRINGS = ("stiffness", "damping", "scale")
 """Those of them that a rigid body does not have; ``scale`` is of the springs' lengths."""
@@ -92,7 +92,7 @@ def drawn(ranges: Ranges, rng: Generator, options: dict[str, Any]) -> dict[str, 
 
 
 def parameters(scene: Scene, ranges: Ranges, factors: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """What `Simulator.vary` gives one copy for these factors."""
+    """Return the parameters of one copy for `Simulator.vary`, by the factors."""
     of_bodies = {"masses": "masses", "stiffness": "stiffness", "damping": "damping", "lengths": "scale"}
     values = {name: scene.of_bodies(name) * factors[factor] for name, factor in of_bodies.items()}
     if scene.gravity is not None:

@@ -39,7 +39,7 @@ Telling = Callable[[MeasuresOfBodies, Situation], Mapping[str, np.ndarray]]
 Starting = Callable[..., Start | tuple[np.ndarray, ...]]
 Marking = Callable[[MeasuresOfBodies, Situation], Marks]
 Most = float | Sequence[float]
-"""What an actuator does at 1: one number for all axes, or one for each."""
+"""The force, torque or acceleration of an actuator at action 1: one number for all axes, or one for each."""
 
 RESERVED = ("is_success", "diverged", "energy", "energy_drift", "strain", "randomization", "met", "failed")
 """Names that ``info`` and outcomes have already, beside those that begin as below."""
@@ -464,7 +464,7 @@ def _defaulted(function: Callable[..., Any]) -> tuple[str, ...]:
 
 
 def _most(name: str, given: Most) -> np.ndarray:
-    """What an actuator does at 1 on each axis, (3,)."""
+    """Return the strength of an actuator at action 1 on each axis, (3,)."""
     if not isinstance(given, (Sequence, np.ndarray)) or isinstance(given, str) or np.ndim(given) == 0:
         return np.full(3, checks.number(name, given, TINY))
     most = checks.array(name, given, (3,), low=0.0)
@@ -494,19 +494,19 @@ def _by_name(
 
 
 def _sound(m: Measures) -> np.ndarray:
-    """Which copies have not diverged (n,): of the others, functions may say what they like."""
+    """Return which copies have not diverged (n,); a function may return anything for the others."""
     sound = np.isfinite(m.energy) & (m.strain <= STRAIN_LIMIT)  # of several bodies, of each
     return sound.reshape(len(sound), -1).all(axis=1)
 
 
 def _hearing(m: Measures) -> AbstractContextManager[None]:
-    """Where functions are called: warnings are not heard while a copy has diverged."""
+    """Return a context for calls of functions: it mutes NumPy's warnings if a copy has diverged."""
     quick = np.vdot(m.strain, m.strain) < STRAIN_LIMIT**2  # then each is within its limit
     return LOUD if quick or _sound(m).all() else np.errstate(all="ignore")
 
 
 def _numbers(name: str, given: object, shape: tuple[int | None, ...], m: Measures) -> np.ndarray:
-    """What a function gave, as numbers that are finite where the copy has not diverged."""
+    """Return the result of a function as numbers that are finite where the copy has not diverged."""
     values = _of_shape(name, given, shape, "biuf", "numbers")
     if not math.isfinite(np.vdot(values, values)):  # or they are huge
         wrong = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
@@ -559,7 +559,7 @@ def _named(scene: Scene, name: str) -> tuple[int, str]:
 
 
 def _thrusters(scene: Scene, name: str) -> int:
-    """How many thrusters an actuator has; anything else is one."""
+    """Return the number of thrusters of an actuator; 1 for any other actuator."""
     body, kind = _named(scene, name)
     thrust = scene.bodies[body].thrust
     return len(thrust.particles) if kind == "thrust" and thrust else 1

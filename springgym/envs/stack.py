@@ -59,7 +59,7 @@ SUNK = 0.1  # above the block's middle: the middle of what has fallen is lower [
 
 @compiled
 def turned_of(m: Measures, c: int) -> float:
-    """How far the box is turned from the block, from −π to π [rad]."""
+    """Return the angle between box and block, from −π to π [rad]."""
     turned = heading_of(m, c, BOX) - heading_of(m, c, BLOCK)
     return math.atan2(math.sin(turned), math.cos(turned))
 

@@ -98,7 +98,7 @@ def standing(
 
 
 def above_bowl(radius: float, away: float, height: float) -> tuple[float, float]:
-    """How far from a bowl's axis and how high a point is [m].
+    """Return the distance of a point from the axis of a bowl, and its height [m].
 
     It is ``height`` above the bowl, along the normal of a place that is ``away`` from the axis.
     """

@@ -1,4 +1,4 @@
-"""What an environment is: a task over a scene.
+"""The task of an environment: the part that differs from one environment to the next.
 
 A `Task` states the MDP: the scene, how an episode starts, what the actions drive, what is rewarded.
 `springgym.envs.episodes.Episodes` runs it for any number of copies. The Gymnasium classes in
@@ -154,11 +154,11 @@ class Task:
         raise NotImplementedError
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
-        """Return what else acts in all copies, for `Simulator.actuate`: an opponent, who sees the state."""
+        """Return further values for `Simulator.actuate`, as those of an opponent who sees the state."""
         return {}
 
     def look(self) -> Look:
-        """Return how the body is drawn."""
+        """Return the `Look` of the bodies."""
         raise NotImplementedError
 
     def camera(self) -> Camera:

@@ -23,14 +23,14 @@ from springgym.envs.task import Task
 EPISODES, PERIODS = 16, 50
 
 SAFETY = 1.5
-"""How much larger an error may be than the largest that was seen: estimates in impacts are too low by up to a
-third, and other episodes than those tried are harder."""
+"""Factor between the tolerance and the largest error that was seen: estimates during impacts are up to a
+third too low, and later episodes may be harder than those tried."""
 
 FINEST = 32
-"""How many times as many steps as by default are tried at the most."""
+"""At most this many times as many steps as by default are tried."""
 
 ROUNDS = 8
-"""How many numbers of steps are tried at the most with a method."""
+"""At most this many numbers of steps are tried for a method."""
 
 CLOSE = 1.1
 """Ratio of two numbers of steps, one too few and one enough, between which none is looked for."""

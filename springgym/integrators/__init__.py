@@ -40,7 +40,7 @@ METHODS = (
 
 
 TAKEN = ("x", "v", "ledger", "workspace", "h", "steps", "terms")
-"""What the function of a method takes."""
+"""The parameters of the function of a method."""
 
 
 def integrator(name: str) -> Integrator:

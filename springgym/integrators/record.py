@@ -1,4 +1,4 @@
-"""What is to be known of an integrator, what it moves, and what one that controls its error is given."""
+"""The record of an integrator, its state, and the settings of methods that control their error."""
 
 from __future__ import annotations
 
@@ -67,12 +67,12 @@ class Integrator:
 
     @property
     def splits_dampers(self) -> bool:
-        """Tell whether each damper decays exactly, one after the other."""
+        """Return whether each damper decays exactly, one after the other."""
         return math.isinf(self.real_limit) and not self.implicit
 
     @property
     def controlled(self) -> bool:
-        """Tell whether it has a tolerance, and is given a `Control` in place of h."""
+        """Return whether the method has a tolerance, and takes a `Control` in place of h."""
         return self.adaptive or self.iterative
 
 
@@ -112,8 +112,8 @@ class Control(NamedTuple):
 
 
 def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Any:
-    """Return what a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's
-    matrix."""
+    """Return the workspace of a method, with elements of ``dtype``: arrays and, if it is implicit, the matrix
+    of each body."""
     bodies = [placed.body for placed in scene.bodies]
     rows = max(
         max(len(body.masses), len(body.springs), len(scene.surfaces) * max(len(body.rounds), 1))

@@ -1,4 +1,4 @@
-"""What splitting methods have in common."""
+"""The parts that splitting methods share."""
 
 from __future__ import annotations
 

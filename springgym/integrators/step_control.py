@@ -1,4 +1,4 @@
-"""How long the next step is: Gustafsson's PI control, for methods that estimate their error.
+"""The length of the next step by Gustafsson's PI control, for methods that estimate their error.
 
 The next step is 0.9 e_n^(−3/16) e_(n−1)^(1/16) times this one, e the error in tolerances: exponents that need
 square roots only.

@@ -81,7 +81,7 @@ def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -
 
 
 def told(pace: float) -> str:
-    """Return how fast a film is, in words: "1/8 of real time"."""
+    """Return the speed of a film in words, as "1/8 of real time"."""
     return f"{Fraction(pace)} {'of' if pace < 1 else '×'} real time"
 
 
@@ -191,7 +191,7 @@ def scenery(recording: Recording) -> Scenery:
 
 
 def look(scene: Scene, trace: int | None = None, colors: Mapping[str, Color] | None = None) -> Look:
-    """Return how the bodies of a scene are drawn.
+    """Return the `Look` of the bodies of a scene.
 
     Parameters
     ----------

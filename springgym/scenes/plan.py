@@ -1,4 +1,4 @@
-"""What a scene file says: what is simulated, for how long, and what is made of it."""
+"""The contents of a scene file: what is simulated, for how long, and how it is shown."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def load(scene: str, changes: Changes | None = None) -> Plan:
 
 
 def document(scene: str) -> Tree:
-    """Return what the file of a scene says, unchecked; see `load`."""
+    """Return the tree of a scene file, unchecked; see `load`."""
     with _file(scene) as path:
         return read_yaml(path)
 
@@ -430,8 +430,8 @@ def _met(
 
 
 def _collisions(tree: Tree) -> Collisions:
-    """Return which bodies meet: "all", "none", how all do, or a list of pairs, each with its ``contact`` or
-    not."""
+    """Return the bodies that collide: "all", "none", how all do, or a list of pairs, each with or without a
+    ``contact``."""
     given = tree.value.get("collisions", ALL)
     if given is None or given == "none":
         return None

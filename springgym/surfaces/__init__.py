@@ -39,4 +39,4 @@ SURFACES: dict[str, Callable[..., Surface]] = {
     "height_field": HeightField,
     "waves": waves,
 }
-"""What makes a surface, by the name that a scene file gives it."""
+"""The functions that make surfaces, by their names in scene files."""

@@ -27,7 +27,7 @@ class Planes(NamedTuple):
 
     @staticmethod
     def flat() -> bool:
-        """Say that the gradient is a unit vector, and the same everywhere."""
+        """Return True: the gradient is a unit vector, and the same everywhere."""
         return True
 
     @staticmethod

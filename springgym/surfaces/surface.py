@@ -1,4 +1,4 @@
-"""What a surface is: a height and, in compiled code, its gradient.
+"""The base of surfaces: a height and, in compiled code, its gradient.
 
 A kind of surface is one file of this folder and one line of `springgym.surfaces.SURFACES`. The file has a
 frozen dataclass for users, a `Surface`, and a named tuple for compiled code: arrays with one row for each
@@ -43,12 +43,12 @@ class Surface(ABC):
         """
 
     def fade(self, points: np.ndarray, middle: np.ndarray, extent: float) -> np.ndarray:
-        """Return how clearly points (…, 3) of the surface are drawn: from 1 to 0, which is not at all."""
+        """Return the opacity of points (…, 3) of the surface in pictures, from 0 to 1."""
         away = np.linalg.norm(points - middle, axis=-1) / (2.0 * extent)
         return np.asarray(np.maximum(1.0 - away**2, 0.0))
 
     def hit(self, start: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return where rays (…, 3) meet the surface from its free side, and its unit normals there.
+        """Return the points in which rays (…, 3) meet the surface from its free side, and its unit normals.
 
         Of rays that miss it both are NaN. Surfaces that return None are drawn as a net, without shade.
         """

@@ -20,8 +20,7 @@ from springgym.scenes.recording import Recording
 
 
 def of_all(scene: Scene, names: Sequence[str]) -> list[str]:
-    """Return which of the checks are of all bodies together: where they collide, none keeps its own
-    energy."""
+    """Return the checks that concern all bodies together: bodies that collide exchange energy."""
     of_them = TOGETHER | {"energy", "momentum"} if scene.meetings else TOGETHER
     return [name for name in names if name in of_them]
 

@@ -1,4 +1,4 @@
-"""What a scene must be for its checks to mean something.
+"""Requirements of the checks on a scene.
 
 Each function raises `ValueError` if it is not, saying by what.
 """

@@ -1,4 +1,4 @@
-"""What rolls, against theory: balls, a tippe-top, a rattleback, Euler's disk."""
+"""Checks of rolling bodies against theory: balls, a tippe-top, a rattleback, Euler's disk."""
 
 from __future__ import annotations
 
