@@ -1,4 +1,4 @@
-"""Forces of one's own: a named tuple of what a force is made of, with two compiled functions.
+"""Forces of your own: a named tuple with the parameters of a force, and two compiled functions.
 
     class Tether(NamedTuple):
         particle: int
@@ -15,10 +15,9 @@
         def energy(x, tether):              # their energy [J]
             ...
 
-Scenes take any number of them, and keep their numbers: arrays are copied, nobody can write to the copies.
-Fields called ``particle`` or ``particles`` are checked to be of the body. Forces act where the springs act,
-at the same times, so that a method keeps its order and its conservation laws; their energy is counted with
-that of the springs.
+A scene takes any number of forces. It copies their arrays, and the copies are read-only. Fields named
+``particle`` or ``particles`` must hold particles of the body. Forces act at the same times as the springs,
+so a method keeps its order and its conservation laws. Their energy is counted with that of the springs.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ from springgym.core.vec import Vec
 from springgym.records import read_only
 
 MOST_FORCES = 20
-"""A body has no more: each is compiled into the kernel."""
+"""Most forces of a body: each is compiled into the kernel."""
 
 FUNCTIONS = {"add": ("x", "force", "own"), "energy": ("x", "own")}
 """The functions that a force must have, and their parameters."""
@@ -47,7 +46,7 @@ RETURNED = {"add": "nothing: it adds to force", "energy": "a number, the energy 
 
 
 class OfBody(NamedTuple):
-    """A force of one's own, and the body it acts on."""
+    """A force of your own, and the body on which it acts."""
 
     body: int
     """number of the body"""
@@ -55,16 +54,16 @@ class OfBody(NamedTuple):
 
 
 def checked_forces(name: str, given: Any, count: int) -> tuple[Any, ...]:
-    """Forces of a body of ``count`` particles, with arrays of their own of float64 or int64, read-only.
+    """Return the forces of a body of ``count`` particles with read-only copies of their arrays.
 
-    Fields called ``particle`` or ``particles`` must be particles of the body. Of all else it is only checked
-    that it is numbers, see `springgym.checks`.
+    The arrays become float64 or int64. Fields named ``particle`` or ``particles`` must hold particles of the
+    body. All other fields must hold numbers, see `springgym.checks`.
 
     Raises
     ------
     TypeError, ValueError
-        Naming a force that is no named tuple, lacks a function or has one that takes something else, holds
-        what is no number, or a particle that does not exist.
+        If a force is not a named tuple, lacks a function, has one with other parameters, or holds something
+        that is not a number, or a particle that does not exist; the message names it.
     """
     if not isinstance(given, (tuple, list)) or hasattr(given, "_fields"):
         raise TypeError(f"{name} is {shown(given)}; it must be a tuple of forces")
@@ -120,7 +119,7 @@ def _value(name: str, value: Any) -> Any:
 
 
 def to_compiled(force: Any) -> Any:
-    """Copy a checked force for compiled functions, which then own its C-contiguous arrays."""
+    """Copy a checked force, with C-contiguous arrays, for compiled functions."""
     return force._make(value.copy() if isinstance(value, np.ndarray) else value for value in force)
 
 
@@ -132,7 +131,7 @@ def _typed(force: Any, function: str, *arguments: Any) -> Any:
     Raises
     ------
     TypeError
-        Naming the force and the function, if it does not compile, or returns what it must not.
+        If a function does not compile, or returns the wrong thing; the message names force and function.
     """
     of = f"{function} of the force {force.instance_class.__qualname__}"
     given = getattr(force.instance_class, function)
@@ -161,7 +160,7 @@ def _reason(error: NumbaError) -> str:
 
 
 def add_own_forces(x: Any, force: Any, own: Any, body: Any) -> None:
-    """Add the forces [N] of one's own that act on a body to ``force`` (N, 3)."""
+    """Add the forces [N] of your own that act on a body to ``force`` (N, 3)."""
     for one in own or ():
         if one.body == body:
             one.force.add(x, force, one.force)
@@ -186,7 +185,7 @@ def _add_own_forces(x: Any, force: Any, own: Any, body: Any) -> Any:
 
 
 def own_energy(x: Any, own: Any, body: Any) -> Any:
-    """Add up the energy [J] of the forces of one's own that act on a body."""
+    """Return the energy [J] of the forces of your own that act on a body."""
     total = 0.0 * load(x, (0, 0))
     for one in reversed(own or ()):
         if one.body == body:

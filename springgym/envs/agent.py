@@ -1,9 +1,9 @@
 """A trained agent as a file of plain numbers, ``agent.npz``: NumPy alone reads it, and nothing is unpickled.
 
-It acts by fully connected layers, as the algorithms of Stable-Baselines3 train them, or by one, which is
-linear control. The file holds their arrays by their names in PyTorch and, if observations are normalised,
-their statistics. What the layers look like stands in the run's configuration, what they see and do in the
-environment's spaces.
+The agent consists of fully connected layers, as the algorithms of Stable-Baselines3 train them, or of one
+layer, which is linear control. The file holds their arrays by their names in PyTorch and, if observations are
+normalised, their statistics. The run's configuration describes the layers, and the environment's spaces
+describe their input and output.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Algorithm = Literal["ppo", "sac", "tqc", "crossq", "linear"]
 """The algorithm that trained an agent."""
 
 LARGEST = 1_000_000_000
-"""Size of all arrays of an agent [bytes], at the most."""
+"""Largest size of all arrays of an agent [bytes]."""
 
 MOST = 1e38
 """Largest number in the layers, whatever is observed: those of float32 end at 3.4e38."""
@@ -59,7 +59,7 @@ class Network:
     """widths of the hidden layers"""
     activation: Literal["tanh", "relu"] = "tanh"
     normalize: bool = False
-    """whether they see normalised observations"""
+    """whether their input is normalised observations"""
 
 
 def acts(algo: str, name: str) -> bool:
@@ -75,11 +75,11 @@ def load_policy(
     Parameters
     ----------
     path
-        The file. It may be anyone's.
+        The file. It may come from somebody else, as nothing in it is run.
     network
-        What was trained.
+        The configuration of the network.
     observation_space, action_space
-        Of the environment it is to act in.
+        The spaces of the environment in which the agent will act.
 
     Raises
     ------
