@@ -101,9 +101,7 @@ def faults(tag: str) -> list[str]:
     if tag != f"v{number}":
         found.append(f"the tag is {tag}, but springgym/__init__.py has version {number}")
     if PLACEHOLDER in text("pyproject.toml"):
-        found.append(
-            f"pyproject.toml: the addresses still contain {PLACEHOLDER}; write the owner there"
-        )
+        found.append(f"pyproject.toml: the addresses still contain {PLACEHOLDER}; write the owner there")
     date, told = changes(number)
     if not DATE.fullmatch(date):
         found.append(f"CHANGELOG.md has no heading '## {number} (YYYY-MM-DD)'")
@@ -123,9 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("tag", nargs="?", help="the tag to check, such as v0.2.0")
-    parser.add_argument(
-        "--notes", type=Path, metavar="FILE", help="write its changelog to FILE"
-    )
+    parser.add_argument("--notes", type=Path, metavar="FILE", help="write its changelog to FILE")
     parser.add_argument(
         "--write",
         action="store_true",

@@ -40,7 +40,7 @@ class Stateful:
         raise NotImplementedError
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state, to the bit: what follows is what followed."""
+        """Set a state, to the bit. The same actions then have the same results."""
         raise NotImplementedError
 
 
@@ -325,7 +325,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
 
     @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state, to the bit: what follows is what followed.
+        """Set a state, to the bit. The same actions then have the same results.
 
         Wrappers do not change: the time limit that `gymnasium.make` adds continues to count from where it
         was. `springgym.set_state` sets it, too.
@@ -578,7 +578,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     @guarded
     def set_state(self, state: Mapping[str, Any], copies: Any = None) -> None:
-        """Return to a state, or set it into some copies, to the bit: what follows is what followed.
+        """Set a state in all copies or in some, to the bit. The same actions then have the same results.
 
         Parameters
         ----------

@@ -224,7 +224,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
 
     @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state, to the bit: what follows is what followed.
+        """Set a state, to the bit. The same actions then have the same results.
 
         Raises
         ------

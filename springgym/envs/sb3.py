@@ -208,7 +208,7 @@ class Monitor(Stateful, VecMonitor):
         return {"env": get_state(self.venv)} | {name: getattr(self, name).copy() for name in self.counted}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state, to the bit: what follows is what followed.
+        """Set a state, to the bit. The same actions then have the same results.
 
         Raises
         ------

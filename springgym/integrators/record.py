@@ -21,35 +21,36 @@ from springgym.surfaces import PaperContact
 
 @dataclass(frozen=True)
 class Integrator:
-    """Facts about a time-stepping method; they drive checks, tests and documentation."""
+    """Properties of a time-stepping method, for checks, tests and documentation."""
 
     name: str
     order: int
     evaluations: int
-    """force evaluations a step; of an iterative method, with one iteration a stage"""
+    """force evaluations per step; for an iterative method, with one iteration per stage"""
     imaginary_limit: float
     """largest stable ω h of an undamped oscillator"""
     real_limit: float
-    """largest stable decay rate × h; infinite where dampers are split off exactly or solved implicitly, 0 if
-    the method takes none"""
+    """largest stable decay rate × h; infinite if dampers are split off exactly or solved implicitly, 0 if
+    the method does not allow dampers"""
     symplectic: bool
     negative_substeps: bool
-    """steps back in time within a step: unusable with dissipation"""
+    """whether it takes steps back in time within a step, which rules out dissipation"""
     workspace: int
-    """arrays of (particles or springs, 3) it computes in"""
+    """number of its work arrays (particles or springs, 3)"""
     citation: str
     implicit: bool = False
-    """solves linear systems in the springs' and dampers' Jacobian; actuators are split off, to order 2"""
+    """whether it solves linear systems in the Jacobian of springs and dampers; actuators are split off, to
+    order 2"""
     adaptive: bool = False
-    """takes steps of its own choice, up to h, from an estimate of its error"""
+    """whether it chooses its own steps, up to h, from an estimate of its error"""
     iterative: bool = False
-    """solves by Newton's method"""
+    """whether it uses Newton's method"""
     meets_bodies: bool = False
-    """passes the nodes of `springgym.forces.together` where bodies may meet"""
+    """whether it computes the nodes of `springgym.forces.together`, at which bodies collide"""
     meets_surfaces: bool = False
-    """passes nodes, see `springgym.forces.node`, where there are surfaces"""
+    """whether it computes nodes, see `springgym.forces.node`, if there are surfaces"""
     cycles: bool = False
-    """can let dampers and wrench act once in several steps, see `springgym.forces.cycle`"""
+    """whether dampers and wrench can act once in several steps, see `springgym.forces.cycle`"""
 
     def __post_init__(self) -> None:
         for own in fields(self):
@@ -83,7 +84,7 @@ COUNTS = 3
 class Phase(NamedTuple):
     """The state of copies: positions, velocities, and the ledger of their energy.
 
-    Of several bodies, each field is a `Ragged`.
+    For several bodies, each field is a `Ragged`.
     """
 
     x: Any
@@ -97,10 +98,10 @@ class Phase(NamedTuple):
 class Control(NamedTuple):
     """The tolerance and the bounds of steps, which a method that controls its error takes in place of h.
 
-    An adaptive method keeps the error of each step, root mean squares over the particles, below
-    ``absolute`` + ``relative`` × longest spring in position [m] and ``absolute`` + ``relative`` × speed in
-    velocity [m/s]. Newton's method stops when a correction moves no particle by more than ``absolute`` +
-    ``relative`` × longest spring: the error left is of the square of it.
+    An adaptive method keeps the error of each step, a root mean square over the particles, below
+    ``absolute`` + ``relative`` × longest spring in position [m] and below ``absolute`` + ``relative`` × speed
+    in velocity [m/s]. Newton's method stops when a correction moves no particle by more than ``absolute`` +
+    ``relative`` × longest spring. The remaining error is of the order of its square.
     """
 
     step: float
@@ -127,7 +128,7 @@ def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Any:
 
 
 def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> str | None:
-    """Why a method makes no sense in a scene, or None if it does.
+    """Return the reason why a method does not suit a scene; None if it does.
 
     ``varying`` names parameters that differ from copy to copy; damping may be one of them.
     """

@@ -1,4 +1,4 @@
-"""Reading scene files strictly: every key is known, of its kind, and given once."""
+"""Strict reading of scene files: every key is known, has the right type, and occurs once."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ Changes = Mapping[tuple[str, ...], Any]
 
 
 def names() -> list[str]:
-    """Names of the scenes that come with the package, sorted."""
+    """Return the names of the scenes in the package, sorted."""
     return sorted(
         file.name.removesuffix(".yaml") for file in _folder().iterdir() if file.name.endswith(".yaml")
     )
@@ -64,14 +64,14 @@ def load(scene: str, changes: Changes | None = None) -> Plan:
     Parameters
     ----------
     scene
-        Name of one that comes with the package, or path of a YAML file.
+        Name of a scene in the package, or path of a YAML file.
     changes
-        Values in place of those at some paths of keys: ``{("start", "spin"): 40.0}``.
+        Values that replace those in the file, by the path of their keys: ``{("start", "spin"): 40.0}``.
 
     Raises
     ------
     YamlError
-        If the file is wrong: with its name, the line and the key.
+        If the file has an error; the message names file, line and key.
     ValueError
         If there is no such scene.
     """
@@ -347,7 +347,7 @@ KINDS: dict[str, Callable[..., Body]] = {
     "solid_mesh": _solid_mesh,
     "solid_rope": solid_rope,
 }
-"""Bodies by the name a scene file gives them; ``union`` is the other."""
+"""Functions that make bodies, by their names in scene files; ``union`` is handled apart."""
 
 
 def _body(tree: Tree, path: tuple[str, ...]) -> Body:

@@ -18,7 +18,7 @@ from springgym.surfaces.surface import Surface, points
 
 
 class Planes(NamedTuple):
-    """Hold the planes of a scene for compiled code."""
+    """The planes of a scene, for compiled code."""
 
     normal: np.ndarray
     """(planes, 3) unit vectors"""
@@ -43,7 +43,7 @@ class Planes(NamedTuple):
 
 @dataclass(frozen=True)
 class Plane(Surface):
-    """Describe a plane whose normal points to the free side; normals of any length become unit vectors."""
+    """A plane whose normal points to the free side. A normal of any length becomes a unit vector."""
 
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -79,7 +79,7 @@ class Plane(Surface):
 
 
 def floor(z: float = 0.0) -> Plane:
-    """Return the level plane at height z [m]."""
+    """Return a level plane at height z [m]."""
     return Plane((0.0, 0.0, number("z", z)))
 
 

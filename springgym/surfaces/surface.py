@@ -24,7 +24,7 @@ from springgym.checks import array
 
 
 class Surface(ABC):
-    """Bound where particles may be: they stay where the gap to the surface, its height, is positive."""
+    """A surface that bounds the free particles: they stay where its height, the gap to it, is positive."""
 
     @abstractmethod
     def height(self, positions: np.ndarray) -> np.ndarray:
@@ -33,13 +33,13 @@ class Surface(ABC):
     @classmethod
     @abstractmethod
     def packed(cls, surfaces: Sequence[Self]) -> Any:
-        """Return the named tuple by which compiled code knows some surfaces of this kind."""
+        """Return some surfaces of this kind as a named tuple for compiled code."""
 
     @abstractmethod
     def net(self, middle: np.ndarray, extent: float) -> np.ndarray:
-        """Return points (m, n, 3) [m] of the surface in rows and columns, by which it is drawn.
+        """Return points (m, n, 3) [m] of the surface, in rows and columns, for drawing.
 
-        A picture shows some ``extent`` [m] around the ``middle`` (3,) [m] of what happens.
+        The picture shows ``extent`` [m] around the ``middle`` (3,) [m] of the scene.
         """
 
     def fade(self, points: np.ndarray, middle: np.ndarray, extent: float) -> np.ndarray:
@@ -50,17 +50,18 @@ class Surface(ABC):
     def hit(self, start: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Return the points in which rays (…, 3) meet the surface from its free side, and its unit normals.
 
-        Of rays that miss it both are NaN. Surfaces that return None are drawn as a net, without shade.
+        Both are NaN for rays that miss the surface. A surface that returns None is drawn as a net, without
+        shading.
         """
         return None
 
 
 def points(positions: Any) -> np.ndarray:
-    """Return positions that a height is asked for as an array (…, 3).
+    """Return positions as an array (…, 3), after checking them.
 
     Raises
     ------
     TypeError, ValueError
-        If they are no numbers, or have another shape than (3,), (N, 3) or (k, N, 3).
+        If they are not numbers, or their shape is not (3,), (N, 3) or (k, N, 3).
     """
     return array("positions", positions, (3,), (None, 3), (None, None, 3))
