@@ -1,4 +1,4 @@
-"""Agents to and from their file, see `springgym.envs.agent`."""
+"""Writing agents to their file, and reading them, see `springgym.envs.agent`."""
 
 from __future__ import annotations
 

@@ -143,9 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "which", nargs="*", metavar="KIND", help=f"of {', '.join(MAKERS)}; all if none is given"
-    )
+    parser.add_argument("which", nargs="*", metavar="KIND", help=f"of {', '.join(MAKERS)}; default: all")
     parser.add_argument("--agent", metavar="RUN", help="a run folder to film, in place of classical control")
     parser.add_argument("--out", type=Path, default=FIGURES, metavar="FOLDER")
     args = parser.parse_args(arguments)

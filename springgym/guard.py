@@ -37,7 +37,7 @@ def guarded(method: Method) -> Method:
         if not guard.taken(blocking=False):
             raise RuntimeError(
                 f"two threads use one {type(self).__name__} at once: {method.__name__} was called while "
-                "another thread is in a call; give each thread its own, or let them take turns by a lock"
+                "another thread is in a call; give each thread its own, or use a lock"
             )
         try:
             return method(self, *arguments, **options)

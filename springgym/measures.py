@@ -155,7 +155,7 @@ class MeasuresOfBodies:
             raise AttributeError(f"measures have no {name!r}; there are {', '.join(FIELDS)}")
         if len(self.names) > 1:
             raise AttributeError(
-                f"{name!r} is asked of {len(self.names)} bodies at once; name one of them, as in "
+                f"{name!r} needs one body, and there are {len(self.names)}; name one of them, as in "
                 f"m[{self.names[0]!r}].{name}. There are {', '.join(map(repr, self.names))}"
             )
         return getattr(self._each, name)

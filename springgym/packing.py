@@ -162,7 +162,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
         friction = options.parameter({"friction"}, np.array([contact.friction]))
     if isinstance(contact, PaperContact):
         if "restitution" in varying:
-            raise ValueError("'restitution' cannot vary: the paper's contact has none")
+            raise ValueError("'restitution' cannot vary: the paper's contact has no restitution")
         law = PaperLaw(contact.damping, options.step)
     elif contact.restitution < 1 or "restitution" in varying:
         loss = options.parameter({"restitution"}, loss_of([contact.restitution]))

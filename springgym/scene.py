@@ -126,13 +126,18 @@ class Placed(ReadOnly):
             if self.thrust.turns and not body.oriented:
                 raise ValueError(
                     f"thrust cannot turn with body {body.name!r}: its markers {body.markers} "
-                    "lie on one line and tell no orientation; it must be fixed in the world"
+                    "lie on one line and define no orientation; it must be fixed in the world"
                 )
         object.__setattr__(self, "forces", checked_forces("forces", self.forces, count))
         if self.drive and self.forces:
-            raise ValueError("forces and a drive cannot be together: the drive's work would not know of them")
+            raise ValueError(
+                "a body cannot have both forces and a drive: the work of the "
+                "drive does not include the forces"
+            )
         if self.drive and self.drive.particle not in self.pinned:
-            raise ValueError(f"drive.particle {self.drive.particle} must be pinned: the drive alone moves it")
+            raise ValueError(
+                f"drive.particle {self.drive.particle} must be pinned, because only the drive moves it"
+            )
         self.check_start(self.positions, self.velocities)
 
     def check_start(self, positions: np.ndarray, velocities: np.ndarray, copies: Any = None) -> None:
@@ -369,8 +374,8 @@ class Scene(ReadOnly):
         for own in fields(self):
             if own.name in OWN and getattr(self, own.name) is not own.default:
                 raise ValueError(
-                    f"{own.name} is given beside bodies; it must be said in the Placed of each body, or by "
-                    "with_ of a scene that is to be changed"
+                    f"{own.name} is given besides bodies; give it in the Placed of each body, or change a "
+                    "scene with its method with_"
                 )
         bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))
         if len(bodies) > MOST_BODIES:
@@ -379,7 +384,8 @@ class Scene(ReadOnly):
         for n, name in enumerate(placed.name for placed in bodies):
             if len(bodies) > 1 and (not name or "." in name):
                 raise ValueError(
-                    f"bodies[{n}] is called {name!r}; among several, the name of a body must be some text "
+                    f"bodies[{n}] is called {name!r}; in a scene of several bodies, "
+                    "a name must be a non-empty string "
                     "without a dot"
                 )
             if first.setdefault(name, n) < n:

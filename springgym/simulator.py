@@ -271,7 +271,7 @@ class Simulator:
         if scene.surfaces and isinstance(contact, Contact):
             if contact.restitution < 1:
                 raise ValueError(
-                    f"restitution is {contact.restitution}; the paper has a damping instead: give the scene "
+                    f"restitution is {contact.restitution}; the paper's method has a damping: give the scene "
                     "a PaperContact"
                 )
             contact = PaperContact(contact.friction, 0.0, contact.strength, contact.reach)
@@ -299,7 +299,8 @@ class Simulator:
         if not self.integrator.controlled:
             if tolerance is not None:
                 raise ValueError(
-                    f"tolerance is {checks.shown(tolerance)}; {self.integrator.name} has none: leave it out"
+                    f"tolerance is {checks.shown(tolerance)}; {self.integrator.name} "
+                    "has no tolerance: leave it out"
                 )
             return self.step
         relative, absolute = (
@@ -622,7 +623,7 @@ class Simulator:
         if given.keys() != names:
             wrong = sorted(map(str, given.keys() ^ names))[0]
             has = "holds" if wrong in given else "lacks"
-            raise ValueError(f"the state {has} {wrong!r}; it must be that of a simulator made like this one")
+            raise ValueError(f"the state {has} {wrong!r}; it must belong to a simulator made like this one")
         count = self.copies if copies is None else copies_in(state, len(index))
         for name, array in {"lost": np.zeros(count, bool), **own}.items():
             given = checks.instance(f"state[{name!r}]", state[name], np.ndarray)
@@ -853,7 +854,9 @@ class Simulator:
             If the method has no tolerance, and so no steps of its own.
         """
         if not isinstance(self._control, Control):
-            raise ValueError(f"{self.integrator.name} neither chooses its steps nor iterates: no counts")
+            raise ValueError(
+                f"{self.integrator.name} neither chooses its steps nor iterates, so it has no counts"
+            )
         return to_copies(self._control.counts, self.copies)
 
     @guarded
@@ -886,9 +889,9 @@ class Simulator:
         """
         if self._kind.rigid or self.integrator.name != "verlet":
             what = f"{self.integrator.name} on {self.dynamics}"
-            raise ValueError(f"the shadow energy is known of verlet on springs alone; this is {what}")
+            raise ValueError(f"the shadow energy is known only for verlet with springs; this is {what}")
         if self._terms.own is not None:
-            raise ValueError("the shadow energy is not known where forces of one's own act")
+            raise ValueError("the shadow energy is not known with forces of your own")
         self.read()
         x, slices = self.readout.positions, self.scene.slices
         swings = [packing.swing(packed, x[:, own]) for packed, own in zip(self._packed, slices, strict=True)]
@@ -1030,7 +1033,7 @@ class Simulator:
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in vars(self) and not name.startswith("_"):
-            raise AttributeError(f"{name} of a simulator is what it was made with; make another")
+            raise AttributeError(f"{name} of a simulator cannot change; make another simulator")
         super().__setattr__(name, value)
 
     @guarded
@@ -1080,7 +1083,7 @@ class Simulator:
             return 1 if unknown else stability.damping_every(self.scene, self.integrator, self.step)
         every = checks.whole("damping_every", every, 1, stability.LONGEST_CYCLE)
         if every > 1 and every % 2:
-            raise ValueError(f"damping_every is {every}; it must be 1 or even: a cycle has a middle")
+            raise ValueError(f"damping_every is {every}; it must be 1 or even, because a cycle has a middle")
         if every > 1 and (one or self._kind.rigid):
             raise ValueError(
                 f"damping_every is {every}; it must be 1: {one or 'rigid bodies have no dampers'}"
@@ -1113,7 +1116,7 @@ def _checked_names(varying: Any) -> frozenset[str]:
     """Names out of `PARAMETERS`."""
     if isinstance(varying, str) or not isinstance(varying, (Set, Sequence, Mapping)):
         raise TypeError(
-            f"varying is {checks.shown(varying)}; it must be names out of {', '.join(PARAMETERS)}"
+            f"varying is {checks.shown(varying)}; it must hold names from {', '.join(PARAMETERS)}"
         )
     return frozenset(checks.chosen("a name in varying", name, PARAMETERS) for name in varying)
 
@@ -1144,7 +1147,7 @@ def copies_in(state: Mapping[str, Any], wanted: int) -> int:
     count = checks.whole("the number of copies that the state is of", of.get("copies"), 1)
     if count not in (1, wanted):
         raise ValueError(
-            f"the state is of {count} copies, and copies names {wanted}; it must be of as many, or of one"
+            f"the state holds {count} copies, but copies names {wanted}; it must hold {wanted} copies, or one"
         )
     return count
 

@@ -1,7 +1,7 @@
-"""The cases where simulators break, each with a criterion, what was measured, and a verdict.
+"""Cases in which simulators break. Each has a criterion, a measured value and a verdict.
 
-``springgym hard-cases`` prints them; its exit status is 1 if any fails. Each case can also be run
-``broken``: with one thing wrong, named in its text, that the criterion must catch.
+``springgym hard-cases`` runs them, and its exit status is 1 if any fails. Each case has a broken twin with
+one deliberate mistake, which its text names and the criterion must detect.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simul
 from springgym.surfaces import Bowl, Contact, Plane, floor, incline
 
 NONE = (0.0, 0.0, 0.0)
-"""No gravity, by the same compiled code as with it."""
+"""Zero gravity, which uses the same compiled code as gravity."""
 
 
 class Outcome(NamedTuple):
@@ -795,7 +795,7 @@ LEFT, RIGHT = slice(0, 8), slice(8, 16)
 
 EDGE_UP, EDGE_ASIDE = rotation((0, 0, 1), math.pi / 4), rotation((0, 1, 0), math.pi / 4)
 CORNER = rotation((0, 1, 0), math.atan(math.sqrt(0.5))) @ EDGE_UP
-"""Turns of a cube by which an upright edge, one along y, and a corner point to ±x."""
+"""Rotations of a cube after which an upright edge, an edge along y, or a corner points to ±x."""
 
 
 def two_cubes(copies: int) -> Simulator:
@@ -1016,9 +1016,7 @@ def heap(broken: bool) -> Outcome:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``springgym hard-cases``."""
-    parser.add_argument(
-        "cases", nargs="*", type=int, metavar="N", help="numbers of cases; all if none is given"
-    )
+    parser.add_argument("cases", nargs="*", type=int, metavar="N", help="numbers of cases; default: all")
     parser.add_argument("--broken", action="store_true", help="run the broken twins: each must fail")
 
 

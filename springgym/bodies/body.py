@@ -150,7 +150,7 @@ class Body(ReadOnly):
         object.__setattr__(self, "radius", number(what + "radius", self.radius, low=0.0))
         if self.radius and len(self.triangles):
             raise ValueError(
-                f"{what}radius is {self.radius:g} m beside {len(self.triangles)} triangles; "
+                f"{what}radius is {self.radius:g} m, and there are {len(self.triangles)} triangles; "
                 "a body has one or the other"
             )
         self._check_rounds(what)
@@ -169,7 +169,8 @@ class Body(ReadOnly):
                 raise ValueError(f"{called}: {error}") from None
         if self.rounds and self.radius:
             raise ValueError(
-                f"{what}radius is {self.radius:g} m beside round features; a body has one or the other"
+                f"{what}radius is {self.radius:g} m, and there are round "
+                "features; a body has one or the other"
             )
 
     def _distances(self) -> np.ndarray:
@@ -202,7 +203,7 @@ class Body(ReadOnly):
         if not self.floppy and (free := self.floppy_modes()) > 0:
             raise ValueError(
                 f"body {self.name!r} can change shape in {free} ways without stretching a spring; "
-                "add springs, or say floppy=True if it is meant to"
+                "add springs, or set floppy=True if this is intended"
             )
 
     def floppy_modes(self, pinned: tuple[int, ...] = ()) -> int:

@@ -65,7 +65,7 @@ def from_points(
     if masses.ndim:
         if len(corners) < len(cloud):
             inside = int(np.setdiff1d(np.arange(len(cloud)), corners)[0])
-            raise ValueError(f"point {inside} at {cloud[inside]} lies inside the hull: it cannot have a mass")
+            raise ValueError(f"point {inside} at {cloud[inside]} lies inside the hull and cannot have a mass")
     else:
         masses = np.full(len(corners), masses / len(corners))
     return _around_centre(
@@ -173,7 +173,8 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
         triangles = triangles[:, ::-1]
     if not surface.faces_out(vertices, triangles):
         raise ValueError(
-            f"{path} encloses no solid: parts of its surface cut or cover each other, or are inside out"
+            f"{path} does not enclose a solid: parts of its surface cut or "
+            "cover each other, or are inside out"
         )
     solids = [shell for shell in surface.shells(triangles) if surface.volume(vertices, shell) > 0]
     if len(solids) > 1:  # those inside out are cavities
@@ -234,7 +235,7 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
     positions, springs = every[kept], np.array(list(strength), int).reshape(-1, 2)
     if (apart := surface.pieces(len(positions), springs)).any():
         stray = next(name for name, place in parts.items() if int(np.argmax(apart)) in place)
-        raise ValueError(f"body {stray!r} does not touch body {names[0]!r}, nor what that touches")
+        raise ValueError(f"body {stray!r} does not touch body {names[0]!r}, directly or through others")
     added = braces(positions, springs)
     values = np.array(list(strength.values())).reshape(-1, 2)
     values = np.vstack([values, *[values.mean(axis=0)] * len(added)])

@@ -101,14 +101,16 @@ def start(
     if tilt is None and (azimuth or roll):
         raise ValueError(f"azimuth is {azimuth} and roll is {roll}; they must come with a tilt")
     if tilt is not None and hanging:
-        raise ValueError(f"tilt is {tilt}; a body that hangs has none")
+        raise ValueError(f"tilt is {tilt}; it must be left out for a body that hangs")
     own = axes(body.positions, body.markers)
     if hanging:
         if not pinned:
             raise ValueError(f"body {body.name!r} is not pinned: it cannot hang")
         arm = body.centre - body.positions[pinned[0]]
         if not np.linalg.norm(arm) > 1e-9 * np.ptp(body.positions, axis=0).max():
-            raise ValueError(f"body {body.name!r} is pinned at its centre of mass: it hangs in no one way")
+            raise ValueError(
+                f"body {body.name!r} is pinned at its centre of mass: it has no definite way to hang"
+            )
         place = aligning(arm, np.array([0.0, 0.0, -1.0]))
     elif tilt is not None:
         place = rotating((0, 0, azimuth)) @ rotating((0, tilt, 0)) @ rotating((0, 0, roll)) @ own.T
@@ -130,6 +132,8 @@ def start(
     velocities = cross(rate, arm) + velocity
     held = list(pinned)
     if np.abs(velocities[held]).max(initial=0.0) > 1e-9 * np.abs(velocities).max(initial=1.0):
-        raise ValueError(f"body {body.name!r} is pinned at {held} and cannot move so: the pins would move")
+        raise ValueError(
+            f"body {body.name!r} is pinned at {held} and cannot have this motion: the pins would move"
+        )
     velocities[held] = 0.0
     return InitialState(position + arm, velocities)

@@ -150,7 +150,7 @@ def _carrier(
         principal = ", ".join(f"{moment:g}" for moment in np.linalg.eigvalsh(inertia))
         raise ValueError(
             f"inertia has the principal moments {principal} kg·m²; each must be less than the sum of the "
-            "others, as of a body that is not flat"
+            "others, because the body is not flat"
         )
     arms = (axes * np.sqrt(3 * moments)) @ axes.T
     return Body(

@@ -83,8 +83,8 @@ def _level(asked: str, has: Mapping[str, bool]) -> str | None:
     lacks = [name for name in LEVELS[asked] if not has.get(name)]
     if lacks:
         warnings.warn(
-            f"SPRINGGYM_CPU is {asked!r}, and this processor has no {', '.join(lacks)}: code is made for "
-            "this processor, and what was made for others is left alone",
+            f"SPRINGGYM_CPU is {asked!r}, and this processor has no {', '.join(lacks)}: code is compiled for "
+            "this processor, and compiled code for others is not used",
             RuntimeWarning,
             stacklevel=2,
         )
@@ -211,7 +211,7 @@ class Inner(type(SAMPLE)):  # type: ignore[misc]
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         raise TypeError(
-            f"{self.__name__} is compiled for kernels only; call {self.__name__}.py_func from Python"
+            f"{self.__name__} is compiled for use in kernels only; call {self.__name__}.py_func from Python"
         )
 
 

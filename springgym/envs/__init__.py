@@ -28,7 +28,9 @@ def parallel(env_id: str, **options: Unpack[ParallelOptions]) -> ParallelDuel:
         If the environment does not have several agents.
     """
     if env_id not in PARALLEL:
-        raise ValueError(f"env_id is {env_id!r}; of several agents there is {', '.join(PARALLEL)}")
+        raise ValueError(
+            f"env_id is {env_id!r}; it must be an environment of several agents: {', '.join(PARALLEL)}"
+        )
     from springgym.envs.players import ParallelDuel
 
     return ParallelDuel(**options)

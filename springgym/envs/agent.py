@@ -87,7 +87,7 @@ def load_policy(
         If the file is damaged, or does not fit the network and the environment.
     """
     if not isinstance(observation_space, spaces.Box) or not isinstance(action_space, spaces.Box):
-        raise ValueError(f"{path}: agents see and do numbers, not {observation_space} and {action_space}")
+        raise ValueError(f"{path}: agents need spaces of numbers, not {observation_space} and {action_space}")
     arrays = _read(path)
     layers = _layers(network, observation_space, action_space)
     expected: dict[str, tuple[int, ...]] = {}
@@ -139,7 +139,8 @@ def _reach_of_statistics(path: Path, mean: np.ndarray, variance: np.ndarray, lim
     if not (variance >= 0).all() or not epsilon > 0 or not 0 < largest < MOST:
         raise ValueError(
             f"{path}: variances from {variance.min():g}, with {epsilon:g} added, and a largest value of "
-            f"{largest:g} normalise nothing: the first must not be negative, the others positive"
+            f"{largest:g} cannot normalise: the variances must not be negative, "
+            "and the others must be positive"
         )
     return float(largest)
 
@@ -154,8 +155,8 @@ def _check_reach(
         reach = float(sums.max(initial=0.0))
         if not reach < MOST:
             raise ValueError(
-                f"{path}: weights up to {np.abs(weight).max():g} are too large: what a layer computes may "
-                f"come to {reach:g}, and must stay below {MOST:g}"
+                f"{path}: weights up to {np.abs(weight).max():g} are too large: the output of a layer may "
+                f"reach {reach:g}, and must stay below {MOST:g}"
             )
         reach = min(reach, 1.0) if network.activation == "tanh" else reach
 
@@ -187,4 +188,4 @@ def _read(path: Path) -> dict[str, np.ndarray]:
         return arrays
     except Exception as error:  # it may be any file, and be wrong in any way
         why = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"{path}: not the arrays of an agent: {why}") from error
+        raise ValueError(f"{path}: the file does not hold the arrays of an agent: {why}") from error

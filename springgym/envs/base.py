@@ -605,7 +605,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         count = self.episodes.count_in(state["episodes"], where)
         for name, kind in (("rng", list), ("seed", list), ("ended", np.ndarray)):
             if len(instance(f"state[{name!r}]", state[name], kind)) != count:
-                raise ValueError(f"state[{name!r}] is of {len(state[name])} copies; it must be of {count}")
+                raise ValueError(f"state[{name!r}] holds {len(state[name])} copies; it must hold {count}")
         checked = [_generator(f"state['rng'][{n}]", its) for n, its in enumerate(state["rng"])]
         given = [_seed_of(f"state['seed'][{n}]", seed) for n, seed in enumerate(state["seed"])]
         ready, ended = flag("state['ready']", state["ready"]), state["ended"]
@@ -726,8 +726,8 @@ def _named(own: object, copies: Any) -> tuple[Any, ...]:
     """The argument that names copies of a native batch; none if none are named."""
     if copies is not None and not isinstance(own, SpringVectorEnv):
         raise TypeError(
-            f"copies is {shown(copies)}; it must be left out: only a native batch of gymnasium.make_vec has "
-            f"copies to choose from, and env is a {type(own).__name__}"
+            f"copies is {shown(copies)}; leave it out: only a native batch of gymnasium.make_vec has "
+            f"copies to choose, and env is a {type(own).__name__}"
         )
     return () if copies is None else (copies,)
 
@@ -737,7 +737,9 @@ def _check_keys(state: object, keys: Sequence[str]) -> None:
         given = f"is {shown(state)}"
         if isinstance(state, Mapping):
             given = f"holds {', '.join(map(str, state)) or 'nothing'}"
-        raise ValueError(f"state is not one of this environment: it {given}; it must hold {', '.join(keys)}")
+        raise ValueError(
+            f"state does not belong to this environment: it {given}; it must hold {', '.join(keys)}"
+        )
 
 
 OF_ONE = ("episodes", "rng", "seed", "ready")

@@ -250,7 +250,10 @@ class SpringDuel(Task):
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         if factors["scale"] > LARGEST:
             found = factors["scale"]
-            raise ValueError(f"randomize makes tops of scale {found:.4g}; above {LARGEST} two leave the ring")
+            raise ValueError(
+                f"randomize allows tops of scale {found:.4g}; it must be at most {LARGEST}, "
+                "or two tops do not fit into the ring"
+            )
         bearing = rng.uniform(-math.pi, math.pi)
         low, high = (0.0, -math.pi, SPINS[0], -1.0), (0.08, math.pi, SPINS[1], 1.0)
         placed = []

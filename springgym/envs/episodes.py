@@ -125,8 +125,8 @@ class Episodes:
         self.steps = steps_in(task.period, self.simulator.step)
         if self.steps % every:
             raise ValueError(
-                f"damping_every is {every}; it must be a whole part of the {self.steps} steps in a control "
-                "period, as actions change at its end"
+                f"damping_every is {every}; it must divide the {self.steps} steps of a control "
+                "period, because actions change at its end"
             )
         self.goal = np.zeros((copies, task.goal_size))
         self.memory = np.zeros((copies, len(task.memory)))
@@ -528,7 +528,7 @@ class Episodes:
             If it is neither of one nor of k copies, or belongs to something else.
         """
         if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
-            raise ValueError("state is not one of an environment of springgym")
+            raise ValueError("state is not the state of an environment of springgym")
         check_same("the environment that the state is of", state["of"], self._of)
         return self.copies if copies is None else copies_in(state["simulator"], len(copies))
 

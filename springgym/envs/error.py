@@ -38,8 +38,8 @@ class StepError:
         method = simulator.integrator
         if method.adaptive:
             raise ValueError(
-                f"error is True: that compares with steps of half the length, but {method.name} chooses its "
-                "steps itself. Take another integrator, or read the error off its tolerance"
+                f"error is True: this compares with steps of half the length, but {method.name} chooses its "
+                "own steps. Take another integrator, or use its tolerance as the error"
             )
         every = simulator.damping_every
         self.finer = Simulator(simulator.scene, step=simulator.step / FINER, damping_every=every, **made)

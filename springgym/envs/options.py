@@ -48,7 +48,7 @@ class EnvOptions(RewardedOptions, total=False):
 def mapping(name: str, value: object) -> Mapping[str, Any]:
     """Return a mapping from names, after checking that it is one."""
     if not isinstance(value, Mapping):
-        raise TypeError(f"{name} is {checks.shown(value)}; it must be a mapping, as a dict is")
+        raise TypeError(f"{name} is {checks.shown(value)}; it must be a mapping such as a dict")
     return value
 
 

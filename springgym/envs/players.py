@@ -90,7 +90,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
     ) -> None:
         for name in ("opponent", "sparse"):
             if name in options:
-                raise ValueError(f"{name} is given to an environment of two agents; leave it out")
+                raise ValueError(f"{name} is not an option of an environment of two agents; leave it out")
         if render_mode is not None:
             chosen("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
@@ -163,7 +163,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
             return {}, {}, {}, {}, {}
         mapping("actions", actions)
         if missing := [name for name in self.agents if name not in actions]:
-            raise ValueError(f"actions has none for {missing[0]!r}")
+            raise ValueError(f"actions has no action for {missing[0]!r}")
         first, second = (self._checked(actions[name], self.task.action_space.shape) for name in AGENTS)
         if not np.isfinite(np.asarray(second, float)).all():
             raise ValueError(f"action holds a value that is not finite: {second}")

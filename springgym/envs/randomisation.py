@@ -59,7 +59,7 @@ def varying(ranges: Mapping[str, Any], scene: Scene) -> set[str]:
         highest = scene.contact.restitution * ranges["restitution"][1]
         if highest > 1:
             raise ValueError(
-                f"randomize['restitution'] makes the restitution {highest:g}; it must be at most 1"
+                f"randomize['restitution'] allows a restitution of {highest:g}; it must be at most 1"
             )
     if "gravity" in ranges and scene.gravity is None:
         raise ValueError("cannot randomize 'gravity': the scene has no gravity")

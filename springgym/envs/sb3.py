@@ -109,7 +109,7 @@ class SB3VecEnv(Stateful, VecEnv):
         seeds = None if all(seed is None for seed in self._seeds) else list(self._seeds)
         options = self._options[0]
         if any(other != options for other in self._options):
-            raise ValueError("SB3VecEnv resets all copies with the same options; set one dict")
+            raise ValueError("SB3VecEnv resets all copies with the same options; give a single dict")
         # VectorEnv.reset is annotated with one seed, but every vector environment takes a list.
         observations, infos = self.vector_env.reset(seed=seeds, options=options or None)  # type: ignore[arg-type]
         self.reset_infos = [_info_of(infos, i) for i in range(self.num_envs)]
@@ -314,8 +314,8 @@ def make_sb3(
     else:
         name = env_id.id if isinstance(env_id, EnvSpec) else env_id
         warnings.warn(
-            f"{name} was registered without a vector_entry_point: its copies are stepped one after the "
-            "other, and not in one compiled call",
+            f"{name} was registered without a vector_entry_point: its copies run one after "
+            "another, and not in one compiled call",
             stacklevel=2,
         )
         mode = {"vectorization_mode": "sync", "vector_kwargs": mode}

@@ -273,12 +273,12 @@ class SceneTask(Task):
         self._move, self._remember = _given("move", move), _given("remember", remember)
         if move is not None:
             if not self.goal_size:
-                raise ValueError("move is given, but no goal that could move; start must give one")
+                raise ValueError("move is given, but there is no goal to move; start must return one")
             self.move = self._moved  # type: ignore[misc]
         if (remember is None) != (not self.memory):
             raise ValueError(
-                f"memory is {checks.shown(memory)} and remember is {checks.shown(remember)}; both must be "
-                "given, or neither: what is remembered at first, and what then"
+                f"memory is {checks.shown(memory)} and remember is {checks.shown(remember)}; give both "
+                "or neither: memory holds the initial values, and remember returns the next ones"
             )
         if remember is not None:
             self.remember = self._remembered  # type: ignore[misc]
@@ -384,7 +384,9 @@ class SceneTask(Task):
         given = mapping("what metrics gave", self._metrics(self._named(m), s))
         for name in given:
             if name in RESERVED or str(name).startswith(RESERVED_BEGINNINGS):
-                raise ValueError(f"metrics gave {name!r}, a name that info has already; choose another")
+                raise ValueError(
+                    f"metrics gave {name!r}, but info has an entry of that name already; choose another name"
+                )
         return _by_name("metrics", given, m, names)
 
     def _moved(self, m: Measures, s: Situation, goal: np.ndarray) -> None:
@@ -472,7 +474,7 @@ def _most(name: str, given: Most) -> np.ndarray:
         return np.full(3, checks.number(name, given, TINY))
     most = checks.array(name, given, (3,), low=0.0)
     if not most.any():
-        raise ValueError(f"{name} is {checks.shown(given)}; one of its axes must be driven")
+        raise ValueError(f"{name} is {checks.shown(given)}; at least one axis must differ from 0")
     return most
 
 
@@ -482,12 +484,13 @@ def _by_name(
     """Numbers (n,) by name that a function gave; ``names`` are those that it gave first."""
     for name in given:
         if not isinstance(name, str) or not name:
-            raise TypeError(f"{function} gave something by the name {name!r}; a name must be some text")
+            raise TypeError(f"{function} gave an entry named {name!r}; a name must be a non-empty string")
     if not given:
         raise ValueError(f"{function} gave an empty dict; it must give at least one number by name")
     if names is not None and set(given) != set(names):
         raise ValueError(
-            f"{function} gave {', '.join(given)}, and first it gave {', '.join(names)}; the names must stay"
+            f"{function} gave {', '.join(given)}, but at first it gave "
+            f"{', '.join(names)}; the names must not change"
         )
     own = "own" if function == "reward" else ""
     return {
@@ -571,7 +574,7 @@ def _thrusters(scene: Scene, name: str) -> int:
 def _acted_on(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
     """The scene with the actuators that are named, a wrench added if need be."""
     if not actuators:
-        raise ValueError("actuators is empty; the actions must drive something")
+        raise ValueError("actuators is empty; actions must drive at least one actuator")
     bodies = list(scene.bodies)
     for name in actuators:
         body, kind = _named(scene, instance("a name in actuators", name, str))
@@ -579,7 +582,7 @@ def _acted_on(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
         there = {"thrust": placed.thrust, "acceleration": placed.drive}
         chosen("a name in actuators", kind, (*WRENCH, *there))
         if kind in there and there[kind] is None:
-            raise ValueError(f"actuators has {name!r}, but the scene has nothing that it could drive")
+            raise ValueError(f"actuators has {name!r}, but the scene has no such actuator")
         if kind in WRENCH and placed.wrench is None:
             bodies[body] = replace(placed, wrench=WrenchActuator())
     return scene.with_(bodies=tuple(bodies))

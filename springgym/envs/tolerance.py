@@ -95,7 +95,7 @@ def chosen_for(
     if not enough:
         least = min(found, key=lambda choice: choice.error)
         raise ValueError(
-            f"tolerance is {wanted:g}; the least that is to be had is {least.error * SAFETY:.2g}, with "
+            f"tolerance is {wanted:g}; the smallest possible one is {least.error * SAFETY:.2g}, with "
             f"{least.steps} steps of {least.integrator} to a control period"
         )
     return min(enough, key=lambda choice: choice.cost)

@@ -101,17 +101,18 @@ def published(env_id: str, within: Path = PUBLISHED) -> Path:
     cards = {path.parent.name: path for path in sorted(within.glob("*/card.json"))}
     if env_id not in cards:
         raise YamlError(
-            f"{env_id!r} is no run folder, and no published agent; there are {', '.join(cards) or 'none'}"
+            f"{env_id!r} is neither a run folder nor a published agent; published "
+            f"agents are {', '.join(cards) or 'none'}"
         )
     try:
         sums = json.loads(cards[env_id].read_text(encoding="utf-8"))["sha256"]
         for name, told in sums.items():
             if checksum(cards[env_id].with_name(name)) != told:
-                raise YamlError(f"{cards[env_id].with_name(name)}: it is not the file that was published")
+                raise YamlError(f"{cards[env_id].with_name(name)}: the file differs from the published one")
     except YamlError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise YamlError(f"{cards[env_id]}: not the card of an agent: {error!r}") from error
+        raise YamlError(f"{cards[env_id]}: the file is not the card of an agent: {error!r}") from error
     return cards[env_id].parent
 
 

@@ -531,14 +531,16 @@ def _lifted(
 ) -> np.ndarray:
     """Positions moved along the normal of a plane to a height of the lowest particle."""
     if not isinstance(surface, Plane):
-        raise ValueError("height is above a plane; give a position above other surfaces")
+        raise ValueError("height needs a plane; give a position above other surfaces")
     found = heights(body, positions, surface)
     if height == "rest":
         strength, reach = scales(contact, body)
         below = int(np.sum(found < found.min() + 1e-3 * reach))
         weight = -body.mass * float(np.dot(gravity, surface.normal))
         if weight <= 0:
-            raise ValueError("height: gravity does not press the body on the surface, where it is to rest")
+            raise ValueError(
+                "height: the body is to rest on the surface, but gravity does not press it there"
+            )
         height = rest_height(weight / below, strength, reach)
     return positions + (height - found.min()) * np.array(surface.normal)
 
@@ -546,7 +548,7 @@ def _lifted(
 def _hung(body: Body, first: np.ndarray, last: np.ndarray, gravity: Vector) -> np.ndarray:
     """A rope hanging between its ends."""
     if body.name != "rope" or any(gravity[:2]) or not gravity[2] < -1e-9:
-        raise ValueError("end is that of a rope, in gravity straight down")
+        raise ValueError("end needs a rope, and gravity straight down")
     across = (last - first) * (1, 1, 0)
     span = float(np.linalg.norm(across))
     if not span > 0:

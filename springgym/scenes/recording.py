@@ -166,8 +166,8 @@ def _check_size(plan: Plan, step: float, steps: int, count: int) -> None:
                 f"up to {damping:g} kg/s ask for it"
             )
         raise ValueError(
-            f"a step of {step:g} s makes {steps:g} of an interval of {plan.interval:g} s, and at most "
-            f"{MOST_STEPS:g} are taken: {why}"
+            f"a step of {step:g} s makes {steps:g} steps in an interval of {plan.interval:g} s; at most "
+            f"{MOST_STEPS:g} are allowed: {why}"
         )
     told = SIZE * (1 + len(bodies) if len(bodies) > 1 else 1)
     told += len(PairReadings._fields) * len(plan.scene.meetings)

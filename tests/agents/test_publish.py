@@ -64,7 +64,7 @@ def test_one_that_was_changed_is_refused(copied, name, capsys):
     with open(copied / "SpringTop-v0" / name, "ab") as file:
         file.write(b"\n")
     assert evaluate.main(["SpringTop-v0"]) == 2
-    assert f"{name}: it is not the file that was published" in capsys.readouterr().err
+    assert f"{name}: the file differs from the published one" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"sha256": 3}'])

@@ -353,11 +353,11 @@ def test_fewer_steps_than_there_are_cannot_be_asked_for(copied, capsys):
 
 
 METRICS = {
-    "text": (b"1024,0.1,x,1,1,1,1\n", "metrics.csv:26: no row of this run: '1024,0.1,x,1,1,1,1"),
+    "text": (b"1024,0.1,x,1,1,1,1\n", "metrics.csv:26: this is not a row of this run: '1024,0.1,x,1,1,1,1"),
     "two rows mixed": (b"12800,0.1,0.5,3,0.512800,0.1\n", "metrics.csv:26: no row of this run"),
     "back in time": (b"1024,0.1,0.5,3,0.5,40,0.5\n", "metrics.csv:26: no row of this run"),
     "nan": (b"12800,nan,0.5,3,0.5,40,0.5\n", "metrics.csv:26: no row of this run"),
-    "another head": (None, "metrics.csv:1: not the columns of this version: 'a,b"),
+    "another head": (None, "metrics.csv:1: these are not the columns of this version: 'a,b"),
     "no text": (b"\xff\xfe\n", "metrics.csv: no text"),
 }
 """What is added to the rows of a run, and what is said of it."""

@@ -425,7 +425,9 @@ def test_pettingzoo_s_registry_makes_it() -> None:
 
 
 def test_refusals_of_two_agents() -> None:
-    with pytest.raises(ValueError, match="env_id is 'SpringTop-v0'; of several agents there is Spring"):
+    with pytest.raises(
+        ValueError, match="env_id is 'SpringTop-v0'; it must be an environment of several agents: Spring"
+    ):
         parallel("SpringTop-v0")
     with pytest.raises(ValueError, match="opponent is given to an environment of two agents"):
         parallel("SpringDuel-v0", opponent="still")

@@ -124,7 +124,7 @@ def test_checks_that_do_not_fit_are_told_before_the_run(capsys, tmp_path, monkey
     path = tmp_path / "mine.yaml"
     path.write_text(text.replace("{kind: top}", "{kind: top, scaled: {0: 1.5}}"), encoding="utf-8")
     assert main(["simulate", str(path), "--check", "--plot", str(tmp_path / "plot.png")]) == 2
-    message = "check 'nutation' does not fit scene 'mine': body 'top' is no heavy top: it is not symmetric"
+    message = "check 'nutation' does not fit scene 'mine': body 'top' is not a heavy top: it is not symmetric"
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == [path]
 
