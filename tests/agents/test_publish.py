@@ -108,7 +108,7 @@ def test_what_names_no_agent_is_refused(wrong):
 
 
 def test_the_folder_of_an_agent_may_be_incomplete(tmp_path):
-    with pytest.raises(ValueError, match="is no run folder, and no published agent"):
+    with pytest.raises(ValueError, match="is neither a run folder nor a published agent"):
         springgym.load_agent(tmp_path)
     shutil.copy(PUBLISHED / "SpringTop-v0" / "config.yaml", tmp_path)
     agent = springgym.load_agent(tmp_path)

@@ -307,13 +307,13 @@ def without(content, *names):
 
 CHECKPOINTS = {
     "empty": (lambda good: b"", "not a zip file"),
-    "cut short": (lambda good: good[: len(good) // 2], "no checkpoint of this run"),
+    "cut short": (lambda good: good[: len(good) // 2], "not a checkpoint of this run"),
     "flipped": (flipped, "damaged"),
     "foreign": (lambda good: zipped(a__txt="b"), "training_state.pkl"),
     "no training": (lambda good: without(good, "training_state.pkl"), "training_state.pkl"),
-    "no model": (lambda good: without(good, "policy.pth", "data"), "no checkpoint of this run"),
+    "no model": (lambda good: without(good, "policy.pth", "data"), "not a checkpoint of this run"),
     "another run": (lambda good: zipped(run__json='{"algo": "sac"}'), "algo is 'ppo', but"),
-    "another thing": (lambda good: zipped(run__json="[]"), "no checkpoint of this run"),
+    "another thing": (lambda good: zipped(run__json="[]"), "not a checkpoint of this run"),
     "not pickled": (lambda good: zipped(run__json="null", training_state__pkl=b"x"), "no checkpoint"),
     "nothing in it": (lambda good: zipped(training_state__pkl=pickle.dumps(None)), "no checkpoint"),
 }
@@ -453,8 +453,8 @@ def test_a_run_is_not_overwritten(finished, capsys):
     [
         ([], "give an environment id, or --resume and a run folder"),
         (["A-v0", "--resume", "x"], "give an environment id, or --resume and a run folder"),
-        (["--resume", "x", "--set", "a=1"], "own configuration: drop --set"),
-        (["--resume", "x", "--seed", "0", "--algo", "ppo"], "own configuration: drop --algo, --seed"),
+        (["--resume", "x", "--set", "a=1"], "configuration of the run: leave out --set"),
+        (["--resume", "x", "--seed", "0", "--algo", "ppo"], "configuration of the run: leave out --algo, --seed"),
         (["A-v0", "--seed", "1000000"], "--seed: '1000000' must be a whole number from 0 to 999999"),
         (["A-v0", "--episodes", "-1"], "--episodes: '-1' must be a whole number from 0"),
     ],

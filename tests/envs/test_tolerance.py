@@ -76,7 +76,7 @@ def test_a_given_method_is_kept() -> None:
         (float("nan"), ValueError, "tolerance"),
         (True, TypeError, "tolerance"),
         ("1e-6", TypeError, "tolerance"),
-        (1e-14, ValueError, "the least that is to be had is"),
+        (1e-14, ValueError, "the smallest possible one is"),
     ],
 )
 def test_what_makes_no_sense_is_refused(tolerance: Any, error: type[Exception], says: str) -> None:

@@ -99,7 +99,7 @@ def test_numbers_without_a_point_are_numbers(read):
         (BOX + "interval: -1", "mine.yaml:4: interval: interval is -1 s"),
         (BOX + "integrator: euler", "mine.yaml:4: integrator: unknown method 'euler'; known keys: verlet"),
         (BOX + f"trace: {'x' * 1000}", "mine.yaml:4: trace: unknown part 'xxx"),
-        (BOX + "start: {height: rest}\ngravity: -1\nsurfaces: [{kind: floor}]", "does not press the body"),
+        (BOX + "start: {height: rest}\ngravity: -1\nsurfaces: [{kind: floor}]", "gravity does not press it there"),
         (BOX + "pinned: [tip]", "mine.yaml:4: pinned: unknown part 'tip'"),
         (BOX + "pinned: [8]", "mine.yaml:4: pinned: there is no particle 8; there are 0 to 7"),
         (BOX + "pinned: tip", "mine.yaml:4: pinned: expected a list, got 'tip'"),
@@ -261,7 +261,7 @@ def test_height_above_a_slope_and_at_rest(read):
     carried = force(heights, *scales(rest.contact, rest.body)).sum()
     # four particles carry the weight's part across the slope, bent by a strain of 1e-5 of their heights
     assert carried == pytest.approx(9.81 * np.cos(0.3), rel=1e-2)
-    with pytest.raises(YamlError, match="height is above a plane"):
+    with pytest.raises(YamlError, match="height needs a plane"):
         read(BOX + "surfaces: [{kind: bowl, centre: [0, 0, 9], radius: 9}]\nstart: {height: 1}")
 
 

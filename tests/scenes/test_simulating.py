@@ -209,7 +209,7 @@ def test_papers_method_is_one_switch(monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["simulate"], "which scene?"),
+        (["simulate"], "no scene is given"),
         (["simulate", "tops"], "there is no scene 'tops'; did you mean 'top'"),
         (["simulate", "no.yaml"], "no.yaml: cannot read it"),
         ([*SHORT, "--step", "1"], "a step of 1 s is unstable"),
