@@ -636,8 +636,8 @@ class Simulator:
         for name in own:
             if (wrong := _lost([state[name]], count) & ~state["lost"]).any():
                 raise ValueError(
-                    f"state[{name!r}] is not finite in copy {int(np.argmax(wrong))}; it must be numbers, but "
-                    "in copies that are lost"
+                    f"state[{name!r}] is not finite in copy {int(np.argmax(wrong))}; it must be finite "
+                    "except in copies that are lost"
                 )
         if copies is None:
             _set(own.values(), (state[name] for name in own))

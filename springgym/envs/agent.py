@@ -103,8 +103,8 @@ def load_policy(
         array = arrays[name]
         if array.shape != shape or array.dtype.kind != "f" or not np.isfinite(array).all():
             raise ValueError(
-                f"{path}: {name!r} is {array.dtype}{list(array.shape)}; the environment and config.yaml ask "
-                f"for finite numbers {list(shape)}"
+                f"{path}: {name!r} is {array.dtype}{list(array.shape)}; the environment and config.yaml "
+                f"require finite numbers {list(shape)}"
             )
     reach = float(np.minimum(np.abs([observation_space.low, observation_space.high]), SEEN).max())
     if network.normalize:

@@ -243,7 +243,7 @@ def test_an_agent_of_other_observations_is_refused(saved, capsys):
     text = saved.folder.joinpath("config.yaml").read_text()
     saved.folder.joinpath("config.yaml").write_text(text.replace("net_arch: [16]", "net_arch: [17]"))
     assert evaluate.main([str(saved.folder), "--env", TOY]) == 2
-    assert "config.yaml ask for finite numbers [17, 2]" in capsys.readouterr().err
+    assert "config.yaml require finite numbers [17, 2]" in capsys.readouterr().err
 
 
 def test_an_agent_of_another_environment_is_refused(saved, capsys):

@@ -349,7 +349,7 @@ def test_a_run_keeps_its_configuration(copied, capsys, old, new):
 
 
 def test_fewer_steps_than_there_are_cannot_be_asked_for(copied, capsys):
-    assert "the run has come to 12288 already" in refused(copied, capsys, "--timesteps", "100")
+    assert "the run has 12288 steps already" in refused(copied, capsys, "--timesteps", "100")
 
 
 METRICS = {
@@ -358,7 +358,7 @@ METRICS = {
     "back in time": (b"1024,0.1,0.5,3,0.5,40,0.5\n", "metrics.csv:26: no row of this run"),
     "nan": (b"12800,nan,0.5,3,0.5,40,0.5\n", "metrics.csv:26: no row of this run"),
     "another head": (None, "metrics.csv:1: these are not the columns of this version: 'a,b"),
-    "no text": (b"\xff\xfe\n", "metrics.csv: no text"),
+    "no text": (b"\xff\xfe\n", "metrics.csv: the file is not text"),
 }
 """What is added to the rows of a run, and what is said of it."""
 

@@ -589,5 +589,5 @@ def test_strain_that_holds_no_shape_is_told_of_once_unless_it_is_meant() -> None
 
 def test_shadow_energy_is_refused_where_it_is_not_known() -> None:
     for options in ({"integrator": "rk4"}, {"dynamics": "rigid"}):
-        with pytest.raises(ValueError, match=r"known of verlet on springs alone; this is (rk4|suzuki) on"):
+        with pytest.raises(ValueError, match=r"known only for verlet with springs; this is (rk4|suzuki) on"):
             Simulator(PLAIN, **options).shadow_energy()

@@ -433,7 +433,7 @@ def test_refusals_of_two_agents() -> None:
         parallel("SpringDuel-v0", opponent="still")
     both = parallel("SpringDuel-v0")
     both.reset(seed=0)
-    with pytest.raises(ValueError, match="actions has none for 'second'"):
+    with pytest.raises(ValueError, match="actions has no action for 'second'"):
         both.step({"first": np.zeros(2)})
     with pytest.raises(TypeError, match=r"actions is \[.*; it must be a mapping"):
         both.step([np.zeros(2), np.zeros(2)])

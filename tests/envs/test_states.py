@@ -482,9 +482,9 @@ def test_copies_that_no_state_can_be_set_into_are_refused() -> None:
             two,
             [0, 1, 2],
             ValueError,
-            "the state holds 2 copies, and copies names 3; it must be of as many",
+            "the state holds 2 copies, but copies names 3; it must hold 3 copies",
         ),
-        (two, [3], ValueError, "the state holds 2 copies, and copies names 1"),
+        (two, [3], ValueError, "the state holds 2 copies, but copies names 1"),
         (before, [3], ValueError, "the state holds 4 copies"),
         (state | {"ready": False}, [3], ValueError, r"state\['ready'\] is False; .*must have begun"),
         (

@@ -433,7 +433,7 @@ def still(plan):
 MISFITS = [
     ("flipping-box", "pendulum", "nothing is pinned", None),
     ("flipping-box", "slope", "it has no surface", None),
-    ("flipping-box", "nutation", "'box' is no heavy top", None),
+    ("flipping-box", "nutation", "'box' is not a heavy top", None),
     ("flipping-box", "flips", "it spins about its axis of greatest moment", lambda plan: oblique()),
     ("flipping-box", "flips", "it does not rotate", still),
     ("cube-pendulum", "flips", "it does not move freely", None),
