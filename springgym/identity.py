@@ -1,4 +1,4 @@
-"""Identities: what an object was made of, as plain data by name, so that a foreign state can be refused."""
+"""Identities of objects as plain data by name, with which a state of another object can be refused."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ def check_same(
     Parameters
     ----------
     what
-        What errors call it.
+        Name in errors.
     theirs, own
-        What the other and what one's own is made of, by name.
+        The identity of the other object, and one's own.
     but
-        Names of what may differ.
+        Names of data that may differ.
     must
-        What errors add.
+        Text that errors add.
 
     Raises
     ------
     ValueError
-        If they differ, or the other is no mapping.
+        If they differ, or the other is not a mapping.
     """
     if not isinstance(theirs, Mapping):
         raise ValueError(f"{what} does not say what it belongs to: its 'of' is {shown(theirs)}")

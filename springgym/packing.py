@@ -1,4 +1,4 @@
-"""A scene as compiled functions take it: `Terms`, and where in them each parameter is stored."""
+"""A scene in the form for compiled functions: `Terms`, and the place of each parameter in them."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Parameter(NamedTuple):
     extent: str
     """what has a value: each of the "particles", "springs", "axes" or "bodies", or the "scene" as a whole"""
     stored: Callable[[Terms], Any]
-    """the array of its values, of one body; None if the scene has none"""
+    """a function that returns the array of its values for a body; None if the scene has none"""
 
 
 def _of(term: Any, name: str) -> Any:
@@ -80,11 +80,11 @@ PARAMETERS = {
     "restitution": Parameter(0.0, 1.0, "scene", lambda terms: terms.loss),
     "strength": Parameter(TINY, HUGE, "bodies", lambda terms: _of(terms.surfaces, "strength")),
 }
-"""Parameters by name. Where each is stored is said here alone; what follows from some is set by `vary`."""
+"""Parameters by name, with the place of their values. `vary` sets the consequences."""
 
 
 class Packed(NamedTuple):
-    """A body of a scene, as compiled functions take it."""
+    """A body of a scene in the form for compiled functions."""
 
     scene: Scene
     """of this body alone"""
@@ -96,7 +96,7 @@ class Packed(NamedTuple):
 
 
 class Options(NamedTuple):
-    """The method, the step and the varying parameters that a scene is packed for."""
+    """The method, the step and the varying parameters for which a scene is packed."""
 
     method: Integrator
     step: float
@@ -106,10 +106,10 @@ class Options(NamedTuple):
     varying: frozenset[str]
     """names of parameters that differ from copy to copy"""
     blocks: Callable[..., np.ndarray]
-    """makes an array of blocks of some shape"""
+    """a function that makes an array of blocks of some shape"""
 
     def parameter(self, names: Collection[str], value: Any) -> np.ndarray:
-        """An array of a value that depends on parameters: blocks of copies if one of them varies."""
+        """Return an array for a value that depends on parameters: blocks of copies if one of them varies."""
         if self.varying.isdisjoint(names):
             return np.array(value, float)
         array = self.blocks(*np.shape(value))
@@ -118,7 +118,8 @@ class Options(NamedTuple):
 
 
 def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, ...], tuple[Packed, ...]]:
-    """A scene as compiled functions take it: its terms, its rigid bodies if ``twin``, and each body's share.
+    """Return the terms of a scene, its rigid bodies if ``twin``, and each body's share, for compiled
+    functions.
 
     Raises
     ------
@@ -178,7 +179,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
 
 
 def surfaces_of(surfaces: tuple[Surface, ...]) -> Surfaces:
-    """Return surfaces as compiled functions take them, but for how a body meets them."""
+    """Return surfaces in the form for compiled functions, without the values for each body."""
     each: dict[type[Surface], list[Surface]] = {}
     for surface in surfaces:
         each.setdefault(type(surface), []).append(surface)
@@ -259,7 +260,7 @@ def _as_the_scene_says(scene: Scene) -> np.ndarray:
 
 
 def pack_pairs(scene: Scene, options: Options) -> Pairs:
-    """The pairs of a scene's bodies that collide."""
+    """Return the pairs of a scene's bodies that collide."""
     met = scene.meetings
     frictions = met.of_contacts("friction")
     restitutions = met.of_contacts("restitution")
@@ -375,7 +376,7 @@ def read_pairs(meets: Meets | None, copies: int) -> PairReadings:
 
 
 def resolved_speeds(meets: Meets, step: float) -> np.ndarray:
-    """The largest speed [m/s] of a contact that a step [s] resolves, of each pair (pairs,)."""
+    """Return the largest speed [m/s] of a contact that a step [s] resolves, for each pair (pairs,)."""
     return RESOLVED / step * meets.pairs.reach
 
 
@@ -430,7 +431,7 @@ def recall_told(meets: Meets) -> None:
 
 
 def empty_tally(meets: Meets, index: Any) -> None:
-    """Let some copies (k,) begin with an empty tally."""
+    """Empty the tally of some copies (k,)."""
     for array in (meets.tally, meets.before):
         row = np.zeros(array.shape[1])
         row[GAP::ENTRIES] = FAR
@@ -476,7 +477,7 @@ def decays(
 
 
 def actuators(packed: Packed) -> dict[str, np.ndarray]:
-    """Arrays of blocks that a body's actuators read what to do from, by name."""
+    """Return the arrays of blocks from which a body's actuators read their values, by name."""
     scene, terms = packed.scene, packed.terms
     arrays: dict[str, np.ndarray] = {}
     if scene.wrench:
@@ -526,7 +527,7 @@ def renew(terms: Terms, index: np.ndarray) -> None:
 
 
 def swing(packed: Packed, x: np.ndarray) -> np.ndarray:
-    """Σ m |a|² [N²/kg] of a body in all its copies (k, N, 3), by the accelerations of springs and gravity.
+    """Return Σ m |a|² [N²/kg] of a body in its copies (k, N, 3), from accelerations by springs and gravity.
 
     Where the body meets something, by gravity alone: there contact holds the springs' share of the energy
     that follows from it, see `springgym.forces.node.read_amid`.
@@ -563,12 +564,12 @@ def vary_pairs(meets: Meets | None, scene: Scene, index: np.ndarray, given: Mapp
 def vary(
     packed: Packed, index: np.ndarray, time: float, given: Mapping[str, np.ndarray], shapes: Any
 ) -> None:
-    """Set parameters of some copies (k,), and what follows from them.
+    """Set parameters of some copies (k,), and the values that follow from them.
 
     Parameters
     ----------
     time
-        For which dampers act at once [s].
+        Time for which dampers act at once [s].
     given
         Checked values by name, each (k, …).
     shapes

@@ -1,4 +1,4 @@
-"""Episodes: copies of a task, each in its own, stepped together."""
+"""Episodes of the copies of a task, which are stepped together."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
 from springgym.stability import steps_in
 
 SPARSE = -1
-"""In place of the number of a reward's terms: it is 1 where the aim is met."""
+"""Stands in place of the number of a reward's terms: the reward is 1 if the aim is met."""
 
 NOT_BEGUN, BROKEN_OFF = "no episode has begun", "the last step or reset broke off in the middle"
-"""Why copies must be reset before they are stepped."""
+"""Reasons why copies must be reset before a step."""
 
 LONGEST = 0.9
-"""Share of the stability limit up to which a step may be wanted where bodies meet nothing."""
+"""Largest share of the stability limit that a step may have if bodies meet nothing."""
 
 MOST_STEPS = 100_000
-"""Steps in a control period at the most: as many take a control period up to about 0.1 s."""
+"""Most steps in a control period, which take up to about 0.1 s of computing."""
 
 
 class Step(NamedTuple):
@@ -50,7 +50,7 @@ class Step(NamedTuple):
 
 
 class Begun(NamedTuple):
-    """Copies whose episodes have begun, to be observed."""
+    """Copies whose episodes have begun and must be observed."""
 
     copies: np.ndarray
     """(k,) their indices"""
@@ -61,7 +61,7 @@ class Begun(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Some copies: what functions see of them, and where their outcome is written."""
+    """Some copies, with the arguments of a task's functions and the arrays for the outcome."""
 
     measures: Measures
     situation: Situation
@@ -81,7 +81,7 @@ STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "act
 
 
 class Episodes:
-    """Step copies of a task together, each in its own episode."""
+    """Copies of a task, each in its own episode, which are stepped together."""
 
     def __init__(
         self,
@@ -246,13 +246,13 @@ class Episodes:
     ) -> Begun:
         """Start new episodes in some copies (k,), each drawing from its own generator.
 
-        What is refused changes nothing, the generators included. What has begun leaves the copies `unready`:
-        the environment sets that back when all that belongs to its step or reset is done.
+        If this raises an error, nothing changes, not even the generators. Otherwise the copies are `unready`
+        until the environment has completed its step or reset and clears the flag.
 
         Raises
         ------
         TypeError, ValueError
-            Naming an option that the task does not have, or a value that is none or out of range.
+            If the task does not have an option, or a value is invalid or out of range; the message names it.
         """
         given = {} if options is None else dict(mapping("options", options))
         before = [rng.bit_generator.state for rng in generators]
@@ -324,14 +324,14 @@ class Episodes:
             )
 
     def step(self, action: np.ndarray) -> tuple[Step, np.ndarray | None]:
-        """Step all copies by one control period; `observe` returns what they observe then.
+        """Step all copies by one control period; `observe` returns their observations then.
 
-        ``action`` (n, A) is clipped to [−1, 1]. The copies are left `unready`, as by `begin`.
+        ``action`` (n, A) is clipped to [−1, 1]. The copies are `unready` afterwards, as by `begin`.
 
         Raises
         ------
         ValueError
-            If it holds a value that is not finite; nothing is changed.
+            If ``action`` holds a value that is not finite; nothing changes.
         """
         simulator, copies = self.simulator, self.copies
         self._given[:] = action
@@ -359,7 +359,7 @@ class Episodes:
     def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
         """Return what the actuators do in the next control period, by actions (n, A) in [−1, 1] and others'.
 
-        The actions are scaled by `strength` already, the others' here: their actuators are as weak.
+        The actions are scaled by `strength` already. Those of others are scaled here.
         """
         others = {
             name: values * self.strength.reshape(-1, *(1,) * (values.ndim - 1))
@@ -391,9 +391,10 @@ class Episodes:
         Parameters
         ----------
         seen
-            What `step` gave: only the copies ``begun`` since are observed anew, and written to it.
+            The observations that `step` returned. Only the copies that have ``begun`` since are observed
+            again.
         begun
-            What `begin` gave.
+            The copies that `begin` returned.
         """
         if seen is None:
             seen = self._room(self.copies)
@@ -481,25 +482,25 @@ class Episodes:
     # --- State ------------------------------------------------------------------------------------
 
     def state(self, copies: np.ndarray | None = None) -> dict[str, Any]:
-        """All that changes of some copies (k,) or all, copied, and what it belongs to."""
+        """Return a copy of the state of some copies (k,) or all, with the identity of the environment."""
         own = slice(None) if copies is None else copies
         arrays = {name: getattr(self, name)[own].copy() for name in STATE}
         return {"of": dict(self._of), **arrays, "simulator": self.simulator.state(copies)}
 
     def restore(self, state: Mapping[str, Any], copies: np.ndarray | None = None) -> None:
-        """Return to what `state` gave, to the bit. The copies are left `unready`, as by `begin`.
+        """Set a state that `state` returned, to the bit. The copies are `unready` afterwards, as by `begin`.
 
         Parameters
         ----------
         state
-            Of as many copies as there are here.
+            A state of as many copies as there are here, unless ``copies`` is given.
         copies
-            (k,) which are set, if not all: the state is of as many or of one, see `Simulator.restore`.
+            (k,) copies to set, if not all: the state has k copies or one, see `Simulator.restore`.
 
         Raises
         ------
         TypeError, ValueError
-            If it belongs to something else, or is mangled. Nothing is changed then.
+            If the state belongs to something else, or is damaged. Nothing changes then.
         """
         count = self.count_in(state, copies)
         given = {name: self._checked(name, state[name], count) for name in STATE}
@@ -525,7 +526,7 @@ class Episodes:
         Raises
         ------
         TypeError, ValueError
-            If it is neither of one nor of k copies, or belongs to something else.
+            If the state has neither one nor k copies, or belongs to something else.
         """
         if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
             raise ValueError("state is not the state of an environment of springgym")
@@ -604,7 +605,8 @@ class Episodes:
 
     @property
     def particles(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities after the last step or start, (n, N, 3) each; do not change them."""
+        """Return positions and velocities after the last step or start, (n, N, 3) each. Do not change
+        them."""
         return self.simulator.readout.positions, self.simulator.readout.velocities
 
 
@@ -651,7 +653,7 @@ def _checked_limit(steps: int | None) -> int:
 
 @kernel
 def take(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np.ndarray) -> bool:
-    """Clip the given actions, and scale what they drive; False if one is not finite, and nothing is taken."""
+    """Clip and scale the given actions. Return False, and change nothing, if one is not finite."""
     for c in range(given.shape[0]):
         for n in range(given.shape[1]):
             if not math.isfinite(given[c, n]):
@@ -665,7 +667,7 @@ def take(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np
 
 @kernel
 def tick(time: np.ndarray, period: float) -> None:
-    """Let a control period pass; times stay whole multiples of it."""
+    """Advance the clocks by a control period; times stay whole multiples of it."""
     for c in range(time.size):
         time[c] = period * (math.floor(time[c] / period + 0.5) + 1.0)
 

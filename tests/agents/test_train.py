@@ -454,7 +454,10 @@ def test_a_run_is_not_overwritten(finished, capsys):
         ([], "give an environment id, or --resume and a run folder"),
         (["A-v0", "--resume", "x"], "give an environment id, or --resume and a run folder"),
         (["--resume", "x", "--set", "a=1"], "configuration of the run: leave out --set"),
-        (["--resume", "x", "--seed", "0", "--algo", "ppo"], "configuration of the run: leave out --algo, --seed"),
+        (
+            ["--resume", "x", "--seed", "0", "--algo", "ppo"],
+            "configuration of the run: leave out --algo, --seed",
+        ),
         (["A-v0", "--seed", "1000000"], "--seed: '1000000' must be a whole number from 0 to 999999"),
         (["A-v0", "--episodes", "-1"], "--episodes: '-1' must be a whole number from 0"),
     ],

@@ -432,9 +432,7 @@ def test_only_one_of_the_same_scene_is_taken_over(options: dict[str, Any], diffe
     if "step" in options:
         own.take_over(its)
         return
-    with pytest.raises(
-        ValueError, match=f"other is another: its {differs}.*made like this simulator but"
-    ):
+    with pytest.raises(ValueError, match=f"other is another: its {differs}.*made like this simulator but"):
         own.take_over(its)
     assert same(own.state(), before)
 

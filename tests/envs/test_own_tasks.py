@@ -354,8 +354,16 @@ NAN = float("nan")
         ({"memory": (NAN, 0)}, ValueError, r"memory\[0\]"),
         ({"memory": "ab"}, TypeError, "memory"),
         ({"metrics": lambda m, s: m.centre}, TypeError, "what metrics gave"),
-        ({"metrics": lambda m, s: {"energy": s.time}}, ValueError, "'energy', but info has an entry of that name"),
-        ({"metrics": lambda m, s: {"failed": s.time}}, ValueError, "'failed', but info has an entry of that name"),
+        (
+            {"metrics": lambda m, s: {"energy": s.time}},
+            ValueError,
+            "'energy', but info has an entry of that name",
+        ),
+        (
+            {"metrics": lambda m, s: {"failed": s.time}},
+            ValueError,
+            "'failed', but info has an entry of that name",
+        ),
         ({"metrics": lambda m, s: {3: s.time}}, TypeError, "by the name 3"),
         ({"metrics": lambda m, s: {"a": m.centre}}, ValueError, "metrics, 'a', gave"),
         ({"metrics": lambda m, s: {"a": NAN * s.time}}, ValueError, "metrics, 'a', gave nan for copy 0"),

@@ -99,7 +99,10 @@ def test_numbers_without_a_point_are_numbers(read):
         (BOX + "interval: -1", "mine.yaml:4: interval: interval is -1 s"),
         (BOX + "integrator: euler", "mine.yaml:4: integrator: unknown method 'euler'; known keys: verlet"),
         (BOX + f"trace: {'x' * 1000}", "mine.yaml:4: trace: unknown part 'xxx"),
-        (BOX + "start: {height: rest}\ngravity: -1\nsurfaces: [{kind: floor}]", "gravity does not press it there"),
+        (
+            BOX + "start: {height: rest}\ngravity: -1\nsurfaces: [{kind: floor}]",
+            "gravity does not press it there",
+        ),
         (BOX + "pinned: [tip]", "mine.yaml:4: pinned: unknown part 'tip'"),
         (BOX + "pinned: [8]", "mine.yaml:4: pinned: there is no particle 8; there are 0 to 7"),
         (BOX + "pinned: tip", "mine.yaml:4: pinned: expected a list, got 'tip'"),

@@ -1,4 +1,4 @@
-"""Theory beside what was measured: checks by the name a scene file gives them."""
+"""Checks that compare measurements with theory, by their names in scene files."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def of_all(scene: Scene, names: Sequence[str]) -> list[str]:
 
 
 def fitting(plan: Plan) -> None:
-    """Refuse the checks of a scene that say nothing about such a scene.
+    """Raise an error for checks that do not suit the scene.
 
     Raises
     ------
     ValueError
-        Naming the check that does not fit, and why.
+        If a check does not suit the scene; the message says why.
     """
     for part in plan.parts:
         fitting(part)
@@ -44,12 +44,12 @@ def fitting(plan: Plan) -> None:
 
 
 def check(recording: Recording) -> list[Check]:
-    """Make the checks that a scene file asks for, of several bodies together and then one after another.
+    """Make the checks of a scene file: first those of all bodies together, then those of each body.
 
     Raises
     ------
     ValueError
-        Naming the check that has nothing to say of such a scene.
+        If a check does not suit the scene; the message names it.
     """
     fitting(recording.plan)
     found: list[Check] = []
