@@ -108,7 +108,7 @@ def parse_yaml(text: str, source: str) -> Tree:
             except Exception as error:  # such as the 99th of a month, or a !!bool that is none
                 kind = node.tag.rpartition(":")[2]
                 raise YamlError(
-                    f"{here}: {shown(node.value)} is not a {kind}: {shown(str(error))}"
+                    f"{here}: {shown(node.value)} is not a valid {kind}: {shown(str(error))}"
                 ) from error
         entries: dict[str, Any] = {}
         for key_node, value_node in node.value:
