@@ -429,7 +429,7 @@ def test_refusals_of_two_agents() -> None:
         ValueError, match="env_id is 'SpringTop-v0'; it must be an environment of several agents: Spring"
     ):
         parallel("SpringTop-v0")
-    with pytest.raises(ValueError, match="opponent is given to an environment of two agents"):
+    with pytest.raises(ValueError, match="opponent is not an option of an environment of two agents"):
         parallel("SpringDuel-v0", opponent="still")
     both = parallel("SpringDuel-v0")
     both.reset(seed=0)

@@ -364,7 +364,7 @@ NAN = float("nan")
             ValueError,
             "'failed', but info has an entry of that name",
         ),
-        ({"metrics": lambda m, s: {3: s.time}}, TypeError, "by the name 3"),
+        ({"metrics": lambda m, s: {3: s.time}}, TypeError, "an entry named 3"),
         ({"metrics": lambda m, s: {"a": m.centre}}, ValueError, "metrics, 'a', gave"),
         ({"metrics": lambda m, s: {"a": NAN * s.time}}, ValueError, "metrics, 'a', gave nan for copy 0"),
         ({"actuators": {"force": (1.0, 2.0)}}, ValueError, r"actuators\['force'\]"),

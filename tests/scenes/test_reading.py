@@ -121,14 +121,14 @@ def test_numbers_without_a_point_are_numbers(read):
             "body.material.loss: expected a number, got 'soft'",
         ),
         (BOX + "view: {speed: 3}", "mine.yaml:4: view: speed is 3; it must be one of 0.015625, 0.03125"),
-        (BOX + "start: {precession: slow}", "mine.yaml:4: start: body 'box' is no heavy top"),
+        (BOX + "start: {precession: slow}", "mine.yaml:4: start: body 'box' is not a heavy top"),
         (BOX + "start: {kick: {tip: [0, 0, 1]}}", "mine.yaml:4: start: kick names an unknown part 'tip'"),
         (BOX + "start: {kick: {9: [0, 0, 1]}}", "mine.yaml:4: start: kick names particle 9"),
-        (BOX + "start: {end: [1, 0, 0]}", "mine.yaml:4: start: end is that of a rope"),
+        (BOX + "start: {end: [1, 0, 0]}", "mine.yaml:4: start: end needs a rope"),
         (ROPE + "start: {end: [0, 0, -1]}", "mine.yaml:5: start: end is straight below or above"),
         (
             ROPE + "gravity: 1e-300\nstart: {end: [1, 0, 0]}",
-            "start: end is that of a rope, in gravity straight",
+            "start: end needs a rope, and gravity straight",
         ),
         (BOX + "surfaces: floor", "mine.yaml:4: surfaces: expected a list of surfaces"),
         (
