@@ -1,11 +1,11 @@
-"""What a release must say alike everywhere, and what must not be released.
+"""Check a release, and write version, date, authors and addresses where files repeat them.
 
-    python release.py --write              # version, date, authors and address, where other files repeat them
-    python release.py v0.2.0               # whether this tag can be released; the workflow asks
-    python release.py v0.2.0 --notes FILE  # and writes what the changelog says of it
+    python release.py --write              # write these into the files that repeat them
+    python release.py v0.2.0               # check this tag, as the workflow does
+    python release.py v0.2.0 --notes FILE  # check it, and write its section of the changelog
 
-The version is that of ``springgym/__init__.py``, its date that of its heading in ``CHANGELOG.md``. Authors
-and addresses are those of ``pyproject.toml``.
+The version comes from ``springgym/__init__.py``, and its date from its heading in ``CHANGELOG.md``. Authors
+and addresses come from ``pyproject.toml``.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ import sys
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
+from urllib.parse import urlparse
 
 ROOT = Path(__file__).resolve().parent
 PLACEHOLDER = "OWNER"
-"""Stands in the addresses of ``pyproject.toml`` as long as nobody has said where the project lives."""
+"""Placeholder in the addresses of ``pyproject.toml`` until the address of the project is known."""
 HEADING = re.compile(r"^## (\S+) \((.+)\)$", re.MULTILINE)
-"""Of a version in the changelog: its number, and its date or a word that says that it has none."""
+"""Heading of a version in the changelog: its number, and its date or a word such as "unreleased"."""
 DATE = re.compile(r"\d{4}-\d\d-\d\d")
 
 
@@ -37,7 +38,7 @@ def version() -> str:
 
 
 def changes(number: str) -> tuple[str, str]:
-    """Return the date of a version, and what the changelog says of it: both empty if it has no heading."""
+    """Return the date and the changelog of a version; both are empty if it has no heading."""
     log = text("CHANGELOG.md")
     for heading in HEADING.finditer(log):
         if heading[1] == number:
@@ -47,7 +48,7 @@ def changes(number: str) -> tuple[str, str]:
 
 
 def with_addresses(page: str) -> str:
-    """Return a page of the repository with whole addresses: links and pictures of the tagged version."""
+    """Return a page with absolute addresses of links and pictures, in the tagged version."""
     source = tomllib.loads(text("pyproject.toml"))["project"]["urls"]["Source"]
 
     def whole(found: re.Match[str]) -> str:
@@ -58,7 +59,7 @@ def with_addresses(page: str) -> str:
 
 
 def repeated() -> dict[str, str]:
-    """Return the files that repeat version, date, authors or address, as they have to be."""
+    """Return the correct text of the files that repeat version, date, authors or address."""
     project = tomllib.loads(text("pyproject.toml"))["project"]
     (author,) = (author["name"] for author in project["authors"])
     number = version()
@@ -80,24 +81,34 @@ def repeated() -> dict[str, str]:
     front = re.sub(r"(?<=\[GitHub\]\()[^)]*(?=\))", project["urls"]["Source"], text("docs/index.md"))
     if DATE.fullmatch(date):
         citing = re.sub(r"(?<=year    = \{).*(?=\})", date[:4], citing)
-    return {"CITATION.cff": citation, "docs/citing.md": citing, "docs/index.md": front}
+    colab = text("docs/notebooks/first.ipynb")
+    colab = re.sub(
+        r"(?<=google\.com/github/)[^/]+/[^/]+", urlparse(project["urls"]["Source"]).path[1:], colab
+    )
+    colab = re.sub(r'(?<=git\+)https:[^\s"\\]+', project["urls"]["Source"], colab)
+    return {
+        "CITATION.cff": citation,
+        "docs/citing.md": citing,
+        "docs/index.md": front,
+        "docs/notebooks/first.ipynb": colab,
+    }
 
 
 def faults(tag: str) -> list[str]:
-    """Return why a tag cannot be released; an empty list if it can."""
+    """Return the reasons why a tag cannot be released; an empty list if it can be."""
     found = []
     number = version()
     if tag != f"v{number}":
         found.append(f"the tag is {tag}, but springgym/__init__.py has version {number}")
     if PLACEHOLDER in text("pyproject.toml"):
-        found.append(f"pyproject.toml: the addresses still hold {PLACEHOLDER}; say where the project lives")
+        found.append(f"pyproject.toml: the addresses still contain {PLACEHOLDER}; write the owner there")
     date, told = changes(number)
     if not DATE.fullmatch(date):
-        found.append(f"CHANGELOG.md: no heading '## {number} (YYYY-MM-DD)'")
+        found.append(f"CHANGELOG.md has no heading '## {number} (YYYY-MM-DD)'")
     elif not told.strip():
-        found.append(f"CHANGELOG.md says nothing of {number}")
+        found.append(f"CHANGELOG.md has no entries for {number}")
     found += [
-        f"{path} repeats something else: python release.py --write"
+        f"{path} has another version, date, author or address: run python release.py --write"
         for path, wanted in repeated().items()
         if text(path) != wanted
     ]
@@ -105,16 +116,20 @@ def faults(tag: str) -> list[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Do what the command line asks for, and return the exit status."""
+    """Run the command line, and return the exit status."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("tag", nargs="?", help="such as v0.2.0")
-    parser.add_argument("--notes", type=Path, metavar="FILE", help="write what is new in it here")
-    parser.add_argument("--write", action="store_true", help="write what other files repeat")
+    parser.add_argument("tag", nargs="?", help="the tag to check, such as v0.2.0")
+    parser.add_argument("--notes", type=Path, metavar="FILE", help="write its changelog to FILE")
+    parser.add_argument(
+        "--write",
+        action="store_true",
+        help="write the files that repeat version, date, authors or addresses",
+    )
     options = parser.parse_args(arguments)
     if bool(options.tag) == options.write or (options.notes and not options.tag):
-        parser.error("give a tag, or --write")
+        parser.error("give either a tag or --write")
     if options.write:
         for path, wanted in repeated().items():
             (ROOT / path).write_text(wanted, encoding="utf-8")

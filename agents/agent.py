@@ -1,4 +1,4 @@
-"""Agents to and from their file, see `springgym.envs.agent`."""
+"""Writing agents to their file, and reading them, see `springgym.envs.agent`."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from springgym.envs.agent import SQUASHED, STATISTICS, Algorithm, Network, Polic
 ALGORITHMS: dict[Algorithm, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "tqc": TQC, "crossq": CrossQ}
 
 RENORM_EPSILON = 1e-3
-"""What CrossQ adds to the variance."""
+"""CrossQ adds this to the variance."""
 
 
 def policy_kwargs(config: NetworkConfig) -> dict[str, Any]:
-    """Return what a configuration says of the networks, as Stable-Baselines3's policies take it."""
+    """Return the settings of the networks, in the form that Stable-Baselines3's policies take."""
     activation = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}[config.activation]
     kwargs: dict[str, Any] = {"net_arch": config.net_arch, "activation_fn": activation}
     return kwargs | ({"log_std_init": config.log_std_init} if isinstance(config, PPOConfig) else {})

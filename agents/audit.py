@@ -1,14 +1,15 @@
-"""Ask whether an agent lives on errors of the simulation: play its episodes again with smaller ones.
+"""Check whether an agent exploits errors of the simulation: replay its episodes with smaller errors.
 
     python agents/audit.py runs/SpringTop-v0-ppo-0
     python agents/audit.py classical --env SpringTop-v0 --episodes 200
 
-An agent that exploits the integrator earns less where the integrator errs less. The same held-out episodes
-are played with the step h that it was trained with, with h/4, by another method, and by the rigid twin,
-which has no springs to exploit. The agent sees what happens and acts on it. What it loses is told as a share
-of its return, with a 95 % interval. It survives a simulation if it certainly loses less than 2 % there, and
-does not if it certainly loses more; else the episodes are too few to tell. Where there is no such simulation
-nothing is played, and nothing is known. Exit status: 0 if it survives all that are played, and one is.
+An agent that exploits errors of the integrator earns less if these errors are smaller. The script plays the
+same held-out episodes with the step h of the training, with h/4, with another method, and with the rigid
+twin, which has no springs to exploit. The agent observes and acts in each of them. The script reports the
+loss as a share of the return, with a 95 % interval. The agent survives a simulation if its loss is certainly
+less than 2 %, and does not survive if it is certainly more. Otherwise there are too few episodes. Simulations
+that do not exist for an environment are not played. The exit status is 0 if the agent survives all
+simulations that were played, and at least one was.
 """
 
 from __future__ import annotations
@@ -34,17 +35,17 @@ from springgym.integrators import integrator
 from springgym.integrators.record import refusal
 
 OTHERS = ("rk4", "dopri5", "pefrl")
-"""Methods to play by in place of the usual one: the first that the scene allows."""
+"""Methods to replace the usual one: the first that the scene allows is taken."""
 FINER = 4
 MARGIN = 0.02
-"""Share of its own return that an agent may lose."""
+"""Share of its return that an agent may lose."""
 ONE_SIDED = 1.645
 
 Verdict = Literal["survives", "does not survive", "undecided", "not played"]
 
 
 def verdict(own: float, lost: float, error: float) -> Verdict:
-    """Tell whether a return survives a loss that is known to a standard error, with a certainty of 95 %.
+    """Return whether a return survives a loss of a known standard error, at 95 % certainty.
 
     A return of 0 has nothing to lose: of it nothing is known.
     """
@@ -77,7 +78,7 @@ def simulations(env_id: str, kwargs: Mapping[str, Any]) -> Iterator[tuple[str, d
     with making(env_id):
         env: Any = gym.make(env_id, **kwargs).unwrapped
     if not hasattr(env, "episodes"):
-        raise ConfigError(f"{env_id} is no environment of springgym's: nothing is known of its simulation")
+        raise ConfigError(f"{env_id} is not an environment of springgym, so its simulation cannot be audited")
     simulator = env.episodes.simulator
     step, method = simulator.step, simulator.integrator.name
     yield f"{method}, h = {1e3 * step:.3g} ms", {}
@@ -124,13 +125,13 @@ def audit(agent: str, env_id: str, kwargs: Mapping[str, Any], episodes: int, see
 
 
 def survives(findings: Sequence[Finding]) -> bool:
-    """Tell whether an agent survives all the other simulations that are played, and one is."""
+    """Return whether an agent survives all the other simulations that are played, and at least one is."""
     others = [found.verdict for found in findings[1:] if found.verdict != "not played"]
     return bool(others) and all(said == "survives" for said in others)
 
 
 SAID = {"does not survive": "DOES NOT SURVIVE", "undecided": "undecided: it takes more episodes to tell"}
-"""How verdicts are told, where in other words."""
+"""The printed words for verdicts, where they differ."""
 
 
 def table(findings: Sequence[Finding]) -> str:
@@ -159,14 +160,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("agent", help="a run folder, or zero, random, classical")
-    parser.add_argument("--env", help="environment id, where no run folder tells it")
+    parser.add_argument("--env", help="environment id, unless the agent is a run folder")
     parser.add_argument("--episodes", type=whole(2, MOST_EPISODES), default=100)
-    parser.add_argument("--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="the first")
+    parser.add_argument(
+        "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="seed of the first episode"
+    )
     parser.add_argument(
         "--set", dest="overrides", metavar="KEY=VALUE", nargs="+", action="extend", default=[],
-        help="keyword arguments of the environment",
+        help="arguments of the environment",
     )  # fmt: skip
-    parser.add_argument("--json", type=Path, help="write the findings here")
+    parser.add_argument("--json", type=Path, help="write the findings to this file")
     options = parser.parse_args(arguments)
     if options.json and not options.json.absolute().parent.is_dir():
         parser.error(f"--json {options.json}: there is no folder {options.json.absolute().parent}")

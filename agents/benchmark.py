@@ -5,14 +5,14 @@
     python agents/benchmark.py --local --jobs 1                   # without Ray
     python agents/benchmark.py --address auto                     # on the Ray cluster that runs here
 
-Each run is that of ``agents/train.py`` with the same arguments, on one core and one thread, in a folder of
-its own under ``--runs``; what it wrote stands in its ``log.txt``. When it has ended, its agent plays 100
-held-out episodes, and a row is added to ``--json``. Start the same command again after whatever stopped it:
-what has a row is left alone, what was under way goes on from its newest checkpoint. A row whose
-configuration or whose task has changed since is made anew.
+Each run equals one of ``agents/train.py`` with the same arguments, on one core and one thread. It has a
+folder under ``--runs``, with its output in ``log.txt``. At the end, its agent plays 100 held-out episodes,
+and a row is added to ``--json``. If the benchmark was stopped, start the same command again. Runs that have
+a row are skipped, and other runs continue from their newest checkpoint. A run is repeated if its
+configuration or its task has changed since its row was written.
 
-A cluster runs the same, if all its nodes see this checkout under this path. If they see the run folders, too,
-the runs of a node that goes down are continued by another, else they start anew there.
+The same works on a cluster, if all its nodes see this checkout under this path. If they also see the run
+folders, another node continues the runs of a node that fails. Otherwise these runs start again.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ ALGORITHMS = (*UNTRAINED, *CONFIG_OF)
 EPISODES = 100
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 TRIES = 5
-"""Nodes that a run may lose."""
+"""Number of node failures that a run survives."""
 
 
 class Cell(NamedTuple):
@@ -103,7 +103,7 @@ def measured(cell: Cell, plan: Plan) -> dict[str, Any]:
             agent = str(folder)
             if train.main(training(cell, plan)):
                 told = (folder / "log.txt").read_text(encoding="utf-8").splitlines()
-                raise ConfigError(told[-1] if told else f"{folder}: no word of what went wrong")
+                raise ConfigError(told[-1] if told else f"{folder}: it wrote no error message")
             steps, seconds = last_row(folder)
             env_id, kwargs = find_task([agent], cell.task, [])
         found = evaluate(agent, env_id, kwargs, plan.episodes)
@@ -135,7 +135,7 @@ def training(cell: Cell, plan: Plan) -> list[str]:
 
 
 def trained_for(folder: Path) -> float:
-    """Return what `probe` gave for the task when a run began."""
+    """Return the result of `probe` for the task at the beginning of a run."""
     try:
         return float((folder / "probe.txt").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -153,7 +153,7 @@ def put_away(folder: Path) -> None:
 
 
 def last_row(folder: Path) -> tuple[int, float]:
-    """Return how far a run has come: steps, and seconds of processor time."""
+    """Return the progress of a run: steps, and seconds of processor time."""
     try:
         lines = (folder / "metrics.csv").read_text(encoding="utf-8").splitlines()
         cells = dict(zip(lines[0].split(","), lines[-1].split(","), strict=True))
@@ -373,10 +373,10 @@ class Table:
             for row in json.loads(path.read_text(encoding="utf-8")):
                 self.rows[Cell(row["task"], row["algorithm"], int(row["seed"]))] = row
         except (ValueError, KeyError, TypeError, OSError) as error:
-            raise ConfigError(f"{path}: not the rows of a benchmark: {error!r}") from error
+            raise ConfigError(f"{path}: the file does not hold the rows of a benchmark: {error!r}") from error
 
     def current(self, cell: Cell, plan: Plan, probes: dict[str, float]) -> bool:
-        """Tell whether there is a row of what the cell is now."""
+        """Return whether there is a row for the cell as it is now."""
         row = self.rows.get(cell)
         return row is not None and (row["config"], row["probe"], row["episodes"]) == (
             digest(cell, plan),
@@ -392,7 +392,7 @@ class Table:
 
 def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
     """The arguments that say how agents are trained."""
-    parser.add_argument("--configs", type=Path, help="folder of hyperparameters (configs)")
+    parser.add_argument("--configs", type=Path, help="folder of hyperparameters (default: configs)")
     parser.add_argument(
         "--set", dest="overrides", nargs="+", default=[], metavar="KEY=VALUE", help="change hyperparameters"
     )
@@ -400,13 +400,15 @@ def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
 
 def parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
     """The arguments, with those that say where cells are run."""
-    parser.add_argument("--jobs", type=whole(1, 10_000), help="runs at a time on this machine (its cores)")
+    parser.add_argument(
+        "--jobs", type=whole(1, 10_000), help="parallel runs on this machine (default: its cores)"
+    )
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--local", action="store_true", help="this machine without Ray")
-    where.add_argument("--address", help="a Ray cluster; auto: the one that runs here")
+    where.add_argument("--local", action="store_true", help="use this machine, without Ray")
+    where.add_argument("--address", help="address of a Ray cluster; auto for the one on this machine")
     options = parser.parse_args(arguments)
     if options.address and options.jobs:
-        parser.error("--jobs is for this machine; a cluster has as many as it has cores")
+        parser.error("--jobs works on this machine only; a cluster runs as many jobs as it has cores")
     if not options.local and find_spec("ray") is None:
         parser.error(f"Ray is not installed: {install('ray')}, or give --local")
     return options
@@ -426,12 +428,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     tasks = [task.id for task in (*ENVIRONMENTS, *VARIANTS)]
-    parser.add_argument("--tasks", nargs="+", default=tasks, metavar="ID", help="environment ids (all)")
-    parser.add_argument("--algorithms", nargs="+", default=ALGORITHMS, choices=ALGORITHMS, help="(all)")
-    parser.add_argument("--seeds", type=whole(1, 1000), default=5, help="how many, from 0 on (5)")
-    parser.add_argument("--episodes", type=whole(1, 100_000), default=EPISODES, help="to evaluate on (100)")
-    parser.add_argument("--runs", type=Path, default=Path("runs/benchmark"), help="folder of the run folders")
-    parser.add_argument("--json", type=Path, help="file of the rows (RUNS/baselines.json)")
+    parser.add_argument(
+        "--tasks", nargs="+", default=tasks, metavar="ID", help="environment ids (default: all)"
+    )
+    parser.add_argument(
+        "--algorithms", nargs="+", default=ALGORITHMS, choices=ALGORITHMS, help="algorithms (default: all)"
+    )
+    parser.add_argument(
+        "--seeds", type=whole(1, 1000), default=5, help="number of seeds, from 0 on (default: 5)"
+    )
+    parser.add_argument(
+        "--episodes",
+        type=whole(1, 100_000),
+        default=EPISODES,
+        help="episodes of the evaluation (default: 100)",
+    )
+    parser.add_argument(
+        "--runs", type=Path, default=Path("runs/benchmark"), help="folder for the run folders"
+    )
+    parser.add_argument("--json", type=Path, help="file for the rows (default: RUNS/baselines.json)")
     add_hyperparameters(parser)
     options = parsed(parser, arguments)
     return guarded("benchmark.py", lambda: benchmark(options), MENDABLE)

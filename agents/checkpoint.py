@@ -1,4 +1,5 @@
-"""Checkpoints: all that training depends on in one file, so that a run goes on as if it had never stopped."""
+"""Checkpoints: the whole state of a training in one file, so that a run can continue as if it had not
+stopped."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from recorder import Recorder
 
 MAY_CHANGE = ("total_timesteps", "log_every", "checkpoint_every", "eval_env_kwargs")
-"""What of a configuration may change while a run goes on."""
+"""Settings that may change when a run is resumed."""
 
 
 def save_checkpoint(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Recorder) -> None:
@@ -82,7 +83,8 @@ def load_checkpoint(run: Run, env: StaggeredMonitor, recorder: Recorder) -> Base
     except Exception as error:  # it may be any file, and be wrong in any way
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ConfigError(
-            f"{run.model}: no checkpoint of this run: {reason}. Put a copy of it there, or start a new run"
+            f"{run.model}: this is not a checkpoint of this run: {reason}. "
+            "Restore it from a copy, or start a new run"
         ) from error
 
 
@@ -127,7 +129,7 @@ def _restore(
 
 
 def asked_for(run: Run) -> dict[str, Any]:
-    """Return what was asked for of a run, as JSON has it."""
+    """Return the settings of a run, in the form that JSON has."""
     asked = {"algo": run.algo, "env_id": run.env_id, "seed": run.seed, **asdict(run.config)}
     return dict(json.loads(json.dumps(asked, default=str)))
 
@@ -144,5 +146,5 @@ def check_same(run: Run, whose: dict[str, Any]) -> None:
         if key not in MAY_CHANGE and whose.get(key) != value:
             raise ConfigError(
                 f"{run.folder / 'config.yaml'}: {key} is {value!r}, but the checkpoint was made with "
-                f"{whose.get(key)!r}. A run keeps what it was started with: put it back, or start a new run"
+                f"{whose.get(key)!r}. A run cannot change this: restore the value, or start a new run"
             )

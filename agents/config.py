@@ -1,8 +1,8 @@
 """Hyperparameters: YAML files keyed by environment id, read strictly.
 
-``configs/<algo>.yaml`` maps an environment id to the fields of one dataclass below; the entry ``default`` is
-that of all other ids. An unknown, duplicate, missing or mistyped key is a `ConfigError` naming the file, the
-line and the key.
+``configs/<algo>.yaml`` maps environment ids to the fields of a dataclass below. The entry ``default`` holds
+for all other ids. An unknown, duplicate or missing key, or a value of the wrong type, raises a `ConfigError`
+that names file, line and key.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ RANGES = {
 MOST_LAYERS = 100
 
 DEFAULT = "default"
-"""The entry of environments that a file does not name."""
+"""Key of the entry for environments that a file does not name."""
 
 
 def load_config(
@@ -227,7 +227,7 @@ def load_config(
                 import_module(module)
             gym.spec(name)
         except (gym.error.Error, ImportError) as error:
-            raise ConfigError(f"{path}: no entry for {env_id!r}: {error}") from error
+            raise ConfigError(f"{path}: there is no entry for {env_id!r}: {error}") from error
         tree = _with_copy(tree, env_id, DEFAULT)
     if env_id not in tree.value:
         raise ConfigError(f"{path}: no entry for {env_id!r}; it has {', '.join(tree.value)}")

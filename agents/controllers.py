@@ -1,8 +1,8 @@
 """Baselines without learning: ``zero``, ``random`` and a classical controller by environment.
 
 A classical controller reads the compact observation (``observation="frame"``) and nothing else.
-It maps a task and a batch ``(n, d)`` to actions ``(n, a)`` in [-1, 1]. What the numbers mean, what the
-actuators can do and how long they do it, it asks the task: `Task.seen`, `Task.limits`, `Task.period`.
+It maps a task and a batch ``(n, d)`` to actions ``(n, a)`` in [-1, 1]. The task tells it the meaning of the
+numbers, the strength of the actuators and the control period: `Task.seen`, `Task.limits`, `Task.period`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ UP = np.array([0.0, 0.0, 1.0])
 G = -GRAVITY[2]
 
 Controller = Callable[[Any, np.ndarray], np.ndarray]
-"""From a task, and compact observations (n, d), actions (n, a)."""
+"""A function from a task and compact observations (n, d) to actions (n, a)."""
 
 
 def top_moment(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -4,11 +4,11 @@
     springgym evaluate classical --env SpringTop-v0 --set action=impulse --episodes 200
     springgym evaluate SpringTop-v0
 
-An agent is a run folder, an environment id, which names the published agent of that environment, the name
-of a baseline (zero, random, classical), or a function from observations to actions, by its module, as
-``module:function``. Every agent meets the same episodes. The return is the sum of rewards over the time
-limit: the mean reward per step where an episode that ends early earns nothing for the rest. The other
-columns are means over the episodes of what the environment reports with each episode's last step.
+An agent is a run folder, an environment id (for the published agent of that environment), the name of a
+baseline (zero, random, classical), or ``module:function``, a function from observations to actions. All
+agents play the same episodes. The return is the sum of rewards divided by the time limit: the mean reward
+per step, if an episode that ends early earns nothing for the rest. The other columns are means over the
+episodes of what the environment reports in the last step of an episode.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def find_task(
         raise ConfigError("name the environment with --env, or give a run folder")
     if not env_id and ":" in runs[0].env_id:
         raise ConfigError(
-            f"{runs[0].folder} asks for a module to be imported; if that is to be, add --env {runs[0].env_id}"
+            f"{runs[0].folder} names a module to import; to allow this, add --env {runs[0].env_id}"
         )
     env_id = env_id or runs[0].env_id
     kwargs = task_kwargs(runs[0].config if runs else load_config("ppo", env_id))
@@ -212,10 +212,10 @@ def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -
     parser.add_argument(
         "agents", nargs="+", help="run folders; environment ids; zero, random, classical; module:function"
     )
-    parser.add_argument("--env", help="environment id, where no agent tells it")
+    parser.add_argument("--env", help="environment id, unless an agent belongs to one")
     parser.add_argument("--episodes", type=whole(1, MOST_EPISODES), default=100)
     parser.add_argument(
-        "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="the first of the seeds"
+        "--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED, help="seed of the first episode"
     )
     parser.add_argument(
         "--set",
@@ -224,9 +224,9 @@ def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -
         nargs="+",
         action="extend",
         default=[],
-        help="keyword arguments of the environment",
+        help="arguments of the environment",
     )
-    parser.add_argument("--json", type=Path, help="write the evaluations here")
+    parser.add_argument("--json", type=Path, help="write the evaluations to this file")
     options = parser.parse_args(arguments)
     if options.json and not options.json.absolute().parent.is_dir():
         parser.error(f"--json {options.json}: there is no folder {options.json.absolute().parent}")

@@ -1,8 +1,8 @@
-"""What PPO may begin with: to imitate classical control, before it learns by what it does itself.
+"""Imitation of classical control, with which PPO can begin.
 
-The controller plays in the copies that the agent learns in, with the noise that the agent is going to have,
-so that it is seen what it does after mistakes, too. The policy is fitted to what it wanted to do, the critic
-to what it earned. What follows is PPO as always.
+The controller plays in the copies in which the agent will learn, with the noise that the agent will have, so
+that the data also shows how it corrects mistakes. The policy is fitted to the controller's actions without
+noise, and the critic to its returns. After that, PPO learns as usual.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from stable_baselines3.common.vec_env import VecEnv
 from springgym.envs.agent import Policy
 
 EPOCHS = 20
-"""Times that each step is learned from."""
+"""Number of passes over the data."""
 
 RATE = 1e-3
-"""Learning rate at first; it falls to 0 in a straight line."""
+"""Initial learning rate; it falls linearly to 0."""
 
 CRITIC = 0.05
 """Weight of the critic's error: returns are several units, actions one."""
@@ -42,7 +42,8 @@ def teacher(run: Run, space: spaces.Space[Any]) -> Policy:
     given = run.config.env_kwargs
     if given.get("observation") != "frame":
         raise ConfigError(
-            f"{run.env_id}: imitate: classical control sees the compact observation, so the agent must, too: "
+            f"{run.env_id}: imitate: classical control needs the compact "
+            "observation, so the agent must have it: "
             "set env_kwargs.observation=frame"
         )
     return make_controller("classical", run.env_id, given, space)

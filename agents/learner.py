@@ -1,4 +1,4 @@
-"""What learns: the copies that an agent trains in, and the untrained agent."""
+"""The learner: the copies that an agent trains in, and the untrained agent."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def network_config(run: Run) -> NetworkConfig:
         If it does not.
     """
     if not isinstance(run.config, NetworkConfig):
-        raise ConfigError(f"{run.folder} is a run of {run.algo}: Stable-Baselines3 does not train it")
+        raise ConfigError(f"{run.folder} is a run of {run.algo}, which Stable-Baselines3 does not train")
     return run.config
 
 

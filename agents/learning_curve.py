@@ -1,4 +1,4 @@
-"""The picture of how an agent learnt."""
+"""The figure of an agent's learning curve."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
-"""How long PPO takes to learn each task, and what of that is physics, what the policy, and what learning.
+"""Measure how long PPO takes to learn each task, and the shares of physics, policy and learning.
 
     python agents/learning_time.py                  # every task of configs/ppo.yaml
     python agents/learning_time.py SpringTop-v0 --seed 1 --json docs/learning_time.json
 
-Trains as train.py does, until the agent succeeds in 90 % of 20 held-out episodes without noise, which is
-asked at every checkpoint, or until its budget is spent. Seconds are those of one processor core, and so do
-not depend on what else the machine does; evaluating, and compiling the simulation, are not counted. Physics
-is the native step of the batch; the rest of a rollout is the policy and Stable-Baselines3. What an agent
-imitates first counts as learning.
+The script trains as train.py does. It stops when the agent succeeds in 90 % of 20 held-out episodes without
+noise, which it checks at every checkpoint, or when all steps of the configuration are taken. Seconds are
+those of one processor core, so they do not depend on other programs. Evaluation and compilation do not count.
+Physics is the native step of the batch. The rest of a rollout is the policy and Stable-Baselines3. Imitation
+counts as learning.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from springgym.envs.sb3 import StaggeredMonitor
 from springgym.strict_yaml import read_yaml
 
 ENOUGH = 0.9
-"""Share of the episodes that succeed."""
+"""Share of the episodes that must succeed."""
 
 
 class Stopwatch(Recorder):
@@ -61,7 +61,7 @@ class Stopwatch(Recorder):
 
     @property
     def learned(self) -> bool:
-        """Tell whether the agent succeeds often enough."""
+        """Return whether the agent succeeds often enough."""
         return bool(self.progress) and (self.progress[-1][-1] or 0.0) >= ENOUGH
 
     def _on_rollout_start(self) -> None:
@@ -127,10 +127,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("tasks", nargs="*", help="environment ids (those of configs/ppo.yaml)")
+    parser.add_argument("tasks", nargs="*", help="environment ids (default: those in configs/ppo.yaml)")
     parser.add_argument("--config", type=Path, default=CONFIG_FOLDER / "ppo.yaml", help="hyperparameters")
     parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), default=0)
-    parser.add_argument("--json", type=Path, help="write the rows here, over those of the same tasks")
+    parser.add_argument(
+        "--json", type=Path, help="write the rows to this file, in place of those of the same tasks"
+    )
     options = parser.parse_args(arguments)
     torch.set_num_threads(1)
     return guarded("learning_time.py", lambda: _measure_all(options), MENDABLE)

@@ -1,7 +1,7 @@
-"""Linear control found by the cross-entropy method: what a task asks for at the least.
+"""Linear control by the cross-entropy method, the simplest agent that may solve a task.
 
-A policy is a ← clip(W o + b). A generation draws policies about a mean, lets each play the same episodes, all
-at once in one native batch, and moves the mean and the spread to those of the best.
+A policy is a ← clip(W o + b). A generation draws policies around a mean. They all play the same episodes at
+once, in one native batch. Mean and spread then move to those of the best policies.
 """
 
 from __future__ import annotations
@@ -142,9 +142,9 @@ class Search:
                 arrays: dict[str, Any] = dict(found)
             for name in ("mean", "spread"):
                 if arrays[name].shape != self.mean.shape or not np.isfinite(arrays[name]).all():
-                    raise ValueError(f"{name} is of another policy")
+                    raise ValueError(f"{name} belongs to another policy")
             self.rng.bit_generator.state = json.loads(str(arrays["generator"]))
             self.mean, self.spread, self.rows = arrays["mean"], arrays["spread"], arrays["rows"]
             self.timesteps, self.seconds = int(arrays["clock"][0]), float(arrays["clock"][1])
         except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-            raise ConfigError(f"{self.path}: no checkpoint of this run: {error}") from error
+            raise ConfigError(f"{self.path}: this is not a checkpoint of this run: {error}") from error

@@ -1,18 +1,18 @@
-"""Plan on the exact model: a reference for every task, without learning.
+"""Plan with the exact model, as a reference for every task, without learning.
 
     python agents/plan.py --id SpringTop-v0 --episodes 5
     python agents/plan.py --id SpringGyroscopeHard-v0 --horizon 20 --json docs/planner.json
 
-In every control period the state of the environment is set into all copies of a native batch, each tries a
-sequence of actions there, and the plan is moved to the best of them, by the cross-entropy method with what
-Pinneri et al. added (2020, *Sample-efficient cross-entropy method for real-time planning*, arXiv:2008.06389):
-noise that is correlated in time, elites that are kept, and a plan that is shifted on. Its first action is
-taken.
+In every control period, the state of the environment is set in all copies of a native batch. Each copy tries
+a sequence of actions, and the plan moves towards the best of them, by the cross-entropy method with additions
+of Pinneri et al. (2020, *Sample-efficient cross-entropy method for real-time planning*, arXiv:2008.06389):
+noise is correlated in time, elites are kept, and the plan is shifted from one period to the next. The
+environment then takes the first action of the plan.
 
-The return is that of ``agents/evaluate.py``: the mean reward per step where an episode that ends early earns
-nothing for the rest. Plans are judged by the terms of the reward, which a sparse variant holds in ``info``.
-Intervals are of 95 %: a bootstrap over the episodes of the return, Wilson's of success. Seconds are those of
-one processor core.
+The return is that of ``agents/evaluate.py``: the mean reward per step, if an episode that ends early earns
+nothing for the rest. Plans are compared by the terms of the reward, which a sparse variant reports in
+``info``. Intervals have 95 %: a bootstrap over the episodes for the return, and Wilson's interval for
+success. Seconds are those of one processor core.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def play(env: Any, model: VectorEnv, seed: int, planner: Planner) -> dict[str, A
 
 
 def wilson(successes: int, episodes: int) -> tuple[float, float]:
-    """Where the rate of success lies (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
+    """Return an interval for the rate of success (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
     z, rate = 1.96, successes / episodes
     centre = rate + z * z / (2 * episodes)
     half = z * math.sqrt(rate * (1 - rate) / episodes + z * z / (4 * episodes**2))
@@ -174,14 +174,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--id", required=True, help="environment id")
-    parser.add_argument("--episodes", type=whole(1, 10_000), default=5, help="(5)")
-    parser.add_argument("--seed", type=whole(0, 2**31), default=HELD_OUT_SEED, help="of the first episode")
+    parser.add_argument(
+        "--episodes", type=whole(1, 10_000), default=5, help="number of episodes (default: 5)"
+    )
+    parser.add_argument(
+        "--seed", type=whole(0, 2**31), default=HELD_OUT_SEED, help="seed of the first episode"
+    )
     for name, most in (("samples", 100_000), ("horizon", 10_000), ("iterations", 1000)):
         value = getattr(usual, name)
         parser.add_argument(
             f"--{name}", type=whole(2 if name != "iterations" else 1, most), default=value, help=f"({value})"
         )
-    parser.add_argument("--json", type=Path, help="file that the row is written to")
+    parser.add_argument("--json", type=Path, help="write the row to this file")
     options = parser.parse_args(arguments)
     planner = Planner(options.samples, options.horizon, options.iterations)
 

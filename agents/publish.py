@@ -1,13 +1,13 @@
-"""Take trained agents into the repository: what they are, how they were made, what they do.
+"""Add trained agents to the repository, with a card for each.
 
     python agents/publish.py runs/benchmark/SpringTop-v0-ppo-*
 
-Of several runs of a task the one with the highest return is taken, over one that is there already only if it
-is better. Into agents/trained/ID go config.yaml, agent.npz, which is numbers and nothing else, and
-card.json: the command that trained it, versions and commit, checksums, how it fares on held-out episodes
-with a 95 % interval of the mean, and what its audit says (see audit.py), which takes more episodes
-(--audited) where a return is earned in few steps. `springgym evaluate ID`, `springgym watch ID` and
-`springgym.load_agent` take them by the id of the environment.
+Of several runs of a task, the script takes the one with the highest return. It replaces a published agent
+only if the new one is better. It writes config.yaml, agent.npz (arrays of numbers only) and card.json to
+agents/trained/ID. The card holds the training command, versions and commit, checksums, the result on held-out
+episodes with a 95 % interval of the mean, and the result of the audit (see audit.py). The audit needs more
+episodes (--audited) if the return is earned in few steps. `springgym evaluate ID`, `springgym watch ID` and
+`springgym.load_agent` find the agents by the id of their environment.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def command(run: Run) -> str:
     """
     if run.config != load_config(run.algo, run.env_id):
         raise ConfigError(
-            f"{run.folder} was trained with another configuration than configs/{run.algo}.yaml has"
+            f"{run.folder} was trained with a configuration that differs from configs/{run.algo}.yaml"
         )
     words = ["python", "agents/train.py", run.env_id, "--algo", run.algo, "--seed", str(run.seed)]
     return shlex.join(words)
@@ -83,7 +83,7 @@ def publish(folders: Sequence[Path], episodes: int, audited: int, into: Path) ->
     for folder in folders:
         run = open_run(folder)
         if ":" in run.env_id:
-            raise ConfigError(f"{folder}: {run.env_id} is of another package")
+            raise ConfigError(f"{folder}: {run.env_id} belongs to another package")
         found = card(run, episodes, audited)
         if run.env_id not in best or found["mean_return"] > best[run.env_id][0]["mean_return"]:
             best[run.env_id] = found, folder
@@ -111,7 +111,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("runs", nargs="+", type=Path, help="run folders")
     parser.add_argument("--episodes", type=whole(2, 100_000), default=EPISODES)
     parser.add_argument("--audited", type=whole(2, 100_000), default=EPISODES, help="episodes of the audit")
-    parser.add_argument("--into", type=Path, default=PUBLISHED, help="folder of the agents (agents/trained)")
+    parser.add_argument(
+        "--into", type=Path, default=PUBLISHED, help="folder for the agents (default: agents/trained)"
+    )
     options = parser.parse_args(arguments)
     return guarded(
         "publish.py",

@@ -1,4 +1,4 @@
-"""What a run writes while it trains: metrics.csv, progress.csv, checkpoints, and a bar on the terminal."""
+"""The files and messages of a run: metrics.csv, progress.csv, checkpoints, and a bar on the terminal."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ COLUMNS = (
 )
 
 PROGRESS = ("timesteps", "seconds", "return_per_step", "success_rate")
-"""The columns of progress.csv: what the agent reaches that acts without noise."""
+"""The columns of progress.csv: the results of the agent without noise."""
 PLAYED = 20
-"""Episodes that it plays at each checkpoint,"""
+"""Number of episodes that the agent plays at each checkpoint."""
 PROGRESS_SEED = 2 * HELD_OUT_SEED
-"""from this seed upwards: neither those of training nor those of the evaluation."""
+"""First seed of these episodes. Neither training nor evaluation uses these seeds."""
 
 
 class Recorder(BaseCallback):
@@ -55,7 +55,7 @@ class Recorder(BaseCallback):
         self.progress: list[tuple[int, float, float, float | None]] = []
 
     def state(self) -> dict[str, Any]:
-        """Return what the rows still to come depend on."""
+        """Return the state on which the following rows depend."""
         names = ("seconds", "row_at", "steps", "episodes", "reward", "progress")
         return {name: getattr(self, name) for name in names}
 
@@ -83,7 +83,8 @@ class Recorder(BaseCallback):
                 steps = 0
             if steps <= reached:
                 raise ConfigError(
-                    f"{self.path}:{number}: no row of this run: {line[:80]!r}; mend or delete it"
+                    f"{self.path}:{number}: this is not a row of this run: "
+                    f"{line[:80]!r}; correct or delete it"
                 )
             reached = steps
             if steps <= timesteps:
@@ -97,9 +98,9 @@ class Recorder(BaseCallback):
         try:
             head, *lines = self.path.read_text(encoding="utf-8").splitlines(keepends=True) or [""]
         except UnicodeDecodeError as error:
-            raise ConfigError(f"{self.path}: no text: {error}") from error
+            raise ConfigError(f"{self.path}: the file is not text: {error}") from error
         if head.rstrip("\n") != ",".join(COLUMNS):
-            raise ConfigError(f"{self.path}:1: not the columns of this version: {head[:80]!r}")
+            raise ConfigError(f"{self.path}:1: these are not the columns of this version: {head[:80]!r}")
         return lines
 
     def _on_training_start(self) -> None:

@@ -1,12 +1,12 @@
-"""One training run on many cores: PPO of RLlib, whose env runners step native batches.
+"""Train on many cores with RLlib's PPO, whose env runners step native batches.
 
     python agents/rllib_ppo.py SpringTop-v0 --runners 2
     python agents/rllib_ppo.py SpringTop-v0 --runners 62 --address auto --timesteps 10_000_000
 
-RLlib asks for a Gymnasium of its own: see agents/rllib-constraints.txt for its environment. Each runner steps
---copies copies by one call, on a core of its own; on a cluster, runners are wherever there are cores. The
-network is that of configs/ppo.yaml. The run folder holds RLlib's checkpoints and metrics.csv; --resume goes
-on from the newest.
+RLlib requires a certain version of Gymnasium, so use an environment with agents/rllib-constraints.txt. Each
+runner steps --copies copies by one call, on its own core; on a cluster, on any node. The network is that of
+configs/ppo.yaml. The run folder holds RLlib's checkpoints and metrics.csv. --resume continues from the newest
+checkpoint.
 """
 
 from __future__ import annotations
@@ -125,7 +125,9 @@ def learn(options: argparse.Namespace) -> int:
     total = options.timesteps or config.total_timesteps
     batch = options.runners * options.copies * config.n_steps
     if batch % config.batch_size:
-        raise ConfigError(f"--runners × --copies × n_steps = {batch} is no multiple of {config.batch_size}")
+        raise ConfigError(
+            f"--runners × --copies × n_steps = {batch} is not a multiple of {config.batch_size}"
+        )
     folder = (options.run or Path("runs") / f"{options.env_id}-rllib-{options.seed}").absolute()
     checkpoint, table = folder / "checkpoint", folder / "metrics.csv"
     if checkpoint.exists() != options.resume:
@@ -168,14 +170,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("env_id", help="environment id")
-    parser.add_argument("--runners", type=whole(1, 10_000), default=2, help="processes that step (2)")
-    parser.add_argument("--copies", type=whole(1, 100_000), default=32, help="of each runner (32)")
-    parser.add_argument("--timesteps", type=whole(1, 10**12), help="in all (that of configs/ppo.yaml)")
+    parser.add_argument(
+        "--runners", type=whole(1, 10_000), default=2, help="number of processes that step (default: 2)"
+    )
+    parser.add_argument(
+        "--copies", type=whole(1, 100_000), default=32, help="copies in each process (default: 32)"
+    )
+    parser.add_argument(
+        "--timesteps", type=whole(1, 10**12), help="number of steps (default: that in configs/ppo.yaml)"
+    )
     parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), default=0)
-    parser.add_argument("--episodes", type=whole(1, 100_000), default=100, help="to evaluate on (100)")
-    parser.add_argument("--run", type=Path, help="run folder (runs/<env id>-rllib-<seed>)")
-    parser.add_argument("--resume", action="store_true", help="go on with this run")
-    parser.add_argument("--address", help="a Ray cluster; auto: the one that runs here")
+    parser.add_argument(
+        "--episodes", type=whole(1, 100_000), default=100, help="episodes of the evaluation (default: 100)"
+    )
+    parser.add_argument("--run", type=Path, help="run folder (default: runs/<env id>-rllib-<seed>)")
+    parser.add_argument("--resume", action="store_true", help="continue this run")
+    parser.add_argument("--address", help="address of a Ray cluster; auto for the one on this machine")
     options = parser.parse_args(arguments)
     return guarded("rllib_ppo.py", lambda: learn(options), (*MENDABLE, ImportError))
 

@@ -1,4 +1,4 @@
-"""A run folder: what was asked for, with what versions, and the agent that came out of it.
+"""A run folder: the configuration, the versions, and the trained agent.
 
 =====================  ==========================================================================
 ``config.yaml``        algorithm, environment, seed and every hyperparameter, as used
@@ -14,9 +14,9 @@
 ``lock``               held by the process that trains
 =====================  ==========================================================================
 
-``config.yaml`` and ``agent.npz`` are enough to evaluate and watch an agent: share these two. They may
-come from anyone. ``model.zip`` is pickled, and whoever unpickles a file runs what its author wrote: resume
-your own runs only.
+``config.yaml`` and ``agent.npz`` are enough to evaluate and watch an agent, so share these two. They are safe
+to use, whoever made them. ``model.zip`` is pickled, and unpickling a file can run any code: resume your own
+runs only.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def create_run(run: Run) -> Run:
     """
     if (run.folder / "config.yaml").exists():
         raise FileExistsError(
-            f"{run.folder} holds a run: continue it with --resume {run.folder}, "
+            f"{run.folder} holds a run already: continue it with --resume {run.folder}, "
             "or name another folder with --run"
         )
     run.folder.mkdir(parents=True, exist_ok=True)
@@ -161,7 +161,7 @@ def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: sp
         old = ": runs of springgym 0.1.0 have none" if run.model.exists() else ""
         raise ConfigError(
             f"{run.folder} has no agent.npz{old}; if the run is your own, train.py --resume {run.folder} "
-            "goes on with it and writes one"
+            "continues it and writes one"
         )
     return agent.load_policy(run.agent, run.config, observation_space, action_space)
 
@@ -187,7 +187,7 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def versions() -> dict[str, object]:
-    """Return what a run depends on besides its configuration."""
+    """Return the versions and the machine that a run depends on besides its configuration."""
     packages = ("springgym", "gymnasium", "numpy", "numba", "torch", "stable-baselines3", "sb3-contrib")
     installed: dict[str, str | None] = {}
     for name in packages:

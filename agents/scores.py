@@ -1,6 +1,6 @@
-"""Statistics over a few seeds of several tasks: what Agarwal et al. (2021, arXiv:2108.13264) recommend.
+"""Statistics over few seeds of several tasks, as Agarwal et al. (2021, arXiv:2108.13264) recommend.
 
-A table of scores (seeds, tasks) is that of one algorithm.
+A table of scores (seeds, tasks) belongs to one algorithm.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ REPETITIONS = 2000
 CONFIDENCE = 0.95
 
 Statistic = Callable[[np.ndarray], float]
-"""Of scores (n,)."""
+"""A function of scores (n,)."""
 
 
 def interquartile_mean(scores: np.ndarray) -> float:

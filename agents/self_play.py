@@ -1,18 +1,19 @@
-"""Self-play in SpringDuel: PPO learns against what it was before; an Elo table tells what came of it.
+"""Self-play in SpringDuel: PPO learns against its earlier versions, and an Elo table rates them.
 
-    python agents/self_play.py runs/duel                      # train, and rate what was kept
+    python agents/self_play.py runs/duel                      # train, and rate the players
     python agents/self_play.py runs/duel --timesteps 5_000_000
     python agents/self_play.py runs/duel --rate               # only rate
 
-PPO plays the first top. The second is played by a league: in half of the copies by the newest agent that was
-kept, in the others by those before it and by the scripts in turn. Every --every steps the agent is kept, in
-RUN/league, and joins. Start the same command again after whatever stopped it: it goes on from the last that
-was kept. That unpickles RUN/model.zip: do it with runs of your own only.
+PPO plays the first top. A league plays the second one: in half of the copies its newest agent, and in the
+others its earlier agents and the scripts in turn. Every --every steps, the agent joins the league, in
+RUN/league. If the training was stopped, start the same command again: it continues from the last agent of the
+league. This unpickles RUN/model.zip, so do it with your own runs only.
 
-Then each of up to ten of these agents, spread over the training, and each script plays every other one with
-`springgym.envs.parallel`, PettingZoo's environment of two agents, in as many duels on either side. Ratings
-are the likeliest ones by Elo's law, 400 points for ten to one, a duel without a winner being half won;
-"script" has 1000. RUN/elo.csv holds them, with standard errors by the bootstrap over duels.
+Then up to ten of these agents, spread over the training, and all scripts play each other with
+`springgym.envs.parallel`, PettingZoo's environment of two agents, with the same number of duels on either
+side. Ratings are the maximum-likelihood ones of Elo's model: 400 points for odds of ten to one, and a duel
+without a winner counts as half won. "script" has 1000. RUN/elo.csv holds the ratings, with standard errors by
+a bootstrap over duels.
 """
 
 from __future__ import annotations
@@ -45,13 +46,13 @@ if TYPE_CHECKING:
 
 ID = "SpringDuel-v0"
 SEEN: ParallelOptions = {"observation": "frame"}
-"""Opponents observe the duel in the compact way."""
+"""Opponents get the compact observation of the duel."""
 MOST_RATED = 10
 ANCHOR, POINTS = ("script", 1000.0), 400.0 / np.log(10.0)
 RESAMPLES = 200
 
 Player = Callable[[np.ndarray], np.ndarray]
-"""Observations (n, D) to actions (n, 2)."""
+"""A function from observations (n, D) to actions (n, 2)."""
 
 
 class League:
@@ -121,8 +122,8 @@ def player(run: Run, path: Path) -> Player:
 
 
 FROM_NOTHING = ("imitate=0", "log_std_init=-0.5", "learning_rate=1e-3", "normalize=false")
-"""What is other than in ``configs/ppo.yaml``: nobody is imitated, so that there is more to find. Observations
-are not normalised, as the scales would have to be kept beside the model, to go on with."""
+"""Differences from ``configs/ppo.yaml``: agents do not imitate a controller, and explore more. Observations
+are not normalised, because training could not continue without the scales, which are not in the model."""
 
 
 def members(run: Run) -> dict[str, Path]:
@@ -248,13 +249,22 @@ def main(given: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("run", type=Path, help="run folder")
-    parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), default=0, help="of a new run (0)")
-    parser.add_argument("--timesteps", type=int, default=3_000_000, help="of a new run (3,000,000)")
     parser.add_argument(
-        "--every", type=whole(1, 10**9), default=200_000, help="steps between two kept (200,000)"
+        "--seed", type=whole(0, HELD_OUT_SEED - 1), default=0, help="seed of a new run (default: 0)"
     )
-    parser.add_argument("--duels", type=whole(1, 10_000), default=25, help="of a pair on either side (25)")
-    parser.add_argument("--rate", action="store_true", help="do not train")
+    parser.add_argument(
+        "--timesteps", type=int, default=3_000_000, help="steps of a new run (default: 3,000,000)"
+    )
+    parser.add_argument(
+        "--every",
+        type=whole(1, 10**9),
+        default=200_000,
+        help="steps between two players that are kept (default: 200,000)",
+    )
+    parser.add_argument(
+        "--duels", type=whole(1, 10_000), default=25, help="duels of each pair on either side (default: 25)"
+    )
+    parser.add_argument("--rate", action="store_true", help="only rate the players, without training")
     options = parser.parse_args(given)
     torch.set_num_threads(1)
     return guarded("self_play.py", lambda: play(options), MENDABLE)

@@ -5,10 +5,10 @@
         --set env_kwargs.observation=frame learning_rate=3e-4
     springgym train --resume runs/SpringTop-v0-ppo-0
 
-Hyperparameters come from configs/<algo>.yaml. The run folder (see runs.py) holds all that comes
-out. A run that was stopped in whatever way goes on from its newest checkpoint with --resume; if
-the environment can save its state, exactly as if it had never stopped. It keeps the configuration
-that it was started with. --resume unpickles the checkpoint: do that with runs of your own only.
+Hyperparameters come from configs/<algo>.yaml. The run folder (see runs.py) holds all results. If
+a run was stopped, --resume continues it from its newest checkpoint, with the same configuration. If
+the environment can save its state, the run continues exactly as if it had never stopped. --resume
+unpickles the checkpoint, so use it with your own runs only.
 """
 
 from __future__ import annotations
@@ -50,10 +50,12 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("env_id", nargs="?", help="environment id")
-    parser.add_argument("--algo", choices=sorted(CONFIG_OF), help="algorithm (ppo)")
-    parser.add_argument("--seed", type=whole(0, HELD_OUT_SEED - 1), help="below those of evaluation (0)")
-    parser.add_argument("--run", type=Path, help="run folder (runs/<env id>-<algo>-<seed>)")
-    parser.add_argument("--config", type=Path, help="hyperparameters (configs/<algo>.yaml)")
+    parser.add_argument("--algo", choices=sorted(CONFIG_OF), help="algorithm (default: ppo)")
+    parser.add_argument(
+        "--seed", type=whole(0, HELD_OUT_SEED - 1), help="seed, below those of the evaluation (default: 0)"
+    )
+    parser.add_argument("--run", type=Path, help="run folder (default: runs/<env id>-<algo>-<seed>)")
+    parser.add_argument("--config", type=Path, help="file of hyperparameters (default: configs/<algo>.yaml)")
     parser.add_argument(
         "--set",
         dest="overrides",
@@ -64,12 +66,12 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
         help="change hyperparameters",
     )
     parser.add_argument("--timesteps", type=int, help="same as --set total_timesteps=...")
-    parser.add_argument("--resume", type=Path, metavar="RUN", help="go on with this run")
+    parser.add_argument("--resume", type=Path, metavar="RUN", help="continue this run")
     parser.add_argument(
         "--episodes",
         type=whole(0, MOST_EPISODES),
         default=100,
-        help="to evaluate on, at the end; 0: only train",
+        help="episodes of the evaluation at the end; 0 for none",
     )
     options = parser.parse_args(arguments)
     if bool(options.env_id) == bool(options.resume):
@@ -77,7 +79,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> i
     ignored = {name: getattr(options, name) for name in ("algo", "seed", "run", "config")}
     ignored["set"] = options.overrides or None
     if options.resume and (given := [f"--{name}" for name, value in ignored.items() if value is not None]):
-        parser.error(f"--resume goes on with the run's own configuration: drop {', '.join(given)}")
+        parser.error(f"--resume continues with the configuration of the run: leave out {', '.join(given)}")
 
     torch.set_num_threads(1)  # networks this small are fastest on one
     return guarded(program, lambda: resume(options) if options.resume else begin(options), MENDABLE)
@@ -122,7 +124,8 @@ def resume(options: argparse.Namespace) -> int:
         if isinstance(run.config, LinearConfig):
             if options.timesteps is not None:
                 raise ConfigError(
-                    f"{folder}: how far a search narrows depends on its length: start a new run"
+                    f"{folder}: the length of a search cannot change, because its "
+                    "steps depend on it: start a new run"
                 )
             search = Search(run, COLUMNS)
             if search.path.exists():
@@ -140,7 +143,7 @@ def resume(options: argparse.Namespace) -> int:
         if options.timesteps is not None:
             if options.timesteps < model.num_timesteps:
                 raise ConfigError(
-                    f"--timesteps {options.timesteps}: the run has come to {model.num_timesteps} already"
+                    f"--timesteps {options.timesteps}: the run has {model.num_timesteps} steps already"
                 )
             write_config(run)
         recorder.drop_rows_after(model.num_timesteps)

@@ -1,12 +1,12 @@
-"""Does what is learned on rigid bodies work on springs, and the other way?
+"""Test whether agents that were trained on rigid bodies work on springs, and the other way round.
 
     python agents/transfer.py SpringTop-v0 --seeds 3
     python agents/transfer.py SpringTop-v0 --local --jobs 1
 
-Trains four kinds of agents, on springs and on rigid bodies, with and without randomisation, from several
-seeds each, as agents/benchmark.py does: unattended, and the same command goes on after whatever stopped it.
-Each agent then plays held-out episodes on rigid bodies and on springs of falling stiffness. The table goes
-to transfer.json and is printed, the figure to transfer.svg, both in the folder of the runs.
+The script trains four kinds of agents, on springs and on rigid bodies, with and without randomisation, from
+several seeds each. It works as agents/benchmark.py does: if it was stopped, the same command continues it.
+Each agent then plays held-out episodes on rigid bodies and on springs of decreasing stiffness. The script
+prints a table, and writes it to transfer.json and a figure to transfer.svg, in the folder of the runs.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from springgym.envs.sb3 import make_sb3
 
 DYNAMICS = ("springs", "rigid")
 RANDOMIZED = {"masses": (0.8, 1.2), "actuator": (0.8, 1.2)}
-"""What both dynamics have."""
+"""The randomisation of both dynamics."""
 STIFFNESS = (1.0, 0.3, 0.1, 0.03, 0.01)
-"""Of the springs, over the usual one."""
+"""Stiffness of the springs, relative to the default."""
 RIGID = "rigid"
 
 
@@ -49,7 +49,7 @@ def kinds() -> dict[str, dict[str, Any]]:
 
 
 def plan_of(kind: str, folder: Path, options: argparse.Namespace) -> Plan:
-    """Return how agents of a kind are trained."""
+    """Return the training plan of a kind of agents."""
     arguments = [f"env_kwargs.{key}={json.dumps(value)}" for key, value in kinds()[kind].items()]
     return Plan(
         folder / kind.replace(", ", "-"), options.episodes, (*options.overrides, *arguments), options.configs
@@ -183,10 +183,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("task", metavar="ID", help="environment id")
-    parser.add_argument("--algo", choices=sorted(CONFIG_OF), default="ppo", help="algorithm (ppo)")
-    parser.add_argument("--seeds", type=whole(1, 1000), default=3, help="how many, from 0 on (3)")
-    parser.add_argument("--episodes", type=whole(1, 100_000), default=100, help="to play (100)")
-    parser.add_argument("--runs", type=Path, default=Path("runs/transfer"), help="folder of the run folders")
+    parser.add_argument("--algo", choices=sorted(CONFIG_OF), default="ppo", help="algorithm (default: ppo)")
+    parser.add_argument(
+        "--seeds", type=whole(1, 1000), default=3, help="number of seeds, from 0 on (default: 3)"
+    )
+    parser.add_argument(
+        "--episodes", type=whole(1, 100_000), default=100, help="episodes to play (default: 100)"
+    )
+    parser.add_argument("--runs", type=Path, default=Path("runs/transfer"), help="folder for the run folders")
     add_hyperparameters(parser)
     options = parsed(parser, arguments)
     return guarded("transfer.py", lambda: transfer(options), MENDABLE)

@@ -3,11 +3,11 @@
     python agents/tune.py SpringGyroscope-v0 --trials 20 --seeds 2
     python agents/tune.py SpringTop-v0 --algo sac --set total_timesteps=50_000
 
-A trial trains agents as agents/train.py does, from several seeds one after the other, and is given up when
-it does worse than half of the trials before did by then. What counts is the return on episodes that neither
-training nor evaluation sees. The study is kept in the folder of the runs: the same command goes on with it,
-after a kill too, and adds trials until there are as many as asked for. What was searched, and what came of
-it, stands in study.json; the best stands in best.yaml, as an entry of configs/.
+A trial trains agents as agents/train.py does, from several seeds one after another. It ends early if it is
+worse than half of the earlier trials were at that point. The criterion is the return on episodes that neither
+training nor evaluation uses. The study is stored in the folder of the runs. The same command continues it,
+even after a kill, and adds trials until there are --trials. study.json holds the search space and the
+results, and best.yaml holds the best hyperparameters, as an entry for configs/.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ SPACES["crossq"] = {key: value for key, value in SPACES["sac"].items() if key !=
 
 
 def suggested(trial: optuna.Trial, algo: str) -> list[str]:
-    """Return what a trial tries, as ``--set`` takes it."""
+    """Return the settings of a trial, in the form that ``--set`` takes."""
     chosen = []
     for name, space in SPACES[algo].items():
         if isinstance(space, tuple):
@@ -188,11 +188,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("task", metavar="ID", help="environment id")
-    parser.add_argument("--algo", choices=sorted(CONFIG_OF), default="ppo", help="algorithm (ppo)")
-    parser.add_argument("--trials", type=whole(1, 100_000), default=20, help="of the study in all (20)")
-    parser.add_argument("--seeds", type=whole(1, 1000), default=2, help="agents of a trial (2)")
-    parser.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, help="of the search")
-    parser.add_argument("--runs", type=Path, default=Path("runs/tune"), help="folder of the studies")
+    parser.add_argument("--algo", choices=sorted(CONFIG_OF), default="ppo", help="algorithm (default: ppo)")
+    parser.add_argument(
+        "--trials", type=whole(1, 100_000), default=20, help="trials of the whole study (default: 20)"
+    )
+    parser.add_argument("--seeds", type=whole(1, 1000), default=2, help="agents of each trial (default: 2)")
+    parser.add_argument("--seed", type=whole(0, 2**31 - 1), default=0, help="seed of the search")
+    parser.add_argument("--runs", type=Path, default=Path("runs/tune"), help="folder for the studies")
     add_hyperparameters(parser)
     options = parser.parse_args(arguments)
     return guarded("tune.py", lambda: tune(options), (*MENDABLE, ModuleNotFoundError))

@@ -1,12 +1,12 @@
-"""Watch an agent: in a window, or in the browser, until Ctrl-C is pressed, or as a GIF, an MP4 or a page.
+"""Watch an agent in a window or in the browser until Ctrl-C, or write a GIF, an MP4 or a page.
 
     springgym watch runs/SpringTop-v0-ppo-0
     springgym watch classical --env SpringTop-v0 --browser
     springgym watch SpringTop-v0
     springgym watch classical --env SpringTop-v0 --out top.gif --set action=impulse
 
-An agent is a run folder, an environment id, which names the published agent of that environment, the name
-of a baseline (zero, random, classical), or a function from observations to actions, as ``module:function``.
+An agent is a run folder, an environment id (for the published agent of that environment), the name of a
+baseline (zero, random, classical), or ``module:function``, a function from observations to actions.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def show(env: gym.Env, policy: Policy, seed: int) -> None:
                 if pygame.event.peek(pygame.QUIT):
                     return
     except pygame.error as error:  # such as no display
-        raise ConfigError(f"no window can be shown: {error}; --out writes a film") from error
+        raise ConfigError(f"cannot open a window: {error}; use --out to write a film") from error
 
 
 def record(
@@ -116,12 +116,14 @@ def main(arguments: Sequence[str] | None = None, program: str = "watch.py") -> i
     parser.add_argument(
         "agent", help="a run folder, an environment id, zero, random, classical or module:function"
     )
-    parser.add_argument("--env", help="environment id, where the agent does not tell it")
+    parser.add_argument("--env", help="environment id, unless the agent belongs to one")
     parser.add_argument("--seed", type=whole(0, LAST_SEED), default=HELD_OUT_SEED)
     parser.add_argument(
-        "--out", type=Path, help="write this film (.gif, .mp4) or page (.html), and open no window"
+        "--out", type=Path, help="write a film (.gif, .mp4) or a page (.html), and open no window"
     )
-    parser.add_argument("--browser", action="store_true", help="show it in the browser, to turn and slow")
+    parser.add_argument(
+        "--browser", action="store_true", help="show the agent in the browser, where you can turn and slow it"
+    )
     parser.add_argument(
         "--set",
         dest="overrides",
@@ -129,11 +131,11 @@ def main(arguments: Sequence[str] | None = None, program: str = "watch.py") -> i
         nargs="+",
         action="extend",
         default=[],
-        help="keyword arguments of the environment",
+        help="arguments of the environment",
     )
     options = parser.parse_args(arguments)
     if options.out and options.browser:
-        parser.error("--out writes a file and --browser shows the agent: one of them")
+        parser.error("--out and --browser are both given; give one of them")
     if options.out and options.out.suffix.lower() not in (".gif", ".mp4", PAGE):
         parser.error(f"--out {options.out}: the name must end in .gif, .mp4 or {PAGE}")
     if options.out and not options.out.absolute().parent.is_dir():

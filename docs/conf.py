@@ -48,11 +48,7 @@ exclude_patterns = ["_build", "_media", "**.ipynb_checkpoints"]
 
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]
 myst_heading_anchors = 4
-nb_execution_mode = "cache"
-nb_execution_cache_path = str(HERE / "_build" / "notebooks")
-nb_execution_in_temp = True
-nb_execution_timeout = 600
-nb_execution_raise_on_error = True
+nb_execution_mode = "off"  # `docs/notebooks.py` writes the outputs
 nb_merge_streams = True
 copybutton_exclude = ".linenos, .gp, .go"
 

@@ -164,9 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "which", nargs="*", metavar="KIND", help=f"of {', '.join(MAKERS)}; all if none is given"
-    )
+    parser.add_argument("which", nargs="*", metavar="KIND", help=f"of {', '.join(MAKERS)}; default: all")
     parser.add_argument(
         "--agent", metavar="RUN", default=FILMED, help="a run folder to film, in place of the published agent"
     )

@@ -1,15 +1,15 @@
-"""What an argument may be: each rule written once, for every public door.
+"""Checks of arguments. Each rule is written once, for all public functions.
 
-- A number is an int or a float, finite and at most `HUGE` in size. Bools, texts and None are none.
+- A number is an int or a float, finite and at most `HUGE` in size. Bools, strings and None are not numbers.
 - A positive number is at least `TINY`: say ``low=TINY``.
-- A whole number is of an integer type: 2.0 is none, and True neither.
+- A whole number has an integer type. 2.0 and True are not whole numbers.
 - A flag is a bool.
-- An array has exactly one of the shapes that are asked for. Nothing is broadcast.
+- An array has exactly one of the allowed shapes. Nothing is broadcast.
 - Indices count from 0, and are never negative. A mask, one bool for each thing, stands for the indices of
   what it is True for.
 
-What is of a wrong kind raises TypeError, a wrong value of the right kind ValueError. Both name the argument,
-its value, and what it must be.
+An argument of the wrong type raises TypeError, and a wrong value of the right type raises ValueError. Both
+messages name the argument, its value, and what it must be.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 TINY, HUGE = 1e-30, 1e30
-"""Bounds on the size of numbers in SI units: products of nine of them, as in the determinant of an inertia
+"""Bounds on the size of numbers in SI units. Products of nine of them, as in the determinant of an inertia
 tensor, (m r²)³, are still doubles."""
 
 MANY = 2**53
@@ -32,11 +32,11 @@ MANY = 2**53
 FLOAT = np.dtype(np.float64)
 
 FEW = 4096
-"""Numbers that BLAS takes on one thread."""
+"""Largest size of an array that BLAS processes on one thread."""
 
 
 def number(name: str, value: object, low: float = -HUGE, high: float = HUGE) -> float:
-    """A number as a float, from ``low`` to ``high``; ``name`` is what errors call it."""
+    """Return a number from ``low`` to ``high`` as a float; errors call it ``name``."""
     given: Any = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
     given = given.item() if isinstance(given, np.generic) else given
     real = isinstance(given, Real) and not isinstance(given, bool)
@@ -48,7 +48,7 @@ def number(name: str, value: object, low: float = -HUGE, high: float = HUGE) -> 
 
 
 def whole(name: str, value: Any, low: int = 0, high: float = MANY) -> int:
-    """A whole number as an int, from ``low`` to ``high``; ``name`` is what errors call it."""
+    """Return a whole number from ``low`` to ``high`` as an int; errors call it ``name``."""
     try:
         given = operator.index(value)
     except TypeError:
@@ -61,14 +61,14 @@ def whole(name: str, value: Any, low: int = 0, high: float = MANY) -> int:
 
 
 def flag(name: str, value: object) -> bool:
-    """A bool; ``name`` is what errors call it."""
+    """Return a bool; errors call it ``name``."""
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(_wrong(name, value, "True or False"))
     return bool(value)
 
 
 def chosen(name: str, value: object, choices: Collection[str]) -> str:
-    """One of some texts; ``name`` is what errors call it."""
+    """Return one of some strings; errors call it ``name``."""
     must = f"one of {', '.join(map(repr, choices))}"
     if not isinstance(value, str):
         raise TypeError(_wrong(name, value, must))
@@ -78,7 +78,7 @@ def chosen(name: str, value: object, choices: Collection[str]) -> str:
 
 
 def instance(name: str, value: object, *kinds: type) -> Any:
-    """An object of one of some classes; ``name`` is what errors call it."""
+    """Return an object of one of some classes; errors call it ``name``."""
     if not isinstance(value, kinds):
         raise TypeError(_wrong(name, value, " or ".join(kind.__name__ for kind in kinds)))
     return value
@@ -87,16 +87,16 @@ def instance(name: str, value: object, *kinds: type) -> Any:
 def array(
     name: str, value: object, *shapes: tuple[int | None, ...], low: float = -HUGE, high: float = HUGE
 ) -> np.ndarray:
-    """Numbers as an array of float64, not copied if they are one.
+    """Return numbers as an array of float64, without a copy if they are one.
 
     Parameters
     ----------
     name
-        What errors call it.
+        Name in errors.
     value
-        What was given.
+        The argument.
     shapes
-        What its shape may be: None stands for any length, () for a single number.
+        The allowed shapes. None stands for any length, () for a single number.
     low, high
         Bounds of each number.
     """
@@ -127,7 +127,7 @@ def array(
 
 
 def direction(name: str, value: object) -> np.ndarray:
-    """The unit vector (3,) along a vector that is not zero; ``name`` is what errors call it."""
+    """Return the unit vector (3,) along a vector that is not zero; errors call it ``name``."""
     given = array(name, value, (3,))
     length = math.sqrt(given.dot(given))
     if length < TINY:
@@ -138,7 +138,7 @@ def direction(name: str, value: object) -> np.ndarray:
 def whole_array(
     name: str, value: object, *shapes: tuple[int | None, ...], low: int = 0, high: int = MANY
 ) -> np.ndarray:
-    """Whole numbers as an array of int64; the parameters are those of `array`."""
+    """Return whole numbers as an array of int64; the parameters are those of `array`."""
     given = _shaped(name, value, shapes)
     if given.size and given.dtype.kind not in "iuO":
         raise TypeError(_wrong(name, value, "an array of whole numbers"))
@@ -153,18 +153,18 @@ def whole_array(
 
 
 def indices(name: str, value: object, count: int, *, once: bool = False) -> np.ndarray:
-    """Some of ``count`` things as indices (k,) of int64.
+    """Return some of ``count`` things as indices (k,) of int64.
 
     Parameters
     ----------
     name
-        What errors call it.
+        Name in errors.
     value
         Indices in any order, or a mask (count,).
     count
-        How many things there are.
+        Number of things.
     once
-        Whether it is an error to name one twice.
+        Whether to raise an error if one occurs twice.
     """
     given = _shaped(name, list(value) if isinstance(value, range) else value, ((None,),))
     if given.dtype == bool:
@@ -183,8 +183,8 @@ def indices(name: str, value: object, count: int, *, once: bool = False) -> np.n
 
 
 def sum_of_squares(values: np.ndarray) -> float:
-    """Σ values²; not finite if one is not. Of many numbers, BLAS would wake its own threads, which then wait
-    for more on the cores that step the copies."""
+    """Return Σ values²; it is not finite if a value is not. For many numbers, BLAS would start its own
+    threads, which then wait for work on the cores that step the copies."""
     if values.size < FEW:
         return float(np.vdot(values, values))
     with np.errstate(over="ignore"):
@@ -192,7 +192,7 @@ def sum_of_squares(values: np.ndarray) -> float:
 
 
 def shown(value: object) -> str:
-    """A value as errors show it: on one line, and no longer than a line."""
+    """Return a value in the form that errors show, at most a line long."""
     if isinstance(value, np.generic):
         value = value.item()
     try:
@@ -207,7 +207,7 @@ def _wrong(name: str, value: object, must: str) -> str:
 
 
 def _range(what: str, low: float, high: float) -> str:
-    """Return what a number must be."""
+    """Return a phrase that says what a number must be."""
     if low == TINY:
         return f"a positive {what}, from {low:g} to {high:g}"
     if what == "number":
@@ -238,7 +238,7 @@ def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]
 
 
 def _fits(given: tuple[int, ...], shapes: tuple[tuple[int | None, ...], ...]) -> bool:
-    """Tell whether a shape is one of some."""
+    """Return whether a shape is one of the allowed ones."""
     if given in shapes:
         return True
     for shape in shapes:
@@ -252,7 +252,7 @@ def _fits(given: tuple[int, ...], shapes: tuple[tuple[int | None, ...], ...]) ->
 
 
 def _shapes(shapes: tuple[tuple[int | None, ...], ...]) -> str:
-    """Return what an array must be."""
+    """Return a phrase that says what an array must be."""
     return f"an array of shape {' or '.join(map(_shape, shapes))}"
 
 
@@ -261,7 +261,7 @@ def _shape(shape: tuple[int | None, ...]) -> str:
 
 
 def _mixed(value: object) -> bool:
-    """Tell whether lists, however deep, hold a bool: NumPy would make it 0 or 1 beside numbers."""
+    """Return whether nested lists contain a bool, which NumPy would turn into 0 or 1 beside numbers."""
     if isinstance(value, (list, tuple)):
         return any(map(_mixed, value))
     return isinstance(value, (bool, np.bool_))

@@ -21,9 +21,13 @@ from springgym import scripts
 from springgym.extras import install
 
 COMMANDS = {
-    "simulate": ("springgym.simulating", "scenes", "run a scene; plot it, film it, hold it against theory"),
-    "view": ("springgym.view", "view", "turn, play and change a scene or an episode in the browser"),
-    "model": ("springgym.modelling", "scenes", "find the cheapest model of a top that is true enough"),
+    "simulate": (
+        "springgym.simulating",
+        "scenes",
+        "simulate a scene; plot it, film it, compare it with theory",
+    ),
+    "view": ("springgym.view", "view", "show a scene or an episode in the browser, where you can change it"),
+    "model": ("springgym.modelling", "scenes", "find the cheapest model of a top within an error"),
     "compile": ("springgym.precompiling", "", "compile environments ahead of their first step"),
     "bench": ("springgym.bench", "bench", "measure the speed on this machine"),
     "accuracy": ("springgym.accuracy", "accuracy", "measure error against cost of every integrator"),
@@ -42,7 +46,7 @@ MENDABLE = (
     *(ValueError, KeyError, OSError, ArithmeticError, MemoryError, ImportError),
     DependencyNotInstalled,
 )
-"""What is told in a line: the user can mend it."""
+"""Errors that a user can correct. The commands report them in one line."""
 
 WRONG_USE = 2
 INTERRUPTED = 130
@@ -71,22 +75,22 @@ def guarded(
     mendable: tuple[type[Exception], ...] = MENDABLE,
     extra: str = "",
 ) -> int:
-    """Do what a command is to do, and return its exit status.
+    """Run a command, and return its exit status.
 
-    What the user can mend (a wrong argument or file, a package that is missing, a simulation that
-    diverges) is told in one line on stderr, with status 2; Ctrl-C gives 130, an output that is read no
-    further 141.
+    Errors that the user can correct (a wrong argument or file, a missing package, a simulation that
+    diverges) appear in one line on stderr, with status 2. Ctrl-C gives 130, and an output that is closed
+    gives 141.
 
     Parameters
     ----------
     program
-        What the line begins with.
+        Name of the program, with which the line begins.
     action
-        Returns the status, if nothing goes wrong.
+        A function that returns the status.
     mendable
-        The errors that are told in a line; others are faults of the program, with a traceback.
+        Types of the errors that appear in one line. Others are bugs, and have a traceback.
     extra
-        What holds the packages that the command needs, of `springgym[...]`.
+        The extra of `springgym[...]` with the packages that the command needs.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a Greek letter that it lacks becomes a question mark
@@ -108,7 +112,7 @@ def guarded(
 
 
 def _told(error: Exception, extra: str) -> str:
-    """An error in a line."""
+    """Return the message of an error, in one line."""
     message: object = error.args[0] if isinstance(error, KeyError) and error.args else error
     if isinstance(error, ModuleNotFoundError) and extra:
         message = f"{error}: {install(extra)}"
@@ -118,7 +122,7 @@ def _told(error: Exception, extra: str) -> str:
 
 
 def _give_up_stdout() -> None:
-    """Drop what cannot be written, on a full disk or where nobody reads: Python would try again at exit."""
+    """Discard the output that cannot be written. Otherwise Python would try again at exit."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -127,10 +131,11 @@ def _give_up_stdout() -> None:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Another name to write a file under: it takes its own once it is whole and on the disk, or goes.
+    """Give a temporary path for writing a file. The file gets its own name when it is complete and on the
+    disk.
 
-    Whenever the program is ended, there is the old file or the new one. What is no file, as a device or a
-    pipe, is written to; a link stays one.
+    Whenever the program ends, there is either the old file or the new one. Devices and pipes are written
+    directly, and a link remains a link.
     """
     place = path.resolve()
     temporary = place.with_name(f"{place.stem}.tmp{place.suffix}")
@@ -149,7 +154,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def _parser(given: str) -> argparse.ArgumentParser:
-    """The parser of all commands, with the options of the one that is given."""
+    """Return the parser of all commands, with the options of the given one."""
     parser = argparse.ArgumentParser(
         prog="springgym", description="Mass-spring bodies: agents, simulation, speed, accuracy."
     )

@@ -1,4 +1,4 @@
-"""The kinds of dynamics: particles that springs hold together, and the same particles as rigid bodies."""
+"""The kinds of dynamics: particles with springs between them, and the same particles as rigid bodies."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Pace(NamedTuple):
 
 
 class Dynamics(NamedTuple):
-    """A kind of dynamics: its methods and their steps, and what it makes of starts and parameters."""
+    """A kind of dynamics: its methods and their steps, and its treatment of starts and parameters."""
 
     rigid: bool
     """whether each body is packed as a rigid one, too"""
@@ -32,14 +32,15 @@ class Dynamics(NamedTuple):
     """the integrator if none is named"""
     integrator: Callable[[str], Integrator]
     refusal: Callable[[Integrator, Scene, Collection[str]], str | None]
-    """why a method makes no sense in a scene with what varies, or None if it does"""
+    """returns the reason why a method does not suit a scene with varying parameters, or None if it does"""
     advance_kernel: Callable[[str, Callable[..., None], bool, bool, bool], Callable[..., None]]
     largest_step: Callable[[Scene, Integrator], float]
     automatic_step: Callable[..., float]
     settled: Callable[[Packed, np.ndarray, np.ndarray], np.ndarray] | None
-    """where particles (k, N, 3) come to lie that are placed in copies (k,); None if they stay"""
+    """returns the positions (k, N, 3) of particles that are placed in copies (k,); None if they do not
+    change"""
     follow: Callable[[Packed, np.ndarray, Mapping[str, np.ndarray], Pace], Any]
-    """refuse parameters that are given to copies (k,), or find what `packing.vary` sets with them"""
+    """checks parameters for copies (k,), and returns the values that `packing.vary` sets with them"""
 
 
 def _stable(packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], pace: Pace) -> None:
@@ -74,7 +75,7 @@ def _stable(packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], 
 def _shapes(
     packed: Packed, index: np.ndarray, given: Mapping[str, np.ndarray], pace: Pace
 ) -> list[dict[str, np.ndarray]]:
-    """Return what a rigid body takes of the masses that are given; refused where they leave it no inertia."""
+    """Return the values of rigid bodies of the given masses; raise ValueError if one has no inertia."""
     return [rigid.shape_values(packed.scene, masses) for masses in given.get("masses", ())]
 
 

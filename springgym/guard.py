@@ -1,4 +1,5 @@
-"""A lock for objects that one thread at a time may use: a second thread gets an error and does not wait."""
+"""A lock for objects that only one thread at a time may use. A second thread gets an error and does not
+wait."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 class Guard:
-    """A lock that a thread holds while it is in a `guarded` method; a copy of the object gets a free one."""
+    """A lock that a thread holds while it is in a `guarded` method. A copy of the object gets a free lock."""
 
     def __init__(self) -> None:
         lock = RLock()
@@ -37,7 +38,7 @@ def guarded(method: Method) -> Method:
         if not guard.taken(blocking=False):
             raise RuntimeError(
                 f"two threads use one {type(self).__name__} at once: {method.__name__} was called while "
-                "another thread is in a call; give each thread its own, or let them take turns by a lock"
+                "another thread is in a call; give each thread its own, or use a lock"
             )
         try:
             return method(self, *arguments, **options)

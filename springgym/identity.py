@@ -1,4 +1,4 @@
-"""Identities: what an object was made of, as plain data by name, so that a foreign state can be refused."""
+"""Identities of objects as plain data by name, with which a state of another object can be refused."""
 
 from __future__ import annotations
 
@@ -36,30 +36,30 @@ def check_same(
     Parameters
     ----------
     what
-        What errors call it.
+        Name in errors.
     theirs, own
-        What the other and what one's own is made of, by name.
+        The identity of the other object, and one's own.
     but
-        Names of what may differ.
+        Names of data that may differ.
     must
-        What errors add.
+        Text that errors add.
 
     Raises
     ------
     ValueError
-        If they differ, or the other is no mapping.
+        If they differ, or the other is not a mapping.
     """
     if not isinstance(theirs, Mapping):
         raise ValueError(f"{what} does not say what it belongs to: its 'of' is {shown(theirs)}")
     for name in [*own, *(name for name in theirs if name not in own)]:
         if name not in but and not _equal(given := theirs.get(name), here := own.get(name)):
             raise ValueError(
-                f"{what} is another one: its {name} is {shown(given)}, here it is {shown(here)}{must}"
+                f"{what} is another: its {name} is {shown(given)}, here it is {shown(here)}{must}"
             )
 
 
 def _equal(one: object, other: object) -> bool:
-    """Tell whether two values are equal; values that cannot be compared are not."""
+    """Return whether two values are equal; False for values that cannot be compared."""
     try:
         return bool(one == other)
     except Exception:  # whatever a foreign class raises

@@ -1,4 +1,4 @@
-"""Materials by four constants (wood by eleven), and a table of some, every figure with its source."""
+"""Materials with four constants (wood with eleven), and a table with a source for each number."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEAST_POISSON, MOST_POISSON = -0.99, 0.49999
 """Poisson's ratios lie between −1 and ½. Nearer to these, the elasticity of a solid is lost in rounding."""
 
 SOFTEST = 1e12
-"""Materials are made softer, or stiffer, by this factor at the most."""
+"""Largest factor by which a material can be made softer or stiffer."""
 
 
 @dataclass(frozen=True)
@@ -59,29 +59,29 @@ class Material:
     Parameters
     ----------
     name
-        What it is.
+        Name of the material.
     young
-        Young's modulus E [Pa]; of wood E_L, along the grain.
+        Young's modulus E [Pa]; for wood E_L, along the grain.
     poisson
-        Poisson's ratio ν; of wood ν_LR.
+        Poisson's ratio ν; for wood ν_LR.
     density
         ρ [kg/m³].
     loss
-        Loss factor η: the share of the energy that a vibration at the lowest frequency of a body loses in a
+        Loss factor η: the share of its energy that a vibration at the lowest frequency of a body loses per
         radian. Its damping ratio is η/2.
     grain
-        Of wood, what it is across the grain; None for a material that is the same in all directions.
+        Properties of wood across the grain; None for a material without grain.
     softness
-        How many times softer than it really is, see `softened`.
+        Factor by which this material is softer than the real one, see `softened`.
     sources
-        Where each figure is from, by the names above; "guess" if none was found.
+        Source of each number, by the names above; "guess" if none was found.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        Naming a constant that no material has.
+        If no material has such a constant; the message names it.
     """
 
     name: str
@@ -112,10 +112,10 @@ class Material:
                 raise ValueError(f"young, poisson and grain of {self.name!r} do not fit: {error}") from error
 
     def softened(self, factor: float) -> Self:
-        """The same material with all of its moduli divided by a factor; its density and loss stay.
+        """Return the same material with all moduli divided by a factor; density and loss do not change.
 
-        Frequencies of a body of it are lower by √factor, stable steps longer by as much, and its growth under
-        spin, and with it the difference from a rigid body, is larger by the factor.
+        Frequencies of a body become lower by √factor, and stable steps longer by √factor. The growth of the
+        body under spin, and so its difference from a rigid body, becomes larger by the factor.
 
         Raises
         ------
@@ -128,7 +128,8 @@ class Material:
         return replace(self, young=self.young / factor, grain=grain, softness=self.softness * factor)
 
     def elasticity(self) -> np.ndarray:
-        """Stiffness tensor C (3, 3, 3, 3) [Pa]; of wood R along x, T along y and the grain along z."""
+        """Return the stiffness tensor C (3, 3, 3, 3) [Pa]; for wood, R is along x, T along y and the grain
+        along z."""
         if self.grain is None:
             return solid.isotropic(self.young, self.poisson)
         grain = self.grain
@@ -237,14 +238,14 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
 
 
 def material_of(given: Material | str, softened: float = 1.0) -> Material:
-    """The material itself, or that of this name in `MATERIALS`, made softer by a factor.
+    """Return a material, given itself or by its name in `MATERIALS`, made softer by a factor.
 
     Raises
     ------
     TypeError
-        If it is neither a material nor a name.
+        If ``given`` is neither a material nor a name.
     ValueError
-        If there is none of that name, or none so soft, see `Material.softened`.
+        If there is no material of that name, or the factor is out of bounds, see `Material.softened`.
     """
     softened = number("softened", softened, 1 / SOFTEST, SOFTEST)
     if isinstance(given, str):

@@ -1,4 +1,4 @@
-"""What can be read off a state: energies, momenta, orientation, strain."""
+"""Measures of a state: energies, momenta, orientation, strain."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ FIELDS = {
 
 SIZE = sum(FIELDS.values())
 OFFSETS = dict(zip(FIELDS, accumulate(FIELDS.values(), initial=0), strict=False))
-"""Where each measure starts in a row."""
+"""The column at which each measure starts in a row."""
 
 COLUMNS = tuple((..., n if FIELDS[name] == 1 else slice(n, n + FIELDS[name])) for name, n in OFFSETS.items())
 """The indices of each measure in rows."""
@@ -82,10 +82,10 @@ ENERGY, BALANCE = LEDGER + ENTRIES, LEDGER + ENTRIES + 1
 
 
 class Measures(NamedTuple):
-    """Measures of all copies, of a body or of all bodies together; scalars (copies,), vectors (copies, 3).
+    """Measures of all copies, for a body or for all bodies together; scalars (copies,), vectors (copies, 3).
 
-    Of several bodies together, energies, momenta and losses are sums, the strain is the largest, angular
-    momentum counts from their common centre of mass, and there is no triad: ``side`` and ``axis`` are zero.
+    For several bodies together, energies, momenta and losses are sums, and the strain is the largest. Angular
+    momentum counts from the common centre of mass. There is no triad: ``side`` and ``axis`` are zero.
     """
 
     kinetic: np.ndarray
@@ -129,7 +129,7 @@ class Measures(NamedTuple):
 class MeasuresOfBodies:
     """Measures of each body of a scene: ``m["box"].axis`` is the axis of the body that is called "box".
 
-    Bodies are found by their names, or by their numbers. In a scene of one body, ``m.axis`` says the same.
+    You find bodies by their names or numbers. In a scene of one body, ``m.axis`` is the same.
     """
 
     __slots__ = ("_each", "_number", "names")
@@ -155,14 +155,14 @@ class MeasuresOfBodies:
             raise AttributeError(f"measures have no {name!r}; there are {', '.join(FIELDS)}")
         if len(self.names) > 1:
             raise AttributeError(
-                f"{name!r} is asked of {len(self.names)} bodies at once; name one of them, as in "
+                f"{name!r} needs one body, and there are {len(self.names)}; name one of them, as in "
                 f"m[{self.names[0]!r}].{name}. There are {', '.join(map(repr, self.names))}"
             )
         return getattr(self._each, name)
 
 
 class Readout(NamedTuple):
-    """The arrays that measures of copies are written to."""
+    """The arrays to which the measures of copies are written."""
 
     rows: np.ndarray
     """(copies, `SIZE`) measures of all bodies together, see `view`"""
@@ -175,7 +175,7 @@ class Readout(NamedTuple):
 
 
 class Markers(NamedTuple):
-    """The particles by which bodies are measured: of one body, or of each."""
+    """The particles that define pivot and triad, for one body or for each."""
 
     pivot: np.ndarray
     """the pinned one, or −1"""
@@ -184,7 +184,7 @@ class Markers(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """The function that measures copies, and the arrays that it writes to."""
+    """A function that measures copies, and the arrays to which it writes."""
 
     readout: Readout
     space: np.ndarray
@@ -193,7 +193,7 @@ class Reading(NamedTuple):
 
 
 def view(values: np.ndarray) -> Measures:
-    """Measures as views of an array (copies, `SIZE`)."""
+    """Return measures that are views of an array (copies, `SIZE`)."""
     return Measures(*[values[own] for own in COLUMNS])
 
 
@@ -258,7 +258,7 @@ def read(block: int, phase: Phase, reading: Reading, terms: Terms) -> None:
 
 @compiled
 def read_bodies(block: int, phase: Phase, reading: Reading, terms: Nested) -> None:
-    """As `read`, for several bodies."""
+    """Do the same as `read`, for several bodies."""
     x, v, ledger = phase
     readout, space, markers = reading
     whole, own = space[0], space[1]

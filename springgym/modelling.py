@@ -1,8 +1,9 @@
-"""``springgym model``: only what a scene needs. The cheapest model of a top for a wanted precession.
+"""``springgym model``: find the cheapest model of a top that precesses within a given error.
 
-A real top precesses slower than a rigid one by the share that its spin stretches it, see
-`springgym.bodies.precession.precession_gap`: 7e-7 for steel. Whoever can do with less than that may make it
-softer, and so take longer steps; or rigid. Here each is tried, its error measured and its cost.
+A real top precesses more slowly than a rigid one, because spin stretches it, see
+`springgym.bodies.precession.precession_gap`: the relative difference is 7e-7 for steel. If you accept a
+larger error, you can make the top softer and take longer steps, or make it rigid. This command tries such
+models, and measures their error and cost.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ from springgym.simulator import SimulationDivergedError, Simulator
 from springgym.theory.top import steady_precession
 
 SOFTEST = 0.05
-"""Tops whose own gap would be larger than this are not made: their springs leave what they are meant for."""
+"""Largest gap of the tops that are tried: the springs of others stretch beyond the limits of the model."""
 
 COARSEST = 10
-"""Implicit methods are tried from so many steps a revolution on, and then with ever half the step."""
+"""Least number of steps per revolution for implicit methods. Further trials halve the step."""
 
 
 class Model(NamedTuple):
@@ -107,7 +108,7 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         Naming a number out of bounds or an unknown method; or if the plan is of several bodies or no heavy
         top, or it has no steady precession.
@@ -145,9 +146,7 @@ def _asked(plan: Plan) -> Steady:
     """The precession of the top of a plan."""
     scene = plan.scene
     if len(scene.bodies) > 1:
-        raise ValueError(
-            f"scene {plan.name!r} is of {len(scene.bodies)} bodies; the model is sought of one, a heavy top"
-        )
+        raise ValueError(f"scene {plan.name!r} has {len(scene.bodies)} bodies; it must have one, a heavy top")
     heavy_top(scene.body, scene.pinned, scene.gravity or (0.0, 0.0, 0.0))
     return _steady(scene.body, scene, *_turning(scene))
 
@@ -299,14 +298,16 @@ def table_of_tops(materials: Iterable[str]) -> Iterator[str]:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    parser.add_argument("scene", nargs="?", help="name of a scene with a top, as steel-top, or a YAML file")
     parser.add_argument(
-        "--gap", type=float, default=1e-3, help="largest error of the precession, a share (1e-3)"
+        "scene", nargs="?", help="name of a scene with a top, such as steel-top, or a YAML file"
     )
     parser.add_argument(
-        "--implicit", nargs="*", default=["tr_bdf2"], metavar="METHOD", help="implicit methods to try, too"
+        "--gap", type=float, default=1e-3, help="largest relative error of the precession (default: 1e-3)"
     )
-    parser.add_argument("--tops", action="store_true", help="measure a top of every material instead")
+    parser.add_argument(
+        "--implicit", nargs="*", default=["tr_bdf2"], metavar="METHOD", help="implicit methods to try as well"
+    )
+    parser.add_argument("--tops", action="store_true", help="measure a top of every material")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -317,7 +318,8 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.scene is None:
         raise ValueError(
-            "which scene? Give one with a top, as steel-top, or --tops for one of every material"
+            "no scene is given: name one with a top, such as steel-top, or "
+            "use --tops for a top of every material"
         )
     number("--gap", args.gap, TINY, 1.0)
     plan = load(args.scene)

@@ -1,4 +1,4 @@
-"""Forces of one's own: a named tuple of what a force is made of, with two compiled functions.
+"""Forces of your own: a named tuple with the parameters of a force, and two compiled functions.
 
     class Tether(NamedTuple):
         particle: int
@@ -15,10 +15,9 @@
         def energy(x, tether):              # their energy [J]
             ...
 
-Scenes take any number of them, and keep their numbers: arrays are copied, nobody can write to the copies.
-Fields called ``particle`` or ``particles`` are checked to be of the body. Forces act where the springs act,
-at the same times, so that a method keeps its order and its conservation laws; their energy is counted with
-that of the springs.
+A scene takes any number of forces. It copies their arrays, and the copies are read-only. Fields named
+``particle`` or ``particles`` must hold particles of the body. Forces act at the same times as the springs,
+so a method keeps its order and its conservation laws. Their energy is counted with that of the springs.
 """
 
 from __future__ import annotations
@@ -39,20 +38,20 @@ from springgym.core.vec import Vec
 from springgym.records import read_only
 
 MOST_FORCES = 20
-"""A body has no more: each is compiled into the kernel."""
+"""Most forces of a body: each is compiled into the kernel."""
 
 FUNCTIONS = {"add": ("x", "force", "own"), "energy": ("x", "own")}
-"""What a force has to have, and what each of them takes."""
+"""The functions that a force must have, and their parameters."""
 
 RETURNED = {"add": "nothing: it adds to force", "energy": "a number, the energy [J]"}
-"""What they must return."""
+"""What these functions must return."""
 
 Force: TypeAlias = Any
 """A named tuple of a user's, with the functions `FUNCTIONS`."""
 
 
 class OfBody(NamedTuple):
-    """A force of one's own, and the body it acts on."""
+    """A force of your own, and the body on which it acts."""
 
     body: int
     """number of the body"""
@@ -64,16 +63,16 @@ Forces: TypeAlias = tuple[OfBody, ...]
 
 
 def checked_forces(name: str, given: object, count: int) -> tuple[Force, ...]:
-    """Forces of a body of ``count`` particles, with arrays of their own of float64 or int64, read-only.
+    """Return the forces of a body of ``count`` particles with read-only copies of their arrays.
 
-    Fields called ``particle`` or ``particles`` must be particles of the body. Of all else it is only checked
-    that it is numbers, see `springgym.checks`.
+    The arrays become float64 or int64. Fields named ``particle`` or ``particles`` must hold particles of the
+    body. All other fields must hold numbers, see `springgym.checks`.
 
     Raises
     ------
     TypeError, ValueError
-        Naming a force that is no named tuple, lacks a function or has one that takes something else, holds
-        what is no number, or a particle that does not exist.
+        If a force is not a named tuple, lacks a function, has one with other parameters, or holds something
+        that is not a number, or a particle that does not exist; the message names it.
     """
     if not isinstance(given, (tuple, list)) or hasattr(given, "_fields"):
         raise TypeError(f"{name} is {shown(given)}; it must be a tuple of forces")
@@ -129,7 +128,7 @@ def _value(name: str, value: object) -> bool | int | float | np.ndarray:
 
 
 def to_compiled(force: Force) -> Force:
-    """Copy a checked force for compiled functions, which then own its C-contiguous arrays."""
+    """Copy a checked force, with C-contiguous arrays, for compiled functions."""
     return force._make(value.copy() if isinstance(value, np.ndarray) else value for value in force)
 
 
@@ -141,7 +140,7 @@ def _typed(force: types.NamedTuple, function: str, *arguments: types.Type) -> Ca
     Raises
     ------
     TypeError
-        Naming the force and the function, if it does not compile, or returns what it must not.
+        If a function does not compile, or returns the wrong thing; the message names force and function.
     """
     of = f"{function} of the force {force.instance_class.__qualname__}"
     given = getattr(force.instance_class, function)
@@ -170,7 +169,7 @@ def _reason(error: NumbaError) -> str:
 
 
 def add_own_forces(x: Rows, force: Rows, own: Forces | None, body: int) -> None:
-    """Add the forces [N] of one's own that act on a body to ``force`` (N, 3)."""
+    """Add the forces [N] of your own that act on a body to ``force`` (N, 3)."""
     for one in own or ():
         if one.body == body:
             one.force.add(x, force, one.force)
@@ -196,7 +195,7 @@ def _add_own_forces(x: Rows, force: Rows, own: Forces, body: int) -> Callable[..
 
 
 def own_energy(x: Rows, own: Forces | None, body: int) -> Number:
-    """Add up the energy [J] of the forces of one's own that act on a body."""
+    """Return the energy [J] of the forces of your own that act on a body."""
     total = 0.0 * load(x, (0, 0))
     for one in reversed(own or ()):
         if one.body == body:

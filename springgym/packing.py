@@ -1,4 +1,4 @@
-"""A scene as compiled functions take it: `Terms`, and where in them each parameter is stored."""
+"""A scene in the form for compiled functions: `Terms`, and the place of each parameter in them."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Parameter(NamedTuple):
     extent: str
     """what has a value: each of the "particles", "springs", "axes" or "bodies", or the "scene" as a whole"""
     stored: Callable[[Terms], Any]
-    """the array of its values, of one body; None if the scene has none"""
+    """a function that returns the array of its values for a body; None if the scene has none"""
 
 
 def _of(term: object, name: str) -> Any:
@@ -65,11 +65,11 @@ PARAMETERS = {
     "restitution": Parameter(0.0, 1.0, "scene", lambda terms: terms.loss),
     "strength": Parameter(TINY, HUGE, "bodies", lambda terms: _of(terms.surfaces, "strength")),
 }
-"""Parameters by name. Where each is stored is said here alone; what follows from some is set by `vary`."""
+"""Parameters by name, with the place of their values. `vary` sets the consequences."""
 
 
 class Packed(NamedTuple):
-    """A body of a scene, as compiled functions take it."""
+    """A body of a scene in the form for compiled functions."""
 
     scene: Scene
     """of this body alone"""
@@ -81,7 +81,7 @@ class Packed(NamedTuple):
 
 
 class Options(NamedTuple):
-    """The method, the step and the varying parameters that a scene is packed for."""
+    """The method, the step and the varying parameters for which a scene is packed."""
 
     method: Integrator
     step: float
@@ -91,10 +91,10 @@ class Options(NamedTuple):
     varying: frozenset[str]
     """names of parameters that differ from copy to copy"""
     blocks: Callable[..., np.ndarray]
-    """makes an array of blocks of some shape"""
+    """a function that makes an array of blocks of some shape"""
 
     def parameter(self, names: Collection[str], value: ArrayLike) -> np.ndarray:
-        """An array of a value that depends on parameters: blocks of copies if one of them varies."""
+        """Return an array for a value that depends on parameters: blocks of copies if one of them varies."""
         if self.varying.isdisjoint(names):
             return np.array(value, float)
         array = self.blocks(*np.shape(value))
@@ -103,7 +103,8 @@ class Options(NamedTuple):
 
 
 def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, ...], tuple[Packed, ...]]:
-    """A scene as compiled functions take it: its terms, its rigid bodies if ``twin``, and each body's share.
+    """Return the terms of a scene, its rigid bodies if ``twin``, and each body's share, for compiled
+    functions.
 
     Raises
     ------
@@ -121,7 +122,7 @@ def pack(scene: Scene, twin: bool, options: Options) -> tuple[Terms, tuple[Any, 
 
 
 def _shared(scene: Scene, options: Options) -> Terms:
-    """Return what acts on all bodies: gravity, and the surfaces but for what each body makes of them."""
+    """Return the terms that all bodies share: gravity, and surfaces without what each body adds."""
     surfaces, contact, varying = scene.surfaces, scene.contact, options.varying
     own = [OfBody(n, to_compiled(force)) for n, placed in enumerate(scene.bodies) for force in placed.forces]
     gravity = None
@@ -147,7 +148,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
         friction = options.parameter({"friction"}, np.array([contact.friction]))
     if isinstance(contact, PaperContact):
         if "restitution" in varying:
-            raise ValueError("'restitution' cannot vary: the paper's contact has none")
+            raise ValueError("'restitution' cannot vary: the paper's contact has no restitution")
         law = PaperLaw(contact.damping, options.step)
     elif contact.restitution < 1 or "restitution" in varying:
         loss = options.parameter({"restitution"}, loss_of([contact.restitution]))
@@ -163,7 +164,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
 
 
 def surfaces_of(surfaces: tuple[Surface, ...]) -> Surfaces:
-    """Return surfaces as compiled functions take them, but for how a body meets them."""
+    """Return surfaces in the form for compiled functions, without the values for each body."""
     each: dict[type[Surface], list[Surface]] = {}
     for surface in surfaces:
         each.setdefault(type(surface), []).append(surface)
@@ -239,12 +240,12 @@ def _collisions(scene: Scene, options: Options) -> Collisions | None:
 
 
 def _as_the_scene_says(scene: Scene) -> np.ndarray:
-    """Return which pairs meet by the scene's contact, and vary with it."""
+    """Return which pairs collide by the scene's contact, and vary with it."""
     return scene.meetings.by(scene.contact)
 
 
 def pack_pairs(scene: Scene, options: Options) -> Pairs:
-    """The pairs of a scene's bodies that collide."""
+    """Return the pairs of a scene's bodies that collide."""
     met = scene.meetings
     frictions = met.of_contacts("friction")
     restitutions = met.of_contacts("restitution")
@@ -275,8 +276,7 @@ def workspaces(
     dtype: DTypeLike,
     threads: int,
 ) -> list[Any]:
-    """Return what each thread computes in, on elements of ``dtype``, by springs or by their rigid
-    ``twin``."""
+    """Return the workspace of each thread, elements of ``dtype``, for springs or the rigid ``twin``."""
     if collisions is None:
         return [workspace(method, scene, dtype) for _ in range(threads)]
     make = solids_workspace if twin else bodies_workspace
@@ -290,7 +290,7 @@ def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[List
 
 
 def bodies_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Bodies:
-    """Return what a thread computes in where bodies collide."""
+    """Return the workspace of a thread for bodies that collide."""
     particles = np.array([0, *(own.stop for own in scene.slices)])
     springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
     count = len(scene.positions)
@@ -320,7 +320,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Bodies:
 
 
 def solids_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
-    """Return what a thread computes in where rigid bodies collide."""
+    """Return the workspace of a thread for rigid bodies that collide."""
     count = len(scene.bodies)
     lists, contacts = search_workspace(scene, pairs, dtype)
     most = max(len(placed.body.masses) for placed in scene.bodies)
@@ -394,7 +394,7 @@ def decays(
 
 
 def actuators(packed: Packed) -> dict[str, np.ndarray]:
-    """Arrays of blocks that a body's actuators read what to do from, by name."""
+    """Return the arrays of blocks from which a body's actuators read their values, by name."""
     scene, terms = packed.scene, packed.terms
     arrays: dict[str, np.ndarray] = {}
     if scene.wrench:
@@ -411,7 +411,7 @@ def actuators(packed: Packed) -> dict[str, np.ndarray]:
 
 
 def varies(packed: Packed, name: str) -> bool:
-    """Tell whether copies have values of their own of a parameter."""
+    """Return whether copies have their own values of a parameter."""
     place = PARAMETERS[name].stored(packed.terms)
     return place is not None and place.dtype.names is not None
 
@@ -448,7 +448,7 @@ def renew(terms: Terms, index: np.ndarray) -> None:
 
 
 def squared_kicks(packed: Packed, x: np.ndarray) -> np.ndarray:
-    """Σ m |a|² [N²/kg] of a body in all its copies (k, N, 3), by the accelerations of springs and gravity.
+    """Return Σ m |a|² [N²/kg] of a body in its copies (k, N, 3), from accelerations by springs and gravity.
 
     Where the body meets something, by gravity alone: there contact holds the springs' share of the energy
     that follows from it, see `springgym.integrators.node.read_amid`.
@@ -491,12 +491,12 @@ def vary(
     given: Mapping[str, np.ndarray],
     shapes: list[dict[str, np.ndarray]],
 ) -> None:
-    """Set parameters of some copies (k,), and what follows from them.
+    """Set parameters of some copies (k,), and the values that follow from them.
 
     Parameters
     ----------
     time
-        For which dampers act at once [s].
+        Time for which dampers act at once [s].
     given
         Checked values by name, each (k, …).
     shapes

@@ -1,7 +1,7 @@
 """``springgym compile``: compile environments ahead of their first step.
 
-What is compiled lies in a folder, see `springgym.core.compiling`: it can be copied, shared, mounted read-only
-and put into an image of a container. With ``--cpu`` it serves every processor of a level.
+Compiled code lies in a folder, see `springgym.core.compiling`. You can copy the folder, share it, mount it
+read-only, and put it into a container image. With ``--cpu`` the code runs on every processor of a level.
 """
 
 from __future__ import annotations
@@ -26,29 +26,31 @@ KINDS = {"single": "gym.make", "batch": "gym.make_vec"}
 DTYPES = ("float64", "float32")
 
 LEVELS = ("host", "x86-64-v3", "x86-64-v4")
-"""Of `springgym.core.compiling.LEVELS`, which takes a second to import."""
+"""The names in `springgym.core.compiling.LEVELS`, repeated here because importing it takes a second."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of ``springgym compile``."""
-    parser.add_argument("ids", nargs="*", metavar="ID", help="environments; all, if none is named")
+    parser.add_argument("ids", nargs="*", metavar="ID", help="environments to compile (default: all)")
     parser.add_argument(
         "--cpu",
         choices=LEVELS,
         default=os.environ.get("SPRINGGYM_CPU") or "host",
-        help="processors to compile for: those like this one, or of a level; as SPRINGGYM_CPU says, or host",
+        help="processors to compile for: this one (host), or a level (default: SPRINGGYM_CPU, or host)",
     )
     parser.add_argument(
         "--to",
         type=Path,
         metavar="FOLDER",
-        help="where to; where programs look, if not given",
+        help="folder to write to (default: the folder where programs look)",
     )
     parser.add_argument(
-        "--only", choices=sorted(KINDS), help="one copy as by gym.make, or a batch as by gym.make_vec"
+        "--only",
+        choices=sorted(KINDS),
+        help="compile for gymnasium.make (single), or for make_vec (batch); default: both",
     )
     parser.add_argument("--dtype", choices=DTYPES, default="float64", help="precision of batches")
-    parser.add_argument("--jobs", type=int, default=1, help="how many to compile at once; 1 if not given")
+    parser.add_argument("--jobs", type=int, default=1, help="environments to compile at once (default: 1)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -91,7 +93,7 @@ def _folder() -> Path:
 
     folder = cache_directory()
     if folder is None:
-        raise ValueError("there is no folder for what is compiled: name one by --to")
+        raise ValueError("there is no folder for compiled code: name one with --to")
     return folder
 
 
@@ -108,7 +110,9 @@ def compile_one(task: Sequence[str]) -> float:
     name, kind, dtype = task
     asked = os.environ["SPRINGGYM_CPU"]
     if asked not in ("host", compiling.LEVEL):
-        raise ValueError(f"--cpu is {asked}, and this processor is not of that level; compile on one that is")
+        raise ValueError(
+            f"--cpu is {asked}, but this processor does not have that level; compile on one that does"
+        )
     _folder()
     began = time.perf_counter()
     options: dict[str, Any] = {"max_episode_steps": 1}

@@ -1,4 +1,4 @@
-"""Records whose arrays nobody can write to."""
+"""Records with read-only arrays."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 
 def read_only(value: ArrayLike) -> np.ndarray:
-    """A copy of an array that nobody can write to."""
+    """Return a read-only copy of an array."""
     kept = np.array(value)
     kept.setflags(write=False)
     return kept
@@ -23,13 +23,13 @@ def _protect(value: object) -> None:
 
 
 class ReadOnly:
-    """Base of frozen dataclasses that hold arrays: no array of theirs can be written to, nor one of a copy.
+    """Base of frozen dataclasses with arrays. The arrays are read-only, in copies, too.
 
-    NumPy forgets that an array is read-only when it is pickled or copied deeply, so it is said again.
+    NumPy does not keep this flag in pickles and deep copies, so it is set again.
     """
 
     def keep(self, name: str, value: ArrayLike) -> None:
-        """Set a field to a read-only copy of an array, while the record is made."""
+        """Set a field to a read-only copy of an array. Call this only while the record is made."""
         object.__setattr__(self, name, read_only(value))
 
     def __setstate__(self, state: dict[str, object]) -> None:

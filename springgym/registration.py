@@ -1,4 +1,4 @@
-"""The one table of environments."""
+"""The table of environments."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from typing import Any, Literal, NamedTuple
 import gymnasium as gym
 
 Tier = Literal["first steps", "standard", "harder", "hard"]
-"""What a task asks of an agent. First steps are taken by linear control, too; a standard task is solved by
-PPO with the hyperparameters that ship; of a harder variant PPO does most; a hard one it does not, though it
-can be done."""
+"""The difficulty of a task. Linear control solves "first steps". PPO solves "standard" with the
+hyperparameters of the package, and most of "harder". PPO does not solve "hard", though it can be solved."""
 
 
 class Row(NamedTuple):
-    """Describe an environment: its id, its module and class in `springgym.envs`, its episodes."""
+    """An environment: its id, its module and class in `springgym.envs`, and its episodes."""
 
     id: str
     module: str
@@ -27,7 +26,7 @@ class Row(NamedTuple):
 
 
 class Variant(NamedTuple):
-    """Describe an environment with other arguments, under an id of its own."""
+    """An environment with other arguments, under an id of its own."""
 
     id: str
     of: str
@@ -35,7 +34,7 @@ class Variant(NamedTuple):
     arguments: Mapping[str, Any]
     tier: Tier
     why: str
-    """what makes it what its tier says"""
+    """the reason for its tier"""
 
 
 ENVIRONMENTS = (
@@ -191,7 +190,7 @@ VARIANTS = (
 
 
 def find(env_id: str) -> tuple[Row, dict[str, Any]] | None:
-    """Return the environment of an id, and the arguments of its variant; None if it is not ours."""
+    """Return the environment of an id, and the arguments of its variant; None for ids of other packages."""
     variant = next((variant for variant in VARIANTS if variant.id == env_id), None)
     of = env_id if variant is None else variant.of
     row = next((row for row in ENVIRONMENTS if row.id == of), None)
@@ -203,9 +202,9 @@ PARALLEL = ("SpringDuel-v0",)
 
 
 def register() -> None:
-    """Register all environments with Gymnasium; environments that are registered already stay.
+    """Register all environments with Gymnasium; those that are registered already do not change.
 
-    If PettingZoo has been imported, and has a registry, it is told of those of several agents.
+    If PettingZoo has been imported and has a registry, environments of several agents are registered there.
     """
     zoo: Any = sys.modules.get("pettingzoo")
     for env_id in PARALLEL if hasattr(zoo, "parallel_registry") else ():

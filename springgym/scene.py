@@ -25,18 +25,18 @@ from springgym.surfaces.contact import NEAREST, faithful_speed, restitution_at_m
 GRAVITY = (0.0, 0.0, -9.81)
 
 MOST_SURFACES = 100
-"""A scene has no more: each particle is compared with each surface at every step."""
+"""Most surfaces of a scene: each particle is compared with each surface at every step."""
 
 MOST_BODIES = 1000
-"""A scene has no more."""
+"""Most bodies of a scene."""
 
 MOST_TOLD = 20
-"""Pairs of bodies that the text of a scene names."""
+"""Most pairs of bodies that the `repr` of a scene names."""
 
 
 @dataclass(frozen=True)
 class WrenchActuator:
-    """Apply a force and a torque to the body; ``axial`` keeps the world torque's part along its axis."""
+    """Apply a force and a torque to the body; ``axial`` keeps only the world torque's part along its axis."""
 
     axial: bool = True
 
@@ -59,7 +59,7 @@ class ThrustActuator:
 
 @dataclass(frozen=True)
 class DriveActuator:
-    """Move a pinned particle by its acceleration, and limit each component of its speed [m/s]."""
+    """Move a pinned particle by an acceleration, and limit each component of its velocity [m/s]."""
 
     particle: int
     speed: float
@@ -71,31 +71,32 @@ class DriveActuator:
 
 @dataclass(frozen=True, eq=False)
 class Placed(ReadOnly):
-    """Describe a body in a scene: how it starts, and what drives it.
+    """A body in a scene, with its start, pins, actuators and forces.
 
     Parameters
     ----------
     body
-        Particles and springs.
+        The particles and springs.
     positions, velocities : (N, 3), optional
-        Where it starts [m] and how it moves [m/s]: the unstretched shape, at rest, if not given.
+        The state at the start [m], [m/s]. The default is the unstretched shape, at rest.
     pinned
-        Particles that are held (zero inverse mass): torques and angular momenta count from the first.
+        Particles that do not move (zero inverse mass). The first is the pivot, from which torques and angular
+        momenta count.
     wrench, thrust, drive
-        Actuators; None for what there is not.
+        Actuators; None for those that the body does not have.
     forces
-        Forces of one's own, see `springgym.own_forces`; their particles are numbered as those of the body.
+        Forces of your own, see `springgym.own_forces`. They number particles as the body does.
     name
-        What errors, plots and calls name it by in a scene of several bodies. If not given, it is the body's
-        own name, with a number behind it where several bodies share that: "cube0", "cube1".
+        Name of the body in calls, plots and errors of a scene of several bodies. The default is the name of
+        ``body``, followed by a number if several bodies share it: "cube0", "cube1".
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        Naming the offender: a wrong shape, a value that is not finite, a particle that does not exist,
-        a start that `check_start` refuses.
+        For a wrong shape, a value that is not finite, a particle that does not exist, or a start that
+        `check_start` refuses; the message names it.
     """
 
     body: Body
@@ -125,13 +126,18 @@ class Placed(ReadOnly):
             if self.thrust.turns and not body.oriented:
                 raise ValueError(
                     f"thrust cannot turn with body {body.name!r}: its markers {body.markers} "
-                    "lie on one line and tell no orientation; it must be fixed in the world"
+                    "lie on one line and define no orientation; it must be fixed in the world"
                 )
         object.__setattr__(self, "forces", checked_forces("forces", self.forces, count))
         if self.drive and self.forces:
-            raise ValueError("forces and a drive cannot be together: the drive's work would not know of them")
+            raise ValueError(
+                "a body cannot have both forces and a drive: the work of the "
+                "drive does not include the forces"
+            )
         if self.drive and self.drive.particle not in self.pinned:
-            raise ValueError(f"drive.particle {self.drive.particle} must be pinned: the drive alone moves it")
+            raise ValueError(
+                f"drive.particle {self.drive.particle} must be pinned, because only the drive moves it"
+            )
         self.check_start(self.positions, self.velocities)
 
     def check_start(
@@ -142,15 +148,15 @@ class Placed(ReadOnly):
         Parameters
         ----------
         positions, velocities : (N, 3) or (k, N, 3)
-            [m], [m/s], checked to be numbers.
+            [m], [m/s]; numbers that have been checked.
         copies : (k,), optional
             What errors call the copies.
 
         Raises
         ------
         ValueError
-            If a pinned particle moves and is not driven, or driven faster than it can be; if the ends of a
-            spring are at the same place, so that it has no direction.
+            If a pinned particle moves without a drive, or faster than its drive allows; if the ends of a
+            spring coincide, so that it has no direction.
         """
 
         def refuse(wrong: np.ndarray, what: str) -> None:
@@ -174,7 +180,7 @@ class Placed(ReadOnly):
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Return which particles are not pinned, (N,)."""
+        """Return a mask of the particles that are not pinned, (N,)."""
         free = ~np.isin(np.arange(len(self.body.masses)), self.pinned)
         free.setflags(write=False)
         return free
@@ -198,7 +204,7 @@ def _as_bytes(feature: Round) -> tuple[bytes, bytes, tuple[int, ...]]:
 
 
 def too_short(springs: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Tell which springs (…, S) have no direction, with particles at positions (…, N, 3) [m]."""
+    """Return which springs (…, S) are too short to have a direction, for positions (…, N, 3) [m]."""
     first, second = springs.T
     apart = positions.take(second, axis=-2) - positions.take(first, axis=-2)
     return np.asarray(np.einsum("...n,...n", apart, apart) < TINY**2)
@@ -219,7 +225,7 @@ def _numbered(bodies: tuple[Placed, ...]) -> tuple[Placed, ...]:
 
 
 OWN = ("body", "positions", "velocities", "pinned", "wrench", "thrust", "drive", "forces")
-"""Fields of a scene that say of its one body what `Placed` says of each of several."""
+"""Fields of a scene of one body that correspond to those of `Placed`."""
 
 
 OF_A_BODY = ("positions", "masses", "springs", "stiffness", "damping", "lengths", "markers", "triangles")
@@ -228,35 +234,36 @@ OF_A_BODY = ("positions", "masses", "springs", "stiffness", "damping", "lengths"
 
 @dataclass(frozen=True, eq=False)
 class Scene(ReadOnly):
-    """Describe what is simulated: bodies, how they start, and what acts on them.
+    """A scene: bodies, their start, and what acts on them.
 
-    A scene of one body takes it and the fields of its `Placed` as arguments. A scene of several takes them as
-    ``bodies``. Their particles lie one body after another: positions and velocities of the scene, and of all
-    that is simulated from it, are those of all bodies in this order.
+    A scene of one body takes the body and the fields of its `Placed` as arguments. A scene of several bodies
+    takes them as ``bodies``. Positions and velocities, of the scene and of its simulation, hold the particles
+    of all bodies, one body after another.
 
     Parameters
     ----------
     body, positions, velocities, pinned, wrench, thrust, drive, forces
-        The one body, as in `Placed`. A scene of several has positions (N, 3) and velocities (N, 3) only.
+        The only body, as in `Placed`. A scene of several bodies has positions and velocities (N, 3), and not
+        the others.
     gravity : (3,) or None
         [m/s²]
     surfaces
-        What bounds where the free particles may be, see `springgym.surfaces`.
+        Surfaces that bound the free particles, see `springgym.surfaces`.
     contact
-        How bodies meet them.
+        The contact of bodies with surfaces, a `Contact` or `PaperContact`.
     bodies
-        Several bodies, in place of ``body`` and what belongs to it; of one, its `Placed`.
+        Several bodies, in place of ``body`` and its fields. In a scene of one body, its `Placed`.
     collisions
-        Which bodies meet each other, and how: "all", as ``contact`` says; all, by a `Contact` given here; a
-        tuple of `Pair`; or None for bodies that pass through each other, each as if it were alone.
+        The bodies that collide: "all" by ``contact``; a `Contact` by which all collide; a tuple of `Pair`; or
+        None if bodies pass through each other, each as if it were alone.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        Naming the offender: what `Placed` refuses, two bodies of one name, surfaces that cannot be together,
-        a particle that starts behind one, bodies that cannot collide or start in each other.
+        If `Placed` refuses an argument, two bodies share a name, surfaces do not fit together, a particle
+        starts behind a surface, or bodies cannot collide or overlap at the start; the message names it.
     """
 
     body: Body = None  # type: ignore[assignment]
@@ -292,7 +299,8 @@ class Scene(ReadOnly):
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """Plain data by name that decide how the scene moves, all but its start: see `springgym.identity`."""
+        """Plain data, by name, that decide how the scene moves, without its start: see
+        `springgym.identity`."""
         met = self.meetings
         made: dict[str, Any] = {
             "gravity": None if self.gravity is None else list(self.gravity),
@@ -323,7 +331,8 @@ class Scene(ReadOnly):
 
     @cached_property
     def kinds(self) -> tuple[int, ...]:
-        """Return for each body its kind: bodies of one kind are equal in all that decides how they move."""
+        """Return the kind of each body. Bodies of one kind are equal in everything that decides how they
+        move."""
         known: dict[int, int] = {}
         kinds: dict[Any, int] = {}
         for body in (placed.body for placed in self.bodies):
@@ -344,7 +353,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def shapes(self) -> tuple[Shape, ...]:
-        """Return for each body its features that others meet; bodies of one kind share them."""
+        """Return the features of each body with which it meets others. Bodies of one kind share them."""
         each = [shape(body) for body in self._different]
         return tuple(each[kind] for kind in self.kinds)
 
@@ -367,8 +376,8 @@ class Scene(ReadOnly):
         for own in fields(self):
             if own.name in OWN and getattr(self, own.name) is not own.default:
                 raise ValueError(
-                    f"{own.name} is given beside bodies; it must be said in the Placed of each body, or by "
-                    "with_ of a scene that is to be changed"
+                    f"{own.name} is given besides bodies; give it in the Placed of each body, or change a "
+                    "scene with its method with_"
                 )
         bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))
         if len(bodies) > MOST_BODIES:
@@ -377,7 +386,8 @@ class Scene(ReadOnly):
         for n, name in enumerate(placed.name for placed in bodies):
             if len(bodies) > 1 and (not name or "." in name):
                 raise ValueError(
-                    f"bodies[{n}] is called {name!r}; among several, the name of a body must be some text "
+                    f"bodies[{n}] is called {name!r}; in a scene of several bodies, "
+                    "a name must be a non-empty string "
                     "without a dot"
                 )
             if first.setdefault(name, n) < n:
@@ -416,7 +426,7 @@ class Scene(ReadOnly):
             self._check_each(positions, copies)
 
     def _well_above(self, positions: np.ndarray) -> bool:
-        """Tell whether all particles are far enough above all surfaces, of bodies without round features."""
+        """Return whether all particles are well above all surfaces; False for round features."""
         if any(body.rounds for body in self._different):
             return False
         positions, least = np.asarray(positions, float), self._least_heights
@@ -440,10 +450,11 @@ class Scene(ReadOnly):
 
     @cached_property
     def faithful_speed(self) -> float:
-        """The speed [m/s] up to which all impacts rebound as asked, to about .02; infinite if nothing does.
+        """The speed [m/s] up to which all impacts meet their restitution to about 0.02; infinite without
+        impacts.
 
-        It is that of the softest body, see `springgym.surfaces.contact.faithful_speed`. What is faster leaves
-        energy in vibrations; `restitution_at` tells what is to be had then.
+        The softest body decides it, see `springgym.surfaces.contact.faithful_speed`. Faster impacts leave
+        energy in vibrations. `restitution_at` estimates their restitution.
         """
         found = [math.inf]
         if self.surfaces and isinstance(self.contact, Contact) and self.contact.restitution > 0:
@@ -466,7 +477,7 @@ class Scene(ReadOnly):
         return [met[n] for n in np.unique(sorts, axis=0, return_index=True)[1].tolist()]
 
     def restitution_at(self, speed: float) -> float:
-        """Estimate the largest restitution to be had of the softest contact at a speed [m/s], to .07.
+        """Estimate, to 0.07, the largest restitution that the softest contact can have at a speed [m/s].
 
         Raises
         ------
@@ -487,15 +498,15 @@ class Scene(ReadOnly):
         Parameters
         ----------
         positions, velocities : (N, 3) or (k, N, 3)
-            [m], [m/s], checked to be numbers; of all bodies, one after another.
+            [m], [m/s] of all bodies, one after another; numbers that have been checked.
         copies : (k,), optional
             What errors call the copies.
 
         Raises
         ------
         ValueError
-            If `Placed.check_start` refuses what a body starts with, a particle is behind a surface, or bodies
-            that collide are in each other.
+            If `Placed.check_start` refuses the start of a body, a particle is behind a surface, or bodies
+            that collide overlap.
         """
         doubtful = [0]
         if len(self.bodies) > 1:
@@ -514,21 +525,22 @@ class Scene(ReadOnly):
 
     @cached_property
     def parts(self) -> tuple[Self, ...]:
-        """Return for each body the scene with this body alone, and with the same gravity and surfaces."""
+        """Return for each body a scene that contains this body alone, with the same gravity and surfaces."""
         if len(self.bodies) == 1:
             return (self,)
         return tuple(self.with_(bodies=(placed,), collisions=None) for placed in self.bodies)
 
     @cached_property
     def starts(self) -> np.ndarray:
-        """Return the index of the first particle of each body, and then the number of all, (bodies + 1,)."""
+        """Return the index of the first particle of each body, and the number of all particles, (bodies +
+        1,)."""
         starts = np.cumsum([0, *(len(placed.body.masses) for placed in self.bodies)])
         starts.setflags(write=False)
         return starts
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
-        """Return for each body where its particles lie among all."""
+        """Return for each body the slice of its particles."""
         return tuple(slice(first, last) for first, last in pairwise(self.starts.tolist()))
 
     @cached_property
@@ -542,16 +554,16 @@ class Scene(ReadOnly):
         return frozenset(n for n, placed in enumerate(self.bodies) if placed.pinned)
 
     def of_particles(self, each: Sequence[Any]) -> np.ndarray:
-        """Return what each particle's body has, (N, …), of values given for each body."""
+        """Return for each particle the value of its body, (N, …), from values for each body."""
         return np.repeat(np.asarray(each), np.diff(self.starts), axis=0)
 
     def number(self, body: int | str | None) -> int:
-        """Return the number of a body, given by number or name; None stands for the only one.
+        """Return the number of a body that is given by number or name; None stands for the only body.
 
         Raises
         ------
         TypeError, ValueError
-            If there is no such body, or None of several is asked for.
+            If there is no such body, or None is given and there are several.
         """
         names = [placed.name for placed in self.bodies]
         if body is None and len(names) == 1:
@@ -564,7 +576,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def free(self) -> np.ndarray:
-        """Return which particles are not pinned, (N,)."""
+        """Return a mask of the particles that are not pinned, (N,)."""
         free = np.concatenate([placed.free for placed in self.bodies])
         free.setflags(write=False)
         return free
@@ -594,7 +606,7 @@ class Scene(ReadOnly):
         Raises
         ------
         TypeError, ValueError
-            If it is none of them.
+            If there is no such property.
         """
         chosen("name", name, ("masses", "stiffness", "damping", "lengths"))
         return np.concatenate([getattr(placed.body, name) for placed in self.bodies])
@@ -631,7 +643,7 @@ class Scene(ReadOnly):
         return type(self)(**{**kept, **changes})
 
     def _pairs(self) -> str:
-        """Say which bodies may meet, or how many pairs there are if they are many."""
+        """Return the names of the bodies that may meet, or the number of pairs if they are many."""
         if len(self.meetings) > MOST_TOLD:
             return f"{len(self.meetings)} pairs"
         return ", ".join(f"{met.first}–{met.second}" for met in self.meetings)

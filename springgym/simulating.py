@@ -1,4 +1,4 @@
-"""``springgym simulate``: run a scene, write its trace, plot it, film it, hold it against theory."""
+"""``springgym simulate``: simulate a scene, write its states, plot it, film it, compare it with theory."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ ENERGIES = (
 """The energy ledger in a trace [J]."""
 
 UNCOVERED = 3
-"""Exit status of a check of which none fails, and theory does not cover all."""
+"""Exit status if no check fails, but theory does not cover all of them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     parser.add_argument("scene", nargs="?", help="name of a scene (see --list), or a YAML file")
-    parser.add_argument("--list", action="store_true", help="show the scenes that come with the package")
+    parser.add_argument("--list", action="store_true", help="list the scenes in the package")
     parser.add_argument("--duration", type=float, metavar="S", help="seconds to simulate")
-    parser.add_argument("--integrator", choices=METHODS, help="method, in place of the scene's")
-    parser.add_argument("--step", type=float, metavar="S", help="its step in seconds")
+    parser.add_argument("--integrator", choices=METHODS, help="integrator, instead of the scene's")
+    parser.add_argument("--step", type=float, metavar="S", help="step in seconds")
     parser.add_argument(
         "--method",
         choices=("default", "paper"),
         default="default",
-        help="paper: as the paper has it, rk4 at 5e-4 s, contact with clamp and capped friction",
+        help="paper: the paper's method, rk4 at 5e-4 s, with its clamp and capped friction",
     )
     parser.add_argument("--trace", type=Path, metavar="FILE", help="write all states to a .npz or .csv file")
     parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw the figure of the scene, .png or .svg"
     )
-    parser.add_argument("--video", type=Path, metavar="FILE", help="film it, .mp4 or .gif")
+    parser.add_argument("--video", type=Path, metavar="FILE", help="write a film, .mp4 or .gif")
     parser.add_argument(
         "--check",
         action="store_true",
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
             print(f"{name:20} {load(name).title}")
         return 0
     if args.scene is None:
-        raise ValueError("which scene? Give a name out of springgym simulate --list, or a YAML file")
+        raise ValueError("no scene is given: name one of springgym simulate --list, or a YAML file")
     _check_files(args)
     scene = load(args.scene)
     plan = _changed(scene, args)

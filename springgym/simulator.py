@@ -51,47 +51,47 @@ from springgym.scene import Scene
 from springgym.surfaces import Contact, PaperContact
 
 STRAIN_LIMIT = 0.5
-"""A spring stretched or squeezed by more than this share of its length has left what the model means."""
+"""Largest strain of a spring for which the model holds."""
 
 STRAINED = 0.3
-"""Strain from which springs that should hold a body in shape do so no more: a `PrecisionWarning` tells."""
+"""Strain above which a spring no longer holds a body in shape: a `PrecisionWarning` says so."""
 
 COARSE = 1e-5
-"""Rounding of positions, as a share of the shortest spring, from which a `PrecisionWarning` tells: springs
-feel it as a stretch, and energy grows with every step."""
+"""A `PrecisionWarning` appears if positions are rounded to more than this share of the shortest spring. The
+spring feels the rounding as a stretch, and energy grows with every step."""
 
 WORTH_A_THREAD = 10_000
-"""Springs and pairs of bodies × steps × blocks, some 0.2 ms, from which waking another thread (some 0.1 ms)
-pays."""
+"""Springs and pairs of bodies × steps × blocks, some 0.2 ms of work, above which another thread saves time.
+Waking it takes some 0.1 ms."""
 
 AT_ONCE = 4_000_000
-"""Springs and pairs of bodies × steps × blocks of one compiled call at the most, some 0.1 s, of implicit
-methods some seconds: Python serves Ctrl-C between the calls."""
+"""Most springs and pairs of bodies × steps × blocks in one compiled call: some 0.1 s, or some seconds with
+implicit methods. Python handles Ctrl-C between the calls."""
 
 NEIGHBOURS = 6
-"""Pairs of a body that may be at work at once: what is far apart costs nothing."""
+"""Pairs of a body that are counted as work: bodies that are far apart cost nothing."""
 
 FEWEST = 64
-"""Steps of one compiled call that are taken whatever they cost: a call begins and ends with half a step."""
+"""Least steps of one compiled call, whatever they cost: a call begins and ends with half a step."""
 
 OF_A_STEP = ("terms.dampers.half", "terms.dampers.whole", "terms.memory", "terms.cycle")
-"""Arrays of `Simulator._changing` that hold what happens in a step, or happened in the last."""
+"""Arrays of `Simulator._changing` that describe the current or the last step."""
 
 GOES_FORWARD = ("integrator", "step", "damping_every", "tolerance")
-"""Names in which a simulator may differ from the one that it takes over from."""
+"""Names of properties in which a simulator may differ from the one whose state it takes over."""
 
 PAPER_STEP = 5e-4
-"""h of the paper [s]."""
+"""Step of the paper [s]."""
 
 PAPER_METHOD: dict[str, Any] = {"integrator": "rk4", "step": PAPER_STEP}
-"""The paper's method, if there are no surfaces; its contact with them is `PaperContact`."""
+"""The paper's method for scenes without surfaces; `PaperContact` is its contact with surfaces."""
 
 MOST_PARTICLES, MOST_THREADS = 10**8, 1024
-"""Of all copies together, some 10 GB of memory; and what threads may be asked for."""
+"""Limits: the particles of all copies together (some 10 GB of memory), and the threads of a simulator."""
 
 
 class SimulationDivergedError(ArithmeticError):
-    """Say that a copy has diverged: a number is not finite, or a spring is strained beyond its limit."""
+    """A copy has diverged: a number is not finite, or a spring is strained beyond its limit."""
 
 
 class UnresolvedContactError(SimulationDivergedError):
@@ -100,68 +100,69 @@ class UnresolvedContactError(SimulationDivergedError):
 
 
 class PrecisionWarning(UserWarning):
-    """Warn that a simulation is less accurate than it seems, see `STRAINED` and `COARSE`; only once."""
+    """A simulation is less accurate than it seems, see `STRAINED` and `COARSE`. It is warned of once."""
 
 
 UNRESOLVED = ("raise", "count")
-"""What may be done where bodies meet in a way that a step cannot resolve."""
+"""What `Simulator.advance` can do if a step cannot resolve how bodies met."""
 
 
 class Simulator:
-    """Step copies of a scene through time. Attributes that the constructor sets are read-only.
+    """Simulate copies of a scene. Attributes that the constructor sets are read-only.
 
-    One thread at a time may use it: a call while another thread is in one raises a RuntimeError.
+    Only one thread at a time may use a simulator. A call during a call of another thread raises a
+    RuntimeError.
 
-    Arguments are checked as `springgym.checks` says. Where a method takes ``copies``, these are their
-    indices, each once and none negative, or a mask (copies,); all of them if None. What it sets them to
-    has one row for each of these copies, or is one row for all.
+    `springgym.checks` describes how arguments are checked. Some methods take ``copies``: indices that are not
+    negative and do not repeat, or a mask (copies,). None stands for all copies. Values for them have one row
+    for each of these copies, or are one row for all.
 
     Parameters
     ----------
     scene
-        What is simulated.
-    dynamics
+        The scene to simulate.
+        dynamics
         "springs", or "rigid" for the same particles as one rigid body.
     integrator
-        Name of the method, see `springgym.integrators.METHODS`, or for rigid dynamics
-        `springgym.rigid.METHODS`; "verlet" if not given, or "suzuki" for rigid dynamics without surfaces.
+        Name of the method, see `springgym.integrators.METHODS`, or `springgym.rigid.METHODS` for rigid
+        dynamics. The default is "verlet", or "suzuki" for rigid dynamics without surfaces.
     step
-        h [s]; chosen from the stability limit if not given, or for rigid dynamics from the rates of the
-        start.
+        Step h [s]. By default it follows from the stability limit, or for rigid dynamics from the angular
+        velocities at the start.
     copies
-        How many, all starting as the scene says; of at most `MOST_PARTICLES` particles together.
+        Number of copies. All start as the scene says. Together they have at most `MOST_PARTICLES` particles.
     dtype
-        float64, or float32 for about twice the speed at single precision.
+        float64, or float32 for single precision at about twice the speed.
     threads
-        How many, at most `MOST_THREADS`, share the copies. Results do not depend on it, to the bit, nor on
-        ``copies``.
+        Number of threads that share the copies, at most `MOST_THREADS`. Results do not depend on it or on
+        ``copies``, to the bit.
     varying
-        Names of `springgym.packing.PARAMETERS` that `vary` may set copy by copy.
+        Names from `springgym.packing.PARAMETERS`. `vary` can set these for each copy.
     ledger
-        Whether work and losses are recorded, see `Measures`.
+        Whether to record work and losses, see `Measures`.
     tolerance
-        (relative, absolute) of a method that controls its error, see
-        `springgym.integrators.record.Control`; (1e-6, 1e-9) if not given.
+        (relative, absolute) tolerance for a method that controls its error, see
+        `springgym.integrators.record.Control`. The default is (1e-6, 1e-9).
     strain_limit
-        Largest |L/L₀ − 1| of a spring; a copy beyond it has diverged. If it is given, strains up to it are
-        meant, and no `PrecisionWarning` tells of them; if not, it is `STRAIN_LIMIT`.
+        Largest |L/L₀ − 1| of a spring. A copy beyond it has diverged. The default is `STRAIN_LIMIT`. If you
+        give a limit, you intend strains up to it, and no `PrecisionWarning` appears.
     unresolved
-        What `advance` does where bodies meet in a way that a step cannot resolve: "raise" an error, or
-        "count" it, for `pairs` and `unresolved` to tell.
+        What `advance` does if bodies meet in a way that a step cannot resolve: "raise" an error, or "count"
+        it, so that `pairs` and `unresolved` report it.
     damping_every
-        Steps after which dampers and the wrench act for all of them at once, see `springgym.forces.cycle`: 1
-        or an even number of at most `springgym.stability.LONGEST_CYCLE`. If not given, it is
-        `springgym.stability.damping_every` of the scene, or 1 if masses, stiffness or damping vary. It must
-        be 1 where `springgym.stability.damps_each_step` has a reason.
+        Number of steps in a cycle of dampers and wrench, see `springgym.forces.cycle`: 1, or an even number
+        of at most `springgym.stability.LONGEST_CYCLE`. The default is `springgym.stability.damping_every` of
+        the scene, or 1 if masses, stiffness or damping vary. It must be 1 where
+        `springgym.stability.damps_each_step` returns a reason.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If a number is out of bounds, the dynamics or the integrator is unknown, the step is beyond the
-        stability limit, the scene has no rigid twin, or the integrator makes no sense in it or has no
-        tolerance to set.
+        stability limit, the scene has no rigid twin, or the integrator does not suit the scene or has no
+        tolerance.
     """
 
     def __init__(
@@ -224,7 +225,7 @@ class Simulator:
         rows, shape = np.zeros((self.copies, measures.SIZE)), (self.copies, particles, 3)
         each = rows[:, None] if bodies == 1 else np.zeros((self.copies, bodies, measures.SIZE))
         self.readout = Readout(rows, np.zeros(shape), np.zeros(shape), each)
-        """what was read off the copies last, see `read`: one row a copy, of no use to write to"""
+        """the last reading of the copies, see `read`: one row for each copy; writing to it has no effect"""
         room = (measures.SIZE,) if bodies == 1 else (2, measures.SIZE)
         self._space = aligned_zeros((len(shares), *room), self._x.dtype)
         self._markers = Markers(
@@ -252,25 +253,26 @@ class Simulator:
 
     @classmethod
     def paper(cls, scene: Scene, **options: Any) -> Self:
-        """Make a simulator of the paper's method: RK4 with h = 5e-4 s and, on surfaces, its contact.
+        """Make a simulator with the paper's method: RK4 with h = 5e-4 s and, on surfaces, the paper's
+        contact.
 
         Parameters
         ----------
         scene
-            `Contact` becomes `PaperContact` of the same friction, strength and reach.
+            Its `Contact` becomes a `PaperContact` of the same friction, strength and reach.
         options
-            Those of `Simulator` that are left: ``copies`` and so on.
+            The other parameters of `Simulator`: ``copies`` and so on.
 
         Raises
         ------
         ValueError
-            If restitution is asked for: the paper has a damping in its place, see `PaperContact`.
+            If the contact has a restitution: the paper has a damping instead, see `PaperContact`.
         """
         contact = checks.instance("scene", scene, Scene).contact
         if scene.surfaces and isinstance(contact, Contact):
             if contact.restitution < 1:
                 raise ValueError(
-                    f"restitution is {contact.restitution}; the paper has a damping instead: give the scene "
+                    f"restitution is {contact.restitution}; the paper's method has a damping: give the scene "
                     "a PaperContact"
                 )
             contact = PaperContact(contact.friction, 0.0, contact.strength, contact.reach)
@@ -298,7 +300,8 @@ class Simulator:
         if not self.integrator.controlled:
             if tolerance is not None:
                 raise ValueError(
-                    f"tolerance is {checks.shown(tolerance)}; {self.integrator.name} has none: leave it out"
+                    f"tolerance is {checks.shown(tolerance)}; {self.integrator.name} "
+                    "has no tolerance: leave it out"
                 )
             return self.step
         relative, absolute = (
@@ -378,7 +381,7 @@ class Simulator:
 
     @guarded
     def place(self, positions: ArrayLike, velocities: ArrayLike, copies: ArrayLike | None = None) -> None:
-        """Start some copies (all) anew, with an empty ledger, at time 0.
+        """Place some copies (default: all), with an empty ledger and at time 0.
 
         Parameters
         ----------
@@ -390,7 +393,7 @@ class Simulator:
         Raises
         ------
         TypeError
-            Naming what is of the wrong kind; nothing is changed.
+            If an argument has the wrong type; nothing is changed.
         ValueError
             If a shape is another, a number not finite, there is no such copy, or `Scene.check_start` refuses
             the start; nothing is changed.
@@ -470,7 +473,7 @@ class Simulator:
 
     @guarded
     def vary(self, copies: ArrayLike, **values: ArrayLike) -> None:
-        """Give some copies their own parameters.
+        """Set parameters of some copies.
 
         Parameters
         ----------
@@ -478,18 +481,19 @@ class Simulator:
             Which.
         values
             ``masses`` (k, N), ``stiffness``, ``damping``, ``lengths`` (k, S), ``gravity`` (k, 3),
-            ``friction``, ``restitution`` (at the contact's impact speed) (k,) of the surfaces, and of bodies
-            that collide as the scene's contact says, ``strength`` (k,) of the surfaces; or without the k, for
-            all of these copies. N and S count particles and springs of all bodies, one after another; of
-            several bodies, ``strength`` is (k, bodies).
+            ``friction``, ``restitution`` (at the contact's impact speed) (k,) and ``strength`` (k,), or
+            (k, bodies) for several bodies. Without the k, a value holds for all of these copies. N and S
+            count the particles and springs of all bodies, one body after another. Friction and restitution
+            concern the surfaces, and bodies that collide by the scene's contact. Strength concerns the
+            surfaces.
 
         Raises
         ------
         TypeError
-            Naming what is of the wrong kind; nothing is changed.
+            If an argument has the wrong type; nothing is changed.
         ValueError
-            If a shape is another, a number out of bounds, there is no such copy, the parameter does not vary
-            in this simulator, or makes its step unstable; nothing is changed.
+            If a shape is wrong, a number is out of bounds, there is no such copy, or the parameter does not
+            vary in this simulator or makes its step unstable; nothing is changed.
         """
         index = self._index(copies)
         given: list[dict[str, np.ndarray]] = [{} for _ in self._packed]
@@ -518,22 +522,23 @@ class Simulator:
 
     @guarded
     def actuate(self, **values: Any) -> None:
-        """Set what the scene's actuators do until further notice.
+        """Set the forces of the scene's actuators until the next call.
 
         Parameters
         ----------
         values
-            ``force`` [N], ``torque``, ``body_torque`` [N·m] of the wrench, ``acceleration`` [m/s²] of
-            the drive, each (copies, 3), ``thrust`` [N] (copies, thrusters, 3); or without the copies, for
-            all of them. There is a ``body_torque`` only for bodies that are `Body.oriented`. Of several
-            bodies, a name is that of the body and, behind a dot, of what it does: "left.force".
+            ``force`` [N], ``torque`` and ``body_torque`` [N·m] of the wrench and ``acceleration`` [m/s²] of
+            the drive, each (copies, 3), and ``thrust`` [N] (copies, thrusters, 3). Without the copies, a
+            value holds for all of them. Only bodies that are `Body.oriented` have a ``body_torque``. In a
+            scene of several bodies, the name of the body and a dot come first: "left.force".
 
         Raises
         ------
         TypeError
-            Naming what is of the wrong kind; nothing is changed.
+            If an argument has the wrong type; nothing is changed.
         ValueError
-            If a shape is another, a number not finite, or the scene has no such actuator; nothing is changed.
+            If a shape is wrong, a number is not finite, or the scene has no such actuator; nothing is
+            changed.
         """
         actuators = self._actuators
         for name, value in values.items():
@@ -554,14 +559,14 @@ class Simulator:
 
     @guarded
     def state(self, copies: ArrayLike | None = None) -> dict[str, Any]:
-        """Return a copy of all that changes, for `restore` of this simulator or of one made alike.
+        """Return a copy of the state, for `restore` of this simulator or of an equal one.
 
-        Beside the arrays it says what it is of, and which copies ("lost") are not finite.
+        Besides the arrays, it describes the simulator, and says which copies ("lost") are not finite.
 
         Parameters
         ----------
         copies : (k,), optional
-            Whose state it is: as that of a simulator of k copies.
+            The copies whose state is returned, as that of a simulator of k copies. The default is all.
 
         Raises
         ------
@@ -598,23 +603,23 @@ class Simulator:
 
     @guarded
     def restore(self, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
-        """Return to what `state` gave, to the bit.
+        """Set the state that `state` returned, to the bit.
 
         Parameters
         ----------
         state
-            Of as many copies as there are here.
+            A state of as many copies as this simulator has, unless ``copies`` is given.
         copies : (k,), optional
-            Which are set, the others left as they are: the state is of k copies then, or of one for all of
-            them, and the simulator that it is of may have had any number.
+            The copies to set; the others do not change. The state then has k copies, or one for all of
+            them. It may come from a simulator with any number of copies.
 
         Raises
         ------
         TypeError
-            If it is no such state; nothing is changed.
+            If ``state`` is not a state; nothing is changed.
         ValueError
-            If it is that of a simulator that was made otherwise, saying what differs, or holds a number that
-            is not finite of a copy that was, or there are no such copies; nothing is changed.
+            If the state belongs to a different simulator (the message says what differs), holds a number that
+            is not finite although its copy was, or there are no such copies; nothing is changed.
         """
         index, but = self._index(copies), () if copies is None else ("copies",)
         own = dict(self._changing())
@@ -625,7 +630,7 @@ class Simulator:
         if given.keys() != names:
             wrong = sorted(map(str, given.keys() ^ names))[0]
             has = "holds" if wrong in given else "lacks"
-            raise ValueError(f"the state {has} {wrong!r}; it must be that of a simulator made like this one")
+            raise ValueError(f"the state {has} {wrong!r}; it must belong to a simulator made like this one")
         count = self.copies if copies is None else copies_in(state, len(index))
         for name, array in {"lost": np.zeros(count, bool), **own}.items():
             given = checks.instance(f"state[{name!r}]", state[name], np.ndarray)
@@ -638,8 +643,8 @@ class Simulator:
         for name in own:
             if (wrong := _lost([state[name]], count) & ~state["lost"]).any():
                 raise ValueError(
-                    f"state[{name!r}] is not finite in copy {int(np.argmax(wrong))}; it must be numbers, but "
-                    "in copies that are lost"
+                    f"state[{name!r}] is not finite in copy {int(np.argmax(wrong))}; it must be finite "
+                    "except in copies that are lost"
                 )
         if copies is None:
             _set(own.values(), (state[name] for name in own))
@@ -665,15 +670,15 @@ class Simulator:
 
     @guarded
     def take_over(self, other: Simulator) -> None:
-        """Take over the state of another simulator of the same scene, and go on from there with own steps.
+        """Take over the state of another simulator of the same scene, and continue with one's own steps.
 
-        All that changes is as there, to the bit, but what dampers do in a step: that is the own step's, and
-        follows from `vary`. In scenes with surfaces the copies are fresh, as if they were placed.
+        The state is equal to the bit, except for the decay by dampers in a step: it follows from one's own
+        step and from `vary`. In scenes with surfaces the copies start as if they had been placed.
 
         Raises
         ------
         TypeError, ValueError
-            If it is not of as many copies of the same scene, of the same type; nothing is changed.
+            If the other one has another scene, number of copies or type of numbers; nothing is changed.
         """
         must = "; it must be made like this simulator but for its step"
         made = checks.instance("other", other, Simulator).identity
@@ -704,34 +709,33 @@ class Simulator:
         read: bool = False,
         then: Callable[[int, int], None] | None = None,
     ) -> None:
-        """Take all copies ``steps`` steps further.
+        """Advance all copies by ``steps`` steps.
 
-        Ctrl-C ends it within about a second, and so does whatever else is raised: `time` tells how far each
-        copy got. Many steps are taken in several compiled calls. How many steps one takes depends on the
-        scene alone, so that results depend neither on the copies nor on the threads.
+        Ctrl-C, or any other exception, ends the call within about a second. `time` then says how far each
+        copy got. A call of many steps consists of several compiled calls. The number of steps in each depends
+        on the scene only, so results depend neither on the copies nor on the threads.
 
         Parameters
         ----------
         steps
-            How many; 0 takes none.
+            Number of steps, at least 0.
         check
-            Whether it is checked that no copy has diverged.
+            Whether to check that no copy has diverged.
         read
-            Whether the copies are read off then, see `read`: all is done in one compiled call.
+            Whether to `read` the copies afterwards, in the same compiled call.
         then
-            Called with a range of copies, the first and the one behind the last, when these are where they
-            should be: by each thread with its own share of them. It may look at `readout`, and call no
-            method of the simulator.
+            A function that each thread calls when its copies have arrived, with the first of them and the one
+            behind the last. It may use `readout`, but no method of the simulator.
 
         Raises
         ------
         TypeError, ValueError
-            If ``steps`` is not a whole number, at least 0, or a flag no bool; nothing is changed.
+            If ``steps`` is not a whole number of at least 0, or a flag is not a bool; nothing is changed.
         SimulationDivergedError
-            If ``check`` and a copy has diverged. The other copies are not touched by it.
+            If ``check`` is set and a copy has diverged. The other copies are not affected.
         UnresolvedContactError
-            If ``check``, and bodies of a copy met in a way that a step cannot resolve since the copy was
-            placed, or `pairs` forgot; unless the simulator is to count that.
+            If ``check`` is set and, since a copy was placed or `pairs` forgot, its bodies met in a way that a
+            step cannot resolve; unless the simulator counts this.
         """
         # Compiled code is given an int and a bool, and no other type: see `SameTypes`.
         if steps.__class__ is not int or not 0 <= steps <= MANY:
@@ -769,7 +773,7 @@ class Simulator:
         self._check_distance(self.readout.positions)
 
     def _what_is_unresolved(self, copy: int) -> str:
-        """Say of a copy which bodies met in a way that a step cannot resolve, how, and what would help."""
+        """Return a message that names the bodies of a copy, how they met, and what would help."""
         collisions = self._terms.collisions
         assert collisions is not None
         told = PairReadings(*(of[copy] for of in totals.read_pairs(collisions, self.copies)))
@@ -855,10 +859,12 @@ class Simulator:
         Raises
         ------
         ValueError
-            If the method has no tolerance: it takes the steps it is told to.
+            If the method has no tolerance, and so no steps of its own.
         """
         if not isinstance(self._control, Control):
-            raise ValueError(f"{self.integrator.name} neither chooses its steps nor iterates: no counts")
+            raise ValueError(
+                f"{self.integrator.name} neither chooses its steps nor iterates, so it has no counts"
+            )
         return to_copies(self._control.counts, self.copies)
 
     @guarded
@@ -868,7 +874,7 @@ class Simulator:
         Parameters
         ----------
         body
-            Number or name of the body that is measured; all bodies together if not given.
+            Number or name of the body to measure. By default all bodies are measured together.
         """
         number = None if body is None else self.scene.number(body)
         self.read()
@@ -878,21 +884,22 @@ class Simulator:
     def shadow_energy(self) -> np.ndarray:
         """Compute the energy (copies,) [J] that steps of velocity Verlet conserve: H − (h²/8) Σ m |a|².
 
-        H is the `energy` of `Measures`, a is what springs and gravity make of a particle's velocity. Springs
-        that vibrate keep this to rounding, while H swings: it is off by up to (ω h)²/4 of the energy in a
-        vibration of ω. Dampers, contact and friction take from both what is in the ledger. Amid contact H
-        holds the springs' share already.
+        H is the `energy` of `Measures`, and a is a particle's acceleration by springs and gravity. A
+        vibration conserves this energy to rounding, while H oscillates: for a vibration at ω, it is off by up
+        to (ω h)²/4 of its energy. Dampers, contact and friction take from both what the ledger says. During
+        contact, H already includes the share of the springs.
 
         Raises
         ------
         ValueError
-            If it is not known: of another method, of rigid bodies, or with forces of one's own.
+            For other methods, for rigid bodies, and with forces of your own: their shadow energy is not
+            known.
         """
         if self._kind.rigid or self.integrator.name != "verlet":
             what = f"{self.integrator.name} on {self.dynamics}"
-            raise ValueError(f"the shadow energy is known of verlet on springs alone; this is {what}")
+            raise ValueError(f"the shadow energy is known only for verlet with springs; this is {what}")
         if self._terms.own is not None:
-            raise ValueError("the shadow energy is not known where forces of one's own act")
+            raise ValueError("the shadow energy is not known with forces of your own")
         self.read()
         x, slices = self.readout.positions, self.scene.slices
         squares = [
@@ -902,19 +909,20 @@ class Simulator:
 
     @guarded
     def pairs(self, *, forget: bool = False) -> PairReadings:
-        """Return what happened between colliding bodies since the copies were placed or forgotten.
+        """Return what happened between colliding bodies since the copies were placed or last forgotten.
 
-        There is an entry for each pair, of 1000 bodies half a million; `contacts` tells of those that touch.
+        There is an entry for each pair, so half a million for 1000 bodies. `contacts` has only those that
+        touch.
 
         Parameters
         ----------
         forget
-            Whether impulses, losses, the least gap and all counts begin anew with this reading.
+            Whether to reset impulses, losses, the least gap and all counts after this reading.
 
         Raises
         ------
         TypeError
-            If ``forget`` is no bool.
+            If ``forget`` is not a bool.
         """
         checks.flag("forget", forget)
         found = totals.read_pairs(self._terms.collisions, self.copies)
@@ -924,16 +932,16 @@ class Simulator:
 
     @guarded
     def contacts(self) -> Contacts:
-        """What touches what at the node where the state is read, and with which impulse.
+        """Return the contacts at the node where the state is read, with their impulses.
 
-        That node is made anew to be looked at, in all copies: it takes about as long as a step. Nothing is
-        changed, and where nobody asks, nothing is spent. Copies that were placed and took no step since show
-        what the second half of a node would give, see `Contacts`.
+        The call computes that node again in all copies, which takes about as long as a step. It changes
+        nothing. Copies that have taken no step since they were placed show the second half of a node, see
+        `Contacts`.
 
         Raises
         ------
         ValueError
-            If the method has no nodes, see `springgym.integrators`, or if the scene has surfaces and its
+            If the method has no nodes, see `springgym.integrators`; or if the scene has surfaces, and its
             bodies are rigid, or are several that do not collide.
         """
         if reason := contacts.refusal(self.scene, self._kind.rigid, self._terms):
@@ -951,9 +959,9 @@ class Simulator:
 
     @guarded
     def read(self, copies: ArrayLike | None = None) -> None:
-        """Write measures, positions and velocities of some copies (all) to their rows of `readout`.
+        """Write measures, positions and velocities of some copies (default: all) to their rows of `readout`.
 
-        Those of the others in the same blocks are written, too.
+        The rows of other copies in the same blocks are written, too.
 
         Raises
         ------
@@ -1035,7 +1043,7 @@ class Simulator:
 
     def __setattr__(self, name: str, value: object) -> None:
         if name in vars(self) and not name.startswith("_"):
-            raise AttributeError(f"{name} of a simulator is what it was made with; make another")
+            raise AttributeError(f"{name} of a simulator cannot change; make another simulator")
         super().__setattr__(name, value)
 
     @guarded
@@ -1087,7 +1095,7 @@ class Simulator:
             return 1 if unknown else stability.damping_every(self.scene, self.integrator, self.step)
         every = checks.whole("damping_every", every, 1, stability.LONGEST_CYCLE)
         if every > 1 and every % 2:
-            raise ValueError(f"damping_every is {every}; it must be 1 or even: a cycle has a middle")
+            raise ValueError(f"damping_every is {every}; it must be 1 or even, because a cycle has a middle")
         if every > 1 and (one or self._kind.rigid):
             raise ValueError(
                 f"damping_every is {every}; it must be 1: {one or 'rigid bodies have no dampers'}"
@@ -1120,7 +1128,7 @@ def _checked_names(varying: object) -> frozenset[str]:
     """Names out of `PARAMETERS`."""
     if isinstance(varying, str) or not isinstance(varying, (Set, Sequence, Mapping)):
         raise TypeError(
-            f"varying is {checks.shown(varying)}; it must be names out of {', '.join(PARAMETERS)}"
+            f"varying is {checks.shown(varying)}; it must hold names from {', '.join(PARAMETERS)}"
         )
     return frozenset(checks.chosen("a name in varying", name, PARAMETERS) for name in varying)
 
@@ -1139,19 +1147,19 @@ def _checked_dtype(dtype: Any) -> np.dtype:
 
 
 def copies_in(state: Mapping[str, Any], wanted: int) -> int:
-    """Of how many copies a state of `Simulator` is that is set into some: of as many as these, or of one.
+    """Return the number of copies in a state of `Simulator`: ``wanted``, or 1.
 
     Raises
     ------
     TypeError, ValueError
-        If it is of another number of copies, or does not say of how many.
+        If the state has another number of copies, or does not say how many it has.
     """
     of = checks.instance("state", state, Mapping).get("of")
     of = checks.instance("what the state says that it is of", of, Mapping)
     count = checks.whole("the number of copies that the state is of", of.get("copies"), 1)
     if count not in (1, wanted):
         raise ValueError(
-            f"the state is of {count} copies, and copies names {wanted}; it must be of as many, or of one"
+            f"the state holds {count} copies, but copies names {wanted}; it must hold {wanted} copies, or one"
         )
     return count
 
@@ -1164,7 +1172,7 @@ def _layout(array: np.ndarray, copies: int) -> tuple[tuple[int, ...], np.dtype[A
 
 
 def _lost(arrays: Iterable[np.ndarray], copies: int) -> np.ndarray:
-    """Tell which copies (copies,) have a number that is not finite, in arrays as of `Simulator._changing`."""
+    """Return which copies (copies,) have a number that is not finite, in arrays as `Simulator._changing`."""
     lost = np.zeros(copies, bool)
     for array in arrays:
         values = numbers(array) if array.dtype.names else array

@@ -1,4 +1,4 @@
-"""The largest stable step, and the step chosen when none is given."""
+"""The largest stable step, and the default step."""
 
 from __future__ import annotations
 
@@ -15,39 +15,40 @@ from springgym.integrators.record import Integrator
 from springgym.scene import Scene
 
 SAFETY = 0.7
-"""Automatic steps stay below this share of the stability limit: room for the frequencies that a body
-gains by being stretched or turned, and already finer than the gap to the rigid body."""
+"""Default steps are at most this share of the stability limit. Stretch and rotation may raise the frequencies
+of a body. The error of these steps is smaller than the difference between springs and a rigid body."""
 
 DECAY = 1.0
-"""Automatic steps of methods that split the dampers off stay below this share of 1/λ_max(M⁻¹C). Each damper
-decays exactly, but one after the other: up to there slow motion of a rope, the worst, loses too little by
-0.55 % (λ h)², and beyond it ever less than c says, 70 % less at λ h = 28."""
+"""Default steps of methods that split off the dampers are at most this share of 1/λ_max(M⁻¹C). Each damper
+decays exactly, but one after the other. Up to this limit, slow motion of a rope (the worst case) loses too
+little by 0.55 % (λ h)². Beyond it, the loss is ever smaller than c implies: by 70 % at λ h = 28."""
 
 FINE_TURN = 1 / 40
-"""The turn in a step [rad] up to which cycles of steps do no harm, see `cycles_harmless`: Verlet's own error
-is FINE_TURN²/24 a radian there."""
+"""Rotation in a step [rad] up to which cycles of steps are harmless, see `cycles_harmless`: Verlet's own
+error is FINE_TURN²/24 per radian there."""
 
 RINGING = 2.0
-"""How much longer than the slowest of a body's vibrations any may last where dampers act in cycles."""
+"""With cycles, no vibration of a body may last longer than its slowest one times this factor."""
 
 RIGID = 1e-9
-"""Share of the largest ω² up to which a motion is a rigid body's."""
+"""A mode with less than this share of the largest ω² counts as rigid motion."""
 
 VARIED = ("masses", "stiffness", "damping")
 """Parameters on which the length of a cycle depends."""
 
 SAMPLE = 17
-"""How many frequencies stand for all that a vibration may have."""
+"""Number of frequencies that represent the range of a vibration."""
 
 LONGEST_CYCLE = 10
-"""Most steps in a cycle."""
+"""Largest number of steps in a cycle."""
 
 SWEEP, TURN = 0.8, 0.45
-"""What a sweep of the dampers and a push of the wrench cost, as shares of all else in a step of a top."""
+"""Costs of a sweep of the dampers and of a push of the wrench, as shares of the rest of a step of a top."""
 
 
 def highest_frequency(scene: Scene) -> float:
-    """ω_max = √λ_max(M⁻¹K) [rad/s] of the springs about the unstretched shape, pins held; of all bodies."""
+    """Return ω_max = √λ_max(M⁻¹K) [rad/s] of the springs of all bodies, about the unstretched shape with
+    pins."""
     return max(map(_frequency, _different(scene)))
 
 
@@ -62,7 +63,7 @@ def _frequency(part: Scene) -> float:
 
 
 def highest_decay_rate(scene: Scene) -> float:
-    """λ_max(M⁻¹C) [1/s] of the dampers about the unstretched shape, pins held; of all bodies."""
+    """Return λ_max(M⁻¹C) [1/s] of the dampers of all bodies, about the unstretched shape with pins."""
     return max(map(_decay_rate, _different(scene)))
 
 
@@ -83,7 +84,7 @@ def _weighted(part: Scene, constants: np.ndarray) -> np.ndarray:
 
 
 def largest_step(scene: Scene, integrator: Integrator) -> float:
-    """The stability limit of an integrator in a scene [s]: ω_max h and the decay rate × h at their limits."""
+    """Return the stability limit of an integrator in a scene [s], from ω_max and the decay rate."""
     limits = [math.inf]
     if (frequency := highest_frequency(scene)) > 0:
         limits.append(integrator.imaginary_limit / frequency)
@@ -93,9 +94,9 @@ def largest_step(scene: Scene, integrator: Integrator) -> float:
 
 
 def automatic_step(scene: Scene, integrator: Integrator, period: float | None = None) -> float:
-    """The step used when none is given [s], a whole part of ``period``.
+    """Return the default step [s], of which ``period`` is a whole number.
 
-    It is `SAFETY` × the stability limit or, where dampers are split off and strong, `DECAY` / their rate.
+    It is at most `SAFETY` × the stability limit and, if dampers are split off, at most `DECAY` / their rate.
     """
     step = SAFETY * largest_step(scene, integrator)
     if integrator.splits_dampers and (rate := highest_decay_rate(scene)) > 0:
@@ -106,18 +107,18 @@ def automatic_step(scene: Scene, integrator: Integrator, period: float | None = 
 
 
 class Vibrations(NamedTuple):
-    """The vibrations of a scene's bodies about their unstretched shapes, pins held."""
+    """The vibrations of a scene's bodies about their unstretched shapes, with pins."""
 
     frequency: np.ndarray
     """ω [rad/s] without dampers"""
     rate: np.ndarray
-    """γ [1/s] at which each decays, were it alone"""
+    """γ [1/s] at which each vibration would decay alone"""
     slowness: float
     """the largest c/k of a spring [s]"""
 
 
 def vibrations(scene: Scene) -> Vibrations:
-    """Find the vibrations of all bodies. How dampers couple them is left out."""
+    """Return the vibrations of all bodies. The coupling by dampers is neglected."""
     frequencies, rates, slowness = [], [], 0.0
     for part in _different(scene):
         squares, modes = np.linalg.eigh(_weighted(part, part.body.stiffness))
@@ -132,7 +133,7 @@ def vibrations(scene: Scene) -> Vibrations:
 
 
 def varied(of: Vibrations, factors: Mapping[str, Sequence[float]]) -> Vibrations:
-    """Those of bodies whose `VARIED` are multiplied by factors (low, high), a sample of them all."""
+    """Return a sample of the vibrations of bodies whose `VARIED` are multiplied by factors (low, high)."""
     masses, stiffness, damping = (np.array(factors.get(name, (1.0, 1.0))) for name in VARIED)
     slowest, fastest = np.sqrt(stiffness / masses[::-1])
     faster = np.unique(np.geomspace(slowest, fastest, SAMPLE))
@@ -146,7 +147,7 @@ def varied(of: Vibrations, factors: Mapping[str, Sequence[float]]) -> Vibrations
 
 
 def damps_each_step(scene: Scene, integrator: Integrator) -> str:
-    """Why dampers and wrench act at every step of a scene; empty if they need not."""
+    """Return the reason why dampers and wrench must act in every step of a scene; empty if there is none."""
     if not integrator.cycles:
         return f"{integrator.name} knows no cycles"
     if scene.surfaces or scene.meetings:
@@ -161,17 +162,18 @@ def damps_each_step(scene: Scene, integrator: Integrator) -> str:
 
 
 def cycles_harmless(of: Vibrations, step: float, every: int) -> bool:
-    """Tell whether dampers may act once in ``every`` steps of ``step`` seconds.
+    """Return whether dampers can act once in ``every`` steps of ``step`` seconds without harm.
 
-    Dampers act on how fast stretch changes. In a body that turns at Ω it changes at rates of Ω, and dampers
-    change it by a share of (c/k) Ω at the most, as C ≤ max(c/k) K. In cycles of n steps, two and two, they do
-    so with an error of (n Ω h)²/3 of that. Verlet's own is (Ω h)²/24 of the body's size, and the larger one
-    as long as 8 n² (c/k) Ω × strain ≤ 1: here for a turn of `FINE_TURN` a step, and strains of up to 1/8.
+    Dampers respond to the rate of stretch. In a body that turns at Ω, the stretch changes at rates of Ω, and
+    dampers change it by a share of at most (c/k) Ω, because C ≤ max(c/k) K. In pairs of cycles of n steps
+    they do so with a relative error of (n Ω h)²/3. Verlet's own error is (Ω h)²/24 of the body's size. It is
+    the larger one if 8 n² (c/k) Ω × strain ≤ 1. This is required for a rotation of `FINE_TURN` per step and
+    strains of 1/8.
 
-    That bounds the error of bodies that turn, not of those that ring. A vibration of ω is turned by
-    2 arcsin(ω h/2) a step and squeezed where dampers act, see `springgym.forces.cycle`; two cycles are a
-    matrix, and what they leave of the vibration is its spectral radius. None may last longer than `RINGING`
-    times as long as the slowest does where dampers act at every moment.
+    That bounds the error of rotation, but not of vibrations. In its phase plane, a vibration of ω turns by
+    2 arcsin(ω h/2) per step, and shrinks where dampers act, see `springgym.forces.cycle`. Two cycles are a
+    matrix, whose spectral radius is the share of the vibration that remains. No vibration may last longer
+    than `RINGING` times as long as the slowest does if dampers act in every step.
     """
     if every**2 * of.slowness * FINE_TURN > step:
         return False
@@ -192,7 +194,7 @@ def _turned(angle: np.ndarray) -> np.ndarray:
 
 
 def damping_every(scene: Scene, integrator: Integrator, step: float) -> int:
-    """Most steps after which dampers may act at once, see `cycles_harmless`: 1, or an even number."""
+    """Return the largest number of steps in a harmless cycle, see `cycles_harmless`: 1, or an even number."""
     if damps_each_step(scene, integrator):
         return 1
     of = vibrations(scene)
@@ -200,10 +202,12 @@ def damping_every(scene: Scene, integrator: Integrator, step: float) -> int:
 
 
 def cycles_in(of: Vibrations, period: float, steps: int, exactly: bool) -> tuple[int, int]:
-    """Return the steps of a period [s] of whole cycles that costs the least, and the steps of these.
+    """Return the number of steps in the cheapest period [s] of whole cycles, and the number of steps in a
+    cycle.
 
-    Those of the period are at least ``steps``, or ``exactly`` as many. In periods of an odd number of cycles,
-    copies that began in different ones disagree on the direction of a sweep, and a block of them needs two.
+    The period has at least ``steps`` steps, or ``exactly`` as many. If it had an odd number of cycles, copies
+    that began in different periods would sweep in different directions, and their block would need two
+    sweeps.
     """
     cost = {(steps, 1): steps * (1 + SWEEP + TURN)}
     for every in range(2, LONGEST_CYCLE + 1, 2):
@@ -220,12 +224,12 @@ def cycles_in(of: Vibrations, period: float, steps: int, exactly: bool) -> tuple
 
 
 def steps_in(period: float, step: float) -> int:
-    """Return how many steps make a period.
+    """Return the number of steps in a period.
 
     Raises
     ------
     ValueError
-        If they are not a whole number.
+        If the number is not whole.
     """
     steps = round(period / step)
     if steps < 1 or abs(steps * step - period) > 1e-9 * period:

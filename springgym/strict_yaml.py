@@ -107,7 +107,9 @@ def parse_yaml(text: str, source: str) -> Tree:
                 raise
             except Exception as error:  # such as the 99th of a month, or a !!bool that is none
                 kind = node.tag.rpartition(":")[2]
-                raise YamlError(f"{here}: {shown(node.value)} is no {kind}: {shown(str(error))}") from error
+                raise YamlError(
+                    f"{here}: {shown(node.value)} is not a valid {kind}: {shown(str(error))}"
+                ) from error
         entries: dict[str, object] = {}
         for key_node, value_node in node.value:
             here, key = _line(source, key_node), key_node.value
@@ -135,7 +137,7 @@ def parse_yaml(text: str, source: str) -> Tree:
             problem = " ".join(str(getattr(error, "problem", None) or error).split())
         raise YamlError(f"{source}:{line}: not valid YAML: {problem}") from error
     except RecursionError:
-        raise YamlError(f"{source}: nested too deeply, or an alias that refers to itself") from None
+        raise YamlError(f"{source}: the file is nested too deeply, or an alias refers to itself") from None
 
 
 def changed(tree: Tree, changes: Mapping[tuple[str, ...], object], source: str = "a change") -> Tree:
@@ -151,7 +153,9 @@ def changed(tree: Tree, changes: Mapping[tuple[str, ...], object], source: str =
         inside, new = value, copy.deepcopy(given)
         paths = list(_paths(new, tuple(path)))
         if not path or not all(isinstance(key, str) for each in paths for key in each):
-            raise YamlError(f"{source}: {shown(path)}: a path is one key or more, and every key a text")
+            raise YamlError(
+                f"{source}: {shown(path)}: a path must have at least one key, and every key must be a string"
+            )
         for n, key in enumerate(path):
             last = n == len(path) - 1
             if isinstance(inside, list) and key.isdecimal() and int(key) < len(inside):
@@ -292,7 +296,7 @@ def _number(tree: Tree, path: tuple[str, ...], value: float) -> float:
     if -HUGE <= value <= HUGE:
         return float(value)
     place = f"{tree.where[path]}: {'.'.join(path)}"
-    raise YamlError(f"{place}: expected a number of size {HUGE:g} at most, got {shown(value)}")
+    raise YamlError(f"{place}: expected a number of size at most {HUGE:g}, got {shown(value)}")
 
 
 def _key(kind: object, key: str, tree: Tree, path: tuple[str, ...]) -> str | int:

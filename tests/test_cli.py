@@ -100,7 +100,7 @@ def test_interrupts_and_closed_pipes_have_their_status(capsys):
     ("arguments", "says"),
     [
         (["bench", "--rounds", "0"], "--rounds 0: it must be at least 1"),
-        (["accuracy", "--out", "OUT"], "accuracy.json: no report to add to: Expecting value"),
+        (["accuracy", "--out", "OUT"], "accuracy.json: cannot add to this report: Expecting value"),
     ],
 )
 def test_what_would_be_lost_after_minutes_is_told_at_once(arguments, says, tmp_path, capsys):

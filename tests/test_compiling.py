@@ -397,10 +397,10 @@ def test_kernels_neither_count_references_nor_allocate(
 
 def test_inner_functions_refuse_python() -> None:
     """They have no code for a call from Python, before and after a kernel has compiled them."""
-    with pytest.raises(TypeError, match="dot is compiled for kernels only"):
+    with pytest.raises(TypeError, match="dot is compiled for use in kernels only"):
         dot((1.0, 2.0, 3.0), (1.0, 2.0, 3.0))
     Simulator(Scene(cube(), pinned=(0,), wrench=WrenchActuator())).advance()
-    with pytest.raises(TypeError, match="dot is compiled for kernels only"):
+    with pytest.raises(TypeError, match="dot is compiled for use in kernels only"):
         dot((1.0, 2.0, 3.0), (1.0, 2.0, 3.0))
 
 

@@ -64,7 +64,7 @@ def test_every_scene_is_a_top_or_is_refused_for_what_it_is(name):
         assert np.isfinite(_asked(load(name))).all()
     except ValueError as error:
         why = str(error)
-    assert re.search(r"^$|is no heavy top: |no steady precession|is of \d+ bodies; the model is", why)
+    assert re.search(r"^$|is not a heavy top: |no steady precession|is of \d+ bodies; the model is", why)
 
 
 def test_what_is_no_top_is_refused(capsys):

@@ -90,7 +90,7 @@ def test_a_level_is_of_processors_that_have_it(monkeypatch: pytest.MonkeyPatch) 
     for level, names in LEVELS.items():
         assert compiling._level(level, everything) == level
         for name in names:
-            with pytest.warns(RuntimeWarning, match=rf"this processor has no {name}: code is made for"):
+            with pytest.warns(RuntimeWarning, match=rf"this processor has no {name}: code is compiled for"):
                 assert compiling._level(level, {**everything, name: False}) is None
     assert compiling._level("x86-64-v3", dict.fromkeys(LEVELS["x86-64-v3"], True)) == "x86-64-v3"
     for wrong in ("x86-64-v2", "v3", "X86-64-V3", " "):

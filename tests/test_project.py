@@ -28,6 +28,9 @@ def project() -> dict[str, Any]:
     return found
 
 
+COLAB = "docs/notebooks/first.ipynb"
+
+
 def text(path: str) -> str:
     return (ROOT / path).read_text(encoding="utf-8")
 
@@ -49,9 +52,9 @@ def test_version_authors_and_address_are_set_once() -> None:
 @pytest.fixture
 def to_release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A tree that can be released as v1.2.3, but for what a test does to it."""
-    pages = ("CHANGELOG.md", "CITATION.cff", "docs/citing.md", "docs/index.md")
+    pages = ("CHANGELOG.md", "CITATION.cff", "docs/citing.md", "docs/index.md", COLAB)
     for path in ("pyproject.toml", "springgym/__init__.py", *pages):
-        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text(path).replace(release.PLACEHOLDER, "mcd"), encoding="utf-8")
     (tmp_path / "springgym" / "__init__.py").write_text('__version__ = "1.2.3"\n')
     log = "## 1.2.3 (2031-02-03)\n\n### Added\n- A [top](docs/top.md).\n\n## 1.2.2 (2030-01-01)\n\n- Old.\n"
@@ -77,20 +80,27 @@ def test_what_can_be_released(to_release: Path, capsys: pytest.CaptureFixture[st
 @pytest.mark.parametrize(
     ("path", "old", "new", "says"),
     [
-        ("pyproject.toml", "/mcd/", f"/{release.PLACEHOLDER}/", "still hold OWNER"),
+        ("pyproject.toml", "/mcd/", f"/{release.PLACEHOLDER}/", "still contain OWNER"),
         (
             "springgym/__init__.py",
             "1.2.3",
             "1.2.4",
             "v1.2.3, but springgym/__init__.py has version 1.2.4",
         ),
-        ("CHANGELOG.md", "2031-02-03", "not released yet", "no heading '## 1.2.3 (YYYY-MM-DD)'"),
-        ("CHANGELOG.md", "## 1.2.3", "## Unreleased", "no heading '## 1.2.3 (YYYY-MM-DD)'"),
-        ("CHANGELOG.md", "### Added\n- A [top](docs/top.md).\n", "", "CHANGELOG.md says nothing of 1.2.3"),
-        ("CITATION.cff", "1.2.3", "1.2.2", "CITATION.cff repeats something else"),
-        ("docs/citing.md", "/mcd/", "/other/", "docs/citing.md repeats something else"),
-        ("docs/index.md", "/mcd/", "/other/", "docs/index.md repeats something else"),
-        ("pyproject.toml", "The springgym authors", "J. McDonald", "CITATION.cff repeats something else"),
+        (
+            "CHANGELOG.md",
+            "2031-02-03",
+            "not released yet",
+            "has no heading '## 1.2.3 (YYYY-MM-DD)'",
+        ),
+        ("CHANGELOG.md", "## 1.2.3", "## Unreleased", "has no heading '## 1.2.3 (YYYY-MM-DD)'"),
+        ("CHANGELOG.md", "### Added\n- A [top](docs/top.md).\n", "", "CHANGELOG.md has no entries for 1.2.3"),
+        ("CITATION.cff", "1.2.3", "1.2.2", "CITATION.cff has another version, date"),
+        ("docs/citing.md", "/mcd/", "/other/", "docs/citing.md has another version, date"),
+        ("docs/index.md", "/mcd/", "/other/", "docs/index.md has another version, date"),
+        (COLAB, "git+https://github.com/mcd/", "git+https://github.com/x/", f"{COLAB} has another"),
+        (COLAB, "github/mcd/springgym/blob", "github/x/springgym/blob", f"{COLAB} has another"),
+        ("pyproject.toml", "The springgym authors", "J. McDonald", "CITATION.cff has another version, date"),
     ],
 )
 def test_what_cannot_be_released(

@@ -1,7 +1,7 @@
-"""Error against cost: the command ``springgym accuracy``, and the hard cases.
+"""Measurements of error and cost: the command ``springgym accuracy``, and the hard cases.
 
 =================  ====================================================================
-`problems`         scenes, and what rigid theory says of them
+`problems`         scenes, with the results of rigid theory
 `work_precision`   every method on every problem, over a ladder of steps
 `studies`          spin-down, rigid gap, crossover stiffness, rigid twin
 `peers`            MuJoCo and SciPy on the same scenes
@@ -37,10 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "problems",
         nargs="*",
         metavar="PROBLEM",
-        help=f"any of {', '.join([*PROBLEMS, *STUDIES])}; all if none is given",
+        help=f"any of {', '.join([*PROBLEMS, *STUDIES])}; default: all",
     )
-    parser.add_argument("--quick", action="store_true", help="fewer steps, and 5 timed runs in place of 20")
-    parser.add_argument("--no-peers", action="store_true", help="leave MuJoCo and SciPy out")
+    parser.add_argument("--quick", action="store_true", help="fewer steps, and 5 timed runs instead of 20")
+    parser.add_argument("--no-peers", action="store_true", help="do not measure MuJoCo and SciPy")
     parser.add_argument(
         "--out",
         type=Path,
@@ -86,9 +86,9 @@ def _report_so_far(path: Path) -> dict[str, Any]:
     try:
         report = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
-        raise ValueError(f"{path}: no report to add to: {error}") from error
+        raise ValueError(f"{path}: cannot add to this report: {error}") from error
     if not isinstance(report, dict):
-        raise ValueError(f"{path}: no report to add to: it must hold an object")
+        raise ValueError(f"{path}: cannot add to this report: it must hold an object")
     return report
 
 
@@ -121,7 +121,7 @@ def processor() -> str:
 
 
 def summary(name: str, result: dict[str, Any]) -> list[str]:
-    """Return what to print of a result."""
+    """Return the lines that report a result."""
     lines = [f"{name}: {result['kind']}"]
     if "agreement" in result:
         lines.append(f"  reference: {result['reference']}, which agree to {result['agreement']:.1e}")

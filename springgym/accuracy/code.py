@@ -94,7 +94,7 @@ def _told(node: object) -> Iterator[str]:
 
 
 def _is_text(node: object) -> bool:
-    """Tell whether a statement is a docstring, of a module, class, function or field."""
+    """Return whether a statement is a docstring, of a module, class, function or field."""
     return (
         isinstance(node, ast.Expr)
         and isinstance(node.value, ast.Constant)

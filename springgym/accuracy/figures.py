@@ -39,7 +39,7 @@ TITLES = {
     "crossover": "where implicit methods begin to pay",
     "rigid twin": "the top as one rigid body",
 }
-"""Of results that do not say what they are."""
+"""Titles of results that carry none of their own."""
 LEAST, MOST = 1e-14, 0.3
 """Errors beyond are drawn at these edges: of round-off, and where nothing is right any more."""
 SMALL = 8.5

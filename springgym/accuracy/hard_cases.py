@@ -1,7 +1,7 @@
-"""The cases where simulators break, each with a criterion, what was measured, and a verdict.
+"""Cases in which simulators break. Each has a criterion, a measured value and a verdict.
 
-``springgym hard-cases`` prints them; its exit status is 1 if any fails. Each case can also be run
-``broken``: with one thing wrong, named in its text, that the criterion must catch.
+``springgym hard-cases`` runs them, and its exit status is 1 if any fails. Each case has a broken twin with
+one deliberate mistake, which its text names and the criterion must detect.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from springgym.simulator import PrecisionWarning, SimulationDivergedError, Simul
 from springgym.surfaces import Bowl, Contact, Plane, floor, incline
 
 NONE = (0.0, 0.0, 0.0)
-"""No gravity, by the same compiled code as with it."""
+"""Zero gravity, which uses the same compiled code as gravity."""
 
 
 class Outcome(NamedTuple):
@@ -80,7 +80,7 @@ def forced(scene: Scene, step: float) -> Simulator:
 
 
 def terms(simulator: Simulator) -> Any:
-    """Return what its kernels are given: where twins are broken."""
+    """Return the arguments of a simulator's kernels, which the broken twins change."""
     return simulator._terms
 
 
@@ -112,7 +112,7 @@ def fitted_power(x: ArrayLike, y: ArrayLike) -> float:
 
 
 def refused(make: Callable[[], Any], *words: str) -> bool:
-    """Tell whether ``make`` raises a ValueError that names all the words."""
+    """Return whether ``make`` raises a ValueError that contains all the words."""
     try:
         make()
     except ValueError as error:
@@ -218,7 +218,7 @@ def energies(simulator: Simulator, samples: int, every: int = 1) -> np.ndarray:
 
 
 def explicit(rates: np.ndarray, time: float) -> Decay:
-    """Return what dampers would take as impulses: their rates (4,) times the time [s], without a bound."""
+    """Return the impulses of dampers that have no bound: their rates (4,) times the time [s]."""
     return Decay(*(time * rates))
 
 
@@ -515,7 +515,7 @@ def resting_cube(angle: float, friction: float, gravity: tuple[float, float, flo
 
 
 def drift(simulator: Simulator, seconds: float) -> float:
-    """Return how far the centre of mass goes [m]."""
+    """Return the distance that the centre of mass moves [m]."""
     before = simulator.measure().centre[0]
     simulator.advance(math.ceil(seconds / simulator.step))
     return float(np.linalg.norm(simulator.measure().centre[0] - before))
@@ -795,7 +795,7 @@ LEFT, RIGHT = slice(0, 8), slice(8, 16)
 
 EDGE_UP, EDGE_ASIDE = rotation((0, 0, 1), math.pi / 4), rotation((0, 1, 0), math.pi / 4)
 CORNER = rotation((0, 1, 0), math.atan(math.sqrt(0.5))) @ EDGE_UP
-"""Turns of a cube by which an upright edge, one along y, and a corner point to ±x."""
+"""Rotations of a cube after which an upright edge, an edge along y, or a corner points to ±x."""
 
 
 def two_cubes(copies: int) -> Simulator:
@@ -812,8 +812,8 @@ def momenta(simulator: Simulator) -> np.ndarray:
 
 
 def deepest(simulator: Simulator) -> float:
-    """Return how deep a corner or an edge of one of two cubes is in the other [m], in any copy: 0 if
-    apart."""
+    """Return the depth of a corner or an edge of one of two cubes in the other [m], in any copy: 0 if they
+    are apart."""
     x, body = simulator.positions, simulator.scene.bodies[0].body
     depth = 0.0
     for own, other in ((LEFT, RIGHT), (RIGHT, LEFT)):
@@ -845,7 +845,7 @@ def thrown(rows: list[tuple[np.ndarray, np.ndarray, tuple[float, float]]], speed
 
 
 def parted(simulator: Simulator, speed: float) -> Outcome:
-    """Return what becomes of cubes thrown at each other: they part, with all they brought."""
+    """Throw two cubes at each other, and check that they part with all their energy."""
     kept, energy = momenta(simulator), simulator.measure().energy
     depth = 0.0
     for _ in range(60):
@@ -1016,9 +1016,7 @@ def heap(broken: bool) -> Outcome:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``springgym hard-cases``."""
-    parser.add_argument(
-        "cases", nargs="*", type=int, metavar="N", help="numbers of cases; all if none is given"
-    )
+    parser.add_argument("cases", nargs="*", type=int, metavar="N", help="numbers of cases; default: all")
     parser.add_argument("--broken", action="store_true", help="run the broken twins: each must fail")
 
 

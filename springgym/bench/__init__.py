@@ -1,10 +1,10 @@
-"""``springgym bench``: how fast it is on this machine, beside what else is installed, and how exact.
+"""``springgym bench``: measure speed and error on this machine, and compare with other programs.
 
 ================  ====================================================================
-`sections`        what is measured: a function each, which gives rows
+`sections`        the measurements: functions that return rows
 `environments`    environment steps, also through Stable-Baselines3
 `errors`          the error of an environment step
-`problem`         the paper's top, and how far a program is from its exact motion
+`problem`         the paper's top, and the distance of a program from its exact motion
 `peers`           C++, MuJoCo, JAX and SciPy on the same top
 `timing`          cases, measured in turn
 `ratios`          the comparisons that matter
@@ -25,7 +25,7 @@ from springgym.accuracy import conditions
 from springgym.cli import whole_file
 
 NAMES = ("kernel", "environments", "errors", "features", "startup", "peers", "equal-error", "sizes")
-"""Of the sections; known without importing them."""
+"""Names of the sections, available without importing them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,9 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         choices=NAMES,
         metavar="SECTION",
-        help=f"measure only these, out of {', '.join(NAMES)}",
+        help=f"sections to measure (default: all), out of {', '.join(NAMES)}",
     )
-    parser.add_argument("--rounds", type=int, default=21, help="rounds that medians are taken over (21)")
+    parser.add_argument("--rounds", type=int, default=21, help="rounds for each median (default: 21)")
     parser.add_argument("--quick", action="store_true", help="3 rounds")
     parser.add_argument("--out", type=Path, help="write the results to this JSON file, see docs/speed.md")
     parser.add_argument("--figure", type=Path, help="draw peers and sizes to this file (needs matplotlib)")

@@ -34,7 +34,7 @@ def environments(rounds: int) -> list[Row]:
 
 
 def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
-    """Return what is measured of an environment; what must be closed goes on the stack."""
+    """Yield the measurements of an environment; the stack closes what has to be closed."""
     episodes = gym.make(env_id).unwrapped.episodes  # type: ignore[attr-defined]
     facts = {"substeps": episodes.steps}
 

@@ -123,7 +123,7 @@ def errors(rounds: int) -> list[Row]:
 
 
 def row_of(env_id: str, **options: Any) -> Row:
-    """Return what a table of errors says of an environment."""
+    """Return the row of an environment in a table of errors."""
     found = step_errors(env_id, rigid_references if "dynamics" in options else references, **options)
     low, middle, high = np.quantile(found.estimates / found.errors, (0.05, 0.5, 0.95)).tolist()
     facts = {

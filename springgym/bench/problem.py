@@ -66,8 +66,8 @@ def error(scene: Scene, dynamics: str = "springs", **options: Any) -> dict[str, 
 
 @cache
 def exact_positions(scene: Scene, seconds: float, dynamics: str = "springs") -> np.ndarray:
-    """Return where steps of about 0.03 ms have the particles then, (N, 3) [m]: sixth order, with dampers
-    fourth."""
+    """Return nearly exact positions of the particles, (N, 3) [m]: steps of about 0.03 ms by a method of sixth
+    order, or fourth order with dampers."""
     name = {"springs": "blanes_moan", "rigid": "kahan_li"}[dynamics]
     if dynamics == "springs" and scene.body.damping.any():
         name = "rk4"

@@ -91,7 +91,7 @@ def _equal_error(report: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _outside(report: Mapping[str, Any]) -> dict[str, float]:
-    """Return what SpringTop-v0 spends outside of its compiled control period."""
+    """Return the time that SpringTop-v0 spends outside of its compiled control period."""
     found = {}
     for copies, which in ((1, {"how": "single"}), (1024, {"how": "native", "copies": 1024, "threads": 1})):
         whole = speed(report, "environments", environment="SpringTop-v0", **which)

@@ -1,5 +1,5 @@
-"""What `springgym bench` measures, a function each that gives rows. A step is the integrator's unless it
-says otherwise."""
+"""The sections of `springgym bench`: functions that measure and return rows. A step is one of the
+integrator, unless a row says otherwise."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ def two_bodies(body: Body, way: tuple[float, float, float]) -> Feature:
 
 
 def all_features() -> dict[str, Feature]:
-    """Return what a scene may have, on the paper's top; where there are surfaces, loose. And bodies that
-    collide."""
+    """Return the optional features of a scene, each on the paper's top, loose where there are surfaces; and
+    bodies that collide."""
     plain, damped = paper_top(), paper_top(damping=100.0)
     crown, tip = (plain.body.particle(name) for name in ("crown", "tip"))
     body = plain.body
@@ -281,4 +281,4 @@ SECTIONS: dict[str, Callable[[int], list[Row]]] = {
     "equal-error": equal_error,
     "sizes": sizes,
 }
-"""What can be measured, by name."""
+"""The sections by name."""

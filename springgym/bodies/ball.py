@@ -9,10 +9,11 @@ from springgym.checks import TINY, number
 
 
 def ball(radius: float = 0.1, mass: float = 1.0) -> Body:
-    """Make a particle at the origin that meets others at a radius.
+    """Make a ball that is a single particle at the origin.
 
-    It does not turn: it is smooth, and friction between two balls does nothing. Without springs there is
-    nothing to derive a contact from, whose strength and reach are to be given.
+    It does not turn. It is smooth, and there is no friction between two such balls. The strength and reach of
+    a contact cannot be derived without springs, so you must give both. `rolling_ball` makes a ball that
+    rolls.
 
     Parameters
     ----------

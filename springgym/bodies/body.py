@@ -17,18 +17,18 @@ from springgym.checks import TINY, array, flag, indices, instance, number, shown
 from springgym.records import ReadOnly
 
 MOST_PARTICLES, MOST_SPRINGS = 1000, 20_000
-"""Larger bodies are refused: whether springs hold N particles in shape, and the largest stable step, are
-found from matrices of (3 N)² numbers, in a time that grows as N³ and at this limit is half a minute."""
+"""Limits on the size of a body. The check of its shape and the largest stable step need matrices of (3 N)²
+numbers, in a time that grows as N³. At this limit it is half a minute."""
 
 EXACT = 400
-"""Up to so many particles, ways to change shape are counted to the accuracy that doubles allow."""
+"""Up to this number of particles, ways to change shape are counted to the accuracy of doubles."""
 
 PHYSICAL = ("positions", "masses", "springs", "stiffness", "damping", "lengths")
 """Fields of a `Body` that decide how it moves."""
 
 
 class Parts(Mapping[str, tuple[int, ...]]):
-    """Name particles. Names cannot change; unlike a mapping proxy, they can be copied and pickled."""
+    """Names of particles. They cannot change; unlike a mapping proxy, they can be copied and pickled."""
 
     def __init__(self, named: Mapping[str, tuple[int, ...]]) -> None:
         self._named = dict(named)
@@ -48,14 +48,14 @@ class Parts(Mapping[str, tuple[int, ...]]):
 
 @dataclass(frozen=True, eq=False)
 class Body(ReadOnly):
-    """Describe a body: its particles and springs, checked once when it is made.
+    """A body: its particles and springs, checked once when it is made.
 
     Parameters
     ----------
     name
-        What it is.
+        Name of the body.
     positions : (N, 3)
-        The unstretched shape [m], of at most `MOST_PARTICLES`.
+        The unstretched shape [m], of at most `MOST_PARTICLES` particles.
     masses : (N,) or a number
         [kg], all positive.
     springs : (S, 2)
@@ -63,35 +63,36 @@ class Body(ReadOnly):
     stiffness, damping : (S,) or a number
         k [N/m], positive; c [kg/s], not negative.
     lengths : (S,) or a number, optional
-        Unstretched lengths [m]; those of ``positions`` if not given.
+        Unstretched lengths [m]. The default is the distances in ``positions``.
     markers : (3,)
-        Particles i, j, k: the body's third axis points from i to j, its first towards k as far as that
-        is perpendicular to it. The first three particles if not given. Unless the body is a single
-        particle, i and j lie at different places; with all on one line, the body is not `oriented`.
+        Particles i, j, k that define the body's triad. The third axis points from i to j. The first axis is
+        perpendicular to it and points to the side of k. The default is the first three particles. Unless
+        the body is a single particle, i and j must differ in position. If all three lie on one line, the
+        body is not `oriented`.
     parts
         Names of particles: ``{"tip": (13,), "ring": (0, …, 11)}``; kept read-only.
     triangles : (T, 3)
-        Its surface, for drawing and for collisions with other bodies; corners in the order that points the
-        normal outwards.
+        The surface, for drawing and for collisions with other bodies. The corners go anticlockwise as seen
+        from outside.
     floppy
-        Whether its springs may leave it free to change shape, as a rope is.
+        Whether the springs may leave the body free to change shape, as in a rope.
     solid
-        What it stands for, if it was made from a material (`springgym.bodies.solid`).
+        The solid that the body represents, if it was made from a material (`springgym.bodies.solid`).
     radius
-        Of balls around the particles and rods along the springs [m], by which a body without triangles
-        collides: of a single particle it makes a sphere, of a rope a round one.
+        Radius of balls around the particles and of rods along the springs [m]. A body without triangles
+        collides by these: a single particle becomes a sphere, and a rope becomes round.
     rounds
-        Round features, see `springgym.bodies.round`: a body that has some meets surfaces with these alone.
+        Round features, see `springgym.bodies.round`. A body that has some meets surfaces only with these.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        Naming the offender: a mass or stiffness that is not positive and finite, a spring of no length,
-        given twice or to a particle that does not exist, a part, marker or triangle of one, a radius beside
-        triangles or round features, round features that too few particles carry, a body that is in pieces or
-        not held in shape, or too large.
+        If a mass or stiffness is not positive and finite; a spring has no length, is given twice or ends at a
+        particle that does not exist; a part, marker or triangle has such a particle; there is a radius
+        besides triangles or round features; too few particles carry a round feature; or the body is in
+        pieces, does not hold its shape, or is too large. The message names the culprit.
     """
 
     name: str
@@ -149,7 +150,7 @@ class Body(ReadOnly):
         object.__setattr__(self, "radius", number(what + "radius", self.radius, low=0.0))
         if self.radius and len(self.triangles):
             raise ValueError(
-                f"{what}radius is {self.radius:g} m beside {len(self.triangles)} triangles; "
+                f"{what}radius is {self.radius:g} m, and there are {len(self.triangles)} triangles; "
                 "a body has one or the other"
             )
         self._check_rounds(what)
@@ -168,7 +169,8 @@ class Body(ReadOnly):
                 raise ValueError(f"{called}: {error}") from None
         if self.rounds and self.radius:
             raise ValueError(
-                f"{what}radius is {self.radius:g} m beside round features; a body has one or the other"
+                f"{what}radius is {self.radius:g} m, and there are round "
+                "features; a body has one or the other"
             )
 
     def _distances(self) -> np.ndarray:
@@ -201,15 +203,15 @@ class Body(ReadOnly):
         if not self.floppy and (free := self.floppy_modes()) > 0:
             raise ValueError(
                 f"body {self.name!r} can change shape in {free} ways without stretching a spring; "
-                "add springs, or say floppy=True if it is meant to"
+                "add springs, or set floppy=True if this is intended"
             )
 
     def floppy_modes(self, pinned: tuple[int, ...] = ()) -> int:
         """Return the ways to change shape that stretch no spring, with some particles held.
 
-        Of the 3 (N − pins) coordinates, those that neither a spring (the rank of the rigidity matrix) nor
-        a rigid motion past the pins accounts for. Directions that stretch springs by less than 1e-9 (in
-        bodies of more than `EXACT` particles 1e-6) of what others do count as stretching none.
+        This is the number of coordinates, 3 (N − pins), less the rank of the rigidity matrix and less the
+        rigid motions that the pins allow. A direction counts as stretching no spring if it stretches them by
+        less than 1e-9 (1e-6 in bodies of more than `EXACT` particles) of the largest stretch.
         """
         held = indices("pinned", pinned, len(self.masses))
         free = np.setdiff1d(np.arange(len(self.masses)), held)
@@ -246,7 +248,7 @@ class Body(ReadOnly):
     def with_(self, **changes: Any) -> Self:
         """Return a copy with some fields changed, and check it.
 
-        With other particles or springs it stands for no ``solid`` any more, unless that is given anew.
+        With other particles or springs, the copy has no ``solid``, unless you give one.
         """
         if not changes.keys().isdisjoint(PHYSICAL):
             changes = {"solid": None} | changes
@@ -274,9 +276,9 @@ class Body(ReadOnly):
 
     @cached_property
     def size(self) -> float:
-        """Return the largest distance of two particles, from rim to rim where they have a radius [m].
+        """Return the largest distance between two particles [m], with their radii.
 
-        It is the extent of a round feature where that is larger.
+        If the extent of a round feature is larger, return that.
         """
         farthest = max(float(np.linalg.norm(self.positions - one, axis=1).max()) for one in self.positions)
         return max([farthest + 2 * self.radius, *(2 * feature.extent for feature in self.rounds)])
@@ -285,7 +287,7 @@ class Body(ReadOnly):
     def swept(self) -> float:
         """Return the diameter of the ball that the body sweeps when it turns about its centre of mass [m].
 
-        Where a round feature is off that centre, it is an upper bound.
+        It is an upper bound if a round feature is not at that centre.
         """
         farthest = np.linalg.norm(self.positions - self.centre, axis=1).max() + self.radius
         of = [float(np.linalg.norm(feature.centre - self.centre)) + feature.extent for feature in self.rounds]
@@ -311,13 +313,14 @@ class Body(ReadOnly):
         return surface.thickness(self.positions, self.triangles)
 
     def inertia(self, about: ArrayLike | None = None) -> np.ndarray:
-        """Return the inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), about a point (the centre of mass)."""
+        """Return the inertia tensor Σ m (r² 1 − r rᵀ) [kg·m²], (3, 3), about a point (default: centre of
+        mass)."""
         return inertia(
             self.positions - (self.centre if about is None else array("about", about, (3,))), self.masses
         )
 
     def principal(self, about: ArrayLike | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Return principal moments [kg·m²], ascending, (3,), and axes, the columns of a rotation (3, 3)."""
+        """Return principal moments [kg·m²] (3,), ascending, and axes, the columns of a rotation (3, 3)."""
         moments, axes = np.linalg.eigh(self.inertia(about))
         if np.linalg.det(axes) < 0:
             axes[:, 2] *= -1
@@ -344,7 +347,7 @@ def inertia(positions: np.ndarray, masses: np.ndarray) -> np.ndarray:
 
 
 def rigidity_matrix(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
-    """How displacements stretch springs: unit vectors along them, (S, N, 3), − at one end, + at the other."""
+    """Return the stretch of springs by displacements: unit vectors (S, N, 3), − and + at the ends."""
     first, second = springs.T
     along = positions[second] - positions[first]
     along = along / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
@@ -355,7 +358,8 @@ def rigidity_matrix(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
 
 
 def rigid_motions(positions: np.ndarray, about: ArrayLike | None = None) -> np.ndarray:
-    """Return the displacements by unit translations and rotations about a point (the middle): (N, 3, 6)."""
+    """Return the displacements (N, 3, 6) by unit translations and rotations about a point (default: the
+    mean)."""
     r = positions - (positions.mean(axis=0) if about is None else np.asarray(about))
     motions = np.zeros((len(r), 3, 6))
     motions[:, :, :3] = np.eye(3)
@@ -370,7 +374,7 @@ def rigid_ways(positions: np.ndarray, particles: slice | np.ndarray = slice(None
 
 
 def assembled(blocks: np.ndarray, springs: np.ndarray, count: int) -> np.ndarray:
-    """The matrix (3N, 3N) of springs whose energies are (uᵢ − uⱼ)ᵀ blockₛ (uᵢ − uⱼ)/2, blocks (S, 3, 3)."""
+    """Return the matrix (3N, 3N) of springs with energies (uᵢ − uⱼ)ᵀ blockₛ (uᵢ − uⱼ)/2, blocks (S, 3, 3)."""
     first, second = springs.T
     matrix = np.zeros((count, count, 3, 3))
     np.add.at(matrix, (first, first), blocks)

@@ -48,7 +48,7 @@ def box(
     Raises
     ------
     ValueError
-        If there are not three positive sides, or neither one mass nor eight, or `Body` finds fault.
+        If there are not three positive sides, or neither one mass nor eight, or `Body` refuses the body.
     """
     half = array("sides", sides, (3,), low=TINY) / 2
     masses = array("mass", mass, (), (8,), low=TINY)
@@ -85,7 +85,7 @@ def cube(side: float = 1.0, mass: float = 1.0, stiffness: float = 1e5, damping: 
     Raises
     ------
     ValueError
-        If the side is not positive, or `Body` finds fault.
+        If the side is not positive, or `Body` refuses the body.
     """
     side, mass = number("side", side, low=TINY), number("mass", mass, low=TINY)
     return box((side, side, side), mass, stiffness, damping).with_(name="cube", markers=(0, 6, 1))

@@ -1,4 +1,4 @@
-"""How far particles are from where they should be, as a share of the size of their body (`Scene.sizes`).
+"""Distances of particles from where they should be, as a share of the size of their body (`Scene.sizes`).
 
 There are two kinds, and each figure says which it is. The largest distance of a particle bounds the error of
 all of them; the root mean square is smoother, for programs that are compared at equal error. Positions are

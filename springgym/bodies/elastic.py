@@ -1,4 +1,4 @@
-"""What a body of springs stands for: an elastic solid, or a cable; what it has of that, and what not."""
+"""The solid or cable that a body of springs represents, and what it does not represent."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from springgym.materials import Material
 from springgym.records import ReadOnly
 
 HIGHER = "higher frequencies and the contraction across a stretch"
-"""What bodies with calibrated springs do not have of a solid."""
+"""Properties of a solid that bodies with calibrated springs lack."""
 
 
 @dataclass(frozen=True, eq=False)
 class Elastic(ReadOnly):
-    """Describe the elastic solid that a body stands for.
+    """The elastic solid that a body represents.
 
-    The body has its mass, centre of mass and inertia tensor exactly. Its springs are calibrated to the
-    solid's lowest frequency and to its growth under spin, and its dampers to its loss factor.
+    The body has exactly the mass, centre of mass and inertia tensor of the solid. Its springs are calibrated
+    to the solid's lowest frequency and growth under spin, and its dampers to the loss factor.
     """
 
     material: Material
     shape: str
-    """what it is a solid of, in words"""
+    """description of the shape"""
     mass: float
     """[kg]"""
     centre: np.ndarray
@@ -44,7 +44,7 @@ class Elastic(ReadOnly):
     precession_ratio: float | None = None
     """of a top pinned at its tip, by how much stretch slows its precession over the same of the solid"""
     missed: str = HIGHER
-    """what the body does not have of the solid, in words"""
+    """description of the properties of the solid that the body lacks"""
 
     def __post_init__(self) -> None:
         for name in ("centre", "inertia", "axes", "stretch", "stretch_ratios"):
@@ -73,7 +73,7 @@ def _ratio(value: float) -> str:
 
 @dataclass(frozen=True)
 class Cable:
-    """Describe the round cable that a rope stands for."""
+    """The round cable that a rope represents."""
 
     material: Material
     diameter: float

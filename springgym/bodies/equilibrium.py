@@ -17,33 +17,33 @@ from springgym.checks import TINY, array, direction, indices, instance, number
 def relative_equilibrium(
     body: Body, omega: ArrayLike, pinned: tuple[int, ...] = (), gravity: ArrayLike | None = None
 ) -> np.ndarray:
-    """Return the shape (N, 3) in which the springs carry a rotation, and the weight.
+    """Return the shape (N, 3) in which the springs support a rotation and the weight.
 
-    Rotation stretches springs; a body released in its unstretched shape therefore breathes. Here every
-    particle satisfies
+    Rotation stretches springs, so a body that starts in its unstretched shape vibrates. In the shape returned
+    here, every particle satisfies
 
     spring forces + m g = m [ω × (ω × r) + α × r] (+ m g if nothing is pinned),
 
-    where α follows from Euler's equation I α + ω × I ω = torque of the weight about the pin: the shape
-    in which the body moves as a rigid one does. Rotation about a principal axis keeps it for good; in
-    other motions the stresses change with time, and what is left of the breathing is smaller by the
-    ratio of ω to the frequencies of the body. Found by Newton's method, without turning the body.
+    where α follows from Euler's equation I α + ω × I ω = torque of the weight about the pin. In this shape,
+    the body moves as a rigid body does. Rotation about a principal axis keeps the shape. In other motions the
+    stresses change with time, and the remaining vibration is smaller by the ratio of ω to the frequencies of
+    the body. The shape is found by Newton's method, without turning the body.
 
     Parameters
     ----------
     body
-        What rotates: about its first pinned particle or, unpinned, about its centre of mass.
+        The body. It rotates about its first pinned particle or, without pins, about its centre of mass.
     omega : (3,)
         Angular velocity ω [rad/s] in the axes of ``body.positions``.
     pinned
-        Particles that are held.
+        Pinned particles.
     gravity : (3,), optional
         g [m/s²] in the same axes. A floppy body must hang along it.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If there is no such shape: the springs are too weak, the body is floppy, or a pin is off the axis.
     """
@@ -98,7 +98,7 @@ POWERS = np.array([[8, 6, 4, 2, 0]])
 
 @dataclass(frozen=True)
 class StretchedShapes:
-    """Hold the `relative_equilibrium` shapes of a body for all spins up to ``fastest`` about one axis."""
+    """The `relative_equilibrium` shapes of a body for all spins up to ``fastest`` about one axis."""
 
     fastest: float
     """[rad/s]"""

@@ -26,18 +26,18 @@ def gyroscope(
     Parameters
     ----------
     ring
-        Particles in the ring, at least 3.
+        Number of particles in the ring, at least 3.
     radius, axle
         Radius of the ring, length of the axle [m].
     ring_mass, end_mass, centre_mass
-        Of the whole ring, of each end, of the centre [kg].
+        Masses of the whole ring, of each end of the axle, and of the centre [kg].
     stiffness, damping
         k [N/m], c [kg/s] of every spring.
 
     Raises
     ------
     ValueError
-        If the ring has fewer than three particles, or `Body` finds fault.
+        If the ring has fewer than three particles, or `Body` refuses the body.
     """
     ring = whole("ring", ring, 3, MOST_PARTICLES - 3)
     radius = number("radius", radius, low=TINY)

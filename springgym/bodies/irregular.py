@@ -1,4 +1,4 @@
-"""Bodies of any shape: from points, from a mesh, and put together from convex parts (section 5.1.2)."""
+"""Bodies of any shape: from points, from a mesh, and from convex parts (section 5.1.2)."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from springgym.checks import TINY, array, chosen, instance, number, shown
 from springgym.extras import missing
 
 MOST_VERTICES = 400
-"""Finer bodies are refused: their particles are so light that only tiny steps are stable, and looking for
-braces takes a time that grows as the third power of their number."""
+"""Most vertices of a body. More particles would be so light that only tiny steps are stable, and the search
+for braces takes a time that grows as the third power of their number."""
 
 MOST_POINTS = 10_000
-"""Larger clouds of points are refused: finding their hull takes minutes."""
+"""Most points of a hull: finding the hull of more takes minutes."""
 
 MANY_PAIRS = 10_000
-"""Pairs that are looked at in one go: 100 MB of numbers at `MOST_VERTICES`."""
+"""Pairs that are examined at once: 100 MB of numbers at `MOST_VERTICES`."""
 
 
 def from_points(
@@ -34,27 +34,27 @@ def from_points(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Make a body of the convex hull of points: corners, edges of the surface, and a centre joined to all.
+    """Make a body from the convex hull of points, with springs along its edges and to a centre.
 
-    The centre lies at the mean of the corners. Springs are added until the body is rigid, though the
-    hull with its centre always was in our trials.
+    The centre lies at the mean of the corners. If the body is not rigid, springs are added until it is.
 
     Parameters
     ----------
     points : (n, 3)
         At least four, not in a plane [m].
     mass
-        Of all corners together, shared equally; or of each point, none of which may then lie inside the
-        hull [kg]. Of one mass for all, points inside are left out.
+        Mass of all corners together, shared equally, or mass of each point [kg]. In the first case, points
+        inside the hull are left out. In the second case, there must be none.
     centre_mass
-        Of the centre [kg]; the mean of the corners' if not given.
+        Mass of the centre [kg]. The default is the mean of the corners' masses.
     stiffness, damping
         k [N/m], c [kg/s] of every spring.
 
     Raises
     ------
     ValueError
-        If the points have no volume or are not finite, the masses do not fit them, or `Body` finds fault.
+        If the points have no volume or are not finite, the masses do not fit them, or `Body` refuses the
+        body.
     """
     cloud = array("points", points, (None, 3), (0,))
     masses = array("mass", mass, (), (len(cloud),), low=TINY)
@@ -65,7 +65,7 @@ def from_points(
     if masses.ndim:
         if len(corners) < len(cloud):
             inside = int(np.setdiff1d(np.arange(len(cloud)), corners)[0])
-            raise ValueError(f"point {inside} at {cloud[inside]} lies inside the hull: it cannot have a mass")
+            raise ValueError(f"point {inside} at {cloud[inside]} lies inside the hull and cannot have a mass")
     else:
         masses = np.full(len(corners), masses / len(corners))
     return _around_centre(
@@ -90,10 +90,10 @@ def from_mesh(
     """Make a body of the vertices and edges of a mesh file (OBJ, STL, …), with springs through it.
 
     By volume, each tetrahedron between a triangle and the centre of the solid gives a quarter of its mass
-    to each corner, the centre being a particle joined to all vertices; so the centre of mass is that of
-    the solid. By area, each triangle gives a third to each corner, and there is no centre: every vertex is
-    joined to the one farthest from it. Springs are added until the body is rigid. Inertia is larger than
-    the solid's, since mass sits at the vertices.
+    to each corner. The centre is a particle with springs to all vertices, so the centre of mass is that of
+    the solid. By area, each triangle gives a third of its mass to each corner. There is no centre, and a
+    spring joins each vertex to the farthest one. In both cases, springs are added until the body is rigid.
+    The inertia is larger than the solid's, because the mass is at the vertices.
 
     Parameters
     ----------
@@ -115,9 +115,9 @@ def from_mesh(
     OSError
         If the file cannot be read.
     ValueError
-        If it is no mesh, too fine, not closed, some triangles are the other way round than others, it is
-        several solids or, by volume, so far from convex that a vertex would have no mass; or `Body` finds
-        fault.
+        If the file is not a mesh; the mesh is too fine, is not closed, has triangles of both orientations, or
+        consists of several solids; a vertex would have no mass by volume, because the mesh is far from
+        convex; or `Body` refuses the body.
     """
     mass = number("mass", mass, low=TINY)
     chosen("by", by, ("volume", "area"))
@@ -173,7 +173,8 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
         triangles = triangles[:, ::-1]
     if not surface.faces_out(vertices, triangles):
         raise ValueError(
-            f"{path} encloses no solid: parts of its surface cut or cover each other, or are inside out"
+            f"{path} does not enclose a solid: parts of its surface cut or "
+            "cover each other, or are inside out"
         )
     solids = [shell for shell in surface.shells(triangles) if surface.volume(vertices, shell) > 0]
     if len(solids) > 1:  # those inside out are cavities
@@ -185,22 +186,22 @@ def read_mesh(path: str | Path, scale: float) -> tuple[str, np.ndarray, np.ndarr
 
 
 def union(bodies: Sequence[Body], name: str = "union") -> Body:
-    """Join bodies that touch: particles at the same place become one, with the sum of the masses.
+    """Join bodies that touch. Particles at the same position become one, with the sum of the masses.
 
-    Where two bodies join the same two particles, their springs act side by side: stiffness and damping
-    add up. Springs are added until the whole is rigid, so bodies may meet in an edge or a corner.
+    If two bodies have a spring between the same two particles, stiffness and damping add up. Springs are
+    added until the whole is rigid, so bodies may touch in an edge or a corner only.
 
     Parameters
     ----------
     bodies
-        In a common system of coordinates. Each becomes a part, under its name.
+        The bodies, in common coordinates. Each becomes a part, under its name.
     name
-        Of the whole.
+        Name of the new body.
 
     Raises
     ------
     ValueError
-        If two bodies have the same name, or one touches no other, or `Body` finds fault.
+        If two bodies have the same name, a body touches no other, or `Body` refuses the whole.
     """
     if isinstance(bodies, (str, Body)) or not isinstance(bodies, Sequence) or not bodies:
         raise TypeError(f"bodies is {shown(bodies)}; it must be a list of bodies, at least one")
@@ -234,7 +235,7 @@ def union(bodies: Sequence[Body], name: str = "union") -> Body:
     positions, springs = every[kept], np.array(list(strength), int).reshape(-1, 2)
     if (apart := surface.pieces(len(positions), springs)).any():
         stray = next(name for name, place in parts.items() if int(np.argmax(apart)) in place)
-        raise ValueError(f"body {stray!r} does not touch body {names[0]!r}, nor what that touches")
+        raise ValueError(f"body {stray!r} does not touch body {names[0]!r}, directly or through others")
     added = braces(positions, springs)
     values = np.array(list(strength.values())).reshape(-1, 2)
     values = np.vstack([values, *[values.mean(axis=0)] * len(added)])
@@ -302,9 +303,9 @@ def _spanning(r: np.ndarray, order: np.ndarray, tiny: float) -> tuple[int, ...]:
 
 
 def braces(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
-    """Return pairs of particles (b, 2) that further springs must join so that the body holds its shape.
+    """Return pairs of particles (b, 2) between which springs must be added so that the body holds its shape.
 
-    One after the other, the pair whose distance the remaining changes of shape alter most.
+    Each is the pair whose distance changes most in the remaining changes of shape.
     """
     count = len(positions)
     if count < 2:
@@ -384,6 +385,6 @@ def _shell(
 
 
 def edges_of(triangles: np.ndarray) -> np.ndarray:
-    """Pairs (e, 2) that are edges of triangles, each once."""
+    """Return the edges (e, 2) of triangles, each once."""
     pairs = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     return np.unique(np.sort(pairs, axis=1), axis=0)

@@ -72,6 +72,6 @@ def _weights(cells: int) -> np.ndarray:
 
 
 def grid(sides: Iterable[float], counts: Iterable[int]) -> np.ndarray:
-    """Corners of the cells of a box about the origin, (prod(counts + 1), 3)."""
+    """Return the corners of the cells of a box about the origin, (prod(counts + 1), 3)."""
     ticks = [np.linspace(-side / 2, side / 2, n + 1) for side, n in zip(sides, counts, strict=True)]
     return np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 3)

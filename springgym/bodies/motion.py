@@ -1,4 +1,4 @@
-"""Bodies placed, and set in rigid motion: where scenes and episodes start."""
+"""Placing bodies and setting them in rigid motion, for the start of scenes and episodes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from springgym.checks import array, flag, indices, instance, number
 
 
 class InitialState(NamedTuple):
-    """Describe where a body starts, and how it moves."""
+    """The positions and velocities of a body at the start."""
 
     positions: np.ndarray
     """(N, 3) [m]"""
@@ -49,45 +49,45 @@ def start(
 ) -> InitialState:
     """Place a body and set it in rigid motion.
 
-    Its triad (`Body.markers`) is put to Rz(azimuth) Ry(tilt) Rz(roll), if a tilt is given, the body then
-    turned by ``turn``, and its angular velocity is
+    With a tilt, the triad of the body (`Body.markers`) becomes Rz(azimuth) Ry(tilt) Rz(roll). Then the body
+    is turned by ``turn``. Its angular velocity is
 
     ω = omega + spin e₃ + precession (ẑ − (ẑ·e₃) e₃),
 
-    so that ``spin`` is all of ω along its third axis (ω₃ of a top) and ``precession`` is dφ/dt.
+    so ``spin`` is the component of ω along the third axis (ω₃ of a top), and ``precession`` is dφ/dt.
 
     Parameters
     ----------
     body
-        What is placed.
+        The body to place.
     tilt, azimuth, roll
-        [rad]; the third axis is tilted from the upright towards ``azimuth``, counted from x. Without a
-        tilt, the body lies as it was made.
+        [rad]. The third axis is tilted from the vertical towards ``azimuth``, which counts from x. Without a
+        tilt, the body keeps its orientation.
     hanging
-        Whether it hangs from its first pin, the centre of mass straight below, turned as little as that
-        takes, instead of having a tilt.
+        Whether the body hangs from its first pin, instead of having a tilt. It is turned as little as
+        possible, so that its centre of mass lies straight below the pin.
     turn : (3,)
-        A further rotation, as a vector along its axis [rad], world axes.
+        A further rotation, as a vector along its axis [rad], in world axes.
     spin, precession
         [rad/s]
     omega : (3,)
-        A further angular velocity [rad/s], world axes.
+        A further angular velocity [rad/s], in world axes.
     position, velocity : (3,)
-        Of the first pinned particle or, without one, of the centre of mass [m], [m/s].
+        Position and velocity of the first pinned particle or, without one, of the centre of mass [m], [m/s].
     pinned
-        Particles that are held.
+        Pinned particles.
     gravity : (3,), optional
-        [m/s²], for the shape that carries the weight.
+        [m/s²], for the shape that supports the weight.
     stretched
-        Whether to start in the shape that motion and weight hold (`relative_equilibrium`), so that no
-        vibration is excited, rather than in the unstretched one.
+        Whether to start in the shape of a steady motion under the weight (`relative_equilibrium`), which
+        excites no vibration, instead of the unstretched shape.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        If a number is not finite, there is no such shape, or the pins do not allow the motion.
+        If a number is not finite, that shape does not exist, or the pins do not allow the motion.
     """
     instance("body", body, Body)
     tilt = None if tilt is None else number("tilt", tilt)
@@ -101,14 +101,16 @@ def start(
     if tilt is None and (azimuth or roll):
         raise ValueError(f"azimuth is {azimuth} and roll is {roll}; they must come with a tilt")
     if tilt is not None and hanging:
-        raise ValueError(f"tilt is {tilt}; a body that hangs has none")
+        raise ValueError(f"tilt is {tilt}; it must be left out for a body that hangs")
     own = axes(body.positions, body.markers)
     if hanging:
         if not pinned:
             raise ValueError(f"body {body.name!r} is not pinned: it cannot hang")
         arm = body.centre - body.positions[pinned[0]]
         if not np.linalg.norm(arm) > 1e-9 * np.ptp(body.positions, axis=0).max():
-            raise ValueError(f"body {body.name!r} is pinned at its centre of mass: it hangs in no one way")
+            raise ValueError(
+                f"body {body.name!r} is pinned at its centre of mass: it has no definite way to hang"
+            )
         place = aligning(arm, np.array([0.0, 0.0, -1.0]))
     elif tilt is not None:
         place = rotating((0, 0, azimuth)) @ rotating((0, tilt, 0)) @ rotating((0, 0, roll)) @ own.T
@@ -130,6 +132,8 @@ def start(
     velocities = cross(rate, arm) + velocity
     held = list(pinned)
     if np.abs(velocities[held]).max(initial=0.0) > 1e-9 * np.abs(velocities).max(initial=1.0):
-        raise ValueError(f"body {body.name!r} is pinned at {held} and cannot move so: the pins would move")
+        raise ValueError(
+            f"body {body.name!r} is pinned at {held} and cannot have this motion: the pins would move"
+        )
     velocities[held] = 0.0
     return InitialState(position + arm, velocities)

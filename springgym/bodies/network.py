@@ -103,7 +103,7 @@ def orbits(network: Network, symmetries: Sequence[np.ndarray]) -> np.ndarray:
 
 
 class Response(NamedTuple):
-    """What a network does: its free vibrations, and its growth under spin."""
+    """The response of a network: its free vibrations, and its growth under spin."""
 
     squares: np.ndarray
     """(3N − 6,) ω², ascending"""
@@ -216,7 +216,7 @@ def calibrated(
 
 
 def missed(frequency_ratio: float, stretch_ratios: np.ndarray) -> float:
-    """How far a network is from the solid: |ln| of the frequency, and the mean of those of the growths."""
+    """Return the error of a network: |ln| of its frequency ratio, plus the mean |ln| of the growths."""
     return float(abs(math.log(frequency_ratio)) + np.abs(np.log(stretch_ratios)).mean())
 
 

@@ -1,4 +1,5 @@
-"""How an elastic top turns: not quite as a rigid one; spin stretches it, and friction takes energy."""
+"""The precession of an elastic top. It differs from that of a rigid top: spin stretches the body, and
+friction takes energy."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ def heavy_top(body: Body, pinned: Sequence[int], gravity: Sequence[float]) -> He
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If it is not pinned at one particle, or not symmetric about its axis; or gravity is not vertical, or
         does not pull it over.
@@ -35,16 +36,16 @@ def heavy_top(body: Body, pinned: Sequence[int], gravity: Sequence[float]) -> He
     pins = indices("pinned", pinned, len(instance("body", body, Body).masses))
     pull = array("gravity", gravity, (3,))
     if len(pins) != 1 or pull[:2].any():
-        raise ValueError(f"body {body.name!r} is no heavy top: it needs one pin, and vertical gravity")
+        raise ValueError(f"body {body.name!r} is not a heavy top: it needs one pin, and vertical gravity")
     pin = body.positions[pins[0]]
     i1, i3 = axial_moments(body, pin, "heavy top")
     own = axes(body.positions, body.markers)
     arm = own.T @ (body.centre - pin)
     if np.abs(arm[:2]).max() > 1e-9 * abs(arm[2]):
-        raise ValueError(f"body {body.name!r} is no heavy top: it is not symmetric about its axis")
+        raise ValueError(f"body {body.name!r} is not a heavy top: it is not symmetric about its axis")
     moment = -body.mass * float(pull[2]) * float(arm[2])
     if not moment > 0:
-        raise ValueError(f"body {body.name!r} is no heavy top: gravity does not pull it over its pin")
+        raise ValueError(f"body {body.name!r} is not a heavy top: gravity does not pull it over its pin")
     return HeavyTop(i1, i3, moment)
 
 
@@ -59,12 +60,12 @@ def axial_moments(body: Body, about: np.ndarray, kind: str = "symmetric top") ->
         If the body is floppy, or its inertia not symmetric about that axis.
     """
     if body.floppy:
-        raise ValueError(f"body {body.name!r} is no {kind}: it is floppy")
+        raise ValueError(f"body {body.name!r} is not a {kind}: it is floppy")
     own = axes(body.positions, body.markers)
     tensor = own.T @ body.inertia(about) @ own
     i1, i3 = float(tensor[0, 0]), float(tensor[2, 2])
     if not np.abs(tensor - np.diag([i1, i1, i3])).max() <= 1e-9 * i1:
-        raise ValueError(f"body {body.name!r} is no {kind}: it is not symmetric about its axis")
+        raise ValueError(f"body {body.name!r} is not a {kind}: it is not symmetric about its axis")
     return i1, i3
 
 
@@ -90,7 +91,7 @@ def precession_gap(
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If it is no heavy top, stands upright, has no such precession, or no such shape.
     """
@@ -157,7 +158,7 @@ def wobble_growth(body: Body, spin: float) -> float:
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If it is not symmetric about its axis, or there is no steady shape at this spin.
     """

@@ -1,8 +1,8 @@
-"""Bodies that roll: a ball, an ellipsoid, a disk; six particles with the mass and inertia of a solid one.
+"""Bodies that roll: a ball, an ellipsoid, a disk. Each has six particles with the inertia of a solid.
 
-The particles lie at ± the columns of S = √(3 C) about the centre of mass, a sixth of the mass M at each:
-their second moments Σ m X Xᵀ = M C are those of a solid whose inertia is M (tr C 1 − C). Every two are
-joined. The body meets surfaces with one round feature, see `springgym.bodies.round`.
+The particles lie at ± the columns of S = √(3 C) about the centre of mass, and each has a sixth of the mass M.
+Their second moments Σ m X Xᵀ = M C are those of a solid whose inertia is M (tr C 1 − C). A spring joins every
+two. The body meets surfaces with one round feature, see `springgym.bodies.round`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def rolling_ball(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Make a ball that turns: six particles inside a sphere, by which it meets surfaces and rolls on them.
+    """Make a ball that rolls: six particles inside a sphere, with which it meets surfaces.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def rolling_ball(
     mass
         m [kg].
     moment
-        I/(m r²) about any axis: 2/5 of a solid ball, 2/3 of a hollow one; at most 2/3.
+        I/(m r²) about any axis: 2/5 for a solid ball, 2/3 for a hollow one, and at most 2/3.
     stiffness, damping
         k [N/m], c [kg/s] of every spring.
 
@@ -69,8 +69,8 @@ def ellipsoid(
     mass
         m [kg].
     inertia : (3,) or (3, 3), optional
-        Tensor about the centre of mass, or its diagonal [kg·m²]; that of a uniform solid,
-        m (b² + c²)/5 and so on, if none is given.
+        Inertia tensor about the centre of mass, or its diagonal [kg·m²]. The default is that of a uniform
+        solid, m (b² + c²)/5 and so on.
     centre_of_mass : (3,)
         [m]
     stiffness, damping
@@ -79,8 +79,8 @@ def ellipsoid(
     Raises
     ------
     ValueError
-        If a value is not positive, or the inertia is none that a body with some thickness can have: each
-        principal moment must be less than the sum of the others.
+        If a value is not positive, or no body with some thickness has this inertia: each principal moment
+        must be less than the sum of the others.
     """
     feature = ellipsoid_of(semi_axes)
     mass = number("mass", mass, low=TINY)
@@ -101,11 +101,11 @@ def disk(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Make a coin about the z axis: it meets surfaces with the rim of its middle plane.
+    """Make a coin about the z axis that meets surfaces with the rim of its middle plane.
 
     Its inertia is that of a cylinder. It touches a plane in one point at a time, see `springgym.bodies.rim`.
-    Where it strikes almost flat, that point runs from side to side within a step, and it may gain energy:
-    `Measures.balance` shows it.
+    If it strikes almost flat, that point runs from side to side within a step, and the coin can gain energy.
+    `Measures.balance` shows this.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ def disk(
     mass
         m [kg].
     thickness
-        t [m], from R/100 up, which its moments m (R²/4 + t²/12) and m R²/2 know of, and the springs that keep
-        it flat.
+        t [m], at least R/100. It enters the moments m (R²/4 + t²/12) and m R²/2, and the springs that keep
+        the coin flat.
     stiffness, damping
         k [N/m], c [kg/s] of every spring.
 
@@ -150,7 +150,7 @@ def _carrier(
         principal = ", ".join(f"{moment:g}" for moment in np.linalg.eigvalsh(inertia))
         raise ValueError(
             f"inertia has the principal moments {principal} kg·m²; each must be less than the sum of the "
-            "others, as of a body that is not flat"
+            "others, because the body is not flat"
         )
     arms = (axes * np.sqrt(3 * moments)) @ axes.T
     return Body(

@@ -17,27 +17,27 @@ def rope(
     damping: float = 100.0,
     radius: float = 0.0,
 ) -> Body:
-    """Make a chain of particles from the origin down, with a heavy last one. It is floppy on purpose.
+    """Make a rope: a chain of particles from the origin straight down, with a heavy one at the end.
 
-    Its third axis points up, from the weight to the top.
+    The body is floppy. Its third axis points up, from the weight to the top.
 
     Parameters
     ----------
     beads
-        Particles, with the top one (to be pinned) and the weight at the end; at least 2.
+        Number of particles, at least 2, including the top one (which you pin) and the weight at the end.
     length
-        Unstretched [m].
+        Unstretched length [m].
     bead_mass, end_mass
-        Of each bead, of the weight [kg].
+        Mass of each bead, and of the weight [kg].
     stiffness, damping
         k [N/m], c [kg/s] of each of the ``beads`` − 1 springs.
     radius
-        By which it meets other bodies and surfaces [m], see `Body`.
+        Radius of the rope for contact [m], see `Body`.
 
     Raises
     ------
     ValueError
-        If there are fewer than two beads, or `Body` finds fault.
+        If there are fewer than two beads, or `Body` refuses the body.
     """
     beads = whole("beads", beads, 2, MOST_PARTICLES)
     length, end_mass = number("length", length, low=TINY), number("end_mass", end_mass, low=TINY)

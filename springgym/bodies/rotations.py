@@ -16,13 +16,13 @@ def rotation(axis: ArrayLike, angle: float) -> np.ndarray:
 
 
 def turned(axis: np.ndarray, angle: float) -> np.ndarray:
-    """`rotation` about a unit vector, which is not checked."""
+    """Do the same as `rotation` for a unit vector, which is not checked."""
     u = skew(axis)
     return np.eye(3) + np.sin(angle) * u + (1 - np.cos(angle)) * u @ u
 
 
 def skew(u: np.ndarray) -> np.ndarray:
-    """The matrix (3, 3) of u × …"""
+    """Return the matrix (3, 3) of u × …"""
     return np.array([[0, -u[2], u[1]], [u[2], 0, -u[0]], [-u[1], u[0], 0]])
 
 
@@ -30,7 +30,7 @@ NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def cross(u: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """u × w of vectors (…, 3): of a few, in a third of the time that `numpy.cross` takes."""
+    """Return u × w of vectors (…, 3). For few of them this takes a third of the time of `numpy.cross`."""
     ahead = u.take(NEXT, axis=-1) * w.take(LAST, axis=-1)
     return ahead - u.take(LAST, axis=-1) * w.take(NEXT, axis=-1)
 
@@ -38,7 +38,8 @@ def cross(u: np.ndarray, w: np.ndarray) -> np.ndarray:
 def axes(positions: np.ndarray, markers: Sequence[int]) -> np.ndarray:
     """Return the triad of three particles (`Body.markers`) as the columns of a rotation (3, 3).
 
-    Where they lie on a line, the first axis is any one across it; in a point, they are the world's.
+    If the particles lie on a line, the first axis is any one across it. If they coincide, the axes are the
+    world's.
     """
     i, j, k = markers
     third = positions[j] - positions[i]
@@ -55,7 +56,7 @@ def axes(positions: np.ndarray, markers: Sequence[int]) -> np.ndarray:
 
 
 def rotating(vector: Sequence[float] | np.ndarray) -> np.ndarray:
-    """The rotation by a vector along its axis [rad]."""
+    """Return the rotation by a vector along its axis [rad]."""
     angle = float(np.linalg.norm(vector))
     return turned(np.asarray(vector) / angle, angle) if angle >= TINY else np.eye(3)
 

@@ -6,14 +6,14 @@ Its farthest point against a direction g, the support point, is
 
     ξ = ξc − A g/√(g · A g).
 
-Where a material point ξ of the body is, its particles say by weights that are constant,
+The particles determine the position of a material point ξ by constant weights,
 
     x(ξ) = Σ wᵢ(ξ) xᵢ,    wᵢ(ξ) = (mᵢ/M) (1 + (Xᵢ − X̄) · C⁻¹ (ξ − X̄)),    C = Σ mᵢ (Xᵢ − X̄)(Xᵢ − X̄)ᵀ/M,
 
-with the rest shape X, its centre of mass X̄ and the mass M: of all weights with Σ w = 1 and Σ w X = ξ those
-with the least Σ w²/m, so that an impulse at ξ, shared by them, moves the particles as those of a rigid body.
-They are affine in ξ: a direction n of space is g = Σ (n · xᵢ) ∇wᵢ in the rest shape, and the feature needs
-no orientation of its own.
+with the rest shape X, its centre of mass X̄ and the mass M. Of all weights with Σ w = 1 and Σ w X = ξ, these
+have the least Σ w²/m. So an impulse at ξ, distributed by the weights, moves the particles as it would move a
+rigid body. The weights are affine in ξ: a direction n of space is g = Σ (n · xᵢ) ∇wᵢ in the rest shape, and
+the feature needs no orientation of its own.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from springgym.checks import TINY, array, direction, indices, number, whole_arra
 from springgym.records import ReadOnly
 
 EDGE = 3e-3
-"""Least share of the largest semi-axis that the least may be. The lowest point of what is thinner jumps from
-side to side when it lies flat, which no step follows."""
+"""The smallest semi-axis is at least this share of the largest. The lowest point of a thinner feature jumps
+from side to side when it lies flat, and no step can follow that."""
 
 SMALLEST, LARGEST = 1e-14, 1e14
 """Bounds of a semi-axis [m], whose square is a number that is checked."""
@@ -39,24 +39,25 @@ FLAT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Round(ReadOnly):
-    """An ellipsoid that particles of a body carry, and by which the body meets surfaces.
+    """An ellipsoid that particles of a body carry, and with which the body meets surfaces.
 
     Parameters
     ----------
     matrix : (3, 3)
-        A [m²] in the rest shape, symmetric; its eigenvalues are the squares of the semi-axes, of which the
-        least is at least `EDGE` of the largest. See `sphere`, `ellipsoid_of`, `rim`.
+        A [m²] in the rest shape, symmetric. Its eigenvalues are the squares of the semi-axes. The smallest
+        semi-axis is at least `EDGE` times the largest. See `sphere`, `ellipsoid_of`, `rim`.
     centre : (3,)
         ξc [m] in the rest shape.
     particles
-        Those that carry it, at least four that do not lie in a plane; all of the body if none are given.
+        The particles that carry it: at least four, not in one plane. The default is all particles of the
+        body.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        If the matrix is not symmetric, has a negative eigenvalue, is zero, or makes something flatter.
+        If the matrix is not symmetric, has a negative eigenvalue, is zero, or belongs to a flatter ellipsoid.
     """
 
     matrix: np.ndarray
@@ -92,7 +93,7 @@ class Round(ReadOnly):
         return float(np.sqrt(np.linalg.eigvalsh(self.matrix)[-1]))
 
     def carriers(self, count: int, what: str = "particles of a round feature") -> np.ndarray:
-        """Numbers of the particles that carry it, of a body that has ``count``.
+        """Return the numbers of the particles that carry it, in a body of ``count`` particles.
 
         Raises
         ------
@@ -104,7 +105,7 @@ class Round(ReadOnly):
         return indices(what, self.particles, count, once=True)
 
     def support(self, toward: np.ndarray) -> np.ndarray:
-        """Return its farthest points (…, 3) [m] against directions (…, 3) of the rest shape."""
+        """Return its points (…, 3) [m] that lie farthest against directions (…, 3) of the rest shape."""
         pull = toward @ self.matrix
         size = np.sqrt(np.maximum((toward * pull).sum(axis=-1, keepdims=True), TINY))
         return np.asarray(self.centre - pull / size)
@@ -115,7 +116,7 @@ class Round(ReadOnly):
 
 
 def sphere(radius: float, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[int, ...] = ()) -> Round:
-    """Return the round feature that is a sphere.
+    """Return a sphere as a round feature.
 
     Raises
     ------
@@ -128,7 +129,7 @@ def sphere(radius: float, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[
 def ellipsoid_of(
     semi_axes: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0), particles: tuple[int, ...] = ()
 ) -> Round:
-    """Return the round feature that is an ellipsoid with semi-axes (3,) [m] along x, y and z.
+    """Return an ellipsoid with semi-axes (3,) [m] along x, y and z as a round feature.
 
     Raises
     ------
@@ -145,10 +146,10 @@ def rim(
     centre: ArrayLike = (0.0, 0.0, 0.0),
     particles: tuple[int, ...] = (),
 ) -> Round:
-    """Return the round feature that is a thin disk across an axis, with half of its thickness `EDGE` R.
+    """Return a thin disk across an axis as a round feature, with half of its thickness `EDGE` R.
 
-    It is an ellipsoid: one point at a time touches a surface, near the rim as long as the disk is tilted by
-    more than `EDGE`.
+    It is an ellipsoid, so one point at a time touches a surface. That point is near the rim while the disk is
+    tilted by more than `EDGE`.
 
     Raises
     ------
@@ -181,7 +182,7 @@ def weights(masses: np.ndarray, positions: np.ndarray, carriers: np.ndarray) -> 
 
 
 def points_of(masses: np.ndarray, positions: np.ndarray, feature: Round, points: np.ndarray) -> np.ndarray:
-    """Return weights (n, N) by which a body's particles say where ``points`` (n, 3) [m] of a feature are."""
+    """Return weights (n, N) of a body's particles for the positions of ``points`` (n, 3) [m] of a feature."""
     carriers = feature.carriers(len(masses))
     base, slope = weights(masses, positions, carriers)
     found = np.zeros((len(points), len(masses)))

@@ -1,14 +1,14 @@
 """Bodies from a shape and a material: masses from moments, springs from elasticity, dampers from loss.
 
-A body of ten to forty particles is no discretised solid but a reduced model with few numbers to spend.
-They are spent on what a moving body shows:
+A body of ten to forty particles is not a discretised solid. It is a reduced model with few parameters. They
+are chosen such that these properties agree with the solid:
 
 - **Masses.** Σ m (1, x, x xᵀ) = ∫ρ (1, x, x xᵀ): mass, centre and inertia tensor are the solid's.
 - **Springs.** The lowest frequency ω₁ of the free body, and the growth of its moments of inertia under
   spin about three axes, are the solid's (`springgym.theory.solid`): see `bodies.network.calibrated`.
 - **Dampers.** c = η k/ω₁, so that its lowest vibration has the damping ratio η/2.
 
-`Body.solid` holds the solid and what was reached; the body's repr says it.
+`Body.solid` holds the solid and how well the body agrees with it. The body's repr shows this.
 """
 
 from __future__ import annotations
@@ -64,10 +64,10 @@ FINE = 60
 """Solids of more triangles than this are solved with polynomials of a lower degree, 6: 2e-3 off at most."""
 
 REFLECTIONS = tuple(np.diag(signs) for signs in product((1.0, -1.0), repeat=3))
-"""What maps wood onto itself, its grain along z."""
+"""The symmetries of wood with its grain along z."""
 
 SWAPS = tuple(np.eye(3)[list(order)] @ signs for order in permutations(range(3)) for signs in REFLECTIONS)
-"""What maps a cube onto itself."""
+"""The symmetries of a cube."""
 
 Tensor = tuple[float, ...]
 """An elasticity tensor over the Young's modulus, flat, to 12 digits: a key to remember solutions by."""
@@ -97,27 +97,27 @@ def solid_top(
 ) -> Body:
     """Make a solid cone on its tip: a ring of particles at its edge, a tip, and a heart on the axis.
 
-    The heart lies at two thirds of the height and has 0.675 of the mass, the ring 0.3, the tip 0.025: no
-    other heights and masses have the cone's mass, centre and inertia. Springs join ring neighbours, and
+    The heart lies at two thirds of the height and has 0.675 of the mass. The ring has 0.3, and the tip 0.025.
+    Only these values give the cone's mass, centre and inertia. Springs join ring neighbours, and join
     heart and tip to the ring and to each other. Wood has its grain along the axis.
 
     Parameters
     ----------
     radius, height
-        Of the cone [m].
+        Radius and height of the cone [m].
     material
         A `springgym.materials.Material`, or the name of one in `springgym.materials.MATERIALS`.
     ring
-        Particles in the ring, at least 4.
+        Number of particles in the ring, at least 4.
     softened
-        How many times softer than the material it is made, see `Material.softened`.
+        Factor by which the body is softer than the material, see `Material.softened`.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        Naming a number out of bounds (a height is from 1/100 to 100 radii), or if the material is unknown.
+        If a number is out of bounds (a height is from 1/100 to 100 radii), or the material is unknown.
     """
     ring = whole("ring", ring, 4, MOST_RING)
     radius, height = number("radius", radius, low=TINY), number("height", height, low=TINY)
@@ -177,13 +177,13 @@ def solid_box(
 ) -> Body:
     """Make a solid box about the origin.
 
-    With ``cells`` = 1 it is divided into about cubic cells, one along its shortest side, with particles at
+    With ``cells`` = 1, the box has nearly cubic cells, one along its shortest side, with particles at
     their corners and centres. Springs join neighbours and are calibrated. A cube has 9 particles and 32
     springs. Wood has its grain along z.
 
-    With more cells along its shortest side it is a lattice of edges and face diagonals, whose stiffnesses
-    follow from the Young's modulus alone. It converges to the solid as cells are added, of a material
-    without grain and of a Poisson's ratio of ¼, which is what springs between neighbours give.
+    With more cells along its shortest side, the box is a lattice of springs along edges and face diagonals.
+    Their stiffnesses follow from the Young's modulus alone. With more cells, the lattice converges to a solid
+    without grain whose Poisson's ratio is ¼, as springs between neighbours imply.
 
     Parameters
     ----------
@@ -192,17 +192,17 @@ def solid_box(
     material
         A `springgym.materials.Material`, or the name of one in `springgym.materials.MATERIALS`.
     cells
-        Along the shortest side.
+        Number of cells along the shortest side.
     softened
-        How many times softer than the material it is made, see `Material.softened`.
+        Factor by which the body is softer than the material, see `Material.softened`.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        Naming a number out of bounds; or if the material is unknown or, of a lattice, a wood; cells are too
-        far from cubes; or the body would have more than 400 particles.
+        If a number is out of bounds, the material is unknown, a lattice is of wood, cells are too far from
+        cubes, or the body would have more than 400 particles.
     """
     lengths = array("sides", sides, (3,), low=TINY)
     cells = whole("cells", cells, 1, MOST_VERTICES)
@@ -267,10 +267,10 @@ def _unit_lattice(sides: tuple[float, ...], counts: tuple[int, ...]) -> Unit:
 
 
 def solid_hull(points: Sequence[Sequence[float]], material: Material | str, softened: float = 1.0) -> Body:
-    """Make the solid convex hull of points: its corners, and its centre of mass joined to them all.
+    """Make the solid convex hull of points, with particles at its corners and at its centre of mass.
 
-    If no positive masses at these particles have the solid's moments, or no springs between them its lowest
-    frequency, the middles of its edges become particles, too. Wood has its grain along z.
+    If no positive masses of these particles give the solid's moments, or no springs between them give its
+    lowest frequency, there are further particles in the middles of the edges. Wood has its grain along z.
 
     Parameters
     ----------
@@ -279,12 +279,12 @@ def solid_hull(points: Sequence[Sequence[float]], material: Material | str, soft
     material
         A `springgym.materials.Material`, or the name of one in `springgym.materials.MATERIALS`.
     softened
-        How many times softer than the material it is made, see `Material.softened`.
+        Factor by which the body is softer than the material, see `Material.softened`.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If the points have no volume or are not finite, or the material is unknown.
     """
@@ -295,10 +295,10 @@ def solid_hull(points: Sequence[Sequence[float]], material: Material | str, soft
 
 
 def solid_mesh(path: str | Path, material: Material | str, scale: float = 1.0, softened: float = 1.0) -> Body:
-    """Make the solid in the closed surface of a mesh file: its vertices, joined to its centre of mass.
+    """Make the solid inside the closed surface of a mesh file, with particles at vertices and centre of mass.
 
-    If no positive masses at these particles have the solid's moments, or no springs between them its lowest
-    frequency, the middles of its edges become particles, too. Wood has its grain along z.
+    If no positive masses of these particles give the solid's moments, or no springs between them give its
+    lowest frequency, there are further particles in the middles of the edges. Wood has its grain along z.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def solid_mesh(path: str | Path, material: Material | str, scale: float = 1.0, s
     scale
         Length of the file's unit [m].
     softened
-        How many times softer than the material it is made, see `Material.softened`.
+        Factor by which the body is softer than the material, see `Material.softened`.
 
     Raises
     ------
@@ -318,7 +318,7 @@ def solid_mesh(path: str | Path, material: Material | str, scale: float = 1.0, s
     OSError
         If the file cannot be read.
     ValueError
-        If it is no mesh or one that `from_mesh` refuses, or its moments cannot be had.
+        If the file is not a mesh, `from_mesh` refuses it, or no masses give its moments.
     """
     made = material_of(material, softened)
     name, vertices, triangles, _ = read_mesh(path, scale)
@@ -407,10 +407,11 @@ def solid_rope(
     beads: int = 10,
     softened: float = 1.0,
 ) -> Body:
-    """Make a round cable with a weight at its end, from the origin straight down. It is floppy on purpose.
+    """Make a round cable with a weight at its end, from the origin straight down. The body is floppy.
 
-    Each of the n = ``beads`` − 1 springs has k = E A n/L, each bead the mass of the cable around it: ρ A L/n,
-    half of it at both ends. Dampers are those of the lowest bounce, c = η k/ω. Bending is left out.
+    Each of the n = ``beads`` − 1 springs has k = E A n/L. Each bead has the mass ρ A L/n of the cable around
+    it, and the two ends have half of that. Dampers follow from the lowest bounce, c = η k/ω. The cable does
+    not resist bending.
 
     Parameters
     ----------
@@ -419,18 +420,18 @@ def solid_rope(
     diameter, length
         [m], unstretched.
     end_mass
-        Of the weight [kg].
+        Mass of the weight [kg].
     beads
-        Particles, with the top one (to be pinned) and the weight at the end; at least 2.
+        Number of particles, at least 2, including the top one (which you pin) and the weight at the end.
     softened
-        How many times softer than the material it is made, see `Material.softened`.
+        Factor by which the body is softer than the material, see `Material.softened`.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
-        Naming a number out of bounds, or if the material is unknown.
+        If a number is out of bounds, or the material is unknown.
     """
     diameter, length = number("diameter", diameter, low=TINY), number("length", length, low=TINY)
     beads, end_mass = whole("beads", beads, 2, MOST_PARTICLES), number("end_mass", end_mass, low=TINY)
@@ -446,14 +447,14 @@ def solid_rope(
 
 
 def softened(body: Body, factor: float) -> Body:
-    """Divide all stiffnesses of a body by a factor, and dampers by its root: damping ratios stay.
+    """Divide all stiffnesses of a body by a factor, and dampers by its square root: damping ratios stay.
 
-    A body of a material is as if made of `Material.softened`. Works for any other, too.
+    A body of a material becomes one of `Material.softened`. Other bodies work, too.
 
     Raises
     ------
     TypeError
-        Naming what is of the wrong kind, see `springgym.checks`.
+        If an argument has the wrong type, see `springgym.checks`.
     ValueError
         If the factor is not positive, or farther from 1 than `springgym.materials.SOFTEST`.
     """

@@ -1,4 +1,4 @@
-"""What triangles tell of a body as a solid: whether they enclose one, its sharp edges, how thin it is."""
+"""Properties of closed surfaces of triangles: volume, sharp edges, thickness."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SAMPLES = np.array([(1, 1, 1), (4, 1, 1), (1, 4, 1), (1, 1, 4)]) / np.array([[3]
 
 
 def is_closed(triangles: np.ndarray) -> bool:
-    """Whether each edge belongs to two triangles (T, 3), which run along it in opposite senses."""
+    """Return whether each edge belongs to two triangles (T, 3), which run along it in opposite senses."""
     runs = _runs(triangles)
     once = len(np.unique(runs, axis=0)) == len(runs)
     return len(runs) > 0 and once and bool((_ordered(runs) == _ordered(runs[:, ::-1])).all())
@@ -42,7 +42,7 @@ def shells(triangles: np.ndarray) -> list[np.ndarray]:
 
 
 def pieces(count: int, pairs: np.ndarray) -> np.ndarray:
-    """Of things that pairs (P, 2) join, for each the first of the piece that it belongs to."""
+    """Return for each of ``count`` things the first one of its piece; pairs (P, 2) connect things."""
     piece = np.arange(count)
     while True:
         lower = piece.copy()
@@ -54,7 +54,7 @@ def pieces(count: int, pairs: np.ndarray) -> np.ndarray:
 
 
 def winding(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """How often surfaces of triangles (..., T, 3, 3) wind around points (..., P, 3).
+    """Return how often surfaces of triangles (..., T, 3, 3) wind around points (..., P, 3).
 
     1 inside a solid, 0 outside: the sum of solid angles (van Oosterom and Strackee, IEEE Trans. Biomed. Eng.
     30 (1983) 125) over 4π.
@@ -67,7 +67,7 @@ def winding(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def faces_out(positions: np.ndarray, triangles: np.ndarray) -> bool:
-    """Whether a closed surface is of solids that do not overlap.
+    """Return whether a closed surface encloses solids that do not overlap.
 
     Just behind each face is inside of one of them, just before it is outside. Slivers are not looked at:
     rounding may turn them.
@@ -87,7 +87,7 @@ def faces_out(positions: np.ndarray, triangles: np.ndarray) -> bool:
 
 
 def volume(positions: np.ndarray, triangles: np.ndarray) -> float:
-    """What a closed surface encloses [m³]; negative if its normals point inwards."""
+    """Return the volume that a closed surface encloses [m³]; negative if its normals point inwards."""
     a, b, c = (positions - positions.mean(axis=0))[triangles].transpose(1, 0, 2)
     return float(np.einsum("ti,ti->", a, np.cross(b, c))) / 6
 
@@ -121,7 +121,7 @@ def sharp_edges(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def thickness(positions: np.ndarray, triangles: np.ndarray) -> float:
-    """How far it is from a closed surface straight inwards to the other side [m], at the least.
+    """Return the least distance from a closed surface straight inwards to the other side [m].
 
     Measured from `SAMPLES` of each triangle: near a sharp edge every body is thin.
     """

@@ -27,15 +27,15 @@ def top(
     Parameters
     ----------
     ring
-        Particles in the ring, at least 3.
+        Number of particles in the ring, at least 3.
     radius, height
-        Of the cone [m].
+        Radius and height of the cone [m].
     mass
         Total mass M [kg].
     stiffness, damping
         k [N/m], c [kg/s] of every spring.
     scaled
-        Factors on the mass of single ring particles: ``{0: 2.0}`` is the paper's unbalanced top.
+        Factors for the masses of single ring particles: ``{0: 2.0}`` makes the paper's unbalanced top.
 
     Raises
     ------

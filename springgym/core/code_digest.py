@@ -323,7 +323,7 @@ def _names(code: types.CodeType) -> set[str]:
 
 
 def _teaches(module: types.ModuleType) -> bool:
-    """Tell whether a module uses one of `TEACHERS`, by its name or by way of Numba's."""
+    """Return whether a module uses one of `TEACHERS`, by its name or by way of Numba's."""
     values = list(vars(module).values())
     if any(value is one for value in values for one in (*TEACHERS, extending)):
         return True

@@ -95,8 +95,8 @@ def _level(asked: str, has: Mapping[str, bool]) -> str | None:
     lacks = [name for name in LEVELS[asked] if not has.get(name)]
     if lacks:
         warnings.warn(
-            f"SPRINGGYM_CPU is {asked!r}, and this processor has no {', '.join(lacks)}: code is made for "
-            "this processor, and what was made for others is left alone",
+            f"SPRINGGYM_CPU is {asked!r}, and this processor has no {', '.join(lacks)}: code is compiled for "
+            "this processor, and compiled code for others is not used",
             RuntimeWarning,
             stacklevel=2,
         )
@@ -161,7 +161,7 @@ if not hasattr(SAMPLE, "_cache"):
 
 
 def _warn_uncached(why: str) -> None:
-    """Say, once a process, that compiled code is not kept."""
+    """Warn, once a process, that compiled code is not kept."""
     global _warned
     if not _warned:
         _warned = True
@@ -223,7 +223,7 @@ class Inner(type(SAMPLE)):  # type: ignore[misc]
 
     def __call__(self, *args: object, **kwargs: object) -> NoReturn:
         raise TypeError(
-            f"{self.__name__} is compiled for kernels only; call {self.__name__}.py_func from Python"
+            f"{self.__name__} is compiled for use in kernels only; call {self.__name__}.py_func from Python"
         )
 
 
@@ -371,12 +371,12 @@ def intrinsic(function: Callable[..., Any]) -> Any:
 
 
 def is_kernel(function: object) -> bool:
-    """Tell whether Python calls a function as it is written for kernels: compiled, or interpreted."""
+    """Return whether Python calls a function as it is written for kernels: compiled, or interpreted."""
     return is_jitted(function) or (INTERPRETED and hasattr(function, "py_func"))
 
 
 def is_inner(function: object) -> TypeGuard[Any]:
-    """Tell whether a function is one of `compiled`."""
+    """Return whether a function is one of `compiled`."""
     return isinstance(function, Inner) or (INTERPRETED and getattr(function, "py_func", None) is function)
 
 
@@ -433,8 +433,8 @@ def cache_directory() -> Path | None:
 
 
 def _asked(found: CompileResult, sig: Asked) -> CompileResult:
-    """Return what was found, under the types that were asked for: those of a script's own classes are made
-    anew."""
+    """Return what the cache gave, under the types that were asked for. Types of a script's own classes are
+    new in each process."""
     args, _ = sigutils.normalize_signature(sig)
     if found.signature.args == tuple(args):
         return found
@@ -442,7 +442,7 @@ def _asked(found: CompileResult, sig: Asked) -> CompileResult:
 
 
 def _without_bitcode(parts: tuple[Any, ...]) -> tuple[object, ...]:
-    """Return what Numba keeps of a function without what other functions would inline of it: most of it.
+    """Return the data that Numba keeps of a function, without bitcode: most of it, and needed only to inline.
 
     Compiled functions that call it find its machine code by its name.
     """
@@ -451,7 +451,7 @@ def _without_bitcode(parts: tuple[Any, ...]) -> tuple[object, ...]:
 
 
 def _name_symbols(codegen: JITCPUCodegen, description: FunctionDescriptor) -> None:
-    """Tell Numba's engine the names of a function's machine code, which it would read in the bitcode."""
+    """Register the names of a function's machine code with Numba's engine, in place of the bitcode."""
     names = (description.llvm_func_name, description.llvm_cpython_wrapper_name)
     functions = [SimpleNamespace(name=name, is_declaration=False) for name in names]
     NAME_SYMBOLS(codegen._engine, SimpleNamespace(functions=functions, global_variables=[]))
@@ -465,7 +465,7 @@ _TOLD = threading.Lock()
 
 
 def _tell_of_compiling() -> None:
-    """Say, once a process, why it takes so long: to stderr, unless logging is told otherwise."""
+    """Log, once a process, that compiling takes a while: to stderr unless logging is configured."""
     if _TOLD.acquire(blocking=False):
         LOGGER.warning(
             "springgym: compiling, for seconds to a minute. Later runs start at once; "

@@ -175,9 +175,9 @@ def sqrt(typingctx, value):
 
 
 def _intels() -> bool:
-    """Tell whether to compile for AVX-512 as Intel has it, with estimates of 1/√d and gathers that help.
+    """Return whether to compile for AVX-512 as Intel has it, with estimates of 1/√d and gathers.
 
-    On AMD's Zen roots are fast, too, and gathers slow.
+    On AMD's Zen, square roots are fast too, and gathers are slow.
     """
     other = config.CPU_NAME or config.CPU_FEATURES  # Numba is told to compile for another
     return bool(
@@ -298,7 +298,7 @@ def select(typingctx, mask, true, false):
 
 @intrinsic
 def any_lane(typingctx, mask):
-    """Tell whether the mask holds in at least one lane."""
+    """Return whether the mask holds in at least one lane."""
 
     def codegen(context, builder, sig, args):
         if mask.width == 1:
@@ -382,7 +382,7 @@ def _packed(context, builder, array_type, array: _Array):
 
 
 def _element(array: types.Array) -> types.Type:
-    """Return what `load` gives for an array: `Lanes` for an array of blocks, else its number."""
+    """Return the type that `load` gives for an array: `Lanes` for one of blocks, else its number."""
     if isinstance(array.dtype, types.Record):
         lanes = array.dtype.typeof("lanes")
         return Lanes(lanes.dtype, lanes.shape[0])
@@ -480,7 +480,7 @@ def _in_all(builder, value, like):
 
 
 def _each(builder, value) -> list[Any]:
-    """Return what is in each lane."""
+    """Return the value of each lane."""
     if not isinstance(value.type, ir.VectorType):
         return [value]
     lanes = (ir.Constant(ir.IntType(32), lane) for lane in range(value.type.count))
@@ -488,12 +488,12 @@ def _each(builder, value) -> list[Any]:
 
 
 def _number_of(element: types.Type) -> types.Type:
-    """Return what a lane of an array's elements is."""
+    """Return the type of one lane of an array's elements."""
     return element.dtype if isinstance(element, Lanes) else element
 
 
 def _own_numbers(context, builder, sig, args, gathers: bool):
-    """Return where ``array[index]`` of a C-contiguous array is for each lane.
+    """Return the addresses of ``array[index]`` in a C-contiguous array, for each lane.
 
     Returns
     -------
@@ -682,7 +682,7 @@ def at(typingctx, term, block):
 
 
 def _chosen_by(choose: Callable[..., ir.Value]):
-    """Return what emits ``choose`` of a term and a whole number."""
+    """Return a code generator of ``choose`` for a term and a whole number."""
 
     def codegen(context, builder, sig, args):
         index = context.cast(builder, args[1], sig.args[1], types.intp)
@@ -746,7 +746,7 @@ def of_body(typingctx, term, body):
 
 @intrinsic
 def bodies_of(typingctx, term):
-    """Return how many bodies' values a `Ragged` holds; 1 if it is an array."""
+    """Return the number of bodies in a `Ragged`; 1 for an array."""
     several = _is_one_of(Ragged, term)
 
     def codegen(context, builder, sig, args):

@@ -43,7 +43,7 @@ def stacked(terms: Sequence[Nested], blocks: bool = True) -> Nested:
 
 
 def share(term: Nested, body: int) -> Nested:
-    """Return what a body has of nested tuples that `stacked` made: views, to write to."""
+    """Return the part of a body in nested tuples that `stacked` made: views that can be written to."""
     if isinstance(term, Ragged):
         own = slice(term.start[body], term.start[body + 1])
         return term.values[:, own] if term.values.dtype.names else term.values[own]

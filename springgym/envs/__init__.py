@@ -11,8 +11,7 @@ from springgym.registration import PARALLEL
 
 
 def parallel(env_id: str, **options: Unpack[ParallelOptions]) -> ParallelDuel:
-    """Make an environment of several agents, a `ParallelEnv` of PettingZoo: it needs the extra
-    ``pettingzoo``.
+    """Make an environment of several agents, a `ParallelEnv` of PettingZoo (extra ``pettingzoo``).
 
     Parameters
     ----------
@@ -26,10 +25,12 @@ def parallel(env_id: str, **options: Unpack[ParallelOptions]) -> ParallelDuel:
     ImportError
         Without PettingZoo.
     ValueError
-        If the environment is not one of several agents.
+        If the environment does not have several agents.
     """
     if env_id not in PARALLEL:
-        raise ValueError(f"env_id is {env_id!r}; of several agents there is {', '.join(PARALLEL)}")
+        raise ValueError(
+            f"env_id is {env_id!r}; it must be an environment of several agents: {', '.join(PARALLEL)}"
+        )
     from springgym.envs.players import ParallelDuel
 
     return ParallelDuel(**options)

@@ -1,9 +1,9 @@
 """A trained agent as a file of plain numbers, ``agent.npz``: NumPy alone reads it, and nothing is unpickled.
 
-It acts by fully connected layers, as the algorithms of Stable-Baselines3 train them, or by one, which is
-linear control. The file holds their arrays by their names in PyTorch and, if observations are normalised,
-their statistics. What the layers look like stands in the run's configuration, what they see and do in the
-environment's spaces.
+The agent consists of fully connected layers, as the algorithms of Stable-Baselines3 train them, or of one
+layer, which is linear control. The file holds their arrays by their names in PyTorch and, if observations are
+normalised, their statistics. The run's configuration describes the layers, and the environment's spaces
+describe their input and output.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Policy = Callable[[np.ndarray], np.ndarray]
 """Maps observations (n, …) to actions (n, …)."""
 
 Algorithm = Literal["ppo", "sac", "tqc", "crossq", "linear"]
-"""What an agent was trained by."""
+"""The algorithm that trained an agent."""
 
 LARGEST = 1_000_000_000
-"""Size of all arrays of an agent [bytes], at the most."""
+"""Largest size of all arrays of an agent [bytes]."""
 
 MOST = 1e38
 """Largest number in the layers, whatever is observed: those of float32 end at 3.4e38."""
@@ -52,18 +52,18 @@ ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 @dataclass(frozen=True)
 class Network:
-    """What a run's configuration says of the layers that act."""
+    """The configuration of the layers that compute actions."""
 
     algo: Algorithm
     net_arch: list[int] = field(default_factory=list)
     """widths of the hidden layers"""
     activation: Literal["tanh", "relu"] = "tanh"
     normalize: bool = False
-    """whether they see normalised observations"""
+    """whether their input is normalised observations"""
 
 
 def acts(algo: str, name: str) -> bool:
-    """Whether an array of a policy of Stable-Baselines3 is needed to act; the others are to learn with."""
+    """Return whether an array of a Stable-Baselines3 policy is needed to act; others serve learning."""
     return name.rpartition(".")[0].startswith(LAYERS[algo])
 
 
@@ -75,11 +75,11 @@ def load_policy(
     Parameters
     ----------
     path
-        The file. It may be anyone's.
+        The file. It may come from somebody else, as nothing in it is run.
     network
-        What was trained.
+        The configuration of the network.
     observation_space, action_space
-        Of the environment it is to act in.
+        The spaces of the environment in which the agent will act.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def load_policy(
         If the file is damaged, or does not fit the network and the environment.
     """
     if not isinstance(observation_space, spaces.Box) or not isinstance(action_space, spaces.Box):
-        raise ValueError(f"{path}: agents see and do numbers, not {observation_space} and {action_space}")
+        raise ValueError(f"{path}: agents need spaces of numbers, not {observation_space} and {action_space}")
     arrays = _read(path)
     layers = _layers(network, observation_space, action_space)
     expected: dict[str, tuple[int, ...]] = {}
@@ -103,8 +103,8 @@ def load_policy(
         array = arrays[name]
         if array.shape != shape or array.dtype.kind != "f" or not np.isfinite(array).all():
             raise ValueError(
-                f"{path}: {name!r} is {array.dtype}{list(array.shape)}; the environment and config.yaml ask "
-                f"for finite numbers {list(shape)}"
+                f"{path}: {name!r} is {array.dtype}{list(array.shape)}; the environment and config.yaml "
+                f"require finite numbers {list(shape)}"
             )
     reach = float(np.minimum(np.abs([observation_space.low, observation_space.high]), SEEN).max())
     if network.normalize:
@@ -139,7 +139,8 @@ def _reach_of_statistics(path: Path, mean: np.ndarray, variance: np.ndarray, lim
     if not (variance >= 0).all() or not epsilon > 0 or not 0 < largest < MOST:
         raise ValueError(
             f"{path}: variances from {variance.min():g}, with {epsilon:g} added, and a largest value of "
-            f"{largest:g} normalise nothing: the first must not be negative, the others positive"
+            f"{largest:g} cannot normalise: the variances must not be negative, "
+            "and the others must be positive"
         )
     return float(largest)
 
@@ -154,8 +155,8 @@ def _check_reach(
         reach = float(sums.max(initial=0.0))
         if not reach < MOST:
             raise ValueError(
-                f"{path}: weights up to {np.abs(weight).max():g} are too large: what a layer computes may "
-                f"come to {reach:g}, and must stay below {MOST:g}"
+                f"{path}: weights up to {np.abs(weight).max():g} are too large: the output of a layer may "
+                f"reach {reach:g}, and must stay below {MOST:g}"
             )
         reach = min(reach, 1.0) if network.activation == "tanh" else reach
 
@@ -187,4 +188,4 @@ def _read(path: Path) -> dict[str, np.ndarray]:
         return arrays
     except Exception as error:  # it may be any file, and be wrong in any way
         why = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"{path}: not the arrays of an agent: {why}") from error
+        raise ValueError(f"{path}: the file does not hold the arrays of an agent: {why}") from error

@@ -51,7 +51,7 @@ TILT_UNIT, TURNING_UNIT = 0.2, 1.0  # of the axis [1], of the plate's angular ve
 
 @compiled
 def gap_of(m: Measures, x: np.ndarray, c: int) -> float:
-    """How high the ball is above the plate's plane [m]."""
+    """Return the height of the ball above the plate's plane [m]."""
     crown = x.shape[1] - 3
     return height_above(x[c, crown], m.centre[c, BALL], m.axis[c, PLATE]) - BALL_RADIUS
 

@@ -1,4 +1,4 @@
-"""The Gymnasium classes over `Episodes`: one environment, and a native batch."""
+"""The Gymnasium classes: a single environment, and a native batch."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class Stateful:
         raise NotImplementedError
 
     def get_state(self) -> dict[str, Any]:
-        """Return the true state, with clocks and random generators, for `set_state`."""
+        """Return the full state, with clocks and random generators, for `set_state`."""
         raise NotImplementedError
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state, to the bit: what follows is what followed."""
+        """Set a state, to the bit. The same actions then have the same results."""
         raise NotImplementedError
 
 
@@ -107,7 +107,7 @@ class _Common(Stateful):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """Return how `gymnasium.make` makes the environment again, in data that JSON can hold."""
+        """Return the data, which JSON can hold, from which `gymnasium.make` makes this environment again."""
         return self._spec
 
     @spec.setter
@@ -207,34 +207,34 @@ class _OneCopy(_Common):
 
 
 class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
-    """Run one environment.
+    """A single environment.
 
-    A concrete one names `gymnasium.Env` among its own bases: some libraries look there to tell what it is.
+    A concrete class has `gymnasium.Env` among its own bases, because some libraries look for it there.
 
     Parameters
     ----------
     render_mode
         None, "rgb_array" or "human".
     integrator, step, damping_every, dynamics, dtype
-        See `springgym.simulator.Simulator`; the step must be a whole part of the control period, and so must
-        be as many steps as `damping_every` says.
+        See `springgym.simulator.Simulator`. The control period must be a whole number of steps, and a whole
+        number of cycles of ``damping_every`` steps.
     randomize
-        Ranges (low, high) of factors drawn each episode, by name, out of
+        Ranges (low, high) of factors that each episode draws, by the names in
         `springgym.envs.randomisation.RANDOMIZABLE`.
     error
-        Whether ``info["step_error"]`` says how far each control period is from the same in finer steps, see
-        `springgym.envs.error`; it makes a step cost three times as much.
+        Whether to report ``info["step_error"]``: the difference of each control period from the same one with
+        finer steps, see `springgym.envs.error`. A step then costs three times as much.
     tolerance
-        The largest error of a control period that is wanted, as a share of the body's size: it chooses step
-        and, unless it is given, integrator, see `springgym.envs.tolerance`. They are tried when the
-        environment is made, which takes seconds. ``info["error_bound"]`` is what was found to hold.
+        Largest error of a control period, as a share of the body's size. It chooses the step and, unless you
+        give one, the integrator, see `springgym.envs.tolerance`. The environment tries them when it is
+        made, which takes seconds. ``info["error_bound"]`` is the bound that was found.
     sparse
-        Whether a step is rewarded with 1 where the aim is met, else with 0, in place of the reward that the
-        task is shaped by. The terms of the latter stay in ``info``.
+        Whether the reward of a step is 1 if the aim is met and 0 otherwise, instead of the shaped reward.
+        ``info`` still contains the terms of the shaped reward.
     max_episode_steps
-        Time limit; none if not given: `gymnasium.make` sees to the registered one by a wrapper.
+        Time limit. The default is none, because `gymnasium.make` adds the registered one with a wrapper.
     options
-        The task's own arguments.
+        Arguments of the task.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"]}  # noqa: RUF012
@@ -261,12 +261,12 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start a new episode. What is refused changes nothing, the random generator included.
+        """Start a new episode. If this raises an error, nothing changes, not even the random generator.
 
         Parameters
         ----------
         seed
-            A new one for the random generator.
+            A new seed for the random generator.
         options
             The task's reset options.
         """
@@ -315,7 +315,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
 
     @guarded
     def get_state(self) -> dict[str, Any]:
-        """Return the true state, with clock and random generator, for `set_state`."""
+        """Return the full state, with clock and random generator, for `set_state`."""
         return {
             "episodes": self.episodes.state(),
             "rng": self.np_random.bit_generator.state,
@@ -325,16 +325,16 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
 
     @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state, to the bit: what follows is what followed.
+        """Set a state, to the bit. The same actions then have the same results.
 
-        Wrappers are not touched: the time limit that `gymnasium.make` adds goes on counting from where it
-        was, unless the state is set by `springgym.set_state`.
+        Wrappers do not change: the time limit that `gymnasium.make` adds continues to count from where it
+        was. `springgym.set_state` sets it, too.
 
         Raises
         ------
         ValueError
-            If the state is not one of an environment made like this one, but for its time limit, or is
-            mangled; it says what differs. Nothing is changed then.
+            If the state is damaged, or belongs to an environment that differs in more than its time limit;
+            the message says how. Nothing changes then.
         """
         _check_keys(state, OF_ONE)
         generator = _generator("state['rng']", state["rng"])
@@ -348,20 +348,20 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
 
 
 class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Step many copies by one call; they equal as many single environments to the bit.
+    """A batch of copies that one call steps. The results equal those of single environments to the bit.
 
-    A concrete one names `gymnasium.vector.VectorEnv` among its own bases, see `SpringEnv`.
+    A concrete class has `gymnasium.vector.VectorEnv` among its own bases, see `SpringEnv`.
 
     Parameters
     ----------
     num_envs
-        How many.
+        Number of copies.
     autoreset_mode
-        What happens to a copy whose episode has ended, see `gymnasium.vector.AutoresetMode`.
+        How a copy starts again when its episode has ended, see `gymnasium.vector.AutoresetMode`.
     max_episode_steps
         Time limit; `gymnasium.make_vec` passes the registered one.
     threads
-        Threads that share the copies.
+        Number of threads that share the copies.
     options
         As for the single environment.
     """
@@ -413,7 +413,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start new episodes in all copies, or in those of ``options["reset_mask"]``.
 
-        What is refused changes nothing, the random generators included.
+        If this raises an error, nothing changes, not even the random generators.
 
         Parameters
         ----------
@@ -532,7 +532,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     @property  # type: ignore[override]
     def np_random(self) -> tuple[np.random.Generator, ...]:
-        """Return the random generators of the copies, one each; seeded at random before the first reset."""
+        """Return the random generators of the copies. Before the first reset they are seeded at random."""
         if not self._generators:
             pairs = [seeding.np_random(None) for _ in range(self.num_envs)]
             self._generators, self._seeds = [rng for rng, _ in pairs], [seed for _, seed in pairs]
@@ -555,12 +555,12 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     @guarded
     def get_state(self, copies: ArrayLike | None = None) -> dict[str, Any]:
-        """Return the true state of some copies or all, with clocks and random generators, for `set_state`.
+        """Return the full state of some copies or all, with clocks and random generators, for `set_state`.
 
         Parameters
         ----------
         copies : (k,), optional
-            Their indices, or a mask: the state is then as that of a batch of k copies.
+            Indices of copies, or a mask. The state is then that of a batch of k copies.
 
         Raises
         ------
@@ -578,24 +578,24 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     @guarded
     def set_state(self, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
-        """Return to a state, or set it into some copies, to the bit: what follows is what followed.
+        """Set a state in all copies or in some, to the bit. The same actions then have the same results.
 
         Parameters
         ----------
         state
-            That of this batch, or of one made like it.
+            A state of this batch, or of one made in the same way.
         copies : (k,), optional
-            Which copies are set, and no other: indices, or a mask. The state is then of k copies, or of one,
-            be it a single environment, which all of them continue. Each has a random generator of its own,
-            in the state of the one that it had there: autoreset draws what the single environment would, and
-            in all copies of one state the same.
+            Indices of the copies to set, or a mask. The state must then have k copies, or one copy (for
+            example of a single environment), which all k continue. Each gets its own random generator with
+            the state from there. So autoreset draws the same as the single environment would, and the same in
+            all copies of one state.
 
         Raises
         ------
         TypeError, ValueError
-            If the state is not one of an environment made like this one, but for its time limit and number of
-            copies, or is mangled; it says what differs. If there are no such copies, or no episode has begun:
-            there, or in copies here that are not set. Nothing is changed then.
+            If the state is damaged, or belongs to an environment that differs in more than its time limit and
+            number of copies; the message says how. If there are no such copies. If no episode has begun in
+            the state, or in copies here that are not set. Nothing changes then.
         """
         own = self._some(copies)
         if copies is not None and isinstance(state, Mapping) and set(state) == set(OF_ONE):
@@ -605,7 +605,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         count = self.episodes.count_in(state["episodes"], where)
         for name, kind in (("rng", list), ("seed", list), ("ended", np.ndarray)):
             if len(instance(f"state[{name!r}]", state[name], kind)) != count:
-                raise ValueError(f"state[{name!r}] is of {len(state[name])} copies; it must be of {count}")
+                raise ValueError(f"state[{name!r}] holds {len(state[name])} copies; it must hold {count}")
         checked = [_generator(f"state['rng'][{n}]", its) for n, its in enumerate(state["rng"])]
         given = [_seed_of(f"state['seed'][{n}]", seed) for n, seed in enumerate(state["seed"])]
         ready, ended = flag("state['ready']", state["ready"]), state["ended"]
@@ -648,19 +648,19 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
 
 def get_state(env: object, copies: ArrayLike | None = None) -> dict[str, Any]:
-    """Return the true state of an environment or of a native batch.
+    """Return the full state of an environment or of a native batch.
 
-    It holds positions and velocities, clocks, goals, factors, time limits and random generators, and what the
-    monitor of `springgym.envs.sb3.make_sb3` counts. Wrappers of yours that remember something are not in it;
-    `copy.deepcopy` takes an environment with all of them.
+    The state holds positions and velocities, clocks, goals, factors, time limits and random generators, and
+    the counts of the monitor of `springgym.envs.sb3.make_sb3`. It does not hold the state of other wrappers.
+    To copy an environment with its wrappers, use `copy.deepcopy`.
 
     Parameters
     ----------
     env
-        From `gymnasium.make`, `gymnasium.make_vec`, `springgym.make_scene_env`, `springgym.envs.parallel` or
-        `springgym.envs.sb3.make_sb3`.
+        An environment from `gymnasium.make`, `gymnasium.make_vec`, `springgym.make_scene_env`,
+        `springgym.envs.parallel` or `springgym.envs.sb3.make_sb3`.
     copies : (k,), optional
-        Of a native batch, the indices of copies, or a mask: the state is of these k then.
+        For a native batch: indices of k copies, or a mask. The state holds these copies only.
 
     Raises
     ------
@@ -675,19 +675,19 @@ def get_state(env: object, copies: ArrayLike | None = None) -> dict[str, Any]:
 
 
 def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = None) -> None:
-    """Return to what `get_state` gave, or set it into copies, to the bit: what follows is what followed.
+    """Set the state that `get_state` returned, to the bit, in an environment or in copies of a native batch.
 
-    The time limit that `gymnasium.make` adds returns, too.
+    The same actions then have the same results. The time limit that `gymnasium.make` adds is set, too.
 
     Parameters
     ----------
     env
         As for `get_state`.
     state
-        Of this environment, or of one made like it.
+        A state of this environment, or of one made in the same way.
     copies : (k,), optional
-        Which copies of a native batch are set: to a state of k copies of a batch, or all to that of one copy
-        or of a single environment, see `SpringVectorEnv.set_state`.
+        For a native batch: the copies to set. The state must have k copies, or one copy, which all of them
+        continue; see `SpringVectorEnv.set_state`.
 
     Raises
     ------
@@ -695,8 +695,8 @@ def set_state(env: Any, state: Mapping[str, Any], copies: ArrayLike | None = Non
         If it is no environment of springgym, or several in a loop of Gymnasium's; or if copies are named, and
         it is no native batch.
     ValueError
-        If the state is not one of this environment, see `SpringEnv.set_state`, or there are no such copies.
-        Nothing is changed then.
+        If the state does not fit this environment, see `SpringEnv.set_state`, or there are no such copies.
+        Nothing changes then.
     """
     own = _own(env)
     unready, where = own._unready, _named(own, copies)
@@ -726,8 +726,8 @@ def _named(own: object, copies: ArrayLike | None) -> tuple[ArrayLike, ...]:
     """The argument that names copies of a native batch; none if none are named."""
     if copies is not None and not isinstance(own, SpringVectorEnv):
         raise TypeError(
-            f"copies is {shown(copies)}; it must be left out: only a native batch of gymnasium.make_vec has "
-            f"copies to choose from, and env is a {type(own).__name__}"
+            f"copies is {shown(copies)}; leave it out: only a native batch of gymnasium.make_vec has "
+            f"copies to choose, and env is a {type(own).__name__}"
         )
     return () if copies is None else (copies,)
 
@@ -737,14 +737,16 @@ def _check_keys(state: object, keys: Sequence[str]) -> None:
         given = f"is {shown(state)}"
         if isinstance(state, Mapping):
             given = f"holds {', '.join(map(str, state)) or 'nothing'}"
-        raise ValueError(f"state is not one of this environment: it {given}; it must hold {', '.join(keys)}")
+        raise ValueError(
+            f"state does not belong to this environment: it {given}; it must hold {', '.join(keys)}"
+        )
 
 
 OF_ONE = ("episodes", "rng", "seed", "ready")
-"""What the state of a single environment holds; that of a batch holds "ended", too."""
+"""The keys in the state of a single environment; the state of a batch has "ended", too."""
 
 LAST = {"MT19937": ("pos", 624), "Philox": ("buffer_pos", 4)}
-"""Of generators that hand numbers out of a buffer: what counts them, and how many it holds."""
+"""For random generators with a buffer: the name of their counter, and the size of the buffer."""
 
 
 def _generator(name: str, state: Any) -> np.random.Generator:
@@ -773,7 +775,7 @@ def _restored(state: Mapping[str, Any]) -> np.random.Generator:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Tell whether two states of random generators are the same."""
+    """Return whether two states of random generators are the same."""
     if isinstance(one, Mapping):
         return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
     return bool(np.array_equal(one, other))
@@ -790,7 +792,7 @@ def _seed_of(name: str, seed: object) -> int:
 
 
 def frame_rate(task: Task | type[Task]) -> float:
-    """Return the pictures a second, one for each control period, that show a task in real time."""
+    """Return the frames per second that show a task in real time, with one frame for each control period."""
     rate = 1 / task.period
     return round(rate) if abs(rate - round(rate)) < 1e-9 * rate else rate
 

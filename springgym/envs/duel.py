@@ -44,7 +44,7 @@ FORCE = 40.0  # on the crown [N]
 GRIP, REBOUND = 0.02, 0.2  # friction and restitution between both
 REACH, STRENGTH = 0.02, 0.08  # of all contacts: Δ [m], c [N·m²]
 WAY_UNIT, TILT_UNIT, SPIN_UNIT, MOMENTUM_UNIT = 0.5, 0.2, 25.0, 6.0
-"""What the compact observation shows as 1: ways [m], of the axis [1], spins [rad/s], momenta [kg·m²/s]."""
+"""Units of the compact observation: distances [m], axis [1], spins [rad/s], momenta [kg·m²/s]."""
 SEEN = 11  # numbers that are observed of each top
 SHAPED = 2e-3  # the largest reward of a step in which nothing is decided
 
@@ -117,7 +117,7 @@ ENTRIES = tuple(
         ("momentum", 2, MOMENTUM_UNIT),
     )
 )
-"""What the compact observation is: of the other top, centre and velocity count from the own ones."""
+"""Entries of the compact observation; centre and velocity of the other top are relative to one's own."""
 
 
 @dataclass(frozen=True)
@@ -250,7 +250,10 @@ class SpringDuel(Task):
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         if factors["scale"] > LARGEST:
             found = factors["scale"]
-            raise ValueError(f"randomize makes tops of scale {found:.4g}; above {LARGEST} two leave the ring")
+            raise ValueError(
+                f"randomize allows tops of scale {found:.4g}; it must be at most {LARGEST}, "
+                "or two tops do not fit into the ring"
+            )
         bearing = rng.uniform(-math.pi, math.pi)
         low, high = (0.0, -math.pi, SPINS[0], -1.0), (0.08, math.pi, SPINS[1], 1.0)
         placed = []

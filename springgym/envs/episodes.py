@@ -1,4 +1,4 @@
-"""Episodes: copies of a task, each in its own, stepped together."""
+"""Episodes of the copies of a task, which are stepped together."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
 from springgym.stability import steps_in
 
 SPARSE = -1
-"""In place of the number of a reward's terms: it is 1 where the aim is met."""
+"""Stands in place of the number of a reward's terms: the reward is 1 if the aim is met."""
 
 NOT_BEGUN, BROKEN_OFF = "no episode has begun", "the last step or reset broke off in the middle"
-"""Why copies must be reset before they are stepped."""
+"""Reasons why copies must be reset before a step."""
 
 LONGEST = 0.9
-"""Share of the stability limit up to which a step may be wanted where bodies meet nothing."""
+"""Largest share of the stability limit that a step may have if bodies meet nothing."""
 
 MOST_STEPS = 100_000
-"""Steps in a control period at the most: as many take a control period up to about 0.1 s."""
+"""Most steps in a control period, which take up to about 0.1 s of computing."""
 
 
 class Step(NamedTuple):
-    """What a step gave every copy."""
+    """The results of a step for every copy."""
 
     reward: np.ndarray
     terminated: np.ndarray
@@ -50,7 +50,7 @@ class Step(NamedTuple):
 
 
 class Begun(NamedTuple):
-    """Copies whose episodes have begun, to be observed."""
+    """Copies whose episodes have begun and must be observed."""
 
     copies: np.ndarray
     """(k,) their indices"""
@@ -81,7 +81,7 @@ STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "act
 
 
 class Episodes:
-    """Step copies of a task together, each in its own episode."""
+    """Copies of a task, each in its own episode, which are stepped together."""
 
     def __init__(
         self,
@@ -125,8 +125,8 @@ class Episodes:
         self.steps = steps_in(task.period, self.simulator.step)
         if self.steps % every:
             raise ValueError(
-                f"damping_every is {every}; it must be a whole part of the {self.steps} steps in a control "
-                "period, as actions change at its end"
+                f"damping_every is {every}; it must divide the {self.steps} steps of a control "
+                "period, because actions change at its end"
             )
         self.goal = np.zeros((copies, task.goal_size))
         self.memory = np.zeros((copies, len(task.memory)))
@@ -246,13 +246,13 @@ class Episodes:
     ) -> Begun:
         """Start new episodes in some copies (k,), each drawing from its own generator.
 
-        What is refused changes nothing, the generators included. What has begun leaves the copies `unready`:
-        the environment sets that back when all that belongs to its step or reset is done.
+        If this raises an error, nothing changes, not even the generators. Otherwise the copies are `unready`
+        until the environment has completed its step or reset and clears the flag.
 
         Raises
         ------
         TypeError, ValueError
-            Naming an option that the task does not have, or a value that is none or out of range.
+            If the task does not have an option, or a value is invalid or out of range; the message names it.
         """
         given = {} if options is None else dict(mapping("options", options))
         before = [rng.bit_generator.state for rng in generators]
@@ -325,14 +325,14 @@ class Episodes:
             )
 
     def step(self, action: np.ndarray) -> tuple[Step, np.ndarray | None]:
-        """Step all copies by one control period; `observe` returns what they observe then.
+        """Step all copies by one control period; `observe` returns their observations then.
 
-        ``action`` (n, A) is clipped to [−1, 1]. The copies are left `unready`, as by `begin`.
+        ``action`` (n, A) is clipped to [−1, 1]. The copies are `unready` afterwards, as by `begin`.
 
         Raises
         ------
         ValueError
-            If it holds a value that is not finite; nothing is changed.
+            If ``action`` holds a value that is not finite; nothing changes.
         """
         simulator, copies = self.simulator, self.copies
         self._given[:] = action
@@ -358,9 +358,9 @@ class Episodes:
         return result, seen
 
     def driven_by(self, actions: np.ndarray) -> dict[str, np.ndarray]:
-        """What the actuators do in the next control period, by actions (n, A) in [−1, 1] and by others'.
+        """Return what the actuators do in the next control period, by actions (n, A) in [−1, 1] and others'.
 
-        The actions are scaled by `strength` already, the others' here: their actuators are as weak.
+        The actions are scaled by `strength` already. Those of others are scaled here.
         """
         others = {
             name: values * self.strength.reshape(-1, *(1,) * (values.ndim - 1))
@@ -393,9 +393,10 @@ class Episodes:
         Parameters
         ----------
         seen
-            What `step` gave: only the copies ``begun`` since are observed anew, and written to it.
+            The observations that `step` returned. Only the copies that have ``begun`` since are observed
+            again.
         begun
-            What `begin` gave.
+            The copies that `begin` returned.
         """
         if seen is None:
             seen = self._room(self.copies)
@@ -491,25 +492,25 @@ class Episodes:
     # --- State ------------------------------------------------------------------------------------
 
     def state(self, copies: np.ndarray | None = None) -> dict[str, Any]:
-        """All that changes of some copies (k,) or all, copied, and what it belongs to."""
+        """Return a copy of the state of some copies (k,) or all, with the identity of the environment."""
         own = slice(None) if copies is None else copies
         arrays = {name: getattr(self, name)[own].copy() for name in STATE}
         return {"of": dict(self._of), **arrays, "simulator": self.simulator.state(copies)}
 
     def restore(self, state: Mapping[str, Any], copies: np.ndarray | None = None) -> None:
-        """Return to what `state` gave, to the bit. The copies are left `unready`, as by `begin`.
+        """Set a state that `state` returned, to the bit. The copies are `unready` afterwards, as by `begin`.
 
         Parameters
         ----------
         state
-            Of as many copies as there are here.
+            A state of as many copies as there are here, unless ``copies`` is given.
         copies
-            (k,) which are set, if not all: the state is of as many or of one, see `Simulator.restore`.
+            (k,) copies to set, if not all: the state has k copies or one, see `Simulator.restore`.
 
         Raises
         ------
         TypeError, ValueError
-            If it belongs to something else, or is mangled. Nothing is changed then.
+            If the state belongs to something else, or is damaged. Nothing changes then.
         """
         count = self.count_in(state, copies)
         given = {name: self._checked(name, state[name], count) for name in STATE}
@@ -530,15 +531,15 @@ class Episodes:
         self.simulator.read(copies)
 
     def count_in(self, state: Mapping[str, Any], copies: np.ndarray | None) -> int:
-        """Of how many copies a state must be that is set into some (k,): of as many as it is, or all.
+        """Return the number of copies that a state for copies (k,) may hold: k or 1, or all if None.
 
         Raises
         ------
         TypeError, ValueError
-            If it is neither of one nor of k copies, or belongs to something else.
+            If the state has neither one nor k copies, or belongs to something else.
         """
         if not isinstance(state, Mapping) or set(state) != {"of", "simulator", *STATE}:
-            raise ValueError("state is not one of an environment of springgym")
+            raise ValueError("state is not the state of an environment of springgym")
         check_same("the environment that the state is of", state["of"], self._of)
         return self.copies if copies is None else copies_in(state["simulator"], len(copies))
 
@@ -604,18 +605,19 @@ class Episodes:
 
     @property
     def seen(self) -> tuple[Measures, Situation, np.ndarray]:
-        """What functions see of all copies, and the rows of their measures."""
+        """Return the arguments of a task's functions for all copies, and the rows of their measures."""
         return self._whole[:3]
 
     def seen_of(self, copy: int) -> tuple[Measures, Situation]:
-        """What functions see of one copy now: it does not change with the next step."""
+        """Return the arguments of a task's functions for one copy now; the next step does not change them."""
         m, situation = self._whole[:2]
         own = (values[copy].copy() for values in situation[:-1])
         return Measures(*(values[copy].copy() for values in m)), Situation._make((*own, situation.parameters))
 
     @property
     def particles(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities after the last step or start, (n, N, 3) each; do not change them."""
+        """Return positions and velocities after the last step or start, (n, N, 3) each. Do not change
+        them."""
         return self.simulator.readout.positions, self.simulator.readout.velocities
 
 
@@ -662,7 +664,7 @@ def _checked_limit(steps: int | None) -> int:
 
 @kernel
 def take(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np.ndarray) -> bool:
-    """Clip the given actions, and scale what they drive; False if one is not finite, and nothing is taken."""
+    """Clip and scale the given actions. Return False, and change nothing, if one is not finite."""
     for c in range(given.shape[0]):
         for n in range(given.shape[1]):
             if not math.isfinite(given[c, n]):
@@ -676,7 +678,7 @@ def take(given: np.ndarray, strength: np.ndarray, action: np.ndarray, driven: np
 
 @kernel
 def tick(time: np.ndarray, period: float) -> None:
-    """Let a control period pass; times stay whole multiples of it."""
+    """Advance the clocks by a control period; times stay whole multiples of it."""
     for c in range(time.size):
         time[c] = period * (math.floor(time[c] / period + 0.5) + 1.0)
 

@@ -1,8 +1,8 @@
 """The error of a control period, estimated while it runs.
 
-A method of order p errs by C hᵖ: steps of h/2 err by 2⁻ᵖ of that, so that the two are apart by 1 − 2⁻ᵖ of the
-error of the longer steps (Richardson). A second simulator repeats each control period from the same state, in
-steps of h/2. It is only looked at: the episode goes on from where the first one came.
+A method of order p has an error C hᵖ. Steps of h/2 have 2⁻ᵖ of it, so the two results differ by 1 − 2⁻ᵖ of
+the error of the longer steps (Richardson). A second simulator repeats each control period from the same
+state, in steps of h/2. It serves the estimate only: the episode continues from the result of the first one.
 """
 
 from __future__ import annotations
@@ -15,31 +15,31 @@ from springgym.bodies.distances import largest_distances
 from springgym.simulator import Simulator
 
 FINER = 2
-"""Steps of the second simulator in one of the first."""
+"""Number of steps of the second simulator in a step of the first."""
 
 
 class StepError:
-    """How far copies are, after a control period, from where exact steps would have taken them.
+    """Estimate the distance of copies, after a control period, from the exact solution.
 
     Parameters
     ----------
     simulator
-        Theirs.
+        The simulator of the copies.
     made
-        What it was made with but for its scene and pace.
+        Its arguments other than scene, method and steps.
 
     Raises
     ------
     ValueError
-        If its method chooses its steps itself.
+        If its method chooses its own steps.
     """
 
     def __init__(self, simulator: Simulator, **made: Any) -> None:
         method = simulator.integrator
         if method.adaptive:
             raise ValueError(
-                f"error is True: that compares with steps of half the length, but {method.name} chooses its "
-                "steps itself. Take another integrator, or read the error off its tolerance"
+                f"error is True: this compares with steps of half the length, but {method.name} chooses its "
+                "own steps. Take another integrator, or use its tolerance as the error"
             )
         every = simulator.damping_every
         self.finer = Simulator(simulator.scene, step=simulator.step / FINER, damping_every=every, **made)
@@ -48,7 +48,8 @@ class StepError:
         """largest distance of a particle after the last period, as a share of its body's size"""
 
     def estimate(self, simulator: Simulator, steps: int) -> None:
-        """Find the error of the ``steps`` that the simulator took since the finer one took over from it."""
+        """Estimate the error of the ``steps`` that the simulator took since the finer one took over its
+        state."""
         self.finer.advance(FINER * steps, check=False, read=True)
         own, finer = simulator.readout.positions, self.finer.readout.positions
         apart = largest_distances(own, finer, simulator.scene.sizes)

@@ -52,7 +52,7 @@ TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular v
 
 @compiled
 def apex_of(height: float, rising: float) -> float:
-    """Where a ball's lowest point would be highest if it met nothing [m].
+    """Return the highest position that a ball's lowest point would reach in free flight [m].
 
     ``height`` is that of its centre [m], ``rising`` its velocity [m/s]; heights count from the place where
     the paddle begins.
@@ -62,7 +62,7 @@ def apex_of(height: float, rising: float) -> float:
 
 @compiled
 def column_of(balls: int, ball: int) -> float:
-    """Where a ball is to bounce: x of its vertical [m]."""
+    """Return the x of the vertical line on which a ball should bounce [m]."""
     return 0.0 if balls == 1 else COLUMN * (2 * (ball - BALL) - 1)
 
 
@@ -117,7 +117,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 def ball_entries(which: str) -> tuple[Entry, ...]:
-    """What is observed of a ball, under names that begin with ``which``."""
+    """Return the entries of the observation of a ball, under names that begin with ``which``."""
     return (
         Entry(f"{which}ball", 3, BALL_WAY_UNIT),
         Entry(f"{which}ball_velocity", 3, BALL_SPEED_UNIT),

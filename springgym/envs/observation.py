@@ -1,7 +1,7 @@
 """Observations: positions and velocities of particles, or a few numbers with names and units.
 
-Both are scaled to order one. The first is made here from the particles of a task, see `Particles`. The
-second, the compact one, is made by the task's own function ``compact``; `Entry` says what its numbers mean.
+Both are scaled to order one. `ObservedParticles` describes the first one. The second, compact one comes from
+the task's own function ``compact``, and `Entry` describes its numbers.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from springgym import measures
 from springgym.core.compiling import compiled, kernel
 
 BOUND = 10.0
-"""Observations are scaled to order one and clipped here, so that their space is finite."""
+"""Bound to which observations of order one are clipped, so that their space is finite."""
 
 ABOUT = ("origin", "centre", "goal")
 ABOUT_CENTRE, ABOUT_GOAL = 1, 2
 
 
 class Situation(NamedTuple):
-    """What the functions of a task see of copies beside the measures: each has a row a copy, but the last."""
+    """What a task's functions see besides the measures. All arrays but the last have a row for each copy."""
 
     x: np.ndarray
     """(n, N, 3) positions [m]"""
     v: np.ndarray
     """(n, N, 3) velocities [m/s]"""
     action: np.ndarray
-    """(n, A) of the last step, clipped to ±1; 0 before the first"""
+    """(n, A) actions of the last step, clipped to ±1; 0 before the first step"""
     goal: np.ndarray
-    """(n, G) what the task wants"""
+    """(n, G) goals"""
     time: np.ndarray
-    """(n,) since the episode began [s]"""
+    """(n,) time since the start of the episode [s]"""
     memory: np.ndarray
-    """(n, K) what the task remembers of the episode, see `springgym.envs.task.Task`"""
+    """(n, K) memory of the episode, see `springgym.envs.task.Task`"""
     parameters: np.ndarray
-    """the task's own numbers"""
+    """parameters of the task"""
 
 
 class Entry(NamedTuple):
@@ -49,9 +49,9 @@ class Entry(NamedTuple):
     size: int
     """how many numbers"""
     unit: float = 1.0
-    """what is observed as 1, in SI units"""
+    """the value that is observed as 1, in SI units"""
     about: float = 0.0
-    """what is observed as 0"""
+    """the value that is observed as 0"""
 
 
 def values(entries: Sequence[Entry], observations: np.ndarray) -> dict[str, np.ndarray]:
@@ -65,33 +65,34 @@ def values(entries: Sequence[Entry], observations: np.ndarray) -> dict[str, np.n
 
 @dataclass(frozen=True)
 class ObservedParticles:
-    """Describe the "particles" observation: positions and velocities, scaled particle by particle.
+    """The "particles" observation: positions and velocities, with a scale for each particle.
 
-    One scale for all would bury a slow particle under a fast one.
+    With one scale for all, the motion of a slow particle would be too small beside a fast one.
     """
 
     observed: tuple[int, ...]
-    """particles in it: not the pinned ones, they never change"""
+    """particles in it; pinned ones never change, and are left out"""
     position_scale: np.ndarray
     """(N,) [m]"""
     velocity_scale: np.ndarray
     """(N,) [m/s]"""
     about: str = "origin"
-    """what positions count from: "origin"; "centre", the centre of mass, velocities too, so that a drifting
-    body stays in view; or "goal", its first three numbers, which then are not observed themselves"""
+    """reference of positions: "origin"; "centre", the centre of mass, for velocities too, so that the
+    observation of a drifting body stays bounded; or "goal", its first three numbers, which are then not
+    observed themselves"""
     pointed: int | None = None
     """the entry of the goal that is the index of a particle: the unit vector from the centre of mass to
     that particle is observed in its place"""
     skipped: tuple[tuple[int, int], ...] = ()
-    """(particle, axis) pairs left out, because they never change"""
+    """(particle, axis) pairs that never change, and are left out"""
     appended: Mapping[str, float] = field(default_factory=dict)
-    """measures that follow, by name (see `springgym.measures.FIELDS`), and their scales"""
+    """appended measures by name (see `springgym.measures.FIELDS`), and their scales"""
     turned: bool = False
-    """whether these are vectors to be seen in the body's axes"""
+    """whether the appended measures are vectors in the body's axes"""
 
 
 class Columns(NamedTuple):
-    """`Particles` as compiled functions take it: a column of the observation for each entry."""
+    """`ObservedParticles` for compiled functions: a column of the observation for each entry."""
 
     entries: np.ndarray
     """(K, 2) particle and axis, positions first, then velocities of the same"""
@@ -111,7 +112,7 @@ class Columns(NamedTuple):
 
 
 def columns(particles: ObservedParticles) -> Columns:
-    """What `observe_particles` takes of an observation."""
+    """Return the entries of an observation in the form that `observe_particles` takes."""
     every = [(i, axis) for i in particles.observed for axis in range(3)]
     entries = np.array([pair for pair in every if pair not in particles.skipped], np.uint32)
     measured: list[int] = []
@@ -134,7 +135,8 @@ def columns(particles: ObservedParticles) -> Columns:
 
 @compiled
 def along(row: np.ndarray, first: int, axis: int) -> float:
-    """Component along an axis of the body's triad of the measured vector that starts at column ``first``."""
+    """Return the component, along an axis of the body's triad, of the vector that starts at column
+    ``first``."""
     e1, e3 = row[measures.SIDE : measures.SIDE + 3], row[measures.AXIS : measures.AXIS + 3]
     total = 0.0
     for n in range(3):
@@ -150,7 +152,7 @@ def along(row: np.ndarray, first: int, axis: int) -> float:
 
 @compiled
 def point_to(row: np.ndarray, position: np.ndarray, out: np.ndarray) -> None:
-    """The unit vector from the centre of mass to a position (3,)."""
+    """Return the unit vector from the centre of mass to a position (3,)."""
     length = 0.0
     for axis in range(3):
         out[axis] = position[axis] - row[measures.CENTRE + axis]
@@ -161,7 +163,8 @@ def point_to(row: np.ndarray, position: np.ndarray, out: np.ndarray) -> None:
 
 @kernel
 def observe_particles(rows: np.ndarray, s: Situation, columns: Columns, observation: np.ndarray) -> None:
-    """Positions and velocities of (particle, axis) entries, goal, and appended measures: see `Columns`."""
+    """Write positions and velocities of (particle, axis) entries, goal and appended measures, see
+    `Columns`."""
     count = columns.entries.shape[0]
     unseen = 3 if columns.about == ABOUT_GOAL else 0
     for c in range(rows.shape[0]):

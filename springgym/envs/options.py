@@ -1,4 +1,4 @@
-"""What users give to environments by name: declared for type checkers, checked, and told if it is wrong."""
+"""Named arguments of environments: declared for type checkers, checked, and reported if they are wrong."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ class EnvOptions(RewardedOptions, total=False):
 
 
 def mapping(name: str, value: object) -> Mapping[str, Any]:
-    """A mapping from names, checked to be one."""
+    """Return a mapping from names, after checking that it is one."""
     if not isinstance(value, Mapping):
-        raise TypeError(f"{name} is {checks.shown(value)}; it must be a mapping, as a dict is")
+        raise TypeError(f"{name} is {checks.shown(value)}; it must be a mapping such as a dict")
     return value
 
 
 def number(options: dict[str, Any], name: str, otherwise: float, low: float, high: float) -> float:
-    """Take a number from ``low`` to ``high`` out of reset options, if it is there."""
+    """Remove a number from ``low`` to ``high`` from reset options and return it, if it is there."""
     if name not in options:
         return otherwise
     return checks.number(f"reset option {name!r}", options.pop(name), low, high)
@@ -81,14 +81,14 @@ def _plain(value: object) -> object:
 
 
 def made(maker: Callable[..., Body], body: Mapping[str, Any] | None, **usual: object) -> Body:
-    """A body from the arguments of its maker that the user gave as ``body``, over the usual ones.
+    """Make a body with its default arguments, of which the user's ``body`` replaces some.
 
-    Keys that are numbers may be texts: JSON makes them so.
+    Keys that are numbers may be strings, as in JSON.
 
     Raises
     ------
     TypeError, ValueError
-        Naming an argument that the maker does not have, or what it finds fault with.
+        If the function has no such argument, or refuses its value; the message names it.
     """
     given = {} if body is None else dict(mapping("body", body))
     known = inspect.signature(maker).parameters

@@ -57,10 +57,11 @@ class ParallelOptions(PlayerOptions, total=False):
 
 
 class ParallelDuel(_OneCopy, ParallelEnv):
-    """Run SpringDuel for two agents, who act at the same time and end together.
+    """SpringDuel for two agents, which act at the same time and end together.
 
-    Each sees the duel as the agent of `springgym.envs.duel.SpringDuelEnv` does: the own top first, in axes
-    that are turned by half a turn for the second. Each has its own reward, of the same kind.
+    Each agent observes the duel as the agent of `springgym.envs.duel.SpringDuelEnv` does: its own top comes
+    first. The axes of the second agent are turned by half a turn. Each agent has its own reward, of the same
+    kind.
 
     Parameters
     ----------
@@ -69,7 +70,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
     max_episode_steps
         Time limit.
     options
-        As for `SpringDuelEnv`, but for ``opponent`` and ``sparse``.
+        As for `SpringDuelEnv`, without ``opponent`` and ``sparse``.
     """
 
     task_type = SpringDuel
@@ -89,7 +90,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
     ) -> None:
         for name in ("opponent", "sparse"):
             if name in options:
-                raise ValueError(f"{name} is given to an environment of two agents; leave it out")
+                raise ValueError(f"{name} is not an option of an environment of two agents; leave it out")
         if render_mode is not None:
             chosen("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
@@ -126,7 +127,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
-        """Start a new episode; options that the duel does not have are left out, as PettingZoo wants it."""
+        """Start a new episode. Options that the duel does not have are ignored, as PettingZoo requires."""
         given = _seed("seed", seed)
         options = {} if options is None else dict(mapping("options", options))
         options = {name: value for name, value in options.items() if name in OPTIONS}
@@ -146,14 +147,14 @@ class ParallelDuel(_OneCopy, ParallelEnv):
 
     @guarded
     def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], ...]:
-        """Let both act for a control period.
+        """Run a control period with the actions of both agents.
 
         Raises
         ------
         TypeError
-            If ``actions`` is no mapping.
+            If ``actions`` is not a mapping.
         ValueError
-            If an agent that is in the duel has no action, or one of another shape.
+            If an agent in the duel has no action, or its action has a wrong shape.
         gymnasium.error.ResetNeeded
             If no episode has begun.
         """
@@ -162,7 +163,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
             return {}, {}, {}, {}, {}
         mapping("actions", actions)
         if missing := [name for name in self.agents if name not in actions]:
-            raise ValueError(f"actions has none for {missing[0]!r}")
+            raise ValueError(f"actions has no action for {missing[0]!r}")
         first, second = (self._checked(actions[name], self.task.action_space.shape) for name in AGENTS)
         if not np.isfinite(np.asarray(second, float)).all():
             raise ValueError(f"action holds a value that is not finite: {second}")
@@ -208,7 +209,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
 
     @property
     def np_random_seed(self) -> int | None:
-        """Return the seed of `np_random`, −1 where the generator was set and not seeded."""
+        """Return the seed of `np_random`; −1 if the generator was set and not seeded."""
         return self._np_random_seed if self.np_random else None
 
     @guarded
@@ -223,12 +224,12 @@ class ParallelDuel(_OneCopy, ParallelEnv):
 
     @guarded
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state, to the bit: what follows is what followed.
+        """Set a state, to the bit. The same actions then have the same results.
 
         Raises
         ------
         ValueError
-            If the state is not one of this environment. Nothing is changed then.
+            If the state does not fit this environment. Nothing changes then.
         """
         _check_keys(state, ("episodes", "rng", "seed", "ready", "agents"))
         if state["agents"] not in ([], list(AGENTS)):
@@ -284,7 +285,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
 
 
 def registered(*, max_cycles: int | None = None, **options: Any) -> ParallelDuel:
-    """A `ParallelDuel` as `pettingzoo.make` asks for it: it calls the time limit ``max_cycles``."""
+    """Make a `ParallelDuel` for `pettingzoo.make`, which calls the time limit ``max_cycles``."""
     if max_cycles is not None:
         options["max_episode_steps"] = max_cycles
     return ParallelDuel(**options)

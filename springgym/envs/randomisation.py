@@ -1,4 +1,4 @@
-"""Factors that each episode draws from the ranges that an environment was made with."""
+"""Factors that each episode draws from given ranges."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from springgym.scene import Scene
 from springgym.surfaces import Contact
 
 RANDOMIZABLE = ("masses", "stiffness", "damping", "scale", "gravity", "friction", "restitution", "actuator")
-"""What `randomize` may give a range of factors for, where the scene has it."""
+"""Names for which `randomize` accepts a range of factors, if the scene has them."""
 
 OF_SPRINGS = ("stiffness", "damping", "scale")
-"""Those of them that a rigid body does not have; ``scale`` is of the springs' lengths."""
+"""Names that a rigid body does not have; ``scale`` multiplies the lengths of springs."""
 
 Ranges = dict[str, tuple[float, float]]
 """(low, high) of factors by name, out of `RANDOMIZABLE`."""
 
 
 def checked_ranges(randomize: Mapping[str, Sequence[float]] | None, dynamics: str) -> Ranges:
-    """The ranges that a user gave.
+    """Return the ranges that a user gave, checked.
 
     Raises
     ------
     TypeError, ValueError
-        Naming a factor that there is not, or a range that is none.
+        If a factor does not exist, or a range is not one; the message names it.
     """
     ranges: Ranges = {}
     if randomize is None:
@@ -48,18 +48,18 @@ def checked_ranges(randomize: Mapping[str, Sequence[float]] | None, dynamics: st
 
 
 def varying(ranges: Mapping[str, Any], scene: Scene) -> set[str]:
-    """Names of the parameters that the ranges make vary in the simulator.
+    """Return the names of the simulator's parameters that vary under the ranges.
 
     Raises
     ------
     ValueError
-        If a range asks for a restitution above 1, or for a gravity that the scene does not have.
+        If a range allows a restitution above 1, or concerns gravity in a scene without gravity.
     """
     if scene.surfaces and isinstance(scene.contact, Contact) and "restitution" in ranges:
         highest = scene.contact.restitution * ranges["restitution"][1]
         if highest > 1:
             raise ValueError(
-                f"randomize['restitution'] makes the restitution {highest:g}; it must be at most 1"
+                f"randomize['restitution'] allows a restitution of {highest:g}; it must be at most 1"
             )
     if "gravity" in ranges and scene.gravity is None:
         raise ValueError("cannot randomize 'gravity': the scene has no gravity")
@@ -67,14 +67,15 @@ def varying(ranges: Mapping[str, Any], scene: Scene) -> set[str]:
 
 
 def drawn(ranges: Ranges, rng: Generator, options: dict[str, Any]) -> dict[str, float]:
-    """The factors of an episode, all of `RANDOMIZABLE`: drawn, unless given in ``options["randomize"]``.
+    """Return the factors of an episode, by the names in `RANDOMIZABLE`.
 
-    That is removed from the options. What has no range has a factor of 1.
+    ``options["randomize"]`` fixes some factors, and is removed from the options. The others are drawn from
+    their ranges, and are 1 without a range.
 
     Raises
     ------
     TypeError, ValueError
-        Naming a factor that has no range, or is out of it.
+        If a fixed factor has no range, or lies outside of its range; the message names it.
     """
     given = mapping("reset option 'randomize'", options.pop("randomize", {}))
     for name in given:
@@ -92,7 +93,7 @@ def drawn(ranges: Ranges, rng: Generator, options: dict[str, Any]) -> dict[str, 
 
 
 def parameters(scene: Scene, ranges: Ranges, factors: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """What `Simulator.vary` gives one copy for these factors."""
+    """Return the parameters of one copy for `Simulator.vary`, by the factors."""
     of_bodies = {"masses": "masses", "stiffness": "stiffness", "damping": "damping", "lengths": "scale"}
     values = {name: scene.of_bodies(name) * factors[factor] for name, factor in of_bodies.items()}
     if scene.gravity is not None:

@@ -39,26 +39,25 @@ class SB3VecEnv(Stateful, VecEnv):
     """Show a Gymnasium vector environment of ``n`` copies as a Stable-Baselines3 ``VecEnv``.
 
     ``step`` returns observations ``(n, ...)``, rewards ``(n,)`` float32, dones ``(n,)`` bool and a
-    list of ``n`` dicts. All arrays are the caller's own. The dict of a running copy is empty;
-    that of a copy whose episode just ended holds the last info of the episode (``is_success``,
-    reward terms, ...) and what SB3 asks for: ``terminal_observation``, the observation before the
-    reset, and ``TimeLimit.truncated``, true where the episode was cut and not terminated.
+    list of ``n`` dicts. The caller owns all arrays. The dict of a running copy is empty. If the
+    episode of a copy has just ended, its dict holds the last info of the episode (``is_success``,
+    reward terms, ...) and two entries for SB3: ``terminal_observation``, the observation before the
+    reset, and ``TimeLimit.truncated``, true if the episode was truncated and not terminated.
 
-    The copies are rows of one object. So :meth:`get_attr`, :meth:`set_attr` and
-    :meth:`env_method` act on that object: a value read is the same for every copy, and a value
-    cannot be set for some copies only.
+    The copies are rows of one object, and :meth:`get_attr`, :meth:`set_attr` and :meth:`env_method` act
+    on that object. So all copies return the same value, and you cannot set a value for some copies only.
 
     Parameters
     ----------
     vector_env
-        Environment with ``metadata["autoreset_mode"]`` ``SAME_STEP``, which is how SB3 resets.
+        Environment whose ``metadata["autoreset_mode"]`` is ``SAME_STEP``, as SB3 requires.
 
     Raises
     ------
     TypeError
         If ``vector_env`` is not a Gymnasium ``VectorEnv``.
     ValueError
-        If it resets in another mode.
+        If it has another autoreset mode.
     """
 
     def __init__(self, vector_env: VectorEnv) -> None:
@@ -86,15 +85,15 @@ class SB3VecEnv(Stateful, VecEnv):
         Parameters
         ----------
         seed
-            Of one number every copy gets a seed of its own, which no copy gets of another number:
-            `springgym.envs.starts.spawned`. (Stable-Baselines3's own environments count on from the number:
-            copies of neighbouring ones begin alike.) A sequence has the seed of each copy. None draws the
-            number.
+            From one number, `springgym.envs.starts.spawned` makes a seed for every copy. Copies of different
+            numbers never share a seed. (In Stable-Baselines3's own environments, copy i gets the number plus
+            i, so runs of neighbouring numbers share starts.) A sequence holds the seed of each copy. None
+            draws the number.
 
         Raises
         ------
         ValueError
-            If a sequence has not one for each copy.
+            If a sequence has another length than there are copies.
         """
         if isinstance(seed, Sequence):
             if len(seed) != self.num_envs:
@@ -105,11 +104,12 @@ class SB3VecEnv(Stateful, VecEnv):
         return self._seeds
 
     def reset(self) -> VecEnvObs:
-        """Start a new episode in every copy, with the seeds and options set since the last one."""
+        """Start a new episode in every copy, with the seeds and options that were set since the last
+        reset."""
         seeds = None if all(seed is None for seed in self._seeds) else list(self._seeds)
         options = self._options[0]
         if any(other != options for other in self._options):
-            raise ValueError("SB3VecEnv resets all copies with the same options; set one dict")
+            raise ValueError("SB3VecEnv resets all copies with the same options; give a single dict")
         # VectorEnv.reset is annotated with one seed, but every vector environment takes a list.
         observations, infos = self.vector_env.reset(seed=seeds, options=options or None)  # type: ignore[arg-type]
         self.reset_infos = [_info_of(infos, i) for i in range(self.num_envs)]
@@ -122,7 +122,7 @@ class SB3VecEnv(Stateful, VecEnv):
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Step every copy; those that end are reset, and the first observation returned."""
+        """Step every copy. If an episode ends, reset the copy and return its first observation."""
         observations, rewards, terminated, truncated, infos = self.vector_env.step(self._actions)
         dones = terminated | truncated
         sb3_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
@@ -193,10 +193,11 @@ class SB3VecEnv(Stateful, VecEnv):
 
 
 class Monitor(Stateful, VecMonitor):
-    """A `VecMonitor` that returns to a state with what it monitors: episodes are reported as they went on."""
+    """A `VecMonitor` whose counts are part of the state, so that episodes are reported correctly
+    afterwards."""
 
     counted: ClassVar[tuple[str, ...]] = ("episode_returns", "episode_lengths")
-    """arrays (n,) of what it remembers of the copies"""
+    """names of the arrays (n,) with its counts for each copy"""
 
     @property
     def _unready(self) -> str:
@@ -207,7 +208,7 @@ class Monitor(Stateful, VecMonitor):
         return {"env": get_state(self.venv)} | {name: getattr(self, name).copy() for name in self.counted}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state, to the bit: what follows is what followed.
+        """Set a state, to the bit. The same actions then have the same results.
 
         Raises
         ------
@@ -228,15 +229,15 @@ class Monitor(Stateful, VecMonitor):
 
 
 class StaggeredMonitor(Monitor):
-    """Monitor copies that do not all reach their time limit in the same step.
+    """A monitor for copies that reach their time limit at different steps.
 
-    Copies that start together and run for as long as their time limit end together, again and again: each
-    batch that an algorithm learns from then holds the same part of all episodes. Here a reset starts the
-    clock of copy i of n at i/n of the time limit, so that its first episode is cut that much earlier. What
-    the copies see, and how they are rewarded, is as it was. Such a shortened episode would be reported with
-    too small a return: it ends without ``info["episode"]`` and without ``info["is_success"]``.
+    Copies that start together and run until their time limit also end together. Each batch that an algorithm
+    learns from then contains the same part of all episodes. Here, a reset starts the clock of copy i of n at
+    i/n of the time limit, so its first episode is truncated earlier. Observations and rewards do not change.
+    The return of such a shortened episode would be too small, so it ends without ``info["episode"]`` and
+    without ``info["is_success"]``.
 
-    Copies of an environment that is not a native batch of springgym, or has no time limit, start together.
+    Copies start together if the environment is not a native batch of springgym, or has no time limit.
     """
 
     counted = (*Monitor.counted, "shortened")
@@ -247,7 +248,7 @@ class StaggeredMonitor(Monitor):
         """Copies whose clock did not start at 0."""
 
     def reset(self) -> VecEnvObs:
-        """Start a new episode in every copy, with its clock at its share of the time limit."""
+        """Start a new episode in every copy, and set the clocks to different shares of the time limit."""
         observations = super().reset()
         native = self.unwrapped.vector_env  # type: ignore[attr-defined]
         if isinstance(native, SpringVectorEnv) and native.episodes.max_episode_steps > 0:
@@ -257,7 +258,7 @@ class StaggeredMonitor(Monitor):
         return observations
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Step every copy; shortened episodes end without a report."""
+        """Step every copy. Shortened episodes are not reported."""
         observations, rewards, dones, infos = super().step_wait()
         for i in np.flatnonzero(dones & self.shortened):
             infos[i] = {k: v for k, v in infos[i].items() if k not in ("episode", "is_success")}
@@ -274,30 +275,33 @@ def make_sb3(
     env_kwargs: Mapping[str, Any] | None = None,
     **kwargs: Any,
 ) -> Monitor:
-    """Make ``num_envs`` copies of an environment for Stable-Baselines3: native ones if it has them.
+    """Make ``num_envs`` copies of an environment for Stable-Baselines3, as a native batch if possible.
 
-    Without them it warns that single environments are stepped one after the other, which is slow.
+    If the environment has no native batch, this warns that single environments run one after another, which
+    is slow.
 
     Parameters
     ----------
     env_id
-        Registered environment, or a spec as that of `springgym.make_scene_env`. It has native copies if it
-        was registered with a ``vector_entry_point``, which takes ``autoreset_mode``.
+        Id of a registered environment, or a spec as that of `springgym.make_scene_env`. The environment has a
+        native batch if it was registered with a ``vector_entry_point`` that takes ``autoreset_mode``.
     num_envs
         Number of copies.
     seed
-        Of the first episodes, see `SB3VecEnv.seed`: runs of different seeds share no start. None draws them.
+        Seed of the first episodes, see `SB3VecEnv.seed`. Runs of different seeds share no start. None draws
+        a seed.
     stagger
-        Spread the ends of the episodes over time, see `StaggeredMonitor`: for training, not for evaluation.
+        Whether to spread the ends of episodes over time, see `StaggeredMonitor`. Use it for training, not
+        for evaluation.
     env_kwargs
-        Arguments of the environment, whatever their names.
+        Arguments of the environment. Use this for names that `make_sb3` takes itself.
     **kwargs
-        More of them.
+        Further arguments of the environment.
 
     Returns
     -------
     Monitor
-        The adapted environment; finished episodes carry ``info["episode"]``.
+        The adapted environment. Finished episodes have ``info["episode"]``.
 
     Examples
     --------
@@ -310,8 +314,8 @@ def make_sb3(
     else:
         name = env_id.id if isinstance(env_id, EnvSpec) else env_id
         warnings.warn(
-            f"{name} was registered without a vector_entry_point: its copies are stepped one after the "
-            "other, and not in one compiled call",
+            f"{name} was registered without a vector_entry_point: its copies run one after "
+            "another, and not in one compiled call",
             stacklevel=2,
         )
         mode = {"vectorization_mode": "sync", "vector_kwargs": mode}

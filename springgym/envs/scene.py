@@ -1,4 +1,4 @@
-"""Environments over a user's own scene: actuators, reward, goals, ends, marks of theirs."""
+"""Environments from a scene and functions of your own: reward, goals, ends of episodes, marks."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ from springgym.simulator import STRAIN_LIMIT
 WRENCH = ("force", "torque", "body_torque")
 LOUD = nullcontext()
 Seeing = Callable[[MeasuresOfBodies, Situation], np.ndarray]
-"""Numbers or bools of all copies, from their measures and situation."""
+"""A function of measures and situation that returns numbers or bools of all copies."""
 Telling = Callable[[MeasuresOfBodies, Situation], Mapping[str, np.ndarray]]
-"""Names and arrays (n,): a number of each of n copies under each name."""
+"""A function that returns arrays (n,) by name, with a number for each of n copies."""
 Starting = Callable[..., Start | tuple[np.ndarray, ...]]
 Marking = Callable[[MeasuresOfBodies, Situation], Marks]
 Most = float | Sequence[float]
-"""What an actuator does at 1: one number for all axes, or one for each."""
+"""The force, torque or acceleration of an actuator at action 1: one number for all axes, or one for each."""
 
 RESERVED = ("is_success", "diverged", "energy", "energy_drift", "strain", "randomization", "met", "failed")
-"""Names that ``info`` and outcomes have already, beside those that begin as below."""
+"""Names that ``info`` and outcomes use already, besides names that begin as below."""
 RESERVED_BEGINNINGS = ("reward_", "pairs_", "step_error", "_")
 
 
 class SceneOptions(RewardedOptions, total=False):
-    """List what `make_scene_env` takes beside its own arguments."""
+    """The options of `make_scene_env` besides its own arguments."""
 
     failed: Seeing | None
     succeeded: Seeing | None
@@ -104,43 +104,43 @@ def make_scene_env(
     max_episode_steps: int | None = 500,
     **options: Any,
 ) -> gym.Env[np.ndarray, np.ndarray] | SceneVectorEnv:
-    """Make a Gymnasium environment over a scene, or a native batch of it.
+    """Make a Gymnasium environment from a scene, or a native batch of it.
 
-    Its ``spec`` makes it again, with `gymnasium.make` or `gymnasium.make_vec`. It pickles if the functions
-    are those of a module; JSON has no functions. Making an environment calls ``start``, ``reward``,
-    ``observe`` and ``metrics`` once, to learn how many numbers they give, and under which names.
+    `gymnasium.make` and `gymnasium.make_vec` make the environment again from its ``spec``. It can be pickled
+    if your functions belong to a module, but it cannot be written as JSON. This call calls ``start``,
+    ``reward``, ``observe`` and ``metrics`` once, to find out which names and how many numbers they return.
 
     Parameters
     ----------
     scene
-        A `Scene`, the name of a shipped one, or a YAML file; reading those needs the extra ``scenes``.
+        A `Scene`, the name of a scene of the package, or a YAML file. The last two need the extra ``scenes``.
     reward
-        A function ``reward(m, s)`` that is called after each step, for all n copies together, and returns
-        their rewards (n,), or a dict of terms (n,) by name, which sum to the reward and are told in ``info``
-        as ``reward_NAME``. ``m["box"].centre`` are the centres of mass (n, 3) of the body that is called
-        "box", ``m.centre`` of the only body: see `springgym.measures.MeasuresOfBodies`. ``s`` is the
-        `springgym.envs.observation.Situation`: positions ``s.x`` and velocities ``s.v`` (n, N, 3), clipped
-        actions ``s.action`` (n, A), goals ``s.goal`` (n, G), the ``s.time`` (n,) in the episode and the
-        ``s.memory`` (n, K). These arrays cannot be written to, and change with the next step: copy what is
-        to be kept.
+        A function ``reward(m, s)``. It is called after each step for all n copies together, and returns
+        their rewards (n,), or a dict of terms (n,) by name. The terms sum to the reward, and ``info``
+        contains them as ``reward_NAME``. ``m`` holds `springgym.measures.MeasuresOfBodies`:
+        ``m["box"].centre`` are the centres of mass (n, 3) of the body named "box", and ``m.centre`` those of
+        the only body. ``s`` is a `springgym.envs.observation.Situation`: positions ``s.x`` and velocities
+        ``s.v`` (n, N, 3), clipped actions ``s.action`` (n, A), goals ``s.goal`` (n, G), time in the episode
+        ``s.time`` (n,) and memory ``s.memory`` (n, K). These arrays are read-only and change with the next
+        step, so copy what you want to keep.
     actuators
-        What the actions drive, and with how much at ±1: "force" [N], "torque", "body_torque" [N·m] on the
-        whole body (three entries each), "thrust" [N] (three for each of its thrusters), "acceleration"
-        [m/s²] of its drive (three). Three numbers in place of one are those of the axes; an axis with 0 has
-        no entry in the action. A wrench is added to a body that has none. Of several bodies, the body
-        is named before a dot: "left.force".
+        The actuators that actions drive, each with its strength at ±1: "force" [N], "torque" and
+        "body_torque" [N·m] on the whole body (three entries each), "thrust" [N] (three for each
+        thruster), "acceleration" [m/s²] of the drive (three). Give three numbers to set each axis. An axis
+        with 0 has no entry in the action. A body without a wrench gets one. In a scene of several bodies,
+        the name of the body and a dot come first: "left.force".
     num_envs
-        None for a single environment, else how many in a batch.
+        Number of copies in a batch; None for a single environment.
     max_episode_steps
         Time limit; None for none.
     options
-        Of `SceneTask` and of `springgym.envs.base.SpringEnv`.
+        Options of `SceneTask` and of `springgym.envs.base.SpringEnv`.
 
     Raises
     ------
     TypeError, ValueError
-        Naming what is wrong: an actuator that is unknown or not in the scene, a function that is none or
-        takes other arguments.
+        If an actuator is unknown or not in the scene, or a function is not callable or takes other
+        arguments; the message names it.
     """
     options |= {"scene": scene, "reward": reward, "actuators": actuators}
     spec = EnvSpec(
@@ -166,46 +166,47 @@ def make_scene_env(
 
 
 class SceneTask(Task):
-    """Make a task of a given scene.
+    """A task in a given scene.
 
     Parameters
     ----------
     scene, reward, actuators
         See `make_scene_env`.
     failed, succeeded
-        Take (m, s) as the reward does; return bools (n,): whether the episode ends, and whether the aim is
-        met now.
+        Functions of (m, s), as the reward. They return bools (n,): whether the episode ends by failure, and
+        whether the aim is met now.
     hold
-        Steps in a row that the aim must be met for ``info["is_success"]``.
+        Number of consecutive steps in which the aim must be met for ``info["is_success"]``.
     wins
-        Whether an episode may end by success: where ``failed`` and ``succeeded`` are both true, it is won.
-        Else it is lost there, however long the aim was met before.
+        Whether an episode can end by success. If so, a step in which ``failed`` and ``succeeded`` are both
+        true is a success. Otherwise it is a failure, however long the aim was met before.
     observe
-        Takes (m, s); returns what is observed (n, D), scaled to order one: it is clipped to ±10. If not
-        given, positions and velocities of all particles that can move are observed, and the goal.
+        A function of (m, s) that returns observations (n, D), scaled to order one: they are clipped to ±10.
+        By default, the observation holds positions and velocities of all particles that can move, and the
+        goal.
     metrics
-        Takes (m, s); returns a dict of numbers (n,) that ``info`` tells by name.
+        A function of (m, s) that returns a dict of numbers (n,). ``info`` contains them by name.
     start
-        ``start(rng)`` returns positions and velocities (N, 3) to start from and, if there is one, the goal:
-        some numbers, as many each time. `springgym.envs.task.Start` has names for the three. Further
-        arguments with defaults are reset options: ``start(rng, tilt=None)`` takes
-        ``env.reset(options={"tilt": 0.1})``. Episodes start as the scene does, without a goal, if it is not
-        given.
+        A function ``start(rng)`` that returns positions and velocities (N, 3) at the start and, if there is
+        one, the goal: a fixed number of numbers. `springgym.envs.task.Start` names the three. Further
+        arguments with defaults are reset options: ``start(rng, tilt=None)`` allows
+        ``env.reset(options={"tilt": 0.1})``. By default, episodes start as the scene does, without a goal.
     move
-        Takes (m, s) after each step, before all else; returns the goals (n, G) from now on.
+        A function of (m, s) that returns new goals (n, G). It is called first after each step.
     memory
-        K numbers that an episode begins with in ``s.memory``.
+        The K numbers in ``s.memory`` at the start of an episode.
     remember
-        Takes (m, s); returns what is remembered (n, K). It is called when the episode has started and after
-        each step, when reward, ends and metrics have seen what was remembered before.
+        A function of (m, s) that returns the new memory (n, K). It is called at the start of an episode, and
+        after each step. Reward, ends and metrics of the step see the old memory.
     period
         Control period [s].
     position_scale, velocity_scale
-        Observed as 1 [m], [m/s]; derived from size and motion of the scene if not given.
+        Position [m] and velocity [m/s] that are observed as 1. By default they follow from the size and the
+        motion of the scene.
     look
-        How bodies are drawn; `springgym.scenes.film.look` makes one with colours of yours.
+        The look of the bodies; `springgym.scenes.film.look` makes one with colours of your choice.
     camera, scenery
-        From where it is seen, and what stands around; derived from the scene if not given.
+        The camera, and the surroundings. By default they follow from the scene.
     marks
         Takes measures and situation of one copy (so ``s.goal`` is (G,)); returns what else is drawn. If it is
         not given, arrows show what the actions drive.
@@ -274,12 +275,12 @@ class SceneTask(Task):
         self._move, self._remember = _given("move", move), _given("remember", remember)
         if move is not None:
             if not self.goal_size:
-                raise ValueError("move is given, but no goal that could move; start must give one")
+                raise ValueError("move is given, but there is no goal to move; start must return one")
             self.move = self._moved  # type: ignore[misc]
         if (remember is None) != (not self.memory):
             raise ValueError(
-                f"memory is {checks.shown(memory)} and remember is {checks.shown(remember)}; both must be "
-                "given, or neither: what is remembered at first, and what then"
+                f"memory is {checks.shown(memory)} and remember is {checks.shown(remember)}; give both "
+                "or neither: memory holds the initial values, and remember returns the next ones"
             )
         if remember is not None:
             self.remember = self._remembered  # type: ignore[misc]
@@ -350,7 +351,8 @@ class SceneTask(Task):
         return values
 
     def prepare(self, m: Measures, s: Situation) -> None:
-        """See the scene once: what terms the reward has, what metrics there are, how much is observed."""
+        """Find the terms of the reward, the metrics and the size of the observation from the scene at its
+        start."""
         copies = len(s.x)
         goal, memory = (read_only(np.tile(first, (copies, 1))) for first in (self._goal, self.memory))
         s = s._replace(goal=goal, memory=memory)
@@ -384,7 +386,9 @@ class SceneTask(Task):
         given = mapping("what metrics gave", self._metrics(self._named(m), s))
         for name in given:
             if name in RESERVED or str(name).startswith(RESERVED_BEGINNINGS):
-                raise ValueError(f"metrics gave {name!r}, a name that info has already; choose another")
+                raise ValueError(
+                    f"metrics gave {name!r}, but info has an entry of that name already; choose another name"
+                )
         return _by_name("metrics", given, m, names)
 
     def _moved(self, m: Measures, s: Situation, goal: np.ndarray) -> None:
@@ -493,7 +497,7 @@ def _most(name: str, given: Most) -> np.ndarray:
         return np.full(3, checks.number(name, given, TINY))
     most = checks.array(name, given, (3,), low=0.0)
     if not most.any():
-        raise ValueError(f"{name} is {checks.shown(given)}; one of its axes must be driven")
+        raise ValueError(f"{name} is {checks.shown(given)}; at least one axis must differ from 0")
     return most
 
 
@@ -503,12 +507,13 @@ def _by_name(
     """Numbers (n,) by name that a function gave; ``names`` are those that it gave first."""
     for name in given:
         if not isinstance(name, str) or not name:
-            raise TypeError(f"{function} gave something by the name {name!r}; a name must be some text")
+            raise TypeError(f"{function} gave an entry named {name!r}; a name must be a non-empty string")
     if not given:
         raise ValueError(f"{function} gave an empty dict; it must give at least one number by name")
     if names is not None and set(given) != set(names):
         raise ValueError(
-            f"{function} gave {', '.join(given)}, and first it gave {', '.join(names)}; the names must stay"
+            f"{function} gave {', '.join(given)}, but at first it gave "
+            f"{', '.join(names)}; the names must not change"
         )
     own = "own" if function == "reward" else ""
     return {
@@ -592,7 +597,7 @@ def _thrusters(scene: Scene, name: str) -> int:
 def _acted_on(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
     """The scene with the actuators that are named, a wrench added if need be."""
     if not actuators:
-        raise ValueError("actuators is empty; the actions must drive something")
+        raise ValueError("actuators is empty; actions must drive at least one actuator")
     bodies = list(scene.bodies)
     for name in actuators:
         body, kind = _named(scene, instance("a name in actuators", name, str))
@@ -600,19 +605,19 @@ def _acted_on(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
         there = {"thrust": placed.thrust, "acceleration": placed.drive}
         chosen("a name in actuators", kind, (*WRENCH, *there))
         if kind in there and there[kind] is None:
-            raise ValueError(f"actuators has {name!r}, but the scene has nothing that it could drive")
+            raise ValueError(f"actuators has {name!r}, but the scene has no such actuator")
         if kind in WRENCH and placed.wrench is None:
             bodies[body] = replace(placed, wrench=WrenchActuator())
     return scene.with_(bodies=tuple(bodies))
 
 
 class SceneEnv(SpringEnv, gym.Env):
-    """Run one environment over a scene, see `make_scene_env`."""
+    """A single environment with a given scene, see `make_scene_env`."""
 
     task_type = SceneTask
 
 
 class SceneVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
-    """Run a native batch over a scene, see `make_scene_env`."""
+    """A native batch of environments with a given scene, see `make_scene_env`."""
 
     task_type = SceneTask

@@ -41,7 +41,7 @@ REACH, STRENGTH = 0.015, 0.003  # of all contacts: Δ [m], c [N·m²]
 CLOSE = 0.08  # to its place, for success [m]
 ARENA = 1.8  # where an episode ends [m]
 WAY_UNIT, SPEED_UNIT, NEAR_UNIT, TURNING_UNIT = 0.5, 0.5, 0.3, 2.0
-"""What the compact observation shows as 1: ways [m], speeds [m/s], ways between both [m], turning [rad/s]."""
+"""Units of the compact observation: distances [m], speeds [m/s], distance to the box [m], turning [rad/s]."""
 PUSHER_SPEED = 1.0  # the same of the pusher's velocity [m/s]
 
 Level: TypeAlias = Sequence[float] | np.ndarray
@@ -56,7 +56,7 @@ def heading_of(m: Measures, c: int, body: int) -> float:
 
 @compiled
 def assess(m: Measures, c: int, action: np.ndarray, error: float, heading: float, out: np.ndarray) -> None:
-    """What is rewarded and told of a box that is so far from its place [m], and turned so far [rad]."""
+    """Compute reward and info for a box that is ``error`` [m] and an angle ``heading`` off its place."""
     place, velocity = m.centre[c, BOX], m.centre_velocity[c, BOX]
     apart = math.hypot(m.centre[c, PUSHER, 0] - place[0], m.centre[c, PUSHER, 1] - place[1])
     speed = math.hypot(velocity[0], velocity[1]) + 0.2 * abs(m.angular_velocity[c, BOX, 2])

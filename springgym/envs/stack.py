@@ -59,7 +59,7 @@ SUNK = 0.1  # above the block's middle: the middle of what has fallen is lower [
 
 @compiled
 def turned_of(m: Measures, c: int) -> float:
-    """How far the box is turned from the block, from −π to π [rad]."""
+    """Return the angle between box and block, from −π to π [rad]."""
     turned = heading_of(m, c, BOX) - heading_of(m, c, BLOCK)
     return math.atan2(math.sin(turned), math.cos(turned))
 
@@ -161,7 +161,8 @@ class SpringStack(Task):
         scale = factors["scale"]
         if scale < SMALLEST:
             raise ValueError(
-                f"randomize makes bodies of scale {scale:.4g}; below {SMALLEST} the ball has no room"
+                f"randomize allows bodies of scale {scale:.4g}; it must be at least "
+                f"{SMALLEST}, or the ball does not fit"
             )
         low = (-0.9, -0.3, -0.5, 0.35, 2 * math.pi / 3, GAPS[0], -0.3)
         high = (-0.5, 0.3, 0.5, 0.5, 4 * math.pi / 3, GAPS[1], 0.3)

@@ -1,7 +1,7 @@
-"""Seeds, directions and orientations to start from; the latter in closed form.
+"""Seeds, directions and orientations for the start of episodes, the latter in closed form.
 
-A decomposition from LAPACK would do, too, but leaves open which signs and, among equal moments, which axes it
-returns: another version may choose others, and every seed start otherwise.
+A decomposition from LAPACK would not determine the signs of axes, nor the axes of equal moments. Another
+version could choose others, and every seed would then start in another way.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from springgym.bodies.rotations import cross
 from springgym.checks import whole
 
 EQUAL = 1e-9
-"""Moments that differ by a smaller share are equal: their axes are any in the plane, or in space."""
+"""Moments that differ by a smaller share count as equal, and their axes are not determined."""
 
 
 def spawned(seed: int, copies: int) -> list[int]:
-    """Return one seed of 64 bits for each copy that learns; runs of other seeds get other ones.
+    """Return a seed of 64 bits for each copy; runs of different seeds share none.
 
-    Were copy i to begin from ``seed + i``, runs of neighbouring seeds would share their starts.
+    If copy i had the seed ``seed + i``, runs of neighbouring seeds would share their starts.
 
     Raises
     ------
     TypeError
-        If one is no whole number.
+        If a seed is not a whole number.
     ValueError
-        If one is negative.
+        If a seed is negative.
     """
     sequence = np.random.SeedSequence(whole("seed", seed, high=math.inf))
     return [int(own.generate_state(1, np.uint64)[0]) for own in sequence.spawn(whole("copies", copies))]
 
 
 def uniform(rng: Generator, low: Sequence[float], high: Sequence[float]) -> list[float]:
-    """Draw one number between each two bounds, bit by bit as NumPy does in five times the time."""
+    """Draw a number between each pair of bounds, to the bit as NumPy does, in a fifth of the time."""
     shares = rng.random(len(low)).tolist()
     return [start + (end - start) * share for start, end, share in zip(low, high, shares, strict=True)]
 
@@ -51,7 +51,7 @@ def direction(rng: Generator) -> np.ndarray:
 
 
 def any_rotation(rng: Generator) -> np.ndarray:
-    """Draw a rotation (3, 3), each equally likely: from three random directions, by Gram and Schmidt."""
+    """Draw a rotation (3, 3), all equally likely, by Gram-Schmidt from three random directions."""
     first, second, third = rng.normal(size=(3, 3)).T
     first = _unit(first)
     second = _unit(second - (first * second).sum() * first)
@@ -61,9 +61,10 @@ def any_rotation(rng: Generator) -> np.ndarray:
 
 
 def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) by ``tilt`` [rad] about y, then ``azimuth`` [rad] about z; of (k,) each, (k, 3, 3).
+    """Return the rotation by ``tilt`` [rad] about y, then ``azimuth`` [rad] about z: (3, 3), or (k, 3, 3) for
+    (k,).
 
-    To the bit the product of two of `springgym.bodies.rotation`, in which a cosine c is 1 − (1 − c).
+    It equals the product of two `springgym.bodies.rotation` to the bit, where a cosine c is 1 − (1 − c).
     """
     angles = np.array((azimuth, tilt))
     sines, cosines = np.sin(angles).tolist(), (1 - (1 - np.cos(angles))).tolist()
@@ -80,14 +81,14 @@ def _turn(s: float, sine: float, c: float, cosine: float) -> list[list[float]]:
 def standing(
     shape: StretchedShapes, tip: int, poses: np.ndarray, factors: Sequence[Mapping[str, float]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Tops that spin and lean, each with the factors of its episode's randomisation.
+    """Return the states of spinning, leaning tops, each with the factors of its episode's randomisation.
 
     Parameters
     ----------
     shape
-        At any spin.
+        The shapes of the top at all spins.
     tip
-        The particle they stand on.
+        The particle on which they stand.
     poses : (k, 3)
         Azimuth and tilt [rad], and spin [rad/s].
 
@@ -104,7 +105,7 @@ def standing(
 
 
 def above_bowl(radius: float, away: float, height: float) -> tuple[float, float]:
-    """How far from a bowl's axis and how high a point is [m].
+    """Return the distance of a point from the axis of a bowl, and its height [m].
 
     It is ``height`` above the bowl, along the normal of a place that is ``away`` from the axis.
     """
@@ -113,10 +114,11 @@ def above_bowl(radius: float, away: float, height: float) -> tuple[float, float]
 
 
 def principal_axes(body: Body) -> np.ndarray:
-    """The principal axes about the centre of mass, ascending by moment: the columns of a rotation (3, 3).
+    """Return the principal axes about the centre of mass, ascending by moment, as columns of a rotation (3,
+    3).
 
-    Each points where its largest component is positive, but for the last, which makes them right-handed.
-    Among equal moments, the first axis is the one nearest to one of the coordinate axes, and so on.
+    The largest component of each axis is positive, except for the last axis, which makes them right-handed.
+    Among equal moments, the first axis is the one nearest to a coordinate axis, and so on.
     """
     moments, vectors = body.principal()
     chosen: list[np.ndarray] = []

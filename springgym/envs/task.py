@@ -1,9 +1,9 @@
-"""What an environment is: a task over a scene.
+"""The task of an environment: the part that differs from one environment to the next.
 
-A `Task` states the MDP: the scene, how an episode starts, what the actions drive, what is rewarded.
+A `Task` defines the MDP: the scene, the start of an episode, the actuators and the reward.
 `springgym.envs.episodes.Episodes` runs it for any number of copies. The Gymnasium classes in
-`springgym.envs.base`, one for a single environment and one for a batch, only translate; so each MDP is
-written once.
+`springgym.envs.base`, one for a single environment and one for a batch, call it. So each MDP is written
+once.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene
 
 MET, FAILED = -2, -1
-"""Columns of an outcome that are not reported: whether the aim is met now, and whether the episode failed."""
+"""Columns of an outcome that are not reported: whether the aim is met now, and whether the episode has
+failed."""
 
 
 class Start(NamedTuple):
@@ -36,13 +37,13 @@ class Start(NamedTuple):
     velocities: np.ndarray
     """(N, 3) [m/s]"""
     goal: Sequence[Any] = ()
-    """what the task wants this time, of the length `Task.goal_size`"""
+    """the goal of this episode, of length `Task.goal_size`"""
 
 
 class Task:
-    """Define the MDP of an environment. A subclass states it; its instances are immutable.
+    """The MDP of an environment. Subclasses define it, and their instances are immutable.
 
-    Compiled functions a subclass provides, over rows of copies:
+    A subclass provides these compiled functions, over rows of copies:
 
     - ``evaluate(m, s, out)``: for every copy c, from `Measures` m and the `Situation` s, set ``out[name][c]``
       for each name in `outcome`: the reward's terms, the metrics, whether the aim is met now, and whether the
@@ -51,11 +52,11 @@ class Task:
     - ``move(m, s, goal)``, where there is one: sets the goals (n, G) of the next control period;
     - ``remember(m, s, memory)``, where there is one: sets what is remembered (n, K).
 
-    After a step, ``move`` comes first, then ``evaluate``, which sees in ``s.memory`` what was remembered
-    before, then ``remember``, and the observation last. At the start of an episode, the memory is what
-    `memory` says, and ``remember`` is called once.
+    After a step, ``move`` comes first, then ``evaluate``, which sees the old ``s.memory``, then ``remember``,
+    and the observation last. At the start of an episode, the memory is `memory`, and ``remember`` is called
+    once.
 
-    Of several bodies, m holds the measures of each: scalars (n, bodies), vectors (n, bodies, 3).
+    For several bodies, m holds the measures of each: scalars (n, bodies), vectors (n, bodies, 3).
     """
 
     observations: ClassVar[tuple[str, ...]] = ("particles", "frame")
@@ -66,18 +67,18 @@ class Task:
     metrics: ClassVar[tuple[str, ...]]
     """names of the quantities reported in ``info``"""
     entries: tuple[Entry, ...]
-    """what the numbers of the compact observation are, in their order"""
+    """meaning of the numbers in the compact observation, in order"""
     goal_size: ClassVar[int] = 0
     memory: ClassVar[Sequence[float]] = ()
     """the K numbers of the memory before the first call of ``remember``"""
     period: ClassVar[float] = 0.02
     """control period [s]"""
     finest: ClassVar[float] = math.inf
-    """automatic steps are no longer than this [s]: impacts may need shorter ones than stability does"""
+    """largest automatic step [s]: impacts may need shorter steps than stability"""
     hold: ClassVar[int] = 50
-    """steps in a row that the aim must be met to count as success"""
+    """number of consecutive steps in which the aim must be met to count as success"""
     wins: ClassVar[bool] = False
-    """whether the aim can be met by what ends the episode, as a duel is won; else who fails has not met it"""
+    """whether an episode can end by success, as a won duel does; otherwise a failure is never a success"""
     evaluate: ClassVar[Callable[..., None]]
     compact: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None
@@ -102,7 +103,7 @@ class Task:
 
     @property
     def limits(self) -> np.ndarray:
-        """Return the effect of the entries of an action at 1, (A,), in the units that the docstring tells."""
+        """Return the effect of each entry of an action at 1, (A,), in the units that the docstring states."""
         raise NotImplementedError
 
     def seen(self, observations: np.ndarray) -> dict[str, np.ndarray]:
@@ -111,7 +112,7 @@ class Task:
 
     @property
     def parameters(self) -> np.ndarray:
-        """Return the numbers that ``evaluate`` and ``compact`` need."""
+        """Return the parameters of the task for ``evaluate`` and ``compact``."""
         return np.zeros(0)
 
     @property
@@ -127,8 +128,8 @@ class Task:
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         """Draw the start of an episode.
 
-        ``options`` holds what the user fixed; what is used is removed from it. ``factors`` are those
-        of this episode's randomisation, 1 if there is none.
+        ``options`` holds the reset options of the user; the task removes those that it uses. ``factors`` are
+        the factors of this episode's randomisation; 1 without randomisation.
         """
         raise NotImplementedError
 
@@ -138,9 +139,9 @@ class Task:
         options: Sequence[dict[str, Any]],
         factors: Sequence[Mapping[str, float]],
     ) -> Start:
-        """Draw the starts of k episodes, each as by `start`.
+        """Draw the starts of k episodes, each as `start` does.
 
-        A task whose episodes often end may find them all at once instead, in less time.
+        A task whose episodes often end can override this, to compute all starts at once in less time.
         """
         each = [self.start(*own) for own in zip(generators, options, factors, strict=True)]
         return Start(
@@ -154,11 +155,11 @@ class Task:
         raise NotImplementedError
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
-        """Return what else acts in all copies, for `Simulator.actuate`: an opponent, who sees the state."""
+        """Return further values for `Simulator.actuate`, as those of an opponent who sees the state."""
         return {}
 
     def look(self) -> Look:
-        """Return how the body is drawn."""
+        """Return the `Look` of the bodies."""
         raise NotImplementedError
 
     def camera(self) -> Camera:
@@ -170,7 +171,7 @@ class Task:
         return Scenery()
 
     def marks(self, m: Measures, s: Situation) -> Marks:
-        """Return the marks to draw; the arguments are those of one copy."""
+        """Return the marks to draw. The arguments belong to one copy."""
         raise NotImplementedError
 
     @property

@@ -1,10 +1,10 @@
-"""The method and the step that a wanted error asks for.
+"""The choice of method and step for a given error.
 
-A control period is tried: `EPISODES` episodes of the task, begun from seeds of their own with factors of
-randomisation at the ends of their ranges, go on for `PERIODS` periods with random actions, and the largest of
-all errors counts, as `springgym.envs.error` estimates it. A method of order p errs by C hᵖ, which says how
-many steps to try next. What is found was tried: its largest error, times `SAFETY` for all that was not, is
-below what is wanted.
+A trial plays `EPISODES` episodes of the task for `PERIODS` control periods with random actions. The episodes
+have seeds of their own, and factors of randomisation at the ends of their ranges. The result of a trial is
+the largest error, as `springgym.envs.error` estimates it. A method of order p has an error C hᵖ, which
+suggests the number of steps for the next trial. The choice is one that was tried, and whose largest error
+times `SAFETY` is below the given error.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from springgym.envs.task import Task
 EPISODES, PERIODS = 16, 50
 
 SAFETY = 1.5
-"""How much larger an error may be than the largest that was seen: estimates in impacts are too low by up to a
-third, and other episodes than those tried are harder."""
+"""Factor between the tolerance and the largest error that was seen: estimates during impacts are up to a
+third too low, and later episodes may be harder than those tried."""
 
 FINEST = 32
-"""How many times as many steps as by default are tried at the most."""
+"""At most this many times as many steps as by default are tried."""
 
 ROUNDS = 8
-"""How many numbers of steps are tried at the most with a method."""
+"""At most this many numbers of steps are tried for a method."""
 
 CLOSE = 1.1
-"""Ratio of two numbers of steps, one too few and one enough, between which none is looked for."""
+"""The search ends if a sufficient number of steps is at most this factor above an insufficient one."""
 
 HIGHER = ("rk4", "blanes_moan")
-"""Methods of higher order, tried where the default one takes `PAYS` times as many steps as by default."""
+"""Methods of higher order. They are tried if the default method needs `PAYS` times its default steps."""
 
 PAYS = 2
 
@@ -61,19 +61,19 @@ def chosen_for(
     Parameters
     ----------
     task, copies
-        What is simulated. As many copies are tried as there are to be, so that code is compiled once.
+        The task, and the number of copies. Trials use the same number, so that code is compiled once.
     tolerance
         The largest error of a control period, as a share of the body's size.
     integrator
-        The method; if it is None, the default one and those of `HIGHER`.
+        The method. None tries the default one and those of `HIGHER`.
     options
         The other options of `Episodes`.
 
     Raises
     ------
     TypeError, ValueError
-        If the tolerance is no positive number, or no step that is tried is fine enough; the message says what
-        is the least that is to be had.
+        If the tolerance is not a positive number, or no step that is tried is fine enough; the message says
+        which tolerance is possible.
     """
     wanted = checks.number("tolerance", tolerance, TINY)
 
@@ -95,17 +95,17 @@ def chosen_for(
     if not enough:
         least = min(found, key=lambda choice: choice.error)
         raise ValueError(
-            f"tolerance is {wanted:g}; the least that is to be had is {least.error * SAFETY:.2g}, with "
+            f"tolerance is {wanted:g}; the smallest possible one is {least.error * SAFETY:.2g}, with "
             f"{least.steps} steps of {least.integrator} to a control period"
         )
     return min(enough, key=lambda choice: choice.cost)
 
 
 def fewest_steps(wanted: float, usual: Episodes, trial: Callable[[str, int], Episodes]) -> Choice:
-    """Return the fewest steps of a method whose largest error is small enough, or the best that was tried.
+    """Return the smallest number of steps whose largest error is small enough, or the best that was tried.
 
-    ``usual`` are episodes with the method's own number of steps, which is tried first; ``trial`` makes others
-    of a method and a number of steps.
+    ``usual`` are episodes with the default number of steps, which is tried first. ``trial`` makes episodes
+    with another method and number of steps.
     """
     method, most = usual.simulator.integrator, FINEST * usual.steps
     few, enough, best, episodes = 0, None, None, usual

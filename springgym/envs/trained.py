@@ -1,4 +1,4 @@
-"""Trained agents: those that are published with the package, and those of run folders."""
+"""Trained agents: those in the package, and those in run folders."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PUBLISHED = AGENTS / "trained"
 
 
 class Agent(NamedTuple):
-    """Hold an agent, and the environment that it acts in."""
+    """A trained agent, and the environment in which it acts."""
 
     name: str
     env_id: str
@@ -35,7 +35,7 @@ class Agent(NamedTuple):
 
 @dataclass(frozen=True)
 class Trained:
-    """Hold the contents of the ``config.yaml`` of a run folder."""
+    """The contents of the ``config.yaml`` of a run folder."""
 
     algo: Algorithm
     env_id: str
@@ -46,9 +46,9 @@ class Trained:
 def load_agent(agent: str | Path) -> Agent:
     """Load a published agent by the id of its environment, or an agent of your own by its run folder.
 
-    It needs PyYAML (extra ``scenes`` or ``agents``), and neither PyTorch nor Stable-Baselines3. Nothing is
-    unpickled, so a run folder may be anyone's. `Agent.make` imports the module that the environment's id
-    names before a colon, if it does.
+    This needs PyYAML (extra ``scenes`` or ``agents``), but neither PyTorch nor Stable-Baselines3. Nothing is
+    unpickled, so you can load a run folder of somebody else. If the environment's id has the form
+    ``module:ID``, `Agent.make` imports the module.
 
     Parameters
     ----------
@@ -58,9 +58,9 @@ def load_agent(agent: str | Path) -> Agent:
     Raises
     ------
     TypeError
-        If it is neither a text nor a path.
+        If it is neither a string nor a path.
     ValueError
-        If there is no such agent, or one of its files is wrong.
+        If there is no such agent, or one of its files is damaged.
 
     Examples
     --------
@@ -91,27 +91,28 @@ def load_agent(agent: str | Path) -> Agent:
 
 
 def published(env_id: str, within: Path = PUBLISHED) -> Path:
-    """Return the folder of the published agent of an environment, with its checksums held against its card.
+    """Return the folder of the published agent of an environment, after checking the checksums on its card.
 
     Raises
     ------
     YamlError
-        If there is none, or a file of it was changed.
+        If there is no such agent, or one of its files was changed.
     """
     cards = {path.parent.name: path for path in sorted(within.glob("*/card.json"))}
     if env_id not in cards:
         raise YamlError(
-            f"{env_id!r} is no run folder, and no published agent; there are {', '.join(cards) or 'none'}"
+            f"{env_id!r} is neither a run folder nor a published agent; published "
+            f"agents are {', '.join(cards) or 'none'}"
         )
     try:
         sums = json.loads(cards[env_id].read_text(encoding="utf-8"))["sha256"]
         for name, told in sums.items():
             if checksum(cards[env_id].with_name(name)) != told:
-                raise YamlError(f"{cards[env_id].with_name(name)}: it is not the file that was published")
+                raise YamlError(f"{cards[env_id].with_name(name)}: the file differs from the published one")
     except YamlError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise YamlError(f"{cards[env_id]}: not the card of an agent: {error!r}") from error
+        raise YamlError(f"{cards[env_id]}: the file is not the card of an agent: {error!r}") from error
     return cards[env_id].parent
 
 

@@ -1,6 +1,6 @@
-"""Time-stepping methods: one file each, with its `Integrator` record and ``integrate`` function.
+"""Time-stepping methods. Each has a file with its `Integrator` record and its ``integrate`` function.
 
-A method of one's own needs no edit here: `register` it.
+`register` adds a method of your own.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ TAKEN = ("x", "v", "ledger", "workspace", "h", "steps", "terms")
 
 
 def integrator(name: str) -> Integrator:
-    """The record of a method.
+    """Return the record of a method.
 
     Raises
     ------
@@ -53,21 +53,22 @@ def integrator(name: str) -> Integrator:
 
 
 def register(record: Integrator, integrate: Callable[..., None]) -> None:
-    """Make a method of one's own known by the name in its record; the last one of a name counts.
+    """Register a method of your own under the name in its record. It replaces an earlier one of that name.
 
     Parameters
     ----------
     record
-        The facts about it, which checks and steps rely on.
+        The properties of the method, on which checks and steps rely.
     integrate
-        Compiled (`springgym.core.compiling.compiled`), as those of `springgym.integrators`:
-        ``integrate(x, v, ledger, workspace, h, steps, terms)`` takes one block of copies ``steps`` steps
-        further. ``h`` is a `springgym.integrators.record.Control` if the record says it controls its error.
+        A function, compiled by `springgym.core.compiling.compiled`:
+        ``integrate(x, v, ledger, workspace, h, steps, terms)`` advances one block of copies by ``steps``
+        steps. If the record says that the method controls its error, ``h`` is a
+        `springgym.integrators.record.Control`.
 
     Raises
     ------
     TypeError
-        If one is of the wrong kind, or the function takes something else.
+        If an argument has the wrong type, or the function has other parameters.
     ValueError
         If a method of springgym has the name.
     """
@@ -108,15 +109,15 @@ def advance_kernel(
     together: bool = False,
     cycles: bool = False,
 ) -> Callable[..., None]:
-    """The compiled function that takes blocks of copies through a number of steps by a method.
+    """Return the compiled function that advances blocks of copies by a method.
 
-    The one for scenes with ``surfaces``, or where something acts in ``cycles`` of steps, is another where
-    these take code that others should not wait for. Bodies that collide take each step ``together``, or look
-    around at their `START`; others one after another take all.
+    Scenes with ``surfaces``, and ``cycles`` of several steps, have their own function, so that other scenes
+    need not wait for this code to compile. Bodies that collide take each step ``together``, or only find
+    their contacts at the `START`. Other bodies take all steps one after another.
 
-    If the kernel is called with ``reads``, it then reads them off by ``read``, a compiled function like
-    `springgym.measures.read`, which takes ``reading``, a `springgym.measures.Reading`. Only kernels of rigid
-    bodies make use of ``settles``: springs need not be put into shape. ``clock`` counts the steps.
+    If the kernel is called with ``reads``, it also measures the copies by ``read``, a compiled function like
+    `springgym.measures.read`, with ``reading``, a `springgym.measures.Reading`. Only kernels of rigid bodies
+    use ``settles``. ``clock`` counts the steps.
     """
     if together:
         return _kernel(_method(name, "integrate_together")[1], at_once, read)
@@ -133,7 +134,7 @@ def one_by_one(
     steps: int,
     terms: Terms,
 ) -> None:
-    """Take each body through all steps, by itself."""
+    """Advance each body through all steps, one body after another."""
     for body in range(bodies_of(phase.x)):
         own = of_body(phase, body)
         integrate(own.x, own.v, own.ledger, of_body(workspace, body), h, steps, of_body(terms, body))
@@ -143,7 +144,7 @@ def one_by_one(
 def at_once(
     integrate: Callable[..., None], phase: Phase, workspace: Nested, h: Number, steps: int, terms: Terms
 ) -> None:
-    """Take all bodies through the steps together."""
+    """Advance all bodies together, step by step."""
     integrate(phase.x, phase.v, phase.ledger, workspace, h, steps, terms)
 
 

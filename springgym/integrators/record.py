@@ -22,35 +22,36 @@ from springgym.surfaces import PaperContact
 
 @dataclass(frozen=True)
 class Integrator:
-    """Facts about a time-stepping method; they drive checks, tests and documentation."""
+    """Properties of a time-stepping method, for checks, tests and documentation."""
 
     name: str
     order: int
     evaluations: int
-    """force evaluations a step; of an iterative method, with one iteration a stage"""
+    """force evaluations per step; for an iterative method, with one iteration per stage"""
     imaginary_limit: float
     """largest stable ω h of an undamped oscillator"""
     real_limit: float
-    """largest stable decay rate × h; infinite where dampers are split off exactly or solved implicitly, 0 if
-    the method takes none"""
+    """largest stable decay rate × h; infinite if dampers are split off exactly or solved implicitly, 0 if
+    the method does not allow dampers"""
     symplectic: bool
     negative_substeps: bool
-    """steps back in time within a step: unusable with dissipation"""
+    """whether it takes steps back in time within a step, which rules out dissipation"""
     workspace: int
-    """arrays of (particles or springs, 3) it computes in"""
+    """number of its work arrays (particles or springs, 3)"""
     citation: str
     implicit: bool = False
-    """solves linear systems in the springs' and dampers' Jacobian; actuators are split off, to order 2"""
+    """whether it solves linear systems in the Jacobian of springs and dampers; actuators are split off, to
+    order 2"""
     adaptive: bool = False
-    """takes steps of its own choice, up to h, from an estimate of its error"""
+    """whether it chooses its own steps, up to h, from an estimate of its error"""
     iterative: bool = False
-    """solves by Newton's method"""
+    """whether it uses Newton's method"""
     meets_bodies: bool = False
     """passes the nodes of `springgym.integrators.together` where bodies may meet"""
     meets_surfaces: bool = False
     """passes nodes, see `springgym.integrators.node`, where there are surfaces"""
     cycles: bool = False
-    """can let dampers and wrench act once in several steps, see `springgym.forces.cycle`"""
+    """whether dampers and wrench can act once in several steps, see `springgym.forces.cycle`"""
 
     def __post_init__(self) -> None:
         for own in fields(self):
@@ -68,12 +69,12 @@ class Integrator:
 
     @property
     def splits_dampers(self) -> bool:
-        """Tell whether each damper decays exactly, one after the other."""
+        """Return whether each damper decays exactly, one after the other."""
         return math.isinf(self.real_limit) and not self.implicit
 
     @property
     def controlled(self) -> bool:
-        """Tell whether it has a tolerance, and is given a `Control` in place of h."""
+        """Return whether the method has a tolerance, and takes a `Control` in place of h."""
         return self.adaptive or self.iterative
 
 
@@ -84,7 +85,7 @@ COUNTS = 3
 class Phase(NamedTuple):
     """The state of copies: positions, velocities, and the ledger of their energy.
 
-    Of several bodies, each field is a `Ragged`.
+    For several bodies, each field is a `Ragged`.
     """
 
     x: Rows
@@ -98,10 +99,10 @@ class Phase(NamedTuple):
 class Control(NamedTuple):
     """The tolerance and the bounds of steps, which a method that controls its error takes in place of h.
 
-    An adaptive method keeps the error of each step, root mean squares over the particles, below
-    ``absolute`` + ``relative`` × longest spring in position [m] and ``absolute`` + ``relative`` × speed in
-    velocity [m/s]. Newton's method stops when a correction moves no particle by more than ``absolute`` +
-    ``relative`` × longest spring: the error left is of the square of it.
+    An adaptive method keeps the error of each step, a root mean square over the particles, below
+    ``absolute`` + ``relative`` × longest spring in position [m] and below ``absolute`` + ``relative`` × speed
+    in velocity [m/s]. Newton's method stops when a correction moves no particle by more than ``absolute`` +
+    ``relative`` × longest spring. The remaining error is of the order of its square.
     """
 
     step: float
@@ -113,8 +114,8 @@ class Control(NamedTuple):
 
 
 def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Nested:
-    """Return what a method computes in, on elements of ``dtype``: arrays and, if implicit, each body's
-    matrix."""
+    """Return the workspace of a method, with elements of ``dtype``: arrays and, if it is implicit, the matrix
+    of each body."""
     bodies = [placed.body for placed in scene.bodies]
     rows = max(
         max(len(body.masses), len(body.springs), len(scene.surfaces) * max(len(body.rounds), 1))

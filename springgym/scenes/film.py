@@ -1,4 +1,4 @@
-"""Films of recordings: how each body is drawn, and from where it is seen."""
+"""Films of recordings: the look of each body, and the camera."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from springgym.surfaces import Plane
 SIZE = (640, 640)
 FPS = 50.0
 GIF_FPS = 25.0
-"""Frames a second of a GIF: browsers show many more at the wrong speed."""
+"""Frames per second of a GIF: browsers show GIFs with many more at the wrong speed."""
 TURN_A_FRAME = 1.05
 """[rad] The eye cannot follow a body that turns by more from frame to frame."""
 FAR = 8.0
@@ -46,18 +46,18 @@ CALM = 0.5
 def save_film(recording: Recording, path: str | PathLike[str], speed: float | None = None) -> None:
     """Write the film of a recording as .mp4 or .gif.
 
-    It is as fast as the scene's view says or, if that is silent, in real time unless the body turns too
-    fast for the eye, see `visible_speed`. If it is not in real time, the film says so.
+    The scene's view gives the speed of the film. Without it, the film is in real time or, if the body turns
+    too fast for the eye, slower, see `visible_speed`. The film states its speed if it is not real time.
 
     Parameters
     ----------
     speed
-        Seconds of the motion a second of the film, in place of that.
+        Seconds of the motion per second of the film, instead of that speed.
 
     Raises
     ------
     ValueError
-        If the name ends in neither.
+        If the name ends in neither .mp4 nor .gif.
     gymnasium.error.DependencyNotInstalled
         Without the packages of the extra ``render``.
     """
@@ -66,7 +66,7 @@ def save_film(recording: Recording, path: str | PathLike[str], speed: float | No
 
 
 def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -> Iterator[np.ndarray]:
-    """Pictures (height, width, 3) of a recording at a rate, see `save_film`."""
+    """Yield pictures (height, width, 3) of a recording, ``fps`` per second of the film, see `save_film`."""
     plan, x = recording.plan, recording.positions
     pace = speed or plan.view.speed or visible_speed(turning(plan.scene, recording.bodies), fps)
     renderer = Renderer(look(plan.scene, plan.trace), camera(recording), scenery(recording), SIZE)
@@ -81,24 +81,26 @@ def frames(recording: Recording, fps: float = FPS, speed: float | None = None) -
 
 
 def told(pace: float) -> str:
-    """Return how fast a film is, in words: "1/8 of real time"."""
+    """Return the speed of a film in words, as "1/8 of real time"."""
     return f"{Fraction(pace)} {'of' if pace < 1 else '×'} real time"
 
 
 def visible_speed(fastest: float, fps: float) -> float:
-    """The fastest of `SPEEDS`, at most real time, at which a turning at ``fastest`` rad/s is seen rightly."""
+    """Return the fastest of `SPEEDS`, at most real time, at which a film shows ``fastest`` [rad/s]
+    correctly."""
     return max((s for s in SPEEDS if s <= 1 and fastest * s <= TURN_A_FRAME * fps), default=SPEEDS[0])
 
 
 def turning(scene: Scene, bodies: Sequence[Measures]) -> float:
-    """The largest angular velocity of a body [rad/s], from the measures of each; of what changes shape, 0."""
+    """Return the largest angular velocity of a body [rad/s], from the measures of each; 0 for floppy
+    bodies."""
     pairs = zip(scene.bodies, bodies, strict=True)
     turns = [m.angular_velocity for placed, m in pairs if not placed.body.floppy]
     return max((float(np.linalg.norm(omega, axis=1).max()) for omega in turns), default=0.0)
 
 
 def camera(recording: Recording, size: tuple[int, int] = SIZE) -> Camera:
-    """A camera that sees the whole motion or, if the body goes far, all of the body where it starts."""
+    """Return a camera that sees the whole motion or, if the body goes far, all of the body at its start."""
     x, view, scene = recording.positions, recording.plan.view, recording.plan.scene
     along = way(recording)
     if along is not None:
@@ -113,7 +115,7 @@ def camera(recording: Recording, size: tuple[int, int] = SIZE) -> Camera:
 
 
 def way(recording: Recording) -> np.ndarray | None:
-    """The way (T, 3) [m] that a camera makes which follows; None if it stands."""
+    """Return the path (T, 3) [m] of a camera that follows the body; None if the camera does not move."""
     centre = recording.measures.centre
     size = float(np.ptp(recording.positions[0], axis=0).max())
     if recording.plan.scene.pins or not 0 < FAR * size < np.linalg.norm(np.ptp(centre, axis=0)):
@@ -128,7 +130,7 @@ def way(recording: Recording) -> np.ndarray | None:
 def strobe(
     recording: Recording, moments: Sequence[int], seen_by: Camera, size: tuple[int, int]
 ) -> np.ndarray:
-    """One picture of the body at several moments, earlier ones paler, (height, width, 3)."""
+    """Return a picture (height, width, 3) of the body at several moments; earlier ones are paler."""
     plan = recording.plan
     renderer = Renderer(look(plan.scene, None), seen_by, scenery(recording), size)
     ground = np.asarray(renderer.draw(np.full_like(recording.positions[0], np.nan)), np.int16)
@@ -147,10 +149,10 @@ def strobe(
 
 
 def poses(recording: Recording, spacing: float = 0.9, most: int = 10, last: int | None = None) -> list[int]:
-    """Moments at which the body is in places ``spacing`` times its size apart, the last one among them.
+    """Return moments at which the body has moved by ``spacing`` times its size, including the last moment.
 
-    Poses at equal times would heap up where the body is slow, or comes again. Where there would be more than
-    ``most``, they are farther apart.
+    Poses at equal times would overlap where the body is slow, or where it returns. The spacing is larger if
+    there were more than ``most`` poses otherwise.
     """
     x, centre = recording.positions, recording.measures.centre
     end = len(x) - 1 if last is None else last
@@ -167,13 +169,13 @@ def poses(recording: Recording, spacing: float = 0.9, most: int = 10, last: int 
 
 
 def surfaces(scene: Scene) -> Scenery:
-    """The surfaces of a scene."""
+    """Return the surfaces of a scene as scenery."""
     planes = tuple((s.point, s.normal) for s in scene.surfaces if isinstance(s, Plane))
     return Scenery(planes=planes, surfaces=[s for s in scene.surfaces if not isinstance(s, Plane)])
 
 
 def scenery(recording: Recording) -> Scenery:
-    """The surfaces, or a ground below what is pinned."""
+    """Return the surfaces of a recording's scene, or a ground below a pinned body."""
     scene, x = recording.plan.scene, recording.positions
     if scene.surfaces or not scene.pins:
         plumb = None
@@ -191,19 +193,19 @@ def scenery(recording: Recording) -> Scenery:
 
 
 def look(scene: Scene, trace: int | None = None, colors: Mapping[str, Color] | None = None) -> Look:
-    """Return how the bodies of a scene are drawn.
+    """Return the `Look` of the bodies of a scene.
 
     Parameters
     ----------
     trace
-        The particle, among all, that leaves a trace.
+        The particle, numbered among all, that leaves a trace.
     colors
-        Red, green and blue, 0 to 255, of bodies by name: they take the place of the blue that bodies have.
+        Colours of bodies by name, as red, green and blue from 0 to 255. Other bodies are blue.
 
     Raises
     ------
     TypeError, ValueError
-        If there is no such body, or a colour is none.
+        If there is no such body, or a colour is not one.
     """
     given = {
         scene.number(instance("a name in colors", name, str)): tuple(

@@ -1,4 +1,4 @@
-"""What a scene file says: what is simulated, for how long, and what is made of it."""
+"""The contents of a scene file: what is simulated, for how long, and how it is shown."""
 
 from __future__ import annotations
 
@@ -13,40 +13,41 @@ Plot = Literal["top", "pendulum", "rope", "drop", "slide", "rotation", "ringing"
 
 
 LEAST = {"duration": 1e-6, "interval": 1e-6, "step": 1e-9}
-"""Least times of a run [s]: in shorter ones nothing moves that a plot or a film could show."""
+"""Least times of a run [s]: in shorter runs, nothing moves that a plot or a film could show."""
 
 
 SPEEDS = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0, 8.0)
-"""Seconds of the motion a second of showing it."""
+"""Speeds of films: seconds of the motion per second of the film."""
 
 
 class View(NamedTuple):
-    """From where a film is seen, and how fast it is."""
+    """The viewpoint and the speed of a film."""
 
     azimuth: float = -1.0
-    """of the eye, counted from x about z [rad]"""
+    """azimuth of the eye, counted from x about z [rad]"""
     elevation: float = 0.3
-    """of the eye above the horizon [rad]"""
+    """elevation of the eye above the horizon [rad]"""
     speed: float | None = None
-    """one of `SPEEDS`; if None, the fastest up to real time at which the eye can follow the rotation"""
+    """one of `SPEEDS`; None for the fastest speed, up to real time, at which the eye can follow the
+    rotation"""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A scene, and what its file wants done with it."""
+    """A scene, and the settings for its simulation, checks and pictures."""
 
     name: str
     title: str
-    """what it shows, in a line"""
+    """description of the scene in a line"""
     scene: Scene
     paper: PaperContact
-    """the contact of the paper's method, if that is asked for"""
+    """the contact of the paper's method, if the file chooses that method"""
     stretched: bool
-    """whether it starts in the shape that its motion and weight hold"""
+    """whether it starts in the shape of a steady motion under its weight"""
     duration: float
     """[s]"""
     interval: float
-    """between the states that are recorded [s]"""
+    """time between recorded states [s]"""
     integrator: str
     step: float | None
     """[s], chosen from the stability limit if None"""
@@ -57,4 +58,4 @@ class Plan:
     """names in `springgym.scenes.checks.CHECKS`"""
     view: View
     parts: tuple[Plan, ...] = ()
-    """of several bodies, what is checked of each by itself; ``checks`` are of all together"""
+    """for several bodies, the checks of each by itself; ``checks`` concern all together"""

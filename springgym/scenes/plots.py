@@ -232,7 +232,7 @@ def _legend(axes: Axes, below: bool = False) -> None:
 
 
 def _energies(recording: Recording, figure: Figure, place: SubplotSpec, change: bool = False) -> None:
-    """Return where the energy is, and where it went; or how much of it moved since the start.
+    """Plot the energies and the losses over time or, if ``change``, how they differ from the start.
 
     Those of gravity and of the springs count from their least.
     """
@@ -473,7 +473,7 @@ def ringing(recording: Recording, figure: Figure) -> None:
 
 
 def _straight(recording: Recording) -> bool:
-    """Tell whether the particles of the body's triad lie on a line, so that it has a third axis alone."""
+    """Return whether the triad of the body has only a third axis, because its particles lie on a line."""
     return bool((np.linalg.norm(recording.measures.side, axis=1) < 0.5).any())
 
 

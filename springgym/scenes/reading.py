@@ -1,4 +1,4 @@
-"""Reading scene files strictly: every key is known, of its kind, and given once."""
+"""Strict reading of scene files: every key is known, has the right type, and occurs once."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ Changes = Mapping[tuple[str, ...], Any]
 
 
 def names() -> list[str]:
-    """Names of the scenes that come with the package, sorted."""
+    """Return the names of the scenes in the package, sorted."""
     return sorted(
         file.name.removesuffix(".yaml") for file in _folder().iterdir() if file.name.endswith(".yaml")
     )
@@ -65,14 +65,14 @@ def load(scene: str, changes: Changes | None = None) -> Plan:
     Parameters
     ----------
     scene
-        Name of one that comes with the package, or path of a YAML file.
+        Name of a scene in the package, or path of a YAML file.
     changes
-        Values in place of those at some paths of keys: ``{("start", "spin"): 40.0}``.
+        Values that replace those in the file, by the path of their keys: ``{("start", "spin"): 40.0}``.
 
     Raises
     ------
     YamlError
-        If the file is wrong: with its name, the line and the key.
+        If the file has an error; the message names file, line and key.
     ValueError
         If there is no such scene.
     """
@@ -81,7 +81,7 @@ def load(scene: str, changes: Changes | None = None) -> Plan:
 
 
 def document(scene: str) -> Tree:
-    """Return what the file of a scene says, unchecked; see `load`."""
+    """Return the tree of a scene file, unchecked; see `load`."""
     with _file(scene) as path:
         return read_yaml(path)
 
@@ -353,7 +353,7 @@ KINDS: dict[str, Callable[..., Body]] = {
     "solid_mesh": _solid_mesh,
     "solid_rope": solid_rope,
 }
-"""Bodies by the name a scene file gives them; ``union`` is the other."""
+"""Functions that make bodies, by their names in scene files; ``union`` is handled apart."""
 
 
 def _body(tree: Tree, path: tuple[str, ...]) -> Body:
@@ -436,8 +436,8 @@ def _met(
 
 
 def _collisions(tree: Tree) -> Collisions:
-    """Return which bodies meet: "all", "none", how all do, or a list of pairs, each with its ``contact`` or
-    not."""
+    """Return the bodies that collide: "all", "none", how all do, or a list of pairs, each with or without a
+    ``contact``."""
     given = tree.value.get("collisions", ALL)
     if given is None or given == "none":
         return None
@@ -537,14 +537,16 @@ def _lifted(
 ) -> np.ndarray:
     """Positions moved along the normal of a plane to a height of the lowest particle."""
     if not isinstance(surface, Plane):
-        raise ValueError("height is above a plane; give a position above other surfaces")
+        raise ValueError("height needs a plane; give a position above other surfaces")
     found = heights(body, positions, surface)
     if height == "rest":
         strength, reach = scales(contact, body)
         below = int(np.sum(found < found.min() + 1e-3 * reach))
         weight = -body.mass * float(np.dot(gravity, surface.normal))
         if weight <= 0:
-            raise ValueError("height: gravity does not press the body on the surface, where it is to rest")
+            raise ValueError(
+                "height: the body is to rest on the surface, but gravity does not press it there"
+            )
         height = rest_height(weight / below, strength, reach)
     return positions + (height - found.min()) * np.array(surface.normal)
 
@@ -552,7 +554,7 @@ def _lifted(
 def _hung(body: Body, first: np.ndarray, last: np.ndarray, gravity: Vector) -> np.ndarray:
     """A rope hanging between its ends."""
     if body.name != "rope" or any(gravity[:2]) or not gravity[2] < -1e-9:
-        raise ValueError("end is that of a rope, in gravity straight down")
+        raise ValueError("end needs a rope, and gravity straight down")
     across = (last - first) * (1, 1, 0)
     span = float(np.linalg.norm(across))
     if not span > 0:

@@ -1,4 +1,4 @@
-"""Running a plan, and what is recorded of it."""
+"""Simulating a plan, and recording its states."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from springgym.scenes.plan import Plan
 from springgym.simulator import SimulationDivergedError, Simulator
 
 MOST_STEPS = 10_000_000
-"""Steps from one recorded state to the next, at the most: seconds without a sign or an ear for Ctrl-C."""
+"""Most steps from one recorded state to the next: some seconds without progress or reaction to Ctrl-C."""
 
 MOST_BYTES = 4_000_000_000
-"""Size of all recorded states, at the most."""
+"""Largest size of all recorded states [bytes]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A simulated plan: its states at T times."""
+    """A simulated plan, with its states at T times."""
 
     plan: Plan
     simulator: str
-    """what simulated it, in words"""
+    """description of the simulator"""
     integrator: Integrator
     step: float
     """[s]"""
@@ -40,21 +40,22 @@ class Recording:
     velocities: np.ndarray
     """(T, N, 3) [m/s]"""
     measures: Measures
-    """of all bodies together, of shape (T,) or (T, 3)"""
+    """measures of all bodies together, of shape (T,) or (T, 3)"""
     bodies: tuple[Measures, ...]
     """of each body"""
     pairs: PairReadings
-    """of bodies that collide, since the start, (T, pairs) in the order of `Scene.meetings`"""
+    """readings of pairs of bodies since the start, (T, pairs) in the order of `Scene.meetings`"""
     complete: bool
-    """whether it was not interrupted"""
+    """False if the simulation was interrupted"""
     shadow: tuple[float, float]
-    """`Simulator.shadow_energy` at the start and at the end [J], not a number where it is not known"""
+    """`Simulator.shadow_energy` at the start and at the end [J]; NaN if it is not known"""
     contacts: tuple[Contacts, ...] = ()
     """`Simulator.contacts` at each time, if they were asked for and can be told"""
 
     @property
     def parts(self) -> tuple[Recording, ...]:
-        """The recording of each body by itself: what a scene of this one alone would have given."""
+        """Return a recording of each body by itself, in the form that a scene of this body alone would
+        give."""
         plan = self.plan
         if not plan.parts:
             return (self,)
@@ -87,22 +88,22 @@ def record(
     Parameters
     ----------
     plan
-        What to simulate. Its interval, at the most the duration, becomes a whole number of steps if its step
-        is given, and the other way round if not.
+        The plan. If it has a step, its interval is rounded to a whole number of steps; otherwise a whole
+        number of steps is fitted into the interval. The interval is at most the duration.
     dynamics
-        "springs", or "rigid" for the rigid twin, whose method and step are its own.
+        "springs", or "rigid" for the rigid twin, which has its own method and step.
     contacts
         Whether to record the contacts, too. Those of a scene or method that cannot tell them are left out.
     progress
-        What to wrap the count of states in, to show it. Ctrl-C ends the simulation and keeps what is there,
-        from two states on.
+        A function that wraps the iterator over states, to show progress. Ctrl-C ends the simulation; the
+        recording then holds the states so far, if there are at least two.
 
     Raises
     ------
     SimulationDivergedError
         If the simulation diverges.
     ValueError
-        If the integrator or the step does not fit the scene, or it takes too many steps or states.
+        If the integrator or the step does not fit the scene, or there are too many steps or states.
     """
     plan = replace(plan, interval=min(plan.interval, plan.duration))
     simulator = _simulator(plan, dynamics)
@@ -180,8 +181,8 @@ def _check_size(plan: Plan, step: float, steps: int, count: int) -> None:
                 f"up to {damping:g} kg/s ask for it"
             )
         raise ValueError(
-            f"a step of {step:g} s makes {steps:g} of an interval of {plan.interval:g} s, and at most "
-            f"{MOST_STEPS:g} are taken: {why}"
+            f"a step of {step:g} s makes {steps:g} steps in an interval of {plan.interval:g} s; at most "
+            f"{MOST_STEPS:g} are allowed: {why}"
         )
     told = SIZE * (1 + len(bodies) if len(bodies) > 1 else 1)
     told += len(PairReadings._fields) * len(plan.scene.meetings)
@@ -207,10 +208,10 @@ def _simulator(plan: Plan, dynamics: str) -> Simulator:
 
 
 def rigid_twin(recording: Recording) -> Recording | None:
-    """Simulate the same plan with the body rigid, at the same times.
+    """Simulate the same plan with a rigid body, at the same times.
 
-    None where a body or scene has no rigid twin, or where bodies collide: after some impacts the paths of
-    springs and twin say nothing of each other.
+    Return None if a body or the scene has no rigid twin, or if bodies collide: after some impacts, springs
+    and twin follow different paths.
     """
     if recording.plan.scene.meetings:
         return None

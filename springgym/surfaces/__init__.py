@@ -1,4 +1,4 @@
-"""Surfaces that bound where particles may be, and how a body meets them. Frozen data, checked once.
+"""Surfaces that bound the free particles, and the contact of bodies with them. Frozen data, checked once.
 
 Each kind of surface is one file, see `springgym.surfaces.surface`, and a line of `SURFACES`.
 """
@@ -39,4 +39,4 @@ SURFACES: dict[str, Callable[..., Surface]] = {
     "height_field": HeightField,
     "waves": waves,
 }
-"""What makes a surface, by the name that a scene file gives it."""
+"""The functions that make surfaces, by their names in scene files."""

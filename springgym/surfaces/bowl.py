@@ -17,7 +17,7 @@ from springgym.surfaces.surface import Surface, points
 
 
 class Bowls(NamedTuple):
-    """Hold the bowls of a scene for compiled code."""
+    """The bowls of a scene, for compiled code."""
 
     centre: np.ndarray
     """(bowls, 3) [m]"""
@@ -38,7 +38,7 @@ class Bowls(NamedTuple):
 
 @dataclass(frozen=True)
 class Bowl(Surface):
-    """Describe the inside of a sphere: a spherical bowl for what stays in its lower part."""
+    """The inside of a sphere. Its lower part is a spherical bowl."""
 
     centre: tuple[float, float, float]
     radius: float

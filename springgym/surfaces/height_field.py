@@ -1,12 +1,12 @@
 """Uneven ground z = f(x, y): height (z − f)/√(1 + |∇f|²).
 
 f is the natural bicubic spline through heights on a grid (de Boor, J. Math. Phys. 41 (1962) 212): a sum of
-products of B-splines, with two continuous derivatives everywhere. Beyond the grid it goes on with the slope
-of its edge. Its error is of fourth order in the spacing where it is not bent at the edges of the grid.
+products of B-splines, with two continuous derivatives everywhere. Beyond the grid it continues with the slope
+of its edge. Its error is of fourth order in the spacing, if f is not bent at the edges of the grid.
 
-The height is 0 on the ground. At a distance d from ground of curvature κ and slope tan θ it differs from d
-by κ d² tan² θ/2: of contact's d < Δ a share of κ Δ tan² θ/2 or less. Forces follow its own gradient, so that
-they keep their energy whatever that share is.
+The height is 0 on the ground. At a distance d from ground of curvature κ and slope tan θ, it differs from d
+by κ d² tan² θ/2. In contact, where d < Δ, this is a share of at most κ Δ tan² θ/2. Forces follow the gradient
+of the height, so they conserve energy whatever that share is.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from springgym.identity import digest
 from springgym.surfaces.surface import Surface, points
 
 MOST = 1_000_000
-"""Heights of all fields of a scene: whole numbers up to here are exact in single precision."""
+"""Most heights of all fields of a scene: whole numbers up to here are exact in single precision."""
 
 
 class HeightFields(NamedTuple):
-    """Hold the height fields of a scene for compiled code."""
+    """The height fields of a scene, for compiled code."""
 
     corner: np.ndarray
     """(fields, 3) position of the corner of the grid where it begins, its z being 0 [m]"""
@@ -152,14 +152,15 @@ def ground(along_x: Any, along_y: Any, k: int, own: HeightFields) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class HeightField(Surface):
-    """Describe uneven ground z = f(x, y), smooth through heights on a grid of square cells; above it is free.
+    """Uneven ground z = f(x, y): a smooth surface through heights on a grid of square cells. Bodies are above
+    it.
 
     Parameters
     ----------
     heights : (m, n)
-        f [m]: a row for each x, in it a number for each y.
+        f [m], with a row for each x and a column for each y.
     spacing
-        Between neighbours of the grid [m].
+        Distance between neighbours of the grid [m].
     corner
         x and y [m] of the first height.
     """
@@ -267,16 +268,16 @@ def waves(
     spacing: float,
     level: float = 0.0,
 ) -> HeightField:
-    """Return ground in waves along x, f = z₀ + a cos(2π x/λ), on a square around the origin.
+    """Return ground with waves along x, f = z₀ + a cos(2π x/λ), on a square around the origin.
 
     Parameters
     ----------
     amplitude, length
         a and λ [m]
     size
-        From the origin to each edge [m], rounded up to where a wave crosses its level.
+        Distance from the origin to each edge [m], rounded up to where a wave crosses its level.
     spacing
-        Between heights [m], at most λ/8.
+        Distance between heights [m], at most λ/8.
     level
         z₀ [m]
     """

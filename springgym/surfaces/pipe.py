@@ -17,7 +17,7 @@ from springgym.surfaces.surface import Surface, points
 
 
 class Pipes(NamedTuple):
-    """Hold the pipes of a scene for compiled code."""
+    """The pipes of a scene, for compiled code."""
 
     point: np.ndarray
     """(pipes, 3) of the axis [m]"""
@@ -40,16 +40,16 @@ class Pipes(NamedTuple):
 
 @compiled
 def off_axis(place: Vector, k: int, own: Pipes) -> Any:
-    """Return d [m]: how a place lies off the axis of pipe ``k``."""
+    """Return d [m], which leads from the axis of pipe ``k`` to a place."""
     arm = place - row(own.point, k)
     return plus_scaled(arm, -1.0 * dot(arm, row(own.axis, k)), row(own.axis, k))
 
 
 @dataclass(frozen=True)
 class Pipe(Surface):
-    """Describe the inside of a round pipe without ends, around an axis through a point; or its lower part.
+    """The inside of a round pipe without ends, around an axis through a point. Its lower part is a gutter.
 
-    An axis of any length is made a unit vector.
+    An axis of any length becomes a unit vector.
     """
 
     point: tuple[float, float, float]

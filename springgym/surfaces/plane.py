@@ -20,7 +20,7 @@ from springgym.surfaces.surface import Surface, points
 
 
 class Planes(NamedTuple):
-    """Hold the planes of a scene for compiled code."""
+    """The planes of a scene, for compiled code."""
 
     normal: np.ndarray
     """(planes, 3) unit vectors"""
@@ -29,7 +29,7 @@ class Planes(NamedTuple):
 
     @staticmethod
     def flat() -> bool:
-        """Say that the gradient is a unit vector, and the same everywhere."""
+        """Return True: the gradient is a unit vector, and the same everywhere."""
         return True
 
     @staticmethod
@@ -45,7 +45,7 @@ class Planes(NamedTuple):
 
 @dataclass(frozen=True)
 class Plane(Surface):
-    """Describe a plane whose normal points to the free side; normals of any length become unit vectors."""
+    """A plane whose normal points to the free side. A normal of any length becomes a unit vector."""
 
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -86,7 +86,7 @@ class Plane(Surface):
 
 
 def floor(z: float = 0.0) -> Plane:
-    """Return the level plane at height z [m]."""
+    """Return a level plane at height z [m]."""
     return Plane((0.0, 0.0, number("z", z)))
 
 

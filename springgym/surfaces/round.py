@@ -1,4 +1,4 @@
-"""How high a body is above a surface: its particles, or its round features if it has some."""
+"""The height of a body above a surface: of its particles, or of its round features if it has any."""
 
 from __future__ import annotations
 

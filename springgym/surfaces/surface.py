@@ -1,4 +1,4 @@
-"""What a surface is: a height and, in compiled code, its gradient.
+"""The base of surfaces: a height and, in compiled code, its gradient.
 
 A kind of surface is one file of this folder and one line of `springgym.surfaces.SURFACES`. The file has a
 frozen dataclass for users, a `Surface`, and a named tuple for compiled code: arrays with one row for each
@@ -25,7 +25,7 @@ from springgym.checks import array
 
 
 class Surface(ABC):
-    """Bound where particles may be: they stay where the gap to the surface, its height, is positive."""
+    """A surface that bounds the free particles: they stay where its height, the gap to it, is positive."""
 
     @abstractmethod
     def height(self, positions: np.ndarray) -> np.ndarray:
@@ -34,34 +34,35 @@ class Surface(ABC):
     @classmethod
     @abstractmethod
     def packed(cls, surfaces: Sequence[Self]) -> tuple[Any, ...]:
-        """Return the named tuple by which compiled code knows some surfaces of this kind."""
+        """Return some surfaces of this kind as a named tuple for compiled code."""
 
     @abstractmethod
     def net(self, middle: np.ndarray, extent: float) -> np.ndarray:
-        """Return points (m, n, 3) [m] of the surface in rows and columns, by which it is drawn.
+        """Return points (m, n, 3) [m] of the surface, in rows and columns, for drawing.
 
-        A picture shows some ``extent`` [m] around the ``middle`` (3,) [m] of what happens.
+        The picture shows ``extent`` [m] around the ``middle`` (3,) [m] of the scene.
         """
 
     def fade(self, points: np.ndarray, middle: np.ndarray, extent: float) -> np.ndarray:
-        """Return how clearly points (…, 3) of the surface are drawn: from 1 to 0, which is not at all."""
+        """Return the opacity of points (…, 3) of the surface in pictures, from 0 to 1."""
         away = np.linalg.norm(points - middle, axis=-1) / (2.0 * extent)
         return np.asarray(np.maximum(1.0 - away**2, 0.0))
 
     def hit(self, start: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return where rays (…, 3) meet the surface from its free side, and its unit normals there.
+        """Return the points in which rays (…, 3) meet the surface from its free side, and its unit normals.
 
-        Of rays that miss it both are NaN. Surfaces that return None are drawn as a net, without shade.
+        Both are NaN for rays that miss the surface. A surface that returns None is drawn as a net, without
+        shading.
         """
         return None
 
 
 def points(positions: ArrayLike) -> np.ndarray:
-    """Return positions that a height is asked for as an array (…, 3).
+    """Return positions as an array (…, 3), after checking them.
 
     Raises
     ------
     TypeError, ValueError
-        If they are no numbers, or have another shape than (3,), (N, 3) or (k, N, 3).
+        If they are not numbers, or their shape is not (3,), (N, 3) or (k, N, 3).
     """
     return array("positions", positions, (3,), (None, 3), (None, None, 3))

@@ -152,5 +152,5 @@ def slope_acceleration(angle: float, friction: float, gravity: float = 9.81) -> 
 
 
 def holds(angle: float, friction: float) -> bool:
-    """Tell whether a particle at rest stays on a slope, tan a <= mu, 0 <= a < pi/2 rad."""
+    """Return whether a particle at rest stays on a slope, tan a <= mu, for 0 <= a < pi/2 rad."""
     return math.sin(angle) <= friction * math.cos(angle)

@@ -21,7 +21,7 @@ from springgym.theory.contact import force
 from springgym.theory.frames import Floats
 
 RADIANS = 0.02
-"""Of the quickest vibration, a step."""
+"""Angle by which the fastest vibration advances in a step [rad]."""
 
 
 class Impact(NamedTuple):

@@ -188,7 +188,7 @@ def catenary(
 def cable_stretch(
     load: float, mass: float, young: float, section: float, length: float, gravity: float = 9.81
 ) -> float:
-    """Return how much longer a hanging cable is under a load and its own weight, (M + m/2) g L / (E A), m.
+    """Return the stretch of a hanging cable under a load and its own weight, (M + m/2) g L / (E A), m.
 
     Parameters
     ----------

@@ -179,7 +179,7 @@ def ball_rule(radius: float, degree: int = DEGREE) -> Rule:
 
 
 def polyhedron_rule(points: ArrayLike, triangles: ArrayLike, degree: int = DEGREE) -> Rule:
-    """Return what a closed surface of triangles bounds.
+    """Return a quadrature rule for the solid within a closed surface of triangles.
 
     A sum over the tetrahedra between each triangle and the mean of the points. Where the surface is
     not convex some have negative volume, and the sum is as exact.

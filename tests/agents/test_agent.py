@@ -178,7 +178,7 @@ def test_statistics_that_normalise_nothing_are_refused(wrong, tmp_path):
     runs.load_policy(run, *spaces())
     given = {f"observations.{name}": np.broadcast_to(value, (2,)) for name, value in wrong.items()}
     run.agent.write_bytes(changed(run, **given))
-    with pytest.raises(config.ConfigError, match="normalise nothing"):
+    with pytest.raises(config.ConfigError, match="cannot normalise"):
         runs.load_policy(run, *spaces())
 
 
@@ -235,7 +235,7 @@ def test_configuration_and_agent_are_all_that_is_to_be_shared(saved, tmp_path, c
 def test_a_module_is_imported_only_if_the_user_names_it(saved, capsys):
     for main in (evaluate.main, watch.main):
         assert main([str(saved.folder)]) == 2
-        assert f"if that is to be, add --env {TOY}" in capsys.readouterr().err
+        assert f"to allow this, add --env {TOY}" in capsys.readouterr().err
 
 
 def test_an_agent_of_other_observations_is_refused(saved, capsys):
@@ -243,7 +243,7 @@ def test_an_agent_of_other_observations_is_refused(saved, capsys):
     text = saved.folder.joinpath("config.yaml").read_text()
     saved.folder.joinpath("config.yaml").write_text(text.replace("net_arch: [16]", "net_arch: [17]"))
     assert evaluate.main([str(saved.folder), "--env", TOY]) == 2
-    assert "config.yaml ask for finite numbers [17, 2]" in capsys.readouterr().err
+    assert "config.yaml require finite numbers [17, 2]" in capsys.readouterr().err
 
 
 def test_an_agent_of_another_environment_is_refused(saved, capsys):

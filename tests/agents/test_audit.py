@@ -99,7 +99,7 @@ def test_what_there_is_no_twin_of_is_told(capsys):
     ("arguments", "says"),
     [
         (["zero"], "name the environment with --env"),
-        (["zero", "--env", "CartPole-v1"], "CartPole-v1 is no environment of springgym's"),
+        (["zero", "--env", "CartPole-v1"], "CartPole-v1 is not an environment of springgym"),
         (["nobody", "--env", "SpringTop-v0"], "unknown controller 'nobody'"),
     ],
 )

@@ -183,7 +183,7 @@ def test_a_changed_task_is_another_run(done, configs, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--address", "auto", "--jobs", "2"], "--jobs is for this machine"),
+        (["--address", "auto", "--jobs", "2"], "--jobs works on this machine only"),
         (["--address", "auto", "--local"], "not allowed with argument"),
         (["--algorithms", "dqn"], "invalid choice: 'dqn'"),
         (["--seeds", "0"], "'0' must be a whole number from 1"),
@@ -213,7 +213,7 @@ def test_what_is_wrong_is_told_before_anything_runs(options, says, tmp_path, cap
 def test_a_damaged_table(tmp_path, configs, capsys):
     (tmp_path / "baselines.json").write_text("[{}]")
     assert benchmark.main(command(tmp_path, configs)) == 2
-    assert "not the rows of a benchmark" in capsys.readouterr().err
+    assert "does not hold the rows of a benchmark" in capsys.readouterr().err
 
 
 @pytest.mark.slow

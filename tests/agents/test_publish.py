@@ -64,7 +64,7 @@ def test_one_that_was_changed_is_refused(copied, name, capsys):
     with open(copied / "SpringTop-v0" / name, "ab") as file:
         file.write(b"\n")
     assert evaluate.main(["SpringTop-v0"]) == 2
-    assert f"{name}: it is not the file that was published" in capsys.readouterr().err
+    assert f"{name}: the file differs from the published one" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"sha256": 3}'])
@@ -108,7 +108,7 @@ def test_what_names_no_agent_is_refused(wrong):
 
 
 def test_the_folder_of_an_agent_may_be_incomplete(tmp_path):
-    with pytest.raises(ValueError, match="is no run folder, and no published agent"):
+    with pytest.raises(ValueError, match="is neither a run folder nor a published agent"):
         springgym.load_agent(tmp_path)
     shutil.copy(PUBLISHED / "SpringTop-v0" / "config.yaml", tmp_path)
     agent = springgym.load_agent(tmp_path)

@@ -14,7 +14,7 @@ import torch
     ("arguments", "says"),
     [
         (["Absent-v0"], "no entry for 'Absent-v0'"),
-        (["SpringTop-v0", "--copies", "3"], "= 384 is no multiple of 1024"),
+        (["SpringTop-v0", "--copies", "3"], "= 384 is not a multiple of 1024"),
         (["SpringTop-v0", "--resume"], "has no checkpoint"),
     ],
 )

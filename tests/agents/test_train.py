@@ -307,13 +307,13 @@ def without(content, *names):
 
 CHECKPOINTS = {
     "empty": (lambda good: b"", "not a zip file"),
-    "cut short": (lambda good: good[: len(good) // 2], "no checkpoint of this run"),
+    "cut short": (lambda good: good[: len(good) // 2], "not a checkpoint of this run"),
     "flipped": (flipped, "damaged"),
     "foreign": (lambda good: zipped(a__txt="b"), "training_state.pkl"),
     "no training": (lambda good: without(good, "training_state.pkl"), "training_state.pkl"),
-    "no model": (lambda good: without(good, "policy.pth", "data"), "no checkpoint of this run"),
+    "no model": (lambda good: without(good, "policy.pth", "data"), "not a checkpoint of this run"),
     "another run": (lambda good: zipped(run__json='{"algo": "sac"}'), "algo is 'ppo', but"),
-    "another thing": (lambda good: zipped(run__json="[]"), "no checkpoint of this run"),
+    "another thing": (lambda good: zipped(run__json="[]"), "not a checkpoint of this run"),
     "not pickled": (lambda good: zipped(run__json="null", training_state__pkl=b"x"), "no checkpoint"),
     "nothing in it": (lambda good: zipped(training_state__pkl=pickle.dumps(None)), "no checkpoint"),
 }
@@ -349,16 +349,16 @@ def test_a_run_keeps_its_configuration(copied, capsys, old, new):
 
 
 def test_fewer_steps_than_there_are_cannot_be_asked_for(copied, capsys):
-    assert "the run has come to 12288 already" in refused(copied, capsys, "--timesteps", "100")
+    assert "the run has 12288 steps already" in refused(copied, capsys, "--timesteps", "100")
 
 
 METRICS = {
-    "text": (b"1024,0.1,x,1,1,1,1\n", "metrics.csv:26: no row of this run: '1024,0.1,x,1,1,1,1"),
+    "text": (b"1024,0.1,x,1,1,1,1\n", "metrics.csv:26: this is not a row of this run: '1024,0.1,x,1,1,1,1"),
     "two rows mixed": (b"12800,0.1,0.5,3,0.512800,0.1\n", "metrics.csv:26: no row of this run"),
     "back in time": (b"1024,0.1,0.5,3,0.5,40,0.5\n", "metrics.csv:26: no row of this run"),
     "nan": (b"12800,nan,0.5,3,0.5,40,0.5\n", "metrics.csv:26: no row of this run"),
-    "another head": (None, "metrics.csv:1: not the columns of this version: 'a,b"),
-    "no text": (b"\xff\xfe\n", "metrics.csv: no text"),
+    "another head": (None, "metrics.csv:1: these are not the columns of this version: 'a,b"),
+    "no text": (b"\xff\xfe\n", "metrics.csv: the file is not text"),
 }
 """What is added to the rows of a run, and what is said of it."""
 
@@ -453,8 +453,11 @@ def test_a_run_is_not_overwritten(finished, capsys):
     [
         ([], "give an environment id, or --resume and a run folder"),
         (["A-v0", "--resume", "x"], "give an environment id, or --resume and a run folder"),
-        (["--resume", "x", "--set", "a=1"], "own configuration: drop --set"),
-        (["--resume", "x", "--seed", "0", "--algo", "ppo"], "own configuration: drop --algo, --seed"),
+        (["--resume", "x", "--set", "a=1"], "configuration of the run: leave out --set"),
+        (
+            ["--resume", "x", "--seed", "0", "--algo", "ppo"],
+            "configuration of the run: leave out --algo, --seed",
+        ),
         (["A-v0", "--seed", "1000000"], "--seed: '1000000' must be a whole number from 0 to 999999"),
         (["A-v0", "--episodes", "-1"], "--episodes: '-1' must be a whole number from 0"),
     ],

@@ -323,7 +323,7 @@ def replace_actuators(scene: Scene) -> Scene:
         ({"torque": 1.0}, "the body that actuators"),
         ({"dog.force": 1.0}, "'left', 'right'"),
         ({"left.spin": 1.0}, "'spin'"),
-        ({"left.acceleration": 1.0}, "nothing that it could drive"),
+        ({"left.acceleration": 1.0}, "no such actuator"),
     ],
 )
 def test_an_actuator_of_no_body_is_refused(actuators, says: str) -> None:

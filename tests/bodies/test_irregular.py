@@ -178,11 +178,14 @@ SHEET = trimesh.Trimesh(
 NO_SOLIDS = {
     "one triangle flipped": (one_flipped(BOX), r"at the edge from \[.*fix_winding"),
     "apart": (BOX + shifted(BOX, 3, 0, 0), "is 2 solids"),
-    "one of three inside out": (BOX + shifted(inside_out(BOX), 3, 0, 0) + shifted(BOX, 6, 0, 0), "no solid"),
+    "one of three inside out": (
+        BOX + shifted(inside_out(BOX), 3, 0, 0) + shifted(BOX, 6, 0, 0),
+        "does not enclose a solid",
+    ),
     "at a corner": (BOX + shifted(BOX, 1, 1, 1), "is 2 solids"),
     "overlapping": (BOX + shifted(BOX, 0.5, 0.3, 0.2), "cut or cover"),
     "twice": (BOX + SMALL, "cut or cover"),
-    "nothing": (SHEET, "no solid"),
+    "nothing": (SHEET, "does not enclose a solid"),
 }
 
 

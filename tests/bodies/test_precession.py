@@ -28,7 +28,7 @@ def test_heavy_top_of_a_solid_cone():
     ],
 )
 def test_what_is_no_heavy_top(body, pinned, gravity, why):
-    with pytest.raises(ValueError, match=f"is no heavy top: {why}"):
+    with pytest.raises(ValueError, match=f"is not a heavy top: {why}"):
         heavy_top(body, pinned, gravity)
 
 

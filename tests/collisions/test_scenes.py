@@ -124,7 +124,7 @@ HALF_INSIDE_OUT = union(
             ValueError,
             "bodies 'a' and 'b' have no size or no springs",
         ),
-        (lambda: CUBE.with_(radius=0.1), ValueError, "radius is 0.1 m beside 12 triangles"),
+        (lambda: CUBE.with_(radius=0.1), ValueError, "radius is 0.1 m, and there are 12 triangles"),
         (lambda: replace(BALL, radius=-1.0), ValueError, "radius is -1.0"),
     ],
 )

@@ -427,13 +427,15 @@ def test_pettingzoo_s_registry_makes_it() -> None:
 
 
 def test_refusals_of_two_agents() -> None:
-    with pytest.raises(ValueError, match="env_id is 'SpringTop-v0'; of several agents there is Spring"):
+    with pytest.raises(
+        ValueError, match="env_id is 'SpringTop-v0'; it must be an environment of several agents: Spring"
+    ):
         parallel("SpringTop-v0")
-    with pytest.raises(ValueError, match="opponent is given to an environment of two agents"):
+    with pytest.raises(ValueError, match="opponent is not an option of an environment of two agents"):
         parallel("SpringDuel-v0", opponent="still")
     both = parallel("SpringDuel-v0")
     both.reset(seed=0)
-    with pytest.raises(ValueError, match="actions has none for 'second'"):
+    with pytest.raises(ValueError, match="actions has no action for 'second'"):
         both.step({"first": np.zeros(2)})
     with pytest.raises(TypeError, match=r"actions is \[.*; it must be a mapping"):
         both.step([np.zeros(2), np.zeros(2)])

@@ -79,7 +79,7 @@ def test_shipped_scene_by_name() -> None:
 def test_wrong_actuators() -> None:
     with pytest.raises(ValueError, match="a name in actuators is 'wind'; it must be one of"):
         make(actuators={"wind": 1.0})
-    with pytest.raises(ValueError, match="has 'acceleration', but the scene has nothing that it could drive"):
+    with pytest.raises(ValueError, match="has 'acceleration', but the scene has no such actuator"):
         make(actuators={"acceleration": 1.0})
 
 

@@ -484,23 +484,23 @@ def test_copies_that_no_state_can_be_set_into_are_refused() -> None:
             two,
             [0, 1, 2],
             ValueError,
-            "the state is of 2 copies, and copies names 3; it must be of as many",
+            "the state holds 2 copies, but copies names 3; it must hold 3 copies",
         ),
-        (two, [3], ValueError, "the state is of 2 copies, and copies names 1"),
-        (before, [3], ValueError, "the state is of 4 copies"),
+        (two, [3], ValueError, "the state holds 2 copies, but copies names 1"),
+        (before, [3], ValueError, "the state holds 4 copies"),
         (state | {"ready": False}, [3], ValueError, r"state\['ready'\] is False; .*must have begun"),
         (
             two | {"rng": two["rng"][:1]},
             [0, 1],
             ValueError,
-            r"'rng'\] is of 1 copies; it must be of 2",
+            r"'rng'\] holds 1 copies; it must hold 2",
         ),
         (two | {"ended": np.zeros((2, 1), bool)}, [0, 1], ValueError, "it must be a mask"),
         (two | {"seed": [1, -2]}, [0, 1], ValueError, r"state\['seed'\]\[1\] is -2"),
         (state, None, ValueError, "it must hold episodes, rng, seed, ready, ended"),
         ({}, [0], ValueError, "it holds nothing"),
         (None, [0], ValueError, "it is None"),
-        (state | {"episodes": 3}, [0], ValueError, "state is not one of an environment"),
+        (state | {"episodes": 3}, [0], ValueError, "state is not the state of an environment"),
     ]
     for given, copies, kind, says in wrong:
         with pytest.raises(kind, match=says):
@@ -510,7 +510,7 @@ def test_copies_that_no_state_can_be_set_into_are_refused() -> None:
     springgym.set_state(envs, others.pop("one copy of a batch"), [2])  # which is none of others
     before = frozen(envs)
     for name, given in others.items():
-        with pytest.raises(ValueError, match=r"state.* is another one: its|the state is of 2 copies"):
+        with pytest.raises(ValueError, match=r"state.* is another: its|the state holds 2 copies"):
             springgym.set_state(envs, given, [2])
         same(frozen(envs), before, name)
 
@@ -553,7 +553,7 @@ def test_only_a_native_batch_has_copies_to_choose_from() -> None:
     env = make(IDS[0])
     env.reset(seed=0)
     state = springgym.get_state(env)
-    says = r"copies is \[0\]; it must be left out: only a native batch"
+    says = r"copies is \[0\]; leave it out: only a native batch"
     with pytest.raises(TypeError, match=says):
         springgym.set_state(env, state, [0])
     with pytest.raises(TypeError, match=says):

@@ -76,7 +76,7 @@ def test_a_given_method_is_kept() -> None:
         (float("nan"), ValueError, "tolerance"),
         (True, TypeError, "tolerance"),
         ("1e-6", TypeError, "tolerance"),
-        (1e-14, ValueError, "the least that is to be had is"),
+        (1e-14, ValueError, "the smallest possible one is"),
     ],
 )
 def test_what_makes_no_sense_is_refused(tolerance: Any, error: type[Exception], says: str) -> None:
@@ -87,5 +87,5 @@ def test_what_makes_no_sense_is_refused(tolerance: Any, error: type[Exception], 
 def test_a_step_and_a_tolerance_are_one_too_many() -> None:
     with pytest.raises(ValueError, match="step and tolerance"):
         gym.make("SpringTop-v0", tolerance=1e-5, step=5e-4)
-    with pytest.raises(ValueError, match="chooses its steps itself"):
+    with pytest.raises(ValueError, match="chooses its own steps"):
         gym.make("SpringTop-v0", tolerance=1e-5, integrator="dopri5")

@@ -257,7 +257,7 @@ def test_a_given_pace_is_kept() -> None:
     assert stability.cycles_harmless(of, drawn.simulator.step, drawn.simulator.damping_every)
     assert episodes(randomize={"gravity": (0.9, 1.1)}).simulator.damping_every > 1
     assert episodes(dynamics="rigid").simulator.damping_every == 1
-    with pytest.raises(ValueError, match="it must be a whole part of the 40 steps"):
+    with pytest.raises(ValueError, match="it must divide the 40 steps"):
         episodes(step=5e-4, damping_every=6)
     for every in (0, 3, True, "4"):
         with pytest.raises((TypeError, ValueError), match="damping_every"):

@@ -54,7 +54,7 @@ def test_damping_is_refused_with_negative_substeps(name: str) -> None:
 def test_tolerance_goes_to_methods_that_have_one(name: str) -> None:
     scene = tetrahedron(name, 0.0)
     if not integrator(name).controlled:
-        with pytest.raises(ValueError, match=f"{name} has none"):
+        with pytest.raises(ValueError, match=f"{name} has no tolerance"):
             Simulator(scene, integrator=name, tolerance=(1e-6, 1e-9))
         with pytest.raises(ValueError, match="no counts"):
             Simulator(scene, integrator=name).counts()

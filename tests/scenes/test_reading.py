@@ -99,7 +99,10 @@ def test_numbers_without_a_point_are_numbers(read):
         (BOX + "interval: -1", "mine.yaml:4: interval: interval is -1 s"),
         (BOX + "integrator: euler", "mine.yaml:4: integrator: unknown method 'euler'; known keys: verlet"),
         (BOX + f"trace: {'x' * 1000}", "mine.yaml:4: trace: unknown part 'xxx"),
-        (BOX + "start: {height: rest}\ngravity: -1\nsurfaces: [{kind: floor}]", "does not press the body"),
+        (
+            BOX + "start: {height: rest}\ngravity: -1\nsurfaces: [{kind: floor}]",
+            "gravity does not press it there",
+        ),
         (BOX + "pinned: [tip]", "mine.yaml:4: pinned: unknown part 'tip'"),
         (BOX + "pinned: [8]", "mine.yaml:4: pinned: there is no particle 8; there are 0 to 7"),
         (BOX + "pinned: tip", "mine.yaml:4: pinned: expected a list, got 'tip'"),
@@ -118,14 +121,14 @@ def test_numbers_without_a_point_are_numbers(read):
             "body.material.loss: expected a number, got 'soft'",
         ),
         (BOX + "view: {speed: 3}", "mine.yaml:4: view: speed is 3; it must be one of 0.015625, 0.03125"),
-        (BOX + "start: {precession: slow}", "mine.yaml:4: start: body 'box' is no heavy top"),
+        (BOX + "start: {precession: slow}", "mine.yaml:4: start: body 'box' is not a heavy top"),
         (BOX + "start: {kick: {tip: [0, 0, 1]}}", "mine.yaml:4: start: kick names an unknown part 'tip'"),
         (BOX + "start: {kick: {9: [0, 0, 1]}}", "mine.yaml:4: start: kick names particle 9"),
-        (BOX + "start: {end: [1, 0, 0]}", "mine.yaml:4: start: end is that of a rope"),
+        (BOX + "start: {end: [1, 0, 0]}", "mine.yaml:4: start: end needs a rope"),
         (ROPE + "start: {end: [0, 0, -1]}", "mine.yaml:5: start: end is straight below or above"),
         (
             ROPE + "gravity: 1e-300\nstart: {end: [1, 0, 0]}",
-            "start: end is that of a rope, in gravity straight",
+            "start: end needs a rope, and gravity straight",
         ),
         (BOX + "surfaces: floor", "mine.yaml:4: surfaces: expected a list of surfaces"),
         (
@@ -261,7 +264,7 @@ def test_height_above_a_slope_and_at_rest(read):
     carried = force(heights, *scales(rest.contact, rest.body)).sum()
     # four particles carry the weight's part across the slope, bent by a strain of 1e-5 of their heights
     assert carried == pytest.approx(9.81 * np.cos(0.3), rel=1e-2)
-    with pytest.raises(YamlError, match="height is above a plane"):
+    with pytest.raises(YamlError, match="height needs a plane"):
         read(BOX + "surfaces: [{kind: bowl, centre: [0, 0, 9], radius: 9}]\nstart: {height: 1}")
 
 

@@ -92,7 +92,9 @@ def test_what_would_not_end_is_refused():
     """An end of 1e-15 kg asks for steps of 1e-16 s; the error says what is to blame."""
     body = rope(end_mass=1e-15, damping=10.0)
     plan = replace(load("rope-swing"), scene=Scene(body, pinned=(0,)), step=None)
-    with pytest.raises(ValueError, match=r"a step of .* makes .* of an interval .*masses from 1e-15 kg"):
+    with pytest.raises(
+        ValueError, match=r"a step of .* makes .* steps in an interval .*masses from 1e-15 kg"
+    ):
         record(plan)
 
 

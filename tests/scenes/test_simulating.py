@@ -124,7 +124,7 @@ def test_checks_that_do_not_fit_are_told_before_the_run(capsys, tmp_path, monkey
     path = tmp_path / "mine.yaml"
     path.write_text(text.replace("{kind: top}", "{kind: top, scaled: {0: 1.5}}"), encoding="utf-8")
     assert main(["simulate", str(path), "--check", "--plot", str(tmp_path / "plot.png")]) == 2
-    message = "check 'nutation' does not fit scene 'mine': body 'top' is no heavy top: it is not symmetric"
+    message = "check 'nutation' does not fit scene 'mine': body 'top' is not a heavy top: it is not symmetric"
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == [path]
 
@@ -209,7 +209,7 @@ def test_papers_method_is_one_switch(monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["simulate"], "which scene?"),
+        (["simulate"], "no scene is given"),
         (["simulate", "tops"], "there is no scene 'tops'; did you mean 'top'"),
         (["simulate", "no.yaml"], "no.yaml: cannot read it"),
         ([*SHORT, "--step", "1"], "a step of 1 s is unstable"),

@@ -170,7 +170,7 @@ def test_an_episode_is_the_environment_s_own(env_id):
 
 
 def test_unknown_agent(tmp_path):
-    with pytest.raises(ValueError, match="no run folder"):
+    with pytest.raises(ValueError, match="neither a run folder"):
         find_agent(str(tmp_path), "SpringTop-v0")
     with pytest.raises(ValueError, match="no environment of springgym"):
         played(find_agent("zero", "CartPole-v1"), 0)

@@ -1,4 +1,4 @@
-"""Theory beside what was measured: checks by the name a scene file gives them."""
+"""Checks that compare measurements with theory, by their names in scene files."""
 
 from __future__ import annotations
 
@@ -20,19 +20,18 @@ from springgym.scenes.recording import Recording
 
 
 def of_all(scene: Scene, names: Sequence[str]) -> list[str]:
-    """Return which of the checks are of all bodies together: where they collide, none keeps its own
-    energy."""
+    """Return the checks that concern all bodies together: bodies that collide exchange energy."""
     of_them = TOGETHER | {"energy", "momentum"} if scene.meetings else TOGETHER
     return [name for name in names if name in of_them]
 
 
 def fitting(plan: Plan) -> None:
-    """Refuse the checks of a scene that say nothing about such a scene.
+    """Raise an error for checks that do not suit the scene.
 
     Raises
     ------
     ValueError
-        Naming the check that does not fit, and why.
+        If a check does not suit the scene; the message says why.
     """
     for part in plan.parts:
         fitting(part)
@@ -45,12 +44,12 @@ def fitting(plan: Plan) -> None:
 
 
 def check(recording: Recording) -> list[Check]:
-    """Make the checks that a scene file asks for, of several bodies together and then one after another.
+    """Make the checks of a scene file: first those of all bodies together, then those of each body.
 
     Raises
     ------
     ValueError
-        Naming the check that has nothing to say of such a scene.
+        If a check does not suit the scene; the message names it.
     """
     fitting(recording.plan)
     found: list[Check] = []

@@ -1,4 +1,4 @@
-"""What all checks share: their result, what theory leaves out, and reading events off samples."""
+"""The parts that all checks share: their result, the limits of theory, and events in samples."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CHECKS: dict[str, Checking] = {}
 """Checks by the names that scene files give them."""
 
 NEEDS: dict[str, tuple[Need, ...]] = {}
-"""What a scene must have for a check to say something about it, by the name of the check: functions of
+"""Requirements of each check on a scene, by the name of the check: functions of
 `springgym.scenes.checks.needs`."""
 
 TOGETHER: set[str] = set()
@@ -64,7 +64,7 @@ class Check(NamedTuple):
 
     @property
     def covered(self) -> bool:
-        """Tell whether theory says the quantity to within the tolerance; a doubt that is NaN is none."""
+        """Return whether theory is as exact as the tolerance requires; False for a doubt of NaN."""
         return bool(self.doubt <= self.tolerance)
 
     @property
@@ -76,7 +76,7 @@ class Check(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Tell whether theory covers the run and the difference lies within the tolerance; NaN does not."""
+        """Return whether theory covers the run and the difference is within the tolerance; False for NaN."""
         return self.covered and bool(abs(self.measured - self.theory) <= self.tolerance)
 
 
@@ -100,7 +100,7 @@ def slack(recording: Recording, rate: float) -> float:
 
 
 def spread(of: Callable[..., float], *arguments: float, by: float) -> float:
-    """Return how much a value changes when each of its arguments is off by a share ``by``, added up."""
+    """Return the sum of the changes of a value if each of its arguments is off by a share ``by``."""
     value = of(*arguments)
     changed = [
         of(*arguments[:n], argument * (1 + sign * by), *arguments[n + 1 :])

@@ -67,7 +67,7 @@ def _met(recording: Recording) -> tuple[Contact | PaperContact, float, float, fl
 
 
 def _carried(recording: Recording) -> np.ndarray:
-    """Return which particles the first surface carries at the end, (N,)."""
+    """Return the particles that the first surface supports at the end, (N,)."""
     _, _, reach, _ = _met(recording)
     return recording.plan.scene.surfaces[0].height(recording.positions[-1]) < reach
 
@@ -116,7 +116,7 @@ def restitution(recording: Recording) -> list[Check]:
 
 @applies(needs.level, needs.gravity)
 def rest_height(recording: Recording) -> list[Check]:
-    """Return what the particles carry that a body at rest stands on: together its weight."""
+    """Compare the load on the particles of a body at rest with its weight."""
     _, c, reach, g = _met(recording)
     surface, below = recording.plan.scene.surfaces[0], _carried(recording)
     weight = recording.plan.scene.body.mass * g
@@ -154,7 +154,7 @@ def stopping(recording: Recording) -> list[Check]:
 
 @applies(needs.slope, needs.gravity)
 def slope(recording: Recording) -> list[Check]:
-    """Tell whether a block on a slope stays, or how it slides."""
+    """Compare a block on a slope with theory: it rests, or slides with a known acceleration."""
     contact, _, _, g = _met(recording)
     surface = recording.plan.scene.surfaces[0]
     assert isinstance(surface, Plane)
@@ -264,7 +264,7 @@ def _touch(recording: Recording, reach: float, expected: impacts.Impact) -> tupl
 
 
 def _alone(recording: Recording) -> bool:
-    """Tell whether only the tip of a top came near to the surface."""
+    """Return whether only the tip of a top came near to the surface."""
     scene, (_, _, reach, _) = recording.plan.scene, _met(recording)
     x = np.delete(recording.positions, scene.body.particle("tip"), axis=1)
     return bool((scene.surfaces[0].height(x.reshape(-1, 3)) > reach).all())

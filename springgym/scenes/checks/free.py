@@ -73,7 +73,7 @@ def spun_length(recording: Recording) -> list[Check]:
 
 @applies()
 def momentum(recording: Recording) -> list[Check]:
-    """Return what is kept exactly: momentum and angular momentum of a free body, L_z of a pinned one.
+    """Check what is conserved: momentum and angular momentum of a free body, L_z of a pinned one.
 
     To `ROUNDED` of Σ m |r| |v|, and of Σ m |v|, with the speeds of the start and those that gravity may add:
     g t of a free body, 2 √(g r) of one that swings over its pin.
@@ -149,7 +149,7 @@ def at_stake(plan: Plan) -> float:
 
 @applies(needs.trace, needs.rigid_body)
 def twin(recording: Recording) -> list[Check]:
-    """Return how far the traced particle strays from that of the rigid twin, at the most.
+    """Compare the path of the traced particle with that of the rigid twin: the largest distance.
 
     It may by a share of the body's size. A share of the rate at which it moves adds up to that of its path.
     """

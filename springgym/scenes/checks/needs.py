@@ -1,4 +1,4 @@
-"""What a scene must be for its checks to mean something.
+"""Requirements of the checks on a scene.
 
 Each function raises `ValueError` if it is not, saying by what.
 """
@@ -32,7 +32,7 @@ def gravity(plan: Plan) -> None:
 
 def particle(plan: Plan) -> None:
     if (count := len(plan.scene.body.masses)) != 1:
-        raise ValueError(f"it is of a single particle, and this body has {count}")
+        raise ValueError(f"it concerns a single particle, and this body has {count}")
 
 
 def surface(plan: Plan) -> None:
@@ -43,7 +43,7 @@ def surface(plan: Plan) -> None:
 def plane(plan: Plan) -> None:
     surface(plan)
     if not isinstance(plan.scene.surfaces[0], Plane):
-        raise ValueError("its first surface is no plane")
+        raise ValueError("its first surface is not a plane")
 
 
 def level(plan: Plan) -> None:
@@ -67,7 +67,7 @@ def dropped(plan: Plan) -> None:
 def slope(plan: Plan) -> None:
     plane(plan)
     if not abs(plan.scene.surfaces[0].normal[2]) < 1:  # type: ignore[attr-defined]
-        raise ValueError("its first surface is level, no slope")
+        raise ValueError("its first surface is level, and not a slope")
 
 
 def bowl(plan: Plan) -> None:
@@ -106,7 +106,7 @@ def smooth(plan: Plan) -> None:
 
 def falls(plan: Plan) -> None:
     if not len(plan.scene.body.springs):
-        raise ValueError("it is of a body with springs")
+        raise ValueError("it concerns a body with springs")
     _, reach = scales(plan.scene.contact, plan.scene.body)
     if plan.scene.velocities.any() or float(plan.scene.positions[:, 2].min()) <= reach:
         raise ValueError("it is not dropped from rest above the floor's reach")
@@ -146,13 +146,13 @@ def rope(plan: Plan) -> None:
     springs, count = plan.scene.body.springs, len(plan.scene.body.masses)
     chain = np.column_stack([np.arange(count - 1), np.arange(1, count)])
     if count < 2 or not np.array_equal(springs, chain) or plan.scene.pinned != (0,):
-        raise ValueError("it is of a rope: a chain of springs, pinned at its first particle")
+        raise ValueError("it concerns a rope: a chain of springs, pinned at its first particle")
 
 
 def pair(plan: Plan) -> None:
     body = plan.scene.body
     if len(body.masses) != 2 or len(body.springs) != 1 or body.masses[0] != body.masses[1]:
-        raise ValueError("it is of two equal masses on a spring")
+        raise ValueError("it concerns two equal masses on a spring")
 
 
 def trace(plan: Plan) -> None:
@@ -183,9 +183,7 @@ def flips(plan: Plan) -> None:
     if not whole > 0:
         raise ValueError("it does not rotate")
     if abs(whole - energy * moments[1]) <= 1e-12 * whole:
-        raise ValueError(
-            "it spins about its middle axis and no other: it stays so until something disturbs it"
-        )
+        raise ValueError("it spins exactly about its middle axis, and nothing disturbs it")
     about = 2 if whole > energy * moments[1] else 0
     square = (energy - whole / moments[about]) / (1 / moments[1] - 1 / moments[about])
     angle = math.acos(math.sqrt(min(max(square / whole, 0.0), 1.0)))
@@ -198,7 +196,7 @@ def flips(plan: Plan) -> None:
 
 def solid(plan: Plan) -> None:
     if not isinstance(plan.scene.body.solid, Elastic):
-        raise ValueError(f"body {plan.scene.body.name!r} is made of no material")
+        raise ValueError(f"body {plan.scene.body.name!r} is not made of a material")
 
 
 def symmetric(plan: Plan) -> None:
@@ -215,12 +213,14 @@ def struck(plan: Plan) -> None:
         raise ValueError("nothing excites its lowest vibration")
     shift = scene.positions - body.positions
     if np.abs(shift - shift.mean(axis=0)).max() > 1e-3 * np.ptp(body.positions, axis=0).max():
-        raise ValueError("it is turned away from how it was made, and its vibrations with it")
+        raise ValueError(
+            "it is rotated from the orientation in which it was made, and its vibrations with it"
+        )
 
 
 def cable(plan: Plan) -> None:
     if not isinstance(plan.scene.body.solid, Cable):
-        raise ValueError(f"body {plan.scene.body.name!r} is no rope made of a material")
+        raise ValueError(f"body {plan.scene.body.name!r} is not a rope made of a material")
 
 
 def collide(plan: Plan) -> None:
@@ -237,19 +237,19 @@ def apart(plan: Plan) -> None:
 def balls(plan: Plan) -> None:
     apart(plan)
     if any(len(placed.body.masses) != 1 for placed in plan.scene.bodies):
-        raise ValueError("it is of balls, and a body has several particles")
+        raise ValueError("it concerns balls, and a body has several particles")
 
 
 def two(plan: Plan) -> None:
     balls(plan)
     if len(plan.scene.bodies) != 2:
-        raise ValueError(f"it is of two balls, and there are {len(plan.scene.bodies)}")
+        raise ValueError(f"it concerns two balls, and there are {len(plan.scene.bodies)}")
 
 
 def row(plan: Plan) -> None:
     balls(plan)
     if len({placed.body.mass for placed in plan.scene.bodies}) > 1:
-        raise ValueError("the balls are of different masses")
+        raise ValueError("the balls have different masses")
     if any(met.contact.restitution < 1 for met in plan.scene.meetings):
         raise ValueError("the balls lose energy to restitution")
 
@@ -257,7 +257,7 @@ def row(plan: Plan) -> None:
 def one_held(plan: Plan) -> None:
     collide(plan)
     if len(plan.scene.bodies) != 2 or sum(bool(placed.pinned) for placed in plan.scene.bodies) != 1:
-        raise ValueError("it is of two bodies, one of them pinned")
+        raise ValueError("it concerns two bodies, one of them pinned")
 
 
 def slab(plan: Plan) -> None:
@@ -265,7 +265,9 @@ def slab(plan: Plan) -> None:
     gravity(plan)
     held = next(placed for placed in plan.scene.bodies if placed.pinned)
     if not held.body.oriented:
-        raise ValueError(f"body {held.name!r} shows no slope: its markers lie on a line")
+        raise ValueError(
+            f"body {held.name!r} has no orientation to define a slope: its markers lie on a line"
+        )
 
 
 def draped(plan: Plan) -> None:
@@ -274,7 +276,7 @@ def draped(plan: Plan) -> None:
     cord = next(placed.body for placed in plan.scene.bodies if not placed.pinned)
     chain = np.column_stack([np.arange(len(cord.masses) - 1), np.arange(1, len(cord.masses))])
     if len(cord.masses) < 2 or not np.array_equal(cord.springs, chain):
-        raise ValueError(f"body {cord.name!r} is no rope: a chain of springs")
+        raise ValueError(f"body {cord.name!r} is not a rope, that is, a chain of springs")
 
 
 def dominoes(plan: Plan) -> None:
@@ -282,7 +284,7 @@ def dominoes(plan: Plan) -> None:
     level(plan)
     gravity(plan)
     if len(plan.scene.bodies) < 12:
-        raise ValueError(f"it is of a row of 12 bodies or more, and there are {len(plan.scene.bodies)}")
+        raise ValueError(f"it concerns a row of 12 bodies or more, and there are {len(plan.scene.bodies)}")
     if any(met.contact.friction > 0 for met in plan.scene.meetings):
         raise ValueError("there is friction between the dominoes, which its theory leaves out")
 

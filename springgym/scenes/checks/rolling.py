@@ -1,4 +1,4 @@
-"""What rolls, against theory: balls, a tippe-top, a rattleback, Euler's disk."""
+"""Checks of rolling bodies against theory: balls, a tippe-top, a rattleback, Euler's disk."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _ball(plan: Plan) -> None:
     moments, _ = body.principal()
     off = float(np.linalg.norm(feature.centre - body.centre))
     if np.ptp(squares) > 1e-9 * squares[2] or off > 1e-9 * feature.extent:
-        raise ValueError(f"body {body.name!r} is no sphere about its centre of mass")
+        raise ValueError(f"body {body.name!r} is not a sphere about its centre of mass")
     if np.ptp(moments) > 1e-9 * moments[2]:
         raise ValueError(f"the moments of inertia of body {body.name!r} differ")
 
@@ -64,7 +64,7 @@ def _tippe_top(plan: Plan) -> None:
     squares, arm = np.linalg.eigvalsh(feature.matrix), feature.centre - body.centre
     off = float(np.linalg.norm(arm))
     if np.ptp(squares) > 1e-9 * squares[2] or not off > 1e-6 * feature.extent:
-        raise ValueError(f"body {body.name!r} is no sphere whose centre of mass is off its centre")
+        raise ValueError(f"body {body.name!r} is not a sphere whose centre of mass is off its centre")
     along = body.inertia() @ arm
     across = body.inertia() - np.outer(arm, along) / off**2
     sizes = np.linalg.eigvalsh(across)[1:]
@@ -79,7 +79,7 @@ def _disk(plan: Plan) -> None:
     squares = np.linalg.eigvalsh(feature.matrix)
     off = float(np.linalg.norm(feature.centre - body.centre))
     if squares[0] > THIN * squares[2] or squares[2] - squares[1] > 1e-9 * squares[2] or off > 1e-9:
-        raise ValueError(f"body {body.name!r} is no disk about its centre of mass")
+        raise ValueError(f"body {body.name!r} is not a disk about its centre of mass")
 
 
 def _solid(plan: Plan) -> None:

@@ -97,7 +97,7 @@ def ring_frequency(recording: Recording) -> list[Check]:
 
 @applies(needs.solid, needs.free, needs.struck)
 def ring_down(recording: Recording) -> list[Check]:
-    """Return how fast the ringing dies away: a damping ratio of half the loss factor."""
+    """Compare the decay of the vibration with a damping ratio of half the loss factor."""
     solid = _solid(recording)
     times, ringing = _ringing(recording)
     marks, heights = peaks(times, np.abs(ringing))

@@ -41,7 +41,7 @@ def _gravity(recording: Recording) -> float:
 
 
 def _pin(recording: Recording) -> np.ndarray:
-    """Return where the body is pinned, (3,) [m]."""
+    """Return the position of the pin, (3,) [m]."""
     scene = recording.plan.scene
     return np.asarray(scene.positions[scene.pinned[0]])
 
@@ -188,7 +188,7 @@ def rope_swing(recording: Recording) -> list[Check]:
 
 @applies(needs.rope, needs.gravity)
 def bungee(recording: Recording) -> list[Check]:
-    """Return how deep a jumper falls on a light cord: until weight and stretch balance the start.
+    """Compare the depth of a jump on a light cord with theory: weight and stretch balance the energy.
 
     Of the cord's own energy, at the most its fall along itself, some is left in vibration, and dampers take
     some: both make the fall shorter by their share of the force at the lowest point.

@@ -128,7 +128,7 @@ def cradle(recording: Recording) -> list[Check]:
 
 @applies(needs.slab, together=True)
 def slab(recording: Recording) -> list[Check]:
-    """Tell whether a body on a slab that is held stays, or how it slides, as on a slope."""
+    """Compare a body on a fixed slab with theory: it rests, or slides as on a slope."""
     scene, met = recording.plan.scene, _met(recording)
     held, free = sorted((met.first, met.second), key=lambda n: not scene.bodies[n].pinned)
     up = recording.bodies[held].axis[0]
@@ -151,7 +151,7 @@ def slab(recording: Recording) -> list[Check]:
 
 @applies(needs.collide, needs.gravity, together=True)
 def stacked(recording: Recording) -> list[Check]:
-    """Return what each pair of a stack at rest carries: the weight of all that is above."""
+    """Compare the force of each contact in a stack at rest with the weight above it."""
     scene, late = recording.plan.scene, _late(recording)
     high = [float(m.centre[-1, 2]) for m in recording.bodies]
     time = float(np.ptp(recording.times[late]))
