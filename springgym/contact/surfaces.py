@@ -1,6 +1,6 @@
-"""Surfaces that bound where particles may be: how high a particle is above them, and friction along them.
+"""Surfaces that bound where particles may be: how high a particle is above them, and their normals.
 
-Particles meet them by `springgym.contact.law`; friction is Coulomb's.
+Particles meet them by `springgym.contact.law`.
 """
 
 from __future__ import annotations

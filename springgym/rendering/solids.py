@@ -304,7 +304,7 @@ def arrow(canvas: Canvas, mark: Arrow, occluders: Occluders) -> list[Item]:
     if not length > 0.004 * canvas.extent:
         return []
     head = min(0.05 * canvas.extent, 0.6 * length)
-    points, axis = _path(mark, vector / length, length, head, np.asarray(canvas.camera.eye))
+    points, axis = arrow_path(mark, vector / length, length, head, np.asarray(canvas.camera.eye))
     neck, tip = points[-1], points[-1] + head * axis
     middles = np.vstack([0.5 * (points[:-1] + points[1:]), 0.5 * (neck + tip)])
     opacity = np.where(occluders.hide(middles), THROUGH, 1.0)
@@ -316,8 +316,8 @@ def arrow(canvas: Canvas, mark: Arrow, occluders: Occluders) -> list[Item]:
     return shaft + mesh(canvas, cone, mark.color, opacity[-1])
 
 
-def _path(mark: Arrow, axis: Array, length: float, head: float, eye: Array) -> tuple[Array, Array]:
-    """Points (25, 3) along an arrow up to its head, and the unit vector in which the head points.
+def arrow_path(mark: Arrow, axis: Array, length: float, head: float, eye: Array) -> tuple[Array, Array]:
+    """Return points (25, 3) along an arrow up to its head, and the unit vector in which the head points.
 
     The middle of an arrow around an axis is turned to the eye.
     """

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from springgym.rendering import Camera, Marks
-from springgym.rendering.look import GRAPHITE, GREEN, ORANGE, RED, STEEL
-from springgym.rendering.solids import circle, strain_colors
+from springgym.rendering.look import GRAPHITE, GREEN, ORANGE, RED, STEEL, Arrow
+from springgym.rendering.solids import arrow_path, circle, strain_colors
 from springgym.view.motion import Motion
 
 FOV = 0.5
@@ -90,6 +90,7 @@ class Stage:
         self._add_body(motion, size)
         self._nodes: dict[str, Any] = {}
         self._marked: dict[str, Any] = {}
+        self._eye = np.asarray(self.camera(motion).eye)
         self.draw(0.0)
 
     @property
@@ -424,12 +425,24 @@ class Stage:
                 )
             self._nodes[name].position = np.asarray(centre, float)
         for n, arrow in enumerate(marks.arrows):
-            name = f"/world/marks/arrow{n}"
-            start, along = (np.asarray(of, float)[None] for of in (arrow.origin, arrow.vector))
-            shown = float(np.linalg.norm(along)) > SHORTEST * extent
-            if shown:
-                self._arrows(name, start, along, arrow.color, extent)
-            self._hide(name, not shown)
+            self._draw_mark(f"/world/marks/arrow{n}", arrow, extent)
+
+    def _draw_mark(self, name: str, arrow: Arrow, extent: float) -> None:
+        """Draw an arrow, or hide one that is too short; one around an axis as an arc with a head."""
+        start, along = np.asarray(arrow.origin, float), np.asarray(arrow.vector, float)
+        length = float(np.linalg.norm(along))
+        shown = length > SHORTEST * extent
+        if shown and arrow.radius:
+            head = min(0.1 * extent, 0.6 * length)
+            points, axis = arrow_path(arrow, along / length, length, head, self._eye)
+            self._lines(
+                f"{name}/arc", np.stack([points[:-1], points[1:]], axis=1), np.array(arrow.color), 5.0
+            )
+            start, along = points[-1], head * axis
+        if shown:
+            self._arrows(name, start[None], along[None], arrow.color, extent)
+        self._hide(name, not shown)
+        self._hide(f"{name}/arc", not shown)
 
     def _marked_lines(self, name: str, points: np.ndarray, color: Any, thickness: float) -> None:
         if name in self._marked and np.array_equal(self._marked[name], points):

@@ -107,3 +107,19 @@ def test_all_is_in_the_free_part_of_the_picture(stage, scene, aspect, rotation):
     assert pixels.min() > 0
     assert pixels[:, 0].max() < 1000 * max(aspect, 1.3)
     assert pixels[:, 1].max() < (1000 * (1 - SHEET) if aspect < 1 else 1000)
+
+
+def test_a_torque_runs_around_its_axis(stage):
+    motion = view.simulated("top", {})
+    stage.set_up(motion)
+    arrow = look.Arrow((0.0, 0.0, 1.0), (0.0, 0.0, 0.3), radius=0.2)
+    stage._draw_mark("/arrow", arrow, motion.extent)
+    arc, head = (stage._nodes[name].points for name in ("/arrow/arc", "/arrow"))
+    np.testing.assert_allclose(np.hypot(arc[..., 0], arc[..., 1]), 0.2, rtol=1e-5)
+    np.testing.assert_allclose(arc[..., 2], 1.0, rtol=1e-6)
+    np.testing.assert_array_equal(arc[1:, 0], arc[:-1, 1])
+    np.testing.assert_array_equal(head[0, 0], arc[-1, 1])
+    turn = np.cross(arc[0, 0], head[0, 1] - head[0, 0])
+    assert turn[2] > 0  # by the right hand
+    stage._draw_mark("/arrow", arrow._replace(vector=(0.0, 0.0, 0.0)), motion.extent)
+    assert not stage._nodes["/arrow/arc"].visible
