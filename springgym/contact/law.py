@@ -21,8 +21,9 @@ just placed. With W the inverse of the effective mass and a the gap that all els
 
 F̄ and L fall as h₁ rises and are not negative: there is one root, and h₁ > 0 for every step and speed. The
 energy of the step changes by −J V (1 − L), with J = τ F̄ and the mean rate V = (h₁ − h₀)/τ: a loss, or 0.
-Friction is Coulomb's: an impulse across the normal that stops what slips, or as much of it as the cone allows,
-μ times the push.
+
+Friction is Coulomb's: an impulse across the normal that stops what slips, or as much of it as the cone
+allows, μ times the push.
 """
 
 from __future__ import annotations
