@@ -376,7 +376,7 @@ class Scene(ReadOnly):
         for own in fields(self):
             if own.name in OWN and getattr(self, own.name) is not own.default:
                 raise ValueError(
-                    f"{own.name} is given besides bodies; give it in the Placed of each body, or change a "
+                    f"{own.name} is given as well as bodies; give it in the Placed of each body, or change a "
                     "scene with its method with_"
                 )
         bodies = tuple(instance(f"bodies[{n}]", placed, Placed) for n, placed in enumerate(self.bodies))

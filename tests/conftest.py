@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -28,6 +29,17 @@ def colliding() -> tuple[str, ...]:
     from tests.envs.cases import COLLIDING
 
     return ("tests/collisions/", "self_play", *(env_id.partition("-v")[0] for env_id in COLLIDING))
+
+
+@pytest.fixture
+def own_ids() -> Iterator[None]:
+    """Take ids that a test registers out of the registry, when it is over."""
+    import gymnasium
+
+    before = dict(gymnasium.registry)
+    yield
+    gymnasium.registry.clear()
+    gymnasium.registry.update(before)
 
 
 @pytest.fixture

@@ -64,14 +64,14 @@ def test_every_scene_is_a_top_or_is_refused_for_what_it_is(name):
         assert np.isfinite(_asked(load(name))).all()
     except ValueError as error:
         why = str(error)
-    assert re.search(r"^$|is not a heavy top: |no steady precession|is of \d+ bodies; the model is", why)
+    assert re.search(r"^$|is not a heavy top: |no steady precession|has \d+ bodies; it must have one", why)
 
 
 def test_what_is_no_top_is_refused(capsys):
     assert main(["model", "two-tops"]) == 2
-    assert "scene 'two-tops' is of 2 bodies; the model is sought of one" in capsys.readouterr().err
+    assert "scene 'two-tops' has 2 bodies; it must have one, a heavy top" in capsys.readouterr().err
     for name in ("steel-rope", "steel-cube", "bouncing-ball"):
-        with pytest.raises(ValueError, match="is no heavy top"):
+        with pytest.raises(ValueError, match="is not a heavy top"):
             needed(load(name), 1e-3)
 
 

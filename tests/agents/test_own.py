@@ -25,14 +25,13 @@ gym.register("ToyEndless-v0", entry_point=ToyEnv)
 
 
 @pytest.fixture
-def hover(tmp_path, monkeypatch):
+def hover(tmp_path, monkeypatch, own_ids):
     """The file that the tutorial tells to save, in the current folder."""
     blocks = re.findall(r"^```python\n(.*?)^```", TUTORIAL.read_text(encoding="utf-8"), re.M | re.S)
     (named,) = (block for block in blocks if "gym.register(" in block)
     (tmp_path / "hover.py").write_text(blocks[0] + named, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    gym.registry.pop("HoverCube-v0", None)  # by pages that ran before
     return "hover:HoverCube-v0"
 
 
@@ -51,14 +50,13 @@ def test_the_environment_of_the_tutorial_trains(hover, tmp_path, capsys, monkeyp
 
 
 @pytest.fixture
-def escort(tmp_path, monkeypatch):
+def escort(tmp_path, monkeypatch, own_ids):
     """The rest of the page on a task from beginning to end, its file in the current folder."""
     head, rest = (TUTORIAL.parent / "task.md").read_text(encoding="utf-8").split("## Try it\n")
     code = re.findall(r"^```python\n(.*?)^```", head, re.M | re.S)
     (tmp_path / "escort.py").write_text("".join(code), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    gym.registry.pop("Escort-v0", None)  # by pages that ran before
     return rest
 
 

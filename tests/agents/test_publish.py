@@ -76,7 +76,7 @@ def test_a_damaged_card(copied, text, capsys):
 
 @pytest.mark.parametrize("name", ["Absent-v0", "../trained/SpringTop-v0", ""])
 def test_there_is_no_such_agent(name):
-    with pytest.raises(runs.ConfigError, match="no published agent; there are Spring"):
+    with pytest.raises(runs.ConfigError, match="nor a published agent; published agents are Spring"):
         trained.published(name)
 
 
@@ -140,4 +140,4 @@ def test_what_nobody_could_train_again_is_not_published(copied, tmp_path, capsys
     )
     (tmp_path / "run" / "versions.json").write_text("{}")
     assert publish.main([str(tmp_path / "run"), "--into", str(copied)]) == 2
-    assert "was trained with another configuration than configs/ppo.yaml has" in capsys.readouterr().err
+    assert "was trained with a configuration that differs from configs/ppo.yaml" in capsys.readouterr().err

@@ -314,8 +314,14 @@ CHECKPOINTS = {
     "no model": (lambda good: without(good, "policy.pth", "data"), "not a checkpoint of this run"),
     "another run": (lambda good: zipped(run__json='{"algo": "sac"}'), "algo is 'ppo', but"),
     "another thing": (lambda good: zipped(run__json="[]"), "not a checkpoint of this run"),
-    "not pickled": (lambda good: zipped(run__json="null", training_state__pkl=b"x"), "no checkpoint"),
-    "nothing in it": (lambda good: zipped(training_state__pkl=pickle.dumps(None)), "no checkpoint"),
+    "not pickled": (
+        lambda good: zipped(run__json="null", training_state__pkl=b"x"),
+        "not a checkpoint of this run",
+    ),
+    "nothing in it": (
+        lambda good: zipped(training_state__pkl=pickle.dumps(None)),
+        "not a checkpoint of this run",
+    ),
 }
 """What may stand in a checkpoint, and what is said of it."""
 
@@ -354,9 +360,9 @@ def test_fewer_steps_than_there_are_cannot_be_asked_for(copied, capsys):
 
 METRICS = {
     "text": (b"1024,0.1,x,1,1,1,1\n", "metrics.csv:26: this is not a row of this run: '1024,0.1,x,1,1,1,1"),
-    "two rows mixed": (b"12800,0.1,0.5,3,0.512800,0.1\n", "metrics.csv:26: no row of this run"),
-    "back in time": (b"1024,0.1,0.5,3,0.5,40,0.5\n", "metrics.csv:26: no row of this run"),
-    "nan": (b"12800,nan,0.5,3,0.5,40,0.5\n", "metrics.csv:26: no row of this run"),
+    "two rows mixed": (b"12800,0.1,0.5,3,0.512800,0.1\n", "metrics.csv:26: this is not a row of this run"),
+    "back in time": (b"1024,0.1,0.5,3,0.5,40,0.5\n", "metrics.csv:26: this is not a row of this run"),
+    "nan": (b"12800,nan,0.5,3,0.5,40,0.5\n", "metrics.csv:26: this is not a row of this run"),
     "another head": (None, "metrics.csv:1: these are not the columns of this version: 'a,b"),
     "no text": (b"\xff\xfe\n", "metrics.csv: the file is not text"),
 }

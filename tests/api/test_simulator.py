@@ -298,12 +298,20 @@ def simulator() -> Simulator:
     return everything()
 
 
+def actuated(simulator: Simulator, name: str) -> np.ndarray:
+    """Return what an actuator of the copies is set to, (copies, …)."""
+    held = np.full((simulator.copies, *shape_of(name)), np.nan)
+    for view, own in simulator._actuators[name][1]:
+        held[own] = view.reshape(held[own].shape)
+    return held
+
+
 def values_of(simulator: Simulator, name: str) -> np.ndarray:
     """Return what the copies hold, (COPIES, …), in the body's order."""
     if name in ("positions", "velocities"):
         return getattr(simulator, name)
     if name not in VARYING:
-        return to_copies(simulator._actuators[name][0], COPIES)
+        return actuated(simulator, name)
     (packed,) = simulator._packed
     rows = to_copies(VARYING[name].stored(packed.terms), COPIES)
     if shape_of(name) == (28,):
@@ -360,12 +368,12 @@ def test_actuators_take_a_row_for_each_copy_or_one_for_all(name: str, copies: in
     rng = np.random.default_rng(1)
     for value in (rng.normal(size=(copies, *shape)), rng.normal(size=shape), np.ones(shape).tolist()):
         simulator.actuate(**{name: value})
-        held = to_copies(simulator._actuators[name][0], copies)
+        held = actuated(simulator, name)
         assert np.array_equal(held, np.broadcast_to(value, held.shape))
     again = copy.deepcopy(pickle.loads(pickle.dumps(simulator)))
     for each in (simulator, again):  # copies have their own
         each.actuate(**{name: np.full(shape, 2.0)})
-        assert (to_copies(each._actuators[name][0], copies) == 2.0).all()
+        assert (actuated(each, name) == 2.0).all()
     assert same(simulator.state(), again.state())
     for wrong in ((1, *shape), (copies + 1, *shape), (16, *shape), (*shape, 1), (2,), ()):
         if wrong not in ((copies, *shape), shape):

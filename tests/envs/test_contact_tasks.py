@@ -134,7 +134,7 @@ def test_randomised_friction_and_restitution() -> None:
 
 
 def test_restitution_above_one_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"restitution 1\.5; it must be at most 1"):
+    with pytest.raises(ValueError, match=r"restitution of 1\.5; it must be at most 1"):
         make("SpringFreeTop-v0", randomize={"restitution": (1, 3)})
 
 

@@ -166,7 +166,7 @@ def test_what_makes_no_sense_with_it_is_refused() -> None:
         Simulator(scene)
     with pytest.raises(ValueError, match="'restitution' cannot vary"):
         Simulator.paper(scene, varying=("restitution",))
-    with pytest.raises(ValueError, match=r"restitution is 0\.5; the paper has a damping"):
+    with pytest.raises(ValueError, match=r"restitution is 0\.5; the paper's method has a damping"):
         Simulator.paper(scene.with_(contact=Contact(restitution=0.5, strength=C, reach=REACH)))
     with pytest.raises(ValueError, match="damping of the contact is -1"):
         PaperContact(damping=-1)

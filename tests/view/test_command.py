@@ -32,7 +32,7 @@ def test_an_episode_is_saved(tmp_path):
         (["tpo"], "did you mean 'top'?"),
         (["top", "--save", "page.gif"], "page.gif: the name of a saved page must end in .html or .viser"),
         (["top", "--save", "nowhere/page.html"], "there is no folder"),
-        (["SpringTop-v0", "--agent", "nobody"], "'nobody' is no run folder, and no published agent"),
+        (["SpringTop-v0", "--agent", "nobody"], "'nobody' is neither a run folder nor a published agent"),
         (["SpringTop-v0", "--agent", "classical"], "springgym watch classical --env SpringTop-v0 --browser"),
         (["CartPole-v1"], "CartPole-v1 is no environment of springgym's"),
         (["SpringTpo-v0"], "SpringTop"),

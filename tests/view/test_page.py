@@ -263,4 +263,4 @@ def test_the_key_has_the_marks_of_an_environment(page):
 
     motion = played(find_agent("zero", "SpringTumble-v0"), 0)
     page._show(motion)
-    assert "ring: here; ball: this corner up" in page._key.content
+    assert "bring it into the ring, this corner up" in page._key.content
