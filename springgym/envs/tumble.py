@@ -31,6 +31,8 @@ from springgym.surfaces import Contact, floor
 CORNERS = ((0.26, 0.0, -0.09), (-0.14, 0.24, -0.08), (-0.12, -0.23, -0.10), (0.03, 0.02, 0.27))  # [m]
 MASSES = (1.2, 1.0, 1.1, 1.3)  # [kg]
 CENTRE_MASS = 2.4  # [kg]
+DAMPING = 150.0  # [kg/s]: vibrations have a sixth to half of critical damping, so that no corner rings for long
+REACH = 0.012  # Δ of the floor [m]: the fastest corners fly through it in five steps
 FORCE, WEAK_FORCE = 35.0, 28.0  # half of the weight, and what hard=True leaves of it [N]
 TORQUE, WEAK_TORQUE = 9.0, 7.5  # [N·m]
 TURNING_UNIT = 4.0  # angular velocity that the compact observation shows as 1 [rad/s]
@@ -107,7 +109,7 @@ class SpringTumble(Task):
         Entry("axis", 3),
     )
     goal_size = 4
-    finest = 5e-4
+    finest = 0.02 / 30
     hold = 25
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
@@ -120,10 +122,10 @@ class SpringTumble(Task):
         hard: bool = False,
     ) -> None:
         super().__init__(observation, action)
-        self.contact = Contact(friction=friction, restitution=0.3)
+        self.contact = Contact(friction=friction, restitution=0.3, reach=REACH)
         self.force, self.torque = (WEAK_FORCE, WEAK_TORQUE) if flag("hard", hard) else (FORCE, TORQUE)
         self.farthest = 2.0 if hard else 1.2
-        self.body: Body = from_points(CORNERS, MASSES, CENTRE_MASS, stiffness=1e5, damping=30.0)
+        self.body: Body = from_points(CORNERS, MASSES, CENTRE_MASS, stiffness=1e5, damping=DAMPING)
         self._shape = self.body.positions - self.body.centre
 
     @cached_property
@@ -276,7 +278,7 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
     - `friction=0.3`: a floor that is half as rough as the usual one (0.6), on which the body slides.
     - `hard=True`: forces up to 28 N, torques up to 7.5 N·m and impulses up to 0.14 N·s, the target
       U(0.5, 2) m away.
-    - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+    - `integrator` ("verlet"), `step` (6.7e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
