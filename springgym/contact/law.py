@@ -42,7 +42,7 @@ LEAST = 1e-9
 """The least gap of a step's beginning and end, as a share of Δ; 1e-6 in single precision."""
 
 ROUNDS = 60
-"""The most rounds of Newton's method for a gap; it takes three to four, unless it has to halve its bracket."""
+"""The most rounds of Newton's method for a gap; it takes some three where it need not halve its bracket."""
 
 FOUND = 1e-7
 """The relative change of a gap at which Newton's method, which squares the error each time, has it."""

@@ -216,7 +216,7 @@ class Episodes:
                 )
             steps = steps_in(period, step)
             if every is None and vibrations:
-                every = stability.cycles_in(vibrations, period, steps, exactly=True)[1]
+                every = self._cycles_in(vibrations, steps, exactly=True)[1]
             return step, 1 if every is None else every
         automatic = min(kind.automatic_step(scene, method), self.task.finest)
         if wanted is not None:
@@ -233,11 +233,21 @@ class Episodes:
         if scene.surfaces and not kind.rigid:
             steps += steps % 2
         if every is None and vibrations:
-            steps, every = stability.cycles_in(vibrations, period, steps, exactly=False)
+            steps, every = self._cycles_in(vibrations, steps, exactly=False)
         elif every is not None:
             every = checks.whole("damping_every", every, 1, stability.LONGEST_CYCLE)
             steps += -steps % every
         return period / steps, 1 if every is None else every
+
+    def _cycles_in(self, of: stability.Vibrations, steps: int, exactly: bool) -> tuple[int, int]:
+        """Return the number of steps in a control period, and in a cycle: among surfaces, the task's."""
+        if not self.task.scene.surfaces:
+            return stability.cycles_in(of, self.task.period, steps, exactly)
+        every = self.task.damping_every
+        whole = steps if exactly else steps + -steps % (2 * every)
+        if whole % every or not stability.cycles_harmless(of, self.task.period / whole, every):
+            return steps, 1
+        return whole, every
 
     # --- Episodes ---------------------------------------------------------------------------------
 

@@ -87,6 +87,7 @@ class SpringFreeTop(Task):
         Entry("centre", 2, WAY_UNIT),
         Entry("centre_velocity", 2, WAY_UNIT),
     )
+    damping_every = 2
     hold = 100
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)

@@ -75,6 +75,9 @@ class Task:
     """control period [s]"""
     finest: ClassVar[float] = math.inf
     """largest automatic step [s]: impacts may need shorter steps than stability"""
+    damping_every: ClassVar[int] = 1
+    """number of steps in a cycle of dampers among surfaces, where cycles are harmless, see
+    `springgym.forces.cycle`: 1, or an even number"""
     hold: ClassVar[int] = 50
     """number of consecutive steps in which the aim must be met to count as success"""
     wins: ClassVar[bool] = False

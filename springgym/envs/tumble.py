@@ -31,7 +31,7 @@ from springgym.surfaces import Contact, floor
 CORNERS = ((0.26, 0.0, -0.09), (-0.14, 0.24, -0.08), (-0.12, -0.23, -0.10), (0.03, 0.02, 0.27))  # [m]
 MASSES = (1.2, 1.0, 1.1, 1.3)  # [kg]
 CENTRE_MASS = 2.4  # [kg]
-DAMPING = 150.0  # [kg/s]: vibrations have a sixth to half of critical damping, so that no corner rings for long
+DAMPING = 150.0  # [kg/s]: a sixth to half of what is critical, so that no corner rings for long
 REACH = 0.012  # Δ of the floor [m]: the fastest corners fly through it in five steps
 FORCE, WEAK_FORCE = 35.0, 28.0  # half of the weight, and what hard=True leaves of it [N]
 TORQUE, WEAK_TORQUE = 9.0, 7.5  # [N·m]

@@ -9,6 +9,9 @@ of their own.
 Where a state is read amid a cycle, both have acted for the time since it began, neither more nor less, and
 the next call goes on from before that: calls of a and b steps are one of a + b. Copies that were placed or
 varied begin a cycle, and so do those amid one of which something else is asked than when they were read.
+
+Half of a node among surfaces that is read is behind (`springgym.integrators.node`): there dampers act for
+twice the time that is missing.
 """
 
 from __future__ import annotations
@@ -130,8 +133,7 @@ def remember_cycle(v: Rows, ledger: Ledger, wrench: Wrench | None, cycle: Cycle)
 @compiled
 def acts_at(phase: Number, wrench: Wrench | None, cycle: Cycle) -> tuple[bool, bool]:
     """Whether dampers act, and the wrench, in some copy before its next step."""
-    damps = any_lane(is_at(phase, FIRST)) or any_lane(is_at(phase, 2 * cycle.every - FIRST))
-    turns = False
+    damps, turns = damps_at(phase, cycle), False
     if wrench is not None:
         place = place_in(phase, cycle)
         turns = any_lane(is_at(place, 0)) or any_lane(is_at(place, cycle.every // 2))
@@ -146,6 +148,41 @@ def relax_in_turn(
     among = is_at(phase, FIRST if backward else 2 * terms.cycle.every - FIRST)
     if any_lane(among):
         damp(v, direction, terms.springs, terms.dampers, None, ledger, backward, True, among)
+
+
+@compiled
+def sweeps_at(read: bool, cycle: Cycle | None) -> bool:
+    """Return whether dampers act at a node among surfaces in some copy, which is ``read`` or passed."""
+    if cycle is None:
+        return True
+    phase = load(cycle.marks, PHASE)
+    if read:
+        return any_lane(place_in(phase, cycle) > 0.0)
+    return damps_at(phase, cycle)
+
+
+@compiled
+def damps_at(phase: Number, cycle: Cycle) -> bool:
+    """Return whether dampers act before the next step in some copy."""
+    return any_lane(is_at(phase, FIRST)) or any_lane(is_at(phase, 2 * cycle.every - FIRST))
+
+
+@compiled
+def relax_to_be_read(v: Rows, direction: Rows, phase: Number, ledger: Ledger, terms: Terms) -> None:
+    """Let dampers act at a node that is read: half of it makes up for the time since two cycles began."""
+    cycle = terms.cycle
+    if any_lane(place_in(phase, cycle) > 0.0):
+        some, every = 1.0 + 0.0 * phase, 1.0 / cycle.every
+        done = select(phase > FIRST + 0.5, some, 0.0)
+        share = select(place_in(phase, cycle) > 0.0, 2.0 * (phase * every - done), 0.0)
+        damp(v, direction, terms.springs, terms.dampers, None, ledger, True, True, None, share)
+
+
+@compiled
+def count_node(cycle: Cycle | None) -> None:
+    """Count a node that is passed, if dampers act in cycles."""
+    if cycle is not None:
+        keep_phase(next_in_cycle(load(cycle.marks, PHASE), cycle), cycle)
 
 
 @compiled

@@ -34,6 +34,7 @@ from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, sele
 from springgym.core.vectors import TINY, choose, dot, plus_scaled, row, set_row, unit, vec, vector
 from springgym.forces import stored_energy
 from springgym.forces.actuators import push
+from springgym.forces.cycle import PHASE, relax_in_turn, relax_to_be_read
 from springgym.forces.ledger import CONTACT, DAMPING, FRICTION, WORK, record
 from springgym.forces.memory import STORED, halve, turn_drive
 from springgym.forces.springs import damp
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from springgym.contact.surfaces import Surfaces
     from springgym.forces import Terms
     from springgym.forces.actuators import Thrust, Wrench
+    from springgym.forces.cycle import Cycle
     from springgym.forces.springs import Dampers
 
 
@@ -273,18 +275,31 @@ def next_phase(phase: Number) -> Number:
 
 
 @compiled
-def act_and_damp(v: Rows, node: Node, space: Space, ledger: Ledger, terms: Terms) -> None:
+def act_and_damp(
+    v: Rows, node: Node, space: Space, ledger: Ledger, terms: Terms, cycle: Cycle | None
+) -> None:
     """Let actuators and dampers act: a sweep of a whole step, or one of half of it before and one after.
 
     Copies of a block whose sweeps differ in direction have theirs one after the other. The second half of a
-    node, of a fresh copy, has the sweep after the actuators, of half a step.
+    node, of a fresh copy, has the sweep after the actuators, of half a step. In cycles, dampers act where it
+    is their turn, see `springgym.forces.cycle`.
     """
-    dampers, whole = terms.dampers, node.span.whole
-    for sweep in range(3):
-        if sweep == 1:
-            push(v, space.b, whole, terms.particles, terms.wrench, terms.thrust, ledger)
-            turn_drive(v, space.b, whole, terms.memory, terms.drive, ledger)
-        relax_some(sweep, v, node.phase, space.direction, dampers, ledger, terms)
+    whole, read = node.span.whole, node.stage == READS
+    if cycle is None:
+        for sweep in range(3):
+            if sweep == 1:
+                push(v, space.b, whole, terms.particles, terms.wrench, terms.thrust, ledger)
+                turn_drive(v, space.b, whole, terms.memory, terms.drive, ledger)
+            relax_some(sweep, v, node.phase, space.direction, terms.dampers, ledger, terms)
+    else:
+        phase = load(cycle.marks, PHASE)
+        if not read:
+            relax_in_turn(v, space.direction, False, phase, ledger, terms)
+        push(v, space.b, whole, terms.particles, terms.wrench, terms.thrust, ledger)
+        if read:
+            relax_to_be_read(v, space.direction, phase, ledger, terms)
+        else:
+            relax_in_turn(v, space.direction, True, phase, ledger, terms)
 
 
 @compiled
@@ -451,7 +466,7 @@ def pass_node(
     lossy = select(span.lead > 0.0, coefficient(terms.loss, 0.0 * node.phase), 1.0) > 0.0
     share = span.out * (1.0 / span.whole)
     give_expected(among, space, terms.dampers)
-    act_and_damp(w, node, space, ledger, terms)
+    act_and_damp(w, node, space, ledger, terms, terms.cycle)
     take_back_expected(v, span, among, space, ledger, terms)
     if last:
         for i in range(v.shape[0]):

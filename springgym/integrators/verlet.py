@@ -25,12 +25,14 @@ from springgym.forces import (
 from springgym.forces.cycle import (
     acts_at,
     catch_up,
+    count_node,
     keep_phase,
     next_in_cycle,
     place_in,
     relax_in_turn,
     remember_cycle,
     resume_cycle,
+    sweeps_at,
     turn_in_turn,
 )
 from springgym.forces.memory import (
@@ -48,6 +50,7 @@ from springgym.integrators.together import START, Bodies, acts_amid, pass_togeth
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
+    from springgym.forces.cycle import Cycle
 
 
 OWN_ARRAYS = 6
@@ -152,7 +155,7 @@ def integrate_among_surfaces(
     among, end = (0, x.shape[0]), max(steps, 0)
     for n in range(end + 1):
         node = node_at(phase, h, READS if n == end else PASSES)
-        set_forces(x, space.a, space.direction, terms)
+        set_forces_at_node(x, n == end, space, terms, terms.cycle)
         actuate(x, space.b, terms)
         divide_and_kick(space.a, v, space.w, node.span.lead, terms.particles)
         if n == 0:
@@ -164,6 +167,17 @@ def integrate_among_surfaces(
             keep_expected(among, space.given, memory.given)
         among = pass_node(x, v, node, among, space, ledger, terms)
         phase = next_phase(phase)
+        if n < end:
+            count_node(terms.cycle)
+
+
+@compiled
+def set_forces_at_node(x: Rows, read: bool, space: Space, terms: Terms, cycle: Cycle | None) -> None:
+    """Find the forces at a node, and where springs point if dampers act there."""
+    if sweeps_at(read, cycle):
+        set_forces(x, space.a, space.direction, terms)
+    else:
+        set_forces(x, space.a, None, terms)
 
 
 @compiled

@@ -15,16 +15,26 @@ from springgym.forces.cycle import PHASE
 from springgym.integrators import integrator
 from springgym.scene import DriveActuator, Scene, ThrustActuator, WrenchActuator
 from springgym.simulator import Simulator
-from springgym.surfaces import floor
+from springgym.surfaces import Contact, floor
 from tests.integrators.problems import error, oscillator, reference, simulator, tetrahedron
 
 EVERY, STEP = 6, 2e-3
+FAR, NEAR = -9.0, -0.6
+"""Heights of a floor [m] that is never touched, and of one that is."""
 VERLET = integrator("verlet")
 
 
-def spun(every: int = EVERY, **options: Any) -> Simulator:
-    """A soft body that falls about its pin, and is turned."""
-    made = simulator(tetrahedron("verlet", 1.0), "verlet", STEP, damping_every=every, **options)
+def scene_of(height: float | None) -> Scene:
+    """A soft body that falls about its pin; with a floor at a ``height``, if that is given."""
+    scene = tetrahedron("verlet", 1.0)
+    if height is None:
+        return scene
+    return scene.with_(surfaces=(floor(height),), contact=Contact(friction=0.4, restitution=0.5))
+
+
+def spun(every: int = EVERY, height: float | None = None, **options: Any) -> Simulator:
+    """Make the simulator of a soft body that falls about its pin, and is turned."""
+    made = simulator(scene_of(height), "verlet", STEP, damping_every=every, **options)
     made.actuate(torque=[3.0, -2.0, 4.0], body_torque=[0.5, 1.0, -0.5])
     return made
 
@@ -44,10 +54,10 @@ def assert_same(one: list[np.ndarray], other: list[np.ndarray]) -> None:
         np.testing.assert_array_equal(mine, its)
 
 
-@pytest.mark.parametrize("every", [2, EVERY])
+@pytest.mark.parametrize(("every", "height"), [(2, None), (EVERY, None), (EVERY, NEAR)])
 @pytest.mark.parametrize("cuts", [[1] * 40, [3, 3, 1, 5, 0, 28], [37, 3]])
-def test_calls_cut_anywhere_give_the_same_bits(every: int, cuts: list[int]) -> None:
-    whole, cut = spun(every), spun(every)
+def test_calls_cut_anywhere_give_the_same_bits(every: int, height: float | None, cuts: list[int]) -> None:
+    whole, cut = (spun(every, height, copies=1) for _ in range(2))
     whole.advance(40)
     for steps in cuts:
         cut.advance(steps)
@@ -57,8 +67,9 @@ def test_calls_cut_anywhere_give_the_same_bits(every: int, cuts: list[int]) -> N
     assert seen(whole)[3] > 1e-3  # and losses
 
 
-def test_copies_amid_different_cycles_are_as_alone() -> None:
-    batch = spun(copies=11)
+@pytest.mark.parametrize("height", [None, NEAR])
+def test_copies_amid_different_cycles_are_as_alone(height: float | None) -> None:
+    batch = spun(height=height, copies=11)
     begun = batch.positions[0], batch.velocities[0]
     ages = {}
     for copy, steps in ((2, 5), (7, 1), (9, EVERY), (4, 3)):
@@ -67,8 +78,9 @@ def test_copies_amid_different_cycles_are_as_alone() -> None:
         ages = {other: age + steps for other, age in ages.items()} | {copy: 0}
     batch.advance(25)
     for copy, age in ages.items():
-        alone = spun()
+        alone = spun(height=height)
         alone.advance(age + 25)
+        assert (alone.measure().contact_loss[0] > 1e-4) == (height is not None)
         assert_same([values[copy] for values in (batch.positions, batch.velocities)], seen(alone)[:2])
         assert batch.measure().balance[copy] == alone.measure().balance[0]
 
@@ -106,14 +118,15 @@ def numbers_of_steps(made: Simulator) -> float:
     return float(made._terms.cycle.marks["lanes"][0, PHASE, 0])
 
 
+@pytest.mark.parametrize("height", [None, FAR])
 @pytest.mark.parametrize("amid", [0, 1, 4])
-def test_order_stays_two(amid: int) -> None:
+def test_order_stays_two(amid: int, height: float | None) -> None:
     """Where cycles end, and amid them, where the state is read as if they did."""
     counts = 240 * np.array([1, 2, 4])
     duration = 0.6
     errors = []
     for count in counts.tolist():
-        made = simulator(tetrahedron("verlet", 1.0), "verlet", duration / (count + amid), damping_every=EVERY)
+        made = simulator(scene_of(height), "verlet", duration / (count + amid), damping_every=EVERY)
         made.advance(count + amid)
         assert (numbers_of_steps(made) - amid) % EVERY == 0
         errors.append(error(made, reference(1.0, duration)))
@@ -121,11 +134,12 @@ def test_order_stays_two(amid: int) -> None:
     assert -np.polyfit(np.log(counts + amid), np.log(errors), 1)[0] == pytest.approx(2, abs=0.15)
 
 
+@pytest.mark.parametrize("height", [None, FAR])
 @pytest.mark.parametrize("amid", [0, 4])
-def test_ledger_closes(amid: int) -> None:
+def test_ledger_closes(amid: int, height: float | None) -> None:
     counts, gaps = 240 * np.array([1, 2, 4]), []
     for count in counts.tolist():
-        made = simulator(tetrahedron("verlet", 1.0), "verlet", 0.6 / (count + amid), damping_every=EVERY)
+        made = simulator(scene_of(height), "verlet", 0.6 / (count + amid), damping_every=EVERY)
         made.actuate(torque=[[1.0, 4.0, 3.0]])
         before = made.measure()
         made.advance(count + amid)
@@ -189,7 +203,7 @@ def test_no_vibration_lasts(turn: float, rings: bool) -> None:
 
 
 REASONS = {
-    "surface": (Scene(cube(), cube().positions + np.array([0, 0, 2.0]), surfaces=(floor(),)), {}),
+    "collisions": (pair_of_cubes(), {}),
     "floppy": (Scene(rope(), pinned=(0,)), {}),
     "undamped": (tops(0.0), {}),
     "thrust": (Scene(cube(), thrust=ThrustActuator((0,))), {}),
@@ -206,6 +220,12 @@ def test_where_all_acts_at_every_step(name: str) -> None:
     assert Simulator(scene, damping_every=1, **options).damping_every == 1
     with pytest.raises(ValueError, match="damping_every is 2; it must be 1: "):
         Simulator(scene, damping_every=2, **options)
+
+
+def test_among_surfaces_cycles_are_asked_for() -> None:
+    scene = tops(100.0).with_(surfaces=(floor(-0.5),))
+    assert Simulator(scene).damping_every == 1
+    assert Simulator(scene, damping_every=4).damping_every == 4
 
 
 @pytest.mark.parametrize("name", stability.VARIED)
@@ -245,6 +265,15 @@ def test_a_control_period_is_of_whole_cycles(env_id: str) -> None:
     assert stability.cycles_harmless(stability.vibrations(at.task.scene), step, every)
     watched = episodes(env_id, error=True)
     assert watched.error.finer.damping_every == every
+
+
+def test_a_task_among_surfaces_says_its_cycle() -> None:
+    at = episodes("SpringFreeTop-v0")
+    assert (at.simulator.damping_every, at.steps % 4) == (at.task.damping_every, 0)
+    assert episodes("SpringFreeTop-v0", step=0.02 / 45).simulator.damping_every == 1
+    assert episodes("SpringFreeTop-v0", damping_every=1).simulator.damping_every == 1
+    assert episodes("SpringFreeTop-v0", damping_every=4).steps % 4 == 0
+    assert episodes("SpringTumble-v0").simulator.damping_every == 1
 
 
 def test_a_given_pace_is_kept() -> None:
