@@ -135,7 +135,7 @@ SAID = {"does not survive": "DOES NOT SURVIVE", "undecided": "undecided: it take
 
 
 def table(findings: Sequence[Finding]) -> str:
-    """The findings as lines of text."""
+    """Return the findings as lines of text, a row each."""
     rows, own = [["simulation", "return/step", "success", "lost", ""]], findings[0].return_per_step
     for n, found in enumerate(findings):
         if found.refused:

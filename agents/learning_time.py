@@ -61,7 +61,7 @@ class Stopwatch(Recorder):
 
     @property
     def learned(self) -> bool:
-        """Return whether the agent succeeds often enough."""
+        """Return whether the agent succeeds often enough to have learned the task."""
         return bool(self.progress) and (self.progress[-1][-1] or 0.0) >= ENOUGH
 
     def _on_rollout_start(self) -> None:

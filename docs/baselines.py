@@ -145,7 +145,7 @@ def compared(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
 
 
 def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """What a run costs by algorithm, and what those that are compared reach in the same tasks."""
+    """Return a table of what a run costs by algorithm, and what all compared ones reach in the same tasks."""
     wide, tasks = compared(rows)
     lines = [
         f"| algorithm | runs | steps each | seconds each | success in {len(tasks)} tasks, interquartile mean "
@@ -173,7 +173,7 @@ def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def table_of_times(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """What learning takes, see ``agents/learning_time.py``."""
+    """Return tables of the time that learning takes, see ``agents/learning_time.py``."""
     cpus = ", ".join(sorted({row["measured"]["cpu"] for row in rows}))
     return [TIME.format(table=times(rows), cpu=cpus)]
 
@@ -266,7 +266,7 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def key(row: dict[str, Any]) -> tuple[str, str, int]:
-    """What a row is of."""
+    """Return the task, the algorithm and the seed that a row is of."""
     return row["task"], row["algorithm"], row["seed"]
 
 

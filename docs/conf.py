@@ -1,4 +1,4 @@
-"""How Sphinx builds the site. Build it with  python docs/build.py."""
+"""Settings by which Sphinx builds the site. Build it with  python docs/build.py."""
 
 from __future__ import annotations
 

@@ -125,12 +125,12 @@ def measure(name: str) -> dict[str, Any]:
 
 
 def variants() -> dict[str, Any]:
-    """What controllers without learning make of every variant of the environments: success, return a step."""
+    """Measure success and return a step of controllers without learning in every variant."""
     return {"rows": list(environments.measured_variants())}
 
 
 def duels() -> dict[str, Any]:
-    """How often the agent of the repository wins SpringDuel, by opponent, of 100 held-out duels."""
+    """Count how often the agent of the repository wins SpringDuel, by opponent, of 100 held-out duels."""
     from evaluate import evaluate, task_kwargs  # type: ignore[import-not-found]
     from runs import open_run  # type: ignore[import-not-found]
 
@@ -159,7 +159,7 @@ def suite() -> dict[str, Any]:
 
 
 def another() -> dict[str, Any]:
-    """What is told of a second processor: run this there."""
+    """Measure what the pages tell of a second processor: run this there."""
     report = {
         name: bench.measure(name, ROUNDS)
         for name in ("kernel", "environments", "features", "peers", "equal-error")
@@ -297,7 +297,7 @@ def _rounding(method: str, seconds: int) -> Number:
 
 
 def _longer(report: Report) -> str:
-    """How many times as long a step of MuJoCo's RK4 may be as one of its Euler."""
+    """Return how many times as long a step of MuJoCo's RK4 may be as one of its Euler."""
     rk4, euler = (
         row(report, "equal-error", program=f"MuJoCo {name}")["step_ms"] for name in ("RK4", "Euler")
     )
@@ -318,7 +318,7 @@ def _accuracy(problem: str, told: Callable[[float], str], field: str, method: st
 
 
 def _dearer(problem: str, tolerance: float) -> Number:
-    """How many times the cost of the cheapest method verlet's is, at the same error."""
+    """Return a number: how many times the cost of the cheapest method verlet's is, at the same error."""
 
     def number(report: Report) -> str:
         best, own = (cheapest(report["accuracy"][problem], tolerance, among) for among in ("", "verlet"))
@@ -633,7 +633,7 @@ def filled(text: str, report: Report) -> str:
 
 
 def differences(text: str, report: Report) -> list[str]:
-    """What a page says, and what it should."""
+    """List where a page says something else than it should."""
     found = []
     for pattern, made in ((NUMBER, NUMBERS), (TABLE, TABLES)):
         for name, told in pattern.findall(text):

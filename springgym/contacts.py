@@ -1,4 +1,4 @@
-"""What touches what at a node, read off what kernels computed there, as arrays over the copies."""
+"""Read off which bodies touch at a node from what kernels computed there, as arrays over the copies."""
 
 from __future__ import annotations
 

@@ -286,7 +286,7 @@ def workspaces(
 def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[Lists, ContactRows]:
     """Return what a thread finds contacts in, and the list of those that it finds."""
     most = most_contacts(scene.meetings, scene.shapes)[1]
-    return new_lists(pairs, len(scene.positions), dtype), new_contacts(pairs, most, None, dtype)
+    return new_lists(pairs, len(scene.positions), dtype), new_contacts(pairs, most, dtype)
 
 
 def bodies_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Bodies:

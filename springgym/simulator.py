@@ -334,7 +334,7 @@ class Simulator:
 
     @cached_property
     def _emptied(self) -> list[np.ndarray]:
-        """What is zero in copies that start, by copies: the ledger, and what is left of steps before."""
+        """Return by copies what is zero where they start: the ledger, and what is left of steps before."""
         ledger = [] if self._ledger is None else [self._ledger]
         return [by_copies(array) for array in (*ledger, *packing.marks(self._terms))]
 
@@ -349,7 +349,7 @@ class Simulator:
         return (*self._twin, self._terms) if self._twin else self._terms
 
     def _actuated(self) -> dict[str, tuple[tuple[int, ...], list[tuple[np.ndarray, slice]]]]:
-        """What `actuate` sets, by name: the shape of its values, and where they are written."""
+        """Return what `actuate` sets, by name: the shape of its values, and where they are written."""
         several = len(self._packed) > 1
         return {
             f"{placed.name}.{name}" if several else name: (

@@ -28,7 +28,8 @@ def colliding() -> tuple[str, ...]:
     """Return the parts of names by which tests of bodies that collide are known."""
     from tests.envs.cases import COLLIDING
 
-    return ("tests/collisions/", "self_play", *(env_id.partition("-v")[0] for env_id in COLLIDING))
+    tasks = (env_id.partition("-v")[0] for env_id in COLLIDING)
+    return ("tests/collisions/", "self_play", "test_duel", "test_juggle", *tasks)
 
 
 @pytest.fixture
@@ -43,13 +44,15 @@ def own_ids() -> Iterator[None]:
 
 
 @pytest.fixture
-def one_width(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compute one copy in a block as wide as that of a batch, which makes one kernel of two.
+def few_kernels(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Compute one copy in a block as wide as a batch's, and bodies that collide with all kinds of terms.
 
-    That both widths give the same bits is tested elsewhere.
+    So one kernel serves where several would be compiled. That both widths give the same bits, and that a
+    term which does nothing changes none, is tested elsewhere.
     """
     from springgym import simulator
     from springgym.core import blocks
+    from tests.collisions.stepped import all_kinds_of_terms
 
     layout = blocks.block_layout
 
@@ -58,17 +61,19 @@ def one_width(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for module in (blocks, simulator):
         monkeypatch.setattr(module, "block_layout", wide)
+    with all_kinds_of_terms():
+        yield
 
 
 @pytest.fixture(autouse=True)
-def _one_width_where_bodies_collide(request: pytest.FixtureRequest) -> None:
-    """In all environments but `SINGLE`: their kernels take half a minute to compile. Slow runs have both."""
-    from tests.envs.cases import COLLIDING, SINGLE
+def _few_kernels_for_most_environments(request: pytest.FixtureRequest) -> None:
+    """Take few kernels for all environments but `QUICK`. Slow runs compile what users do."""
+    from tests.envs.cases import IDS, QUICK
 
     nodeid = request.node.nodeid
-    told = [env_id.partition("-v")[0] for env_id in COLLIDING if env_id != SINGLE]
+    told = [env_id.partition("-v")[0] for env_id in IDS if env_id not in QUICK]
     if any(name in nodeid for name in told) and not request.node.get_closest_marker("slow"):
-        request.getfixturevalue("one_width")
+        request.getfixturevalue("few_kernels")
 
 
 LONGEST = (

@@ -127,13 +127,18 @@ def test_calls_of_any_length_have_the_bits_of_one_and_a_state_restores_an_impact
     assert (whole.pairs().contact_loss > 0).any()
 
 
-def test_every_copy_has_the_bits_of_a_single_one() -> None:
-    """Also of one that has nothing but what its scene asks for."""
+@pytest.mark.parametrize("alone", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_every_copy_has_the_bits_of_another_batch_and_of_a_single_one(alone: bool) -> None:
+    """A single one has a block of one copy, and nothing but what its scene asks for."""
     batch = thrown(REACH / 30, contact(0.5, 0.6))
     x, v = impacts(CUBE, CUBE, 1.0, COPIES, np.random.default_rng(3))
     batch.advance(1500)
     hit = np.flatnonzero(batch.pairs().impulse[:, 0] > 0)
-    single = Simulator(pair(CUBE, contact(0.5, 0.6)), dynamics="rigid", step=REACH / 30)
+    scene = pair(CUBE, contact(0.5, 0.6))
+    if alone:
+        single = Simulator(scene, dynamics="rigid", step=REACH / 30)
+    else:
+        single = full(scene, dynamics="rigid", step=REACH / 30, copies=2)
     for copy in (hit[0], hit[-1]):
         single.place(x[copy], v[copy])
         single.advance(1500)
@@ -144,7 +149,9 @@ def test_every_copy_has_the_bits_of_a_single_one() -> None:
 
 def test_contacts_are_told_as_those_of_springs() -> None:
     """From node to node a body's momentum changes by half of what both nodes give."""
-    simulator = Simulator(pair(CUBE, contact(0.4, 0.6)), dynamics="rigid", step=1e-4)
+    scene = pair(CUBE, contact(0.4, 0.6))
+    simulator = full(scene, dynamics="rigid", step=1e-4, copies=2)
+    vars(simulator)["scene"] = scene  # without the floor: of rigid bodies, contacts with one are not told
     simulator.place(*approach("crossed edges", 2.0))
     momenta, impulses = [], []
     for _ in range(300):

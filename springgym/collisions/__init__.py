@@ -1,4 +1,4 @@
-"""Which bodies of a scene collide, and how. `springgym.contact` computes with it."""
+"""Find which bodies of a scene collide, and how. `springgym.contact` computes with it."""
 
 from springgym.collisions.meeting import Collisions, Meeting, Meetings, Pair, meetings
 from springgym.collisions.overlap import check_apart

@@ -1,4 +1,4 @@
-"""Whether bodies start in each other: no vertex inside, no edge through a face, none nearer than 1e-3 Δ.
+"""Check that bodies start apart: no vertex inside, no edge through a face, none nearer than 1e-3 Δ.
 
 Boxes around the bodies are sorted by where they begin along an axis: only those that begin before another
 ends can overlap it (sweep and prune: Cohen et al. 1995, doi:10.1145/199404.199437). Bodies whose boxes

@@ -30,7 +30,7 @@ class Shape(NamedTuple):
 
 @lru_cache(maxsize=1024)
 def shape(body: Body) -> Shape:
-    """What of a body others meet; see `check_shape` for whether they can."""
+    """Return the features of a body that others meet; see `check_shape` for whether they can."""
     if len(body.triangles):
         lines = surface.all_edges(body.triangles)
         return Shape(np.unique(body.triangles), body.triangles, body.edges, 0.0, lines)
@@ -53,7 +53,7 @@ def check_shape(name: str, body: Body, reach: float) -> None:
 
 
 def _unfit(body: Body, reach: float) -> str | None:
-    """Why a body cannot collide with a reach Δ; None if it can."""
+    """Return why a body cannot collide with a reach Δ; None if it can."""
     given = shape(body)
     if not len(given.triangles):
         if body.radius == 0:

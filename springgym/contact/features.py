@@ -1,4 +1,4 @@
-"""Where the features of two bodies meet: vertex and face, vertex and rod, ball and ball, edge and edge.
+"""Find where the features of two bodies meet: vertex and face, vertex and rod, ball and ball, edge and edge.
 
 A contact has up to four particles with weights w (sum 0; + on one body, − on the other), a unit normal n,
 a signed distance d and a share Φ of the strength, such that Σ w x = d n (less radii) and u = n · Σ w v =

@@ -29,7 +29,7 @@ WATCHED, CLOSE = range(2)
 
 
 class Lists(NamedTuple):
-    """Which features of which bodies are near each other: the workspace of `springgym.contact.search`.
+    """The lists of features that are near each other: the workspace of `springgym.contact.search`.
 
     Lists of features stay from node to node, one pair's behind another's.
     """
@@ -49,16 +49,17 @@ class Lists(NamedTuple):
     turning: np.ndarray
     """(bodies,) the largest difference from it [m/s]"""
     low: np.ndarray
-    """(bodies, 3) boxes around the bodies, when features were listed [m]"""
+    """(bodies, 3) lower corners of the boxes around the bodies, when features were listed [m]"""
     high: np.ndarray
+    """(bodies, 3) and their upper corners [m]"""
     along: np.ndarray
-    """(particles,) how far from the slab between both bodies of a pair, likewise [m]"""
+    """(particles,) how far vertices are from the other body of a pair, along the line between both [m]"""
     listed: np.ndarray
-    """(pairs,) nearer than this all features of a pair were listed then; 0 before [m]"""
+    """(pairs,) all features of a pair that were nearer than this were listed; 0 before any were [m]"""
     gap: np.ndarray
-    """(pairs,) no features were nearer than this then [m]"""
+    """(pairs,) no features of the pair were nearer than this when they were listed [m]"""
     nearest: np.ndarray
-    """(pairs,) nor are they nearer than this now [m]"""
+    """(pairs,) nor are any nearer than this at this node [m]"""
     reach: np.ndarray
     """(pairs,) how far to look for contacts at this node [m]"""
     watched: np.ndarray
@@ -66,11 +67,11 @@ class Lists(NamedTuple):
     ahead: np.ndarray
     """(bodies,) by how much the way in half a step exceeds what is allowed for, as pairs were watched [m]"""
     margin: np.ndarray
-    """(bodies,) how far a body may move before these are listed anew [m]"""
+    """(bodies,) how far a body may move before the pairs that are watched are listed anew [m]"""
     travelled: np.ndarray
-    """(bodies,) how far it moved since then, up to when features were listed, at the most [m]"""
+    """(bodies,) how far it moved at most since pairs were watched, up to when features were listed [m]"""
     close: np.ndarray
-    """(pairs,) list: those of them that may touch at this node"""
+    """(pairs,) list: those of the watched pairs that may touch at this node"""
     length: np.ndarray
     """(2,) how many are `WATCHED`, and how many `CLOSE`"""
     kept: np.ndarray
@@ -86,42 +87,42 @@ class Lists(NamedTuple):
     point: np.ndarray
     """(V, 3) where they are [m]"""
     triangle: np.ndarray
-    """(T,) list: triangles likewise"""
+    """(T,) list: triangles of a pair that lie between the two bodies, the first's before"""
     triangle_particles: np.ndarray
-    """(3 T,)"""
+    """(3 T,) which particles their corners are"""
     corner: np.ndarray
     """(T, 3) their first corner [m]"""
     first: np.ndarray
-    """(T, 3) from there to the second [m]"""
+    """(T, 3) the side from the first corner to the second [m]"""
     second: np.ndarray
-    """(T, 3) and to the third"""
+    """(T, 3) the side from the first corner to the third [m]"""
     normal: np.ndarray
-    """(T, 3) their product, as long as twice the area [m²]"""
+    """(T, 3) the cross product of these sides, as long as twice the area [m²]"""
     square: np.ndarray
-    """(T,) the square of that length [m⁴]; −1 where there is none"""
+    """(T,) the square of twice the area [m⁴]; −1 where there is no triangle"""
     products: np.ndarray
-    """(T, 3) of the sides from the first corner: |u|², u·w and |w|² [m²]"""
+    """(T, 3) products of the sides u and w from the first corner: |u|², u·w and |w|² [m²]"""
     sizes: np.ndarray
     """(T, 3) 1 over ``square`` [m⁻⁴], 1 over the product of all sides' squares [m⁻⁶], the largest of
     these [m²]"""
     edge: np.ndarray
-    """(E,) list: edges likewise"""
+    """(E,) list: edges of a pair that lie between the two bodies, the first's before"""
     edge_particles: np.ndarray
-    """(2 E,)"""
+    """(2 E,) which particles their ends are"""
     start: np.ndarray
-    """(E, 3) where they begin [m]"""
+    """(E, 3) where edges begin [m]"""
     way: np.ndarray
-    """(E, 3) from there to the end; 0 where there is none"""
+    """(E, 3) from there to the end [m]; 0 where there is no edge"""
     candidate: np.ndarray
     """rows of triangles and edges: first all of them, in turn; then those near a vertex or an edge"""
     faces: np.ndarray
     """(V, 2) where the candidates of a vertex begin there, and end: triangles of the other body"""
     partners: np.ndarray
-    """(E, 2) and those of an edge of the first body: edges of the second"""
+    """(E, 2) where the candidates of an edge of the first body begin there, and end: edges of the second"""
     crossed: np.ndarray
-    """(most,) list: edges that meet others, by their rows,"""
+    """(most,) list: edges that meet others, by their rows"""
     crossing: np.ndarray
-    """(most,) and these"""
+    """(most,) and the edges that they meet"""
 
 
 Quad: TypeAlias = tuple[Number, Number, Number, Number]
@@ -129,7 +130,7 @@ Quad: TypeAlias = tuple[Number, Number, Number, Number]
 
 
 class Near(NamedTuple):
-    """Two bodies near each other."""
+    """Two bodies near each other at a node."""
 
     pair: int
     bodies: tuple[int, int]
@@ -138,21 +139,26 @@ class Near(NamedTuple):
     reach: Number
     """how far to look for contacts [m]"""
     radius: Number
-    """of what lies around their features, both together [m]"""
+    """the radii of what lies around their features, both together [m]"""
 
 
 class Touch(NamedTuple):
     """A contact of each copy, where its ``share`` is positive."""
 
     particles: Quad
+    """the numbers of up to four particles"""
     weights: Quad
+    """w of each: they sum to 0"""
     normal: Vector
+    """n, from the second body to the first"""
     gap: Number
+    """d [m]"""
     share: Number
+    """Φ of the strength"""
 
 
 class Search(NamedTuple):
-    """Where contacts are looked for, and listed."""
+    """All that a search for contacts reads and writes."""
 
     x: Rows
     """positions (N, 3) [m]"""

@@ -1,4 +1,4 @@
-"""Whether bodies are shown in each other: by geometry alone, whatever contacts were found.
+"""Tell whether bodies are shown in each other: by geometry alone, whatever contacts were found.
 
 Contacts are of corners, faces and sharp edges. What else a body has, the edges that are flat at rest and
 crease as it bends, is looked at here, where a state is read; and so is what a step that is too coarse did.

@@ -20,14 +20,14 @@ MOST_PARALLEL = 0.2
 
 
 class Shapes(NamedTuple):
-    """Features of all bodies, one body after another, by the numbers of the scene's particles."""
+    """The features of all bodies, one body after another, by the numbers of the scene's particles."""
 
     vertices: np.ndarray
-    """(V, 1)"""
+    """(V, 1) a particle each"""
     triangles: np.ndarray | None
-    """(T, 3)"""
+    """(T, 3) three particles each; None if no body has any"""
     edges: np.ndarray | None
-    """(E, 2) sharp edges, and the rods of bodies without triangles"""
+    """(E, 2) two particles each: sharp edges, and rods of bodies without triangles; None if none has any"""
     start: np.ndarray
     """(3, bodies + 1) where each body's vertices, triangles and edges begin, and the end"""
     radius: np.ndarray
@@ -39,29 +39,31 @@ class Shapes(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """Pairs of bodies that may meet, each array of shape (pairs,)."""
+    """The pairs of bodies that may meet; each array has shape (pairs,)."""
 
     first: np.ndarray
+    """index of one body"""
     second: np.ndarray
+    """and of the other"""
     reach: np.ndarray
-    """Δ [m]"""
+    """Δ, the distance below which they repel each other [m]"""
     least_reach: float
-    """the least of them [m]"""
+    """the least Δ of all pairs [m]"""
     parallel: np.ndarray
-    """σ² of edges [1]"""
+    """σ², the square of the sine below which two edges count as parallel [1]"""
     strength: np.ndarray
-    """c [N·m²]"""
+    """c of the barrier [N·m²]"""
     friction: np.ndarray | None
-    """μ [1]"""
+    """μ [1]; None if no pair rubs"""
     loss: np.ndarray | None
-    """β [1]"""
+    """β of restitution [1]; None if no pair loses any energy by it"""
     shapes: Shapes
     most: int
-    """contacts of a copy"""
+    """how many contacts a copy can have"""
 
 
 def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
-    """Features of all bodies, whose particles begin at ``first`` among those of the scene."""
+    """Return the features of all bodies, whose particles begin at ``first`` among those of the scene."""
     kinds = [
         [getattr(shape, name) + n for shape, n in zip(shapes, first, strict=True)]
         for name in ("vertices", "triangles", "edges")
@@ -82,7 +84,7 @@ def packed_shapes(shapes: Sequence[Shape], first: Sequence[int]) -> Shapes:
 
 
 def longest_edge(body: Body, shape: Shape) -> float:
-    """The length [m] of the longest edge of a body that others meet; 0 if it has none."""
+    """Return the length [m] of the longest edge of a body that others meet; 0 if it has none."""
     ends = body.positions[shape.edges]
     return float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max(initial=0.0))
 
@@ -96,7 +98,7 @@ def parallel(met: Meetings, longest: Sequence[float]) -> np.ndarray:
 
 
 def most_contacts(met: Meetings, shapes: Sequence[Shape]) -> tuple[int, int]:
-    """Contacts that a copy may have, and rows of a list: of each vertex, and of each edge with each."""
+    """Return how many contacts a copy may have, and how many rows a list: for each vertex, each two edges."""
     vertices, edges = (np.array([len(getattr(of, name)) for of in shapes]) for name in ("vertices", "edges"))
     found = int((vertices[met.first] + vertices[met.second] + edges[met.first] * edges[met.second]).sum())
     return min(found, MOST_CONTACTS * len(shapes)), found

@@ -90,18 +90,23 @@ class Rounds(NamedTuple):
 
 
 class Rolling(NamedTuple):
-    """Workspace: of particles (N, 3), and of rows, one for each feature and surface, (rows, 3)."""
+    """Workspace in which round features roll: of particles (N, 3), and of rows (rows, 3).
+
+    There is a row for each feature and surface.
+    """
 
     velocity: Rows
     """velocities after the node with as much of contact as is known [m/s]"""
     change: Rows
-    """of velocity by pushes [m/s]; this and the next two as `springgym.integrators.node.Given`"""
+    """change of velocity by pushes [m/s]; this and the next two as `springgym.integrators.node.Given`"""
     rub: Rows
+    """change of velocity by friction [m/s]"""
     force: Rows
+    """Σ J n [m/s]"""
     point: Rows
     """ξ − ξc of the support point [m]"""
     normal: Rows
-    """n"""
+    """n, of the surface"""
     size: Rows
     """h₀ [m], d + s [m], W n² [1/kg]"""
     push: Rows
@@ -111,18 +116,18 @@ class Rolling(NamedTuple):
 
 
 class Way(NamedTuple):
-    """Straight ways of particles: positions and, if they move on, their velocities and for how long."""
+    """The straight ways that particles take: positions and, if they move on, velocities and for how long."""
 
     rows: Rows
     """(N, 3) positions [m]; or velocities, of which a point's is asked for"""
     v: Rows | None
-    """(N, 3) [m/s]; None if they stay"""
+    """(N, 3) velocities [m/s]; None if they stay"""
     tau: Number
-    """[s]"""
+    """for how long they move on [s]"""
 
 
 class RoundProblem(NamedTuple):
-    """What surfaces give a body with round features at a node follows from this."""
+    """All that the impulses of surfaces on the round features of a body at a node follow from."""
 
     x: Rows
     """(N, 3) positions at the node [m]"""

@@ -1,4 +1,4 @@
-"""The contacts of a node: one list for all kinds of features, and the problem that their impulses solve.
+"""List the contacts of a node, one list for all kinds of features, and state what their impulses solve.
 
 A row holds a contact of each copy, its own: row r the r-th of each. A copy that has less than others has a
 gap of `FAR` there, and the particles of another. So the list is as long as the longest of a copy, and what a
@@ -30,38 +30,38 @@ MET, ROWS = range(2)
 
 
 class ContactRows(NamedTuple):
-    """The contacts of a node, a row each, and what they give."""
+    """The contacts of a node, a row each, with the impulses that they give."""
 
     length: np.ndarray
-    """(2,) how many pairs have contacts, `MET`; and how many rows of contacts that makes: `ROWS`"""
+    """(2,) how many pairs have contacts, `MET`, and how many rows of contacts there are, `ROWS`"""
     met: np.ndarray
-    """(pairs,) list: those that have contacts, ascending"""
+    """(pairs,) list: the pairs that have contacts, ascending"""
     left_out: np.ndarray
-    """(pairs,) contacts for which there was no space, at this node"""
+    """(pairs,) how many contacts there was no space for, at this node"""
     have: np.ndarray
-    """(2,) contacts of each copy: in all, and of the pair that is looked at"""
+    """(2,) how many contacts each copy has: in all, and of the pair that is looked at"""
     pair: np.ndarray
-    """(rows,) whose contact it is, in all copies"""
+    """(rows,) the pair whose contact it is, in all copies"""
     members: np.ndarray
     """(rows,) how many particles it has, in all copies"""
     particle: np.ndarray
-    """(4 rows,) which"""
+    """(4 rows,) which particles these are"""
     weight: np.ndarray
-    """(4 rows,) w: they sum to 0"""
+    """(4 rows,) their weights w, which sum to 0"""
     normal: np.ndarray
     """(rows, 3) the normal n, from the second body to the first"""
     gap: np.ndarray
-    """(rows,) d [m], `FAR` where there is no contact"""
+    """(rows,) the gap d [m], `FAR` where there is no contact"""
     share: np.ndarray
-    """(rows,) Φ"""
+    """(rows,) the share Φ of the strength"""
     approach: np.ndarray
-    """(rows,) u₀, the speed along the normal before the node [m/s]"""
+    """(rows,) the speed u₀ along the normal before the node [m/s]"""
     gain: np.ndarray
     """(4 rows,) w/m [1/kg]"""
     inverse_mass: np.ndarray
-    """(rows,) W [1/kg]"""
+    """(rows,) the inverse mass W along the normal [1/kg]"""
     impulse: np.ndarray
-    """(rows,) J [N·s]"""
+    """(rows,) the impulse J along the normal [N·s]"""
     friction: np.ndarray
     """(rows, 3) the impulse of friction [N·s]"""
     taper: np.ndarray
@@ -77,7 +77,7 @@ class ContactRows(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """What the impulses of all contacts of a node follow from."""
+    """All that the impulses of the contacts of a node follow from."""
 
     span: Span
     """the time of the node"""
@@ -90,13 +90,18 @@ class Problem(NamedTuple):
     inverse_mass: Numbers
     """(N,) of the particles [1/kg]"""
     pairs: Pairs
+    """the pairs of bodies, and what they are like"""
     contacts: ContactRows
+    """the contacts, and where their impulses are written"""
     totals: Numbers
-    """what is told of pairs, see `springgym.contact.totals`; None if nothing is"""
+    """the totals of each pair, see `springgym.contact.totals`"""
 
 
-def new_contacts(pairs: Pairs, rows: int, solids: Solids | None, dtype: DTypeLike) -> ContactRows:
-    """Return an empty list of contacts, on elements of ``dtype``; ``rows`` is the most a block can have."""
+def new_contacts(pairs: Pairs, rows: int, dtype: DTypeLike) -> ContactRows:
+    """Return an empty list of contacts, on elements of ``dtype``; ``rows`` is the most a block can have.
+
+    They move particles by themselves, until the list is given ``solids``.
+    """
     width = np.dtype(dtype)["lanes"].shape[0]
     rows = min(rows, pairs.most * width) + 1
     rubbing = 1 if pairs.friction is None else rows
@@ -126,7 +131,7 @@ def new_contacts(pairs: Pairs, rows: int, solids: Solids | None, dtype: DTypeLik
         grips=lanes(rubbing),
         losses=lanes(count, 3),
         length=np.zeros(2, np.int64),
-        solids=solids,
+        solids=None,
     )
 
 

@@ -1,4 +1,4 @@
-"""Which features of the bodies are near each other: by boxes around bodies, then between two bodies.
+"""Find which features of the bodies are near each other: by boxes around bodies, then between two bodies.
 
 Broad phase. Pairs of bodies that are not far apart are watched until a body has used up a margin of its own:
 the others cannot have come near by then. Of those that are watched, bodies whose boxes are near each other
@@ -38,7 +38,7 @@ from springgym.contact.features import (
     vertex_rods,
 )
 from springgym.contact.lists import CLOSE, NONE, WATCHED, Lists, Near, Search
-from springgym.contact.rows import FAR, MET, ROWS
+from springgym.contact.rows import FAR, MET, ROWS, Problem
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, filled, load, load_each, maximum, minimum, select, sqrt, store
@@ -55,9 +55,12 @@ from springgym.core.vectors import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from springgym.contact.law import Span
     from springgym.contact.pairs import Pairs, Shapes
     from springgym.contact.rows import ContactRows
+    from springgym.forces import Terms
 
 
 Indices: TypeAlias = "np.ndarray | None"
@@ -119,10 +122,25 @@ def outside(low: Vector, high: Vector, body: int, lists: Lists) -> Number:
 
 
 @compiled
-def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: ContactRows) -> int:
-    """List the contacts of all pairs, with velocities ``w`` (N, 3) before the node; how many rows that makes.
+def find_contacts(
+    x: Rows, w: Rows, before: Rows, span: Span, terms: Terms, lists: Lists, contacts: ContactRows
+) -> Problem:
+    """Find the contacts of all bodies at a node, and return the `Problem` that their impulses solve.
 
-    ``span`` is the time of the node.
+    The particles are at ``x`` (N, 3) and reach the node with velocities ``w`` (N, 3); ``before`` are those
+    that contacts change: the same, or the motion of rigid bodies.
+    """
+    collisions = terms.collisions
+    rows = find(x, w, span, collisions.pairs, lists, contacts)
+    inverse_mass = terms.particles.inverse_mass.values
+    return Problem(span, rows, x, before, inverse_mass, collisions.pairs, contacts, collisions.totals)
+
+
+@compiled
+def find(x: Rows, w: Rows, span: Span, pairs: Pairs, lists: Lists, contacts: ContactRows) -> int:
+    """List the contacts of all pairs, and return how many rows that makes.
+
+    ``w`` (N, 3) are the velocities before the node, and ``span`` is its time.
     """
     shapes, seen = pairs.shapes, Search(x, w, pairs, lists, contacts)
     measure_moved(x, w, span, pairs, lists)
@@ -490,31 +508,44 @@ def list_candidates(p: int, every: bool, seen: Search, triangles: Indices, edges
 
     Where it is to be ``every`` one that is listed, or there is no space for more, all are.
     """
-    lists, wide = seen.lists, load(seen.lists.listed, p)
-    ends, used = lists.ends, lists.used[CANDIDATES]
+    lists, ends = seen.lists, seen.lists.ends
     if triangles is not None:
         for side in range(2):
-            first, behind = ends[p, TRIANGLES, 1 - side], ends[p, TRIANGLES, 2 - side]
-            for m in range(ends[p, VERTICES, side], ends[p, VERTICES, side + 1]):
-                lists.faces[m, 0], lists.faces[m, 1] = first, behind
-                if not every and used + behind - first <= lists.candidate.size:
-                    lists.faces[m, 0] = used
-                    for n in range(first, behind):
-                        if face_is_near(m, n, wide, lists):
-                            lists.candidate[used] = n
-                            used += 1
-                    lists.faces[m, 1] = used
+            of = ends[p, VERTICES, side], ends[p, VERTICES, side + 1]
+            others = ends[p, TRIANGLES, 1 - side], ends[p, TRIANGLES, 2 - side]
+            list_near(p, of, others, every, lists, lists.faces, face_is_near)
     if edges is not None:
-        first, behind = ends[p, EDGES, 1], ends[p, EDGES, 2]
-        for m in range(ends[p, EDGES, 0], ends[p, EDGES, 1]):
-            lists.partners[m, 0], lists.partners[m, 1] = first, behind
-            if not every and used + behind - first <= lists.candidate.size:
-                lists.partners[m, 0] = used
-                for n in range(first, behind):
-                    if edge_is_near(m, n, wide, lists):
-                        lists.candidate[used] = n
-                        used += 1
-                lists.partners[m, 1] = used
+        of = ends[p, EDGES, 0], ends[p, EDGES, 1]
+        others = ends[p, EDGES, 1], ends[p, EDGES, 2]
+        list_near(p, of, others, every, lists, lists.partners, edge_is_near)
+
+
+@compiled
+def list_near(
+    p: int,
+    of: tuple[int, int],
+    others: tuple[int, int],
+    every: bool,
+    lists: Lists,
+    candidates: np.ndarray,
+    is_near: Callable[[int, int, Number, Lists], bool],
+) -> None:
+    """List which of the ``others`` are near each feature ``of`` a body in any copy, by ``is_near``.
+
+    Both are rows of lists, from the first to the one behind. Where the list of row m begins and ends is
+    written into row m of ``candidates`` (rows, 2).
+    """
+    wide, used = load(lists.listed, p), lists.used[CANDIDATES]
+    first, behind = others
+    for m in range(of[0], of[1]):
+        candidates[m, 0], candidates[m, 1] = first, behind
+        if not every and used + behind - first <= lists.candidate.size:
+            candidates[m, 0] = used
+            for n in range(first, behind):
+                if is_near(m, n, wide, lists):
+                    lists.candidate[used] = n
+                    used += 1
+            candidates[m, 1] = used
     lists.used[CANDIDATES] = used
 
 

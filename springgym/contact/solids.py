@@ -1,4 +1,4 @@
-"""How contacts move rigid bodies: two of them, at one point.
+"""Let contacts move rigid bodies: two of them, at one point.
 
 At a node a rigid body has the velocity v of its point, the centre of mass or the pin, and the angular
 momentum L about that point, in world coordinates. A contact sees two bodies a and b from one place, at the

@@ -1,4 +1,4 @@
-"""What is told of each pair of bodies that collide: totals over the nodes since they were emptied.
+"""Keep totals of each pair of bodies that collide, over the nodes since they were emptied.
 
 The next call makes the last node anew, so that the totals from before it are kept, too.
 """
@@ -96,10 +96,9 @@ def list_changing(contacts: ContactRows, changing: np.ndarray) -> None:
 
 @compiled
 def add_to(totals: Numbers, pair: int, entry: int, value: Number) -> None:
-    """Add to an entry of a pair; totals of None are not kept."""
-    if totals is not None:
-        n = pair * ENTRIES + entry
-        store(totals, n, load(totals, n) + value)
+    """Add to an entry of a pair."""
+    n = pair * ENTRIES + entry
+    store(totals, n, load(totals, n) + value)
 
 
 @compiled

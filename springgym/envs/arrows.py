@@ -1,4 +1,4 @@
-"""How pictures show the action: red arrows, straight for forces and impulses, around an axis for torques."""
+"""Show the action in pictures: red arrows, straight for forces and impulses, around an axis for torques."""
 
 from __future__ import annotations
 

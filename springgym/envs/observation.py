@@ -24,7 +24,10 @@ ABOUT_CENTRE, ABOUT_GOAL = 1, 2
 
 
 class Situation(NamedTuple):
-    """What a task's functions see besides the measures. All arrays but the last have a row for each copy."""
+    """The state and the action that a task's functions see besides the measures.
+
+    All arrays but the last have a row for each copy.
+    """
 
     x: np.ndarray
     """(n, N, 3) positions [m]"""

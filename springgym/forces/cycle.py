@@ -1,4 +1,4 @@
-"""What acts less often than at every step: dampers, and the wrench.
+"""Let dampers and the wrench act less often than at every step.
 
 A cycle is an even number of steps of velocity Verlet. The wrench acts by Simpson's rule: for a sixth of a
 cycle at each of its ends, and for the rest in its middle. Once a cycle dampers act for all of its time, after
@@ -83,7 +83,7 @@ def keep_phase(phase: Number, cycle: Cycle) -> None:
 
 @compiled
 def is_at(phase: Number, place: int) -> Mask:
-    """Whether a copy's phase is this one."""
+    """Tell whether a copy's phase is this one."""
     off = phase - place
     return off * off < 0.25
 
@@ -132,7 +132,7 @@ def remember_cycle(v: Rows, ledger: Ledger, wrench: Wrench | None, cycle: Cycle)
 
 @compiled
 def acts_at(phase: Number, wrench: Wrench | None, cycle: Cycle) -> tuple[bool, bool]:
-    """Whether dampers act, and the wrench, in some copy before its next step."""
+    """Tell whether dampers act, and the wrench, in some copy before its next step."""
     damps, turns = damps_at(phase, cycle), False
     if wrench is not None:
         place = place_in(phase, cycle)

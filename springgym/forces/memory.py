@@ -1,4 +1,4 @@
-"""What a copy keeps from one call to the next beside x and v, in scenes with surfaces.
+"""Keep what a copy needs from one call to the next beside x and v, in scenes with surfaces.
 
 There a state is read in the middle of a node (`springgym.integrators.node`): x is where the particles are
 there, v the mean of the velocities with which they come and go. The next call goes on from the velocities
@@ -33,7 +33,7 @@ MARKS = STEERED + 3
 
 
 class Memory(NamedTuple):
-    """What is kept of the last node, which the next call makes anew."""
+    """The state of the last node, which is kept because the next call makes that node anew."""
 
     arrived: np.ndarray
     """(N, 3) velocity with which the node was reached [m/s]"""

@@ -29,7 +29,7 @@ CLAMP = 0.1
 
 
 class PaperLaw(NamedTuple):
-    """What the paper's contact has besides the surfaces."""
+    """The numbers that the paper's contact has besides the surfaces."""
 
     damping: float
     """c_N [kg/s]"""

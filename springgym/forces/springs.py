@@ -48,7 +48,7 @@ class Dampers(NamedTuple):
 
 
 class Decay(NamedTuple):
-    """What a damper's exact decay does in some time, per relative speed of its ends."""
+    """The exact decay that a damper makes in some time, per relative speed of its ends."""
 
     impulse: np.ndarray
     """impulse on the first end [kg], opposite on the second"""

@@ -81,12 +81,12 @@ class Node(NamedTuple):
 
 
 class Space(NamedTuple):
-    """Workspace of a node."""
+    """The arrays that a node of a step is computed in."""
 
     a: Rows
     """(N, 3) accelerations by springs and gravity [m/s²]"""
     b: Rows
-    """(N, 3) and by actuators"""
+    """(N, 3) accelerations by actuators [m/s²]"""
     w: Rows
     """(N, 3) velocities amid the node, before contact [m/s]"""
     direction: Rows
@@ -100,35 +100,35 @@ class Space(NamedTuple):
 
 
 class Given(NamedTuple):
-    """What the surfaces give a particle at a node."""
+    """The impulses that surfaces give a particle at a node, as changes of its velocity."""
 
     change: Vector
-    """of velocity, by their pushes [m/s]"""
+    """change of velocity by their pushes [m/s]"""
     rub: Vector
-    """of velocity, by friction [m/s]"""
+    """change of velocity by friction [m/s]"""
     force: Vector
     """Σ J n [m/s]: the work of the barriers is its product with the way, over the time"""
 
 
 class Passage(NamedTuple):
-    """How a free particle passes a node."""
+    """The passage of a free particle through a node: its velocity before, what changes it, and after."""
 
     mass: Number
     """m [kg]"""
     start: Vector
-    """v₋ [m/s]"""
+    """velocity v₋ before the node [m/s]"""
     acceleration: Vector
-    """by springs and gravity [m/s²]"""
+    """acceleration by springs and gravity [m/s²]"""
     others: Vector
     """change of velocity by actuators and dampers [m/s]"""
     contact: Vector
-    """and by contact [m/s]"""
+    """change of velocity by contact [m/s]"""
     after: Vector
-    """v₊ [m/s]"""
+    """velocity v₊ after the node [m/s]"""
 
 
 class Kicks(NamedTuple):
-    """Sums over the particles of a body that passes a node."""
+    """Sums over the kicks that a body's particles get at a node, for the energies that are read there."""
 
     others: Number
     """Σ m |δv|² of actuators and dampers [J]"""
@@ -353,7 +353,10 @@ def record_cross_work(ledger: Ledger, work: Number, dampers: Dampers | None) -> 
 
 @compiled
 def record_kicks(ledger: Ledger, others: Number, thrown: Number, dampers: Dampers | None) -> None:
-    """Enter what half of a node that acts in kicks lacks of half of its work: by all, and by actuators."""
+    """Enter the difference between what half of all kicks of a node do and half of their work.
+
+    ``others`` is that of all kicks but contact, and ``thrown`` that of the actuators' alone [J].
+    """
     if dampers is None:
         record(ledger, WORK, -1.0 * others)
     else:

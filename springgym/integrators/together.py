@@ -20,7 +20,7 @@ import numpy as np
 from springgym.contact.friction import SWEEPS, TURNS, rub
 from springgym.contact.lists import Lists
 from springgym.contact.rows import MET, ContactRows, Problem
-from springgym.contact.search import find
+from springgym.contact.search import find_contacts
 from springgym.contact.solver import add_totals, lift_apart, prepare, start_totals, sweep, taper
 from springgym.contact.surfaces import coefficient
 from springgym.contact.totals import ENERGY, ENTRIES, Collisions, entry_of, list_changing
@@ -66,34 +66,41 @@ LOOK = -2
 
 
 class Bodies(NamedTuple):
-    """What a thread computes in: rows (N, 3) of all bodies, as `Ragged`, if nothing else is said."""
+    """The arrays in which a thread computes bodies that collide.
+
+    They are `Ragged` rows (N, 3) of all bodies, if nothing else is said.
+    """
 
     space: Space
-    """in which w is only set where anything but contact acts amid the node"""
+    """the arrays of a node; its w is only set where anything but contact acts amid the node"""
     in_contact: Numbers
     """(N,) 1 where a copy has the particle in a contact of bodies, else 0"""
     touched: Numbers
-    """(N,) whether any copy of the block has"""
+    """(N,) whether any copy of the block has the particle in a contact of bodies"""
     busy: Numbers
     """(N,) whether bodies touch the particle or surfaces are near; at first as it was at the last node"""
     free: Rows
-    """of what is busy: velocities after the node, but for contact [m/s]"""
+    """velocities of busy particles after the node, but for contact [m/s]"""
     velocity: Rows
-    """and with as much of it as is known"""
+    """velocities after the node, with as much of contact as is known [m/s]"""
     known: Rows
-    """these when surfaces had their last turn"""
+    """these velocities when surfaces had their last turn [m/s]"""
     by_bodies: Rows
-    """what bodies gave each other until then [m/s]"""
+    """change of velocity that bodies gave each other until that turn [m/s]"""
     change: Rows
-    """what surfaces give: see `springgym.integrators.node.Given`"""
+    """change of velocity by surfaces, by their pushes; see `springgym.integrators.node.Given` [m/s]"""
     rub: Rows
+    """change of velocity by surfaces, by friction [m/s]"""
     force: Rows
+    """Σ J n of surfaces [m/s]"""
     shift: Rows
-    """how far off others a particle is shown where a node is read [m]"""
+    """how far a particle is lifted off other bodies where a node is read [m]"""
     any_busy: np.ndarray
-    """(bodies,) whether anything of a body is busy"""
+    """(bodies,) whether any particle of a body is busy"""
     lists: Lists
+    """the features that are near each other"""
     contacts: ContactRows
+    """the contacts of the node"""
 
 
 # --- Contact ------------------------------------------------------------------------------------------
@@ -398,15 +405,13 @@ def start_together(phase: Number, problem: Problem, collisions: Collisions, memo
 @compiled
 def pass_together(x: Ragged, v: Ragged, node: Node, ledger: Ledger, work: Bodies, terms: Terms) -> None:
     """Let all act on all bodies at a node: `springgym.integrators.node.pass_node` where they collide."""
-    span, collisions, contacts = node.span, terms.collisions, work.contacts
-    pairs, last = collisions.pairs, node.stage == READS
-    rows = find(x.values, v.values, span, pairs, work.lists, contacts)
-    inverse_mass, totals = terms.particles.inverse_mass.values, collisions.totals
-    problem = Problem(span, rows, x.values, v.values, inverse_mass, pairs, contacts, totals)
+    collisions, last = terms.collisions, node.stage == READS
+    problem = find_contacts(x.values, v.values, v.values, node.span, terms, work.lists, work.contacts)
+    rows = problem.rows
     if node.stage == STARTS:
         start_together(node.phase, problem, collisions, terms.memory)
         return
-    list_changing(contacts, collisions.changing)
+    list_changing(work.contacts, collisions.changing)
     if rows > 0:
         prepare(problem, work.in_contact.values)
     count = bodies_of(x)

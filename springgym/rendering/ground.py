@@ -1,4 +1,4 @@
-"""What lies behind the body: sky, surfaces, target rings and the body's soft shadow."""
+"""Draw what lies behind the body: sky, surfaces, target rings and the body's soft shadow."""
 
 from __future__ import annotations
 
@@ -134,14 +134,14 @@ def _paint_net(canvas: Canvas, surface: Surface) -> None:
 
 
 def paint_disk(canvas: Canvas, center: ArrayLike, radius: float) -> None:
-    """The inside of a horizontal target ring."""
+    """Draw the inside of a horizontal target ring."""
     for share, alpha in ((1.0, 40), (0.5, 50)):
         pixels, _ = canvas.image(circle(center, share * radius, 72))
         canvas.polygon(pixels, GREEN, alpha)
 
 
 def paint_ring(canvas: Canvas, center: ArrayLike, radius: float, occluders: Occluders) -> None:
-    """A horizontal target ring, where it is not hidden."""
+    """Draw a horizontal target ring, where it is not hidden."""
     points = circle(center, radius, 144)
     around = np.stack([points, np.roll(points, -1, axis=0)], axis=1)
     shown = ~occluders.hide(around.mean(axis=1))

@@ -1,4 +1,4 @@
-"""What a picture shows: the body's `Look`, the fixed `Scenery` and the `Marks` of one frame."""
+"""Records of what a picture shows: the body's `Look`, the fixed `Scenery` and the `Marks` of one frame."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = N
         skin[first : first + len(own), start : start + own.shape[1]] = own
 
     def moved(name: str) -> NDArray[np.intp]:
-        """Of particles and, from ``count`` on, of the skin: of each body behind those of the others."""
+        """Join the indices of all bodies' particles and, from ``count`` on, of their skins."""
         tables = [np.asarray(getattr(look, name)) for look in looks]
         each = zip(tables, counts, starts, behind, strict=True)
         return np.concatenate([np.where(t < n, t + start, t - n + first) for t, n, start, first in each])

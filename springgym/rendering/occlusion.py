@@ -1,4 +1,4 @@
-"""What is hidden: points that lie behind or inside of a body, as seen from the eye."""
+"""Find which points are hidden: those behind or inside of a body, as seen from the eye."""
 
 from __future__ import annotations
 

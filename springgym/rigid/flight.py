@@ -32,7 +32,7 @@ Motion: TypeAlias = tuple[Vector, Vector]
 
 
 class State(NamedTuple):
-    """Where a rigid body is and how it moves."""
+    """The state of a rigid body: where it is and how it moves."""
 
     q: Vector
     """the orientation, from where the body began"""

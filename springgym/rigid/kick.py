@@ -1,4 +1,4 @@
-"""What gravity and actuators do to the momenta of a rigid body."""
+"""Let gravity and actuators change the momenta of a rigid body."""
 
 from __future__ import annotations
 

@@ -156,7 +156,7 @@ def read_state(x: Rows, v: Rows, rigid: Rigid, asymmetry: Numbers, terms: Terms)
 
 @compiled
 def go_back(x: Rows, v: Rows, ledger: Ledger, steps: int, memory: Memory | None) -> None:
-    """Where there are surfaces, go back to where the last node was reached, if there are steps to take."""
+    """Go back to where the last node was reached, if there are surfaces and steps to take."""
     if memory is not None and steps > 0:
         resume(x, v, ledger, memory)
 

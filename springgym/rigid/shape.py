@@ -21,7 +21,7 @@ NEVER = 1e30
 
 
 class Shape(NamedTuple):
-    """What mass distribution and pin make of a body."""
+    """The principal axes and moments of inertia that mass distribution and pin give a body."""
 
     positions: np.ndarray
     """(N, 3) particles in principal axes, from the pin if there is one, else from the centre of mass [m]"""
@@ -75,7 +75,7 @@ def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
 
 
 def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.ndarray) -> np.ndarray:
-    """Where particles come to lie that are put onto the rigid shape, by the markers of the body.
+    """Return where particles come to lie that are put onto the rigid shape, by the markers of the body.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ import numpy as np
 from springgym.contact.friction import SWEEPS, rub
 from springgym.contact.lists import Lists
 from springgym.contact.rows import ContactRows, Problem
-from springgym.contact.search import find
+from springgym.contact.search import find_contacts
 from springgym.contact.solids import CHANGE, GOING
 from springgym.contact.solver import add_totals, lift_apart, prepare, sweep, taper
 from springgym.contact.totals import halve_totals, list_changing, remember_totals, resume_totals
@@ -74,32 +74,38 @@ ROWS = 11
 
 
 class Company(NamedTuple):
-    """What a thread computes in; two rows a body of velocity and angular momentum, in world coordinates."""
+    """The arrays in which a thread computes rigid bodies that collide.
+
+    If nothing else is said, they have shape (2 bodies, 3): a row for the velocity [m/s] and one for the
+    angular momentum [kg·m²/s] of each body, in world coordinates.
+    """
 
     bodies: np.ndarray
-    """(bodies, `ROWS`, 3)"""
+    """(bodies, `ROWS`, 3) the state of each body at the node, by rows from `AXES` to `NEAR`"""
     loads: np.ndarray
-    """(bodies, N, 3) of `springgym.rigid.contact.set_loads`"""
+    """(bodies, N, 3) what actuators give particles, see `springgym.rigid.contact.set_loads`"""
     surfaces: np.ndarray
     """(bodies, arrays, N, 3) what surfaces give, as `springgym.rigid.contact` keeps it"""
     pushed: np.ndarray
     """(bodies,) whether surfaces gave a body anything at this node"""
     before: np.ndarray
-    """(2 bodies, 3) with which the node is reached"""
+    """the motion with which the node is reached"""
     free: np.ndarray
-    """after the node, but for contact"""
+    """the motion after the node, but for contact"""
     velocity: np.ndarray
-    """with as much of contact as is known"""
+    """the motion after the node, with as much of contact as is known"""
     known: np.ndarray
-    """this when surfaces had their last turn"""
+    """this motion when surfaces had their last turn"""
     by_bodies: np.ndarray
-    """what bodies gave each other until then"""
+    """change of motion that bodies gave each other until that turn"""
     shift: np.ndarray
-    """how far off others bodies are shown where a node is read [m]; the second row of each is 0"""
+    """how far bodies are lifted off others where a node is read [m]; the second row of each is 0"""
     changed: np.ndarray
-    """(1,) 1 where bodies may have given each other more since then"""
+    """(1,) 1 where bodies may have given each other more since that turn"""
     lists: Lists
+    """the features that are near each other"""
     contacts: ContactRows
+    """the contacts of the node"""
 
 
 # --- A body ---------------------------------------------------------------------------------------------
@@ -384,12 +390,9 @@ def enter_start(node: RigidNode, by_bodies: Motion, middle: Motion, ledger: Ledg
 def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: Twin) -> None:
     """Let all act on all bodies at a node: `springgym.integrators.together.pass_together` of rigid bodies."""
     x, v, ledger = phase
-    span, terms, contacts = node.span, twins[2], space.contacts
-    collisions, last = terms.collisions, node.stage == READS
-    pairs = collisions.pairs
-    rows = find(x.values, v.values, span, pairs, space.lists, contacts)
-    inverse_mass, totals = terms.particles.inverse_mass.values, collisions.totals
-    problem = Problem(span, rows, x.values, space.before, inverse_mass, pairs, contacts, totals)
+    terms, last = twins[2], node.stage == READS
+    collisions, lists, contacts = terms.collisions, space.lists, space.contacts
+    problem = find_contacts(x.values, v.values, space.before, node.span, terms, lists, contacts)
     if node.stage == STARTS:
         start_together(node.phase, problem, collisions, terms.memory)
         return
@@ -402,7 +405,7 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
     prepare(problem, None)
     find_impulses(problem, space, twins)
     add_totals(space.velocity, problem, collisions.changing)
-    if rows > 0:
+    if problem.rows > 0:
         record_losses(ledger, problem)
     if last:
         for n in range(2 * count):

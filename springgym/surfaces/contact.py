@@ -1,4 +1,4 @@
-"""How a body meets surfaces, and what surfaces can be together. Frozen data, checked once."""
+"""Say how a body meets surfaces, and which surfaces can be together. Frozen data, checked once."""
 
 from __future__ import annotations
 

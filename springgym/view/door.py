@@ -1,4 +1,4 @@
-"""Who may speak to a page, and what it takes from them.
+"""Decide who may speak to a page, and which messages it takes.
 
 viser's server listens on this machine alone unless it is told another address. Still, every page that a
 browser here shows can open a connection to it, and the browser names that page in the header ``Origin``.
@@ -52,7 +52,7 @@ TOKEN = 16
 
 
 def stranger(headers: Headers, names: re.Pattern[str] | None = NAMES) -> str:
-    """Why a request is no page's of this server; "" if it is one.
+    """Return why a request does not come from a page of this server; "" if it does.
 
     Under ``names`` the server may be asked for; of None, under any, and a token tells friend from stranger.
     A browser lets no page choose ``Host`` and ``Origin``. ``Host`` is the name that was asked for, and gives
@@ -69,7 +69,7 @@ def stranger(headers: Headers, names: re.Pattern[str] | None = NAMES) -> str:
 
 
 class Door:
-    """Guards the viser server that is made while the door is `hung`.
+    """A guard before the viser server that is made while the door is `hung`.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class Door:
 
     @contextmanager
     def hung(self) -> Iterator[None]:
-        """Have the server that viser makes in the meantime for `HOST` and `port` listen behind the door."""
+        """Let the server that viser makes in the meantime for `HOST` and `port` listen behind the door."""
         serve = websocket.serve
 
         def guarded(handler: Any, host: Any = None, port: Any = None, **settings: Any) -> Any:
@@ -121,12 +121,12 @@ class Door:
 
     @property
     def url(self) -> str:
-        """Where a browser finds the page, with the token."""
+        """Return the address at which a browser finds the page, with the token."""
         host = _own_address() if self._host == ANY else self._host
         return f"http://{host}:{self.port}" + ("" if self._token is None else f"/{self._token}/")
 
     def guard(self, server: Any) -> Any:
-        """Let in what the panel of a server offers; the server."""
+        """Let in what the panel of a server offers, and return the server."""
         if not self._hung:
             server.stop()
             self._socket.close()
@@ -178,7 +178,7 @@ class Door:
     # --- Messages -----------------------------------------------------------------------------------
 
     def admitted(self, raw: Any) -> bytes | None:
-        """A message as viser may have it; None if it may not."""
+        """Return a message as viser may have it; None if it may not."""
         try:
             return msgspec.msgpack.encode(self._read(msgspec.msgpack.decode(raw)))
         except (TypeError, ValueError, KeyError, RecursionError):  # msgspec's are ValueErrors
@@ -217,7 +217,7 @@ def taken(handle: Any, value: Any) -> Any:
 
 
 def _pose(value: Any, depth: int = DEPTH) -> Any:
-    """Numbers of a camera, all finite."""
+    """Return the numbers of a camera, all finite."""
     if isinstance(value, list) and depth:
         return [_pose(part, depth - 1) for part in value]
     if not (type(value) in (int, float) and math.isfinite(value)):
@@ -226,7 +226,7 @@ def _pose(value: Any, depth: int = DEPTH) -> Any:
 
 
 def _own_address() -> str:
-    """The address under which others in the network find this machine; without a network, `HOST`."""
+    """Return the address under which others in the network find this machine; without a network, `HOST`."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # an address that nobody has, to which nothing is sent
@@ -236,7 +236,7 @@ def _own_address() -> str:
 
 
 def _bound(port: int, address: str) -> socket.socket:
-    """A socket that listens on the first port that is free from one on."""
+    """Return a socket that listens on the first port that is free from one on."""
     try:
         ipaddress.IPv4Address(instance("address", address, str))
     except ValueError:

@@ -12,7 +12,7 @@ from springgym import measures
 from springgym.envs.agent import Policy
 from springgym.envs.trained import Agent, load_agent
 from springgym.scenes import film
-from springgym.view.motion import Motion, graphs, told_of
+from springgym.view.motion import Motion, graphs, lacking
 from springgym.view.page import Changes, Subject
 
 INTERVAL = 5e-3
@@ -141,7 +141,7 @@ def played(agent: Agent, seed: int) -> Motion:
         graphs=graphs(m, task.scene),
         marks=marks,
         camera=camera,
-        note=told_of(task.scene),
+        note=lacking(task.scene),
         summary=(
             f"{steps} steps of {task.period:g} s · return {total:.4g}, {total / steps:.3f} a step · "
             f"{'success' if info['is_success'] else 'no success'} · largest strain {m.strain.max():.1e}"

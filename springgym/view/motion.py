@@ -1,4 +1,4 @@
-"""What a page shows: positions over time, and how they are drawn."""
+"""Make what a page shows: positions over time, and how they are drawn."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STEEPEST = 4.0
 
 
 class Arrows(NamedTuple):
-    """An arrow at every time."""
+    """An arrow at each of T times of a motion."""
 
     origins: np.ndarray
     """(T, 3) [m]"""
@@ -32,7 +32,7 @@ class Arrows(NamedTuple):
 
 
 class Touches(NamedTuple):
-    """The contacts at every time, at most K."""
+    """The contacts of a motion, drawn as arrows: at most K at each of T times."""
 
     points: np.ndarray
     """(T, K, 3) [m]; not numbers where there is none"""
@@ -43,14 +43,14 @@ class Touches(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """A quantity over time."""
+    """A quantity over time, as a graph draws it."""
 
     values: np.ndarray
     """(T,)"""
     color: Color
 
     def at(self, n: int, share: float) -> float:
-        """The value a share of the way from time ``n`` to the next, see `Motion.at`."""
+        """Return the value a share of the way from time ``n`` to the next, see `Motion.at`."""
         return float(self.values[n] + share * (self.values[n + 1] - self.values[n]))
 
 
@@ -98,19 +98,19 @@ class Motion:
 
     @property
     def strain(self) -> np.ndarray:
-        """Strains of the springs, (T, S)."""
+        """Return the strains of the springs, (T, S)."""
         first, second = np.asarray(self.look.springs).T
         apart = np.linalg.norm(self.positions[:, second] - self.positions[:, first], axis=2)
         return apart / self.lengths - 1.0
 
     @property
     def glassy(self) -> bool:
-        """Whether its springs are shown at first: a round body shows by its skin how it turns."""
+        """Return whether its springs are shown at first: a round body shows by its skin how it turns."""
         return len(self.lengths) > 0 and not np.asarray(self.look.skin).size
 
     @property
     def key(self) -> dict[str, Color]:
-        """The colours of the marks, by what they mean."""
+        """Return the colours of the marks, by what they mean."""
         return {text: color for marks in self.marks for color, text in marks.key}
 
     def speed(self, fps: float) -> float:
@@ -119,14 +119,14 @@ class Motion:
         return self.pace or film.visible_speed(self.fastest, fps)
 
     def at(self, time: float) -> tuple[int, float]:
-        """The state before a time [s], and the share of the way to the next."""
+        """Return the index of the state before a time [s], and the share of the way to the next."""
         n = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2))
         share = (time - self.times[n]) / (self.times[n + 1] - self.times[n])
         return n, float(np.clip(share, 0.0, 1.0))
 
 
 def extent_of(positions: np.ndarray) -> float:
-    """Longest side of the box around a body that moves through positions (T, N, 3) [m].
+    """Return the longest side of the box around a body that moves through positions (T, N, 3) [m].
 
     Of a particle, which has none, a share of its way.
     """
@@ -135,7 +135,7 @@ def extent_of(positions: np.ndarray) -> float:
 
 
 def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
-    """The motion of a recorded scene; with ``twin``, beside the path of its rigid twin if it has one."""
+    """Return the motion of a recorded scene; with ``twin``, beside the path of its rigid twin, if any."""
     plan, m, x = recording.plan, recording.measures, recording.positions
     scene = plan.scene
     rigid = rigid_twin(recording) if twin else None
@@ -158,7 +158,7 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
         arrows=_arrows(recording),
         touches=_touches(recording),
         paths=paths,
-        note=told_of(scene),
+        note=lacking(scene),
         summary=(
             f"{recording.integrator.name}, step {1e3 * recording.step:.3g} ms · largest strain "
             f"{m.strain.max():.1e} · energy {m.energy[0]:.4g} → {m.energy[-1]:.4g} J, lost {lost:.3g} J, "
@@ -168,7 +168,7 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
 
 
 def graphs(m: Measures, scene: Scene) -> dict[str, dict[str, Curve]]:
-    """Energies, and what else is worth a graph, from measures of shape (T,) and (T, 3).
+    """Return energies, and what else is worth a graph, from measures of shape (T,) and (T, 3).
 
     The energies of gravity and of the springs count from their least.
     """
@@ -214,7 +214,7 @@ def _turns(scene: Scene) -> bool:
 
 
 def _arrows(recording: Recording) -> dict[str, Arrows]:
-    """Weight, what holds against it, angular velocity and angular momentum.
+    """Return arrows of the weight, of what holds against it, of angular velocity and angular momentum.
 
     The support is what the momentum tells: pin and surfaces together push with dP/dt − M g.
     """
@@ -262,8 +262,8 @@ def _touches(recording: Recording) -> Touches | None:
     return Touches(points, 0.36 * extent_of(recording.positions) * forces / unit / longer, mutual)
 
 
-def told_of(scene: Scene) -> str:
-    """Return what is missing in a scene without surfaces."""
+def lacking(scene: Scene) -> str:
+    """Return a note on what a scene lacks that others have, for the page; "" if it has surfaces."""
     if scene.surfaces:
         return ""
     if scene.pins:

@@ -1,4 +1,4 @@
-"""Draws a motion with viser: nodes that are made once and moved from frame to frame."""
+"""Draw a motion with viser: nodes that are made once and moved from frame to frame."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class Stage:
 
     @property
     def strain_scale(self) -> float:
-        """Strain of the full colour."""
+        """Return the strain of the full colour."""
         return self._scale
 
     def show(self, **shown: bool) -> None:
@@ -104,7 +104,7 @@ class Stage:
         self._shown |= {name.replace("_", " "): value for name, value in shown.items()}
 
     def shows(self, name: str) -> bool:
-        """Whether a tick of a page is set."""
+        """Return whether a tick of a page is set."""
         return self._follows if name == "follow" else self._shown[name]
 
     def clear(self) -> None:
@@ -112,7 +112,7 @@ class Stage:
         self._world.visible = False
 
     def camera(self, motion: Motion, aspect: float = 1.0) -> Camera:
-        """A camera that sees the whole motion, or a body's way and breadth where it is followed.
+        """Return a camera that sees the whole motion, or a body's way and breadth where it is followed.
 
         In a picture that is higher than wide, with an aspect (width by height) below 1, the motion is in the
         upper part, above the panel.
@@ -260,7 +260,7 @@ class Stage:
             )
 
     def _bar_poses(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Quaternions, positions and scales of the bars."""
+        """Return quaternions, positions and scales of the bars."""
         assert self._motion is not None
         look = self._motion.look
         first, second = np.asarray(look.bars).T
@@ -342,7 +342,7 @@ class Stage:
             self._hide(f"/world/arrows/{name}", not shown)
 
     def _draw_contacts(self, motion: Motion, n: int) -> None:
-        """Points and forces of the contacts; between two times nobody knows which there are."""
+        """Return points and forces of the contacts; between two times nobody knows which there are."""
         points, vectors = np.zeros((0, 3)), np.zeros((0, 3))
         if motion.touches is not None and self._shown["contacts"]:
             points, vectors, mutual = (of[n] for of in motion.touches)
@@ -370,7 +370,7 @@ class Stage:
         self._hide("/world/contacts/forces", not seen.any())
 
     def _arrows(self, name: str, starts: np.ndarray, along: np.ndarray, color: Any, size: float) -> None:
-        """Arrows from points (n, 3) by vectors (n, 3) [m]."""
+        """Draw arrows from points (n, 3) by vectors (n, 3) [m]."""
         points = np.stack([starts, starts + along], axis=1).astype(np.float32)
         node = self._nodes.get(name)
         if node is not None and node.points.shape == points.shape:
@@ -469,7 +469,7 @@ def look_from(view: Any, camera: Camera) -> None:
 
 
 def _rounded(value: float) -> float:
-    """The nearest of 1, 2 or 5 times a power of ten that is not below, for positive values."""
+    """Return the nearest of 1, 2 or 5 times a power of ten that is not below, for positive values."""
     if not value > 0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
@@ -495,12 +495,12 @@ def toned(colors: ArrayLike, light: float = 1.0, linear: bool = True) -> np.ndar
 
 
 def group_of(arrow: str) -> str:
-    """The tick that an arrow belongs to."""
+    """Return the tick that an arrow belongs to."""
     return "rotation" if arrow.startswith("angular") else "forces"
 
 
 def _turned(direction: np.ndarray) -> np.ndarray:
-    """Quaternions (…, 4), w first, that turn z to unit vectors (…, 3)."""
+    """Return quaternions (…, 4), w first, that turn z to unit vectors (…, 3)."""
     x, y, z = np.moveaxis(np.asarray(direction, float), -1, 0)
     half = np.stack([1.0 + z, -y, x, np.zeros_like(z)], axis=-1)
     upside = half[..., 0] < 1e-9
@@ -509,7 +509,7 @@ def _turned(direction: np.ndarray) -> np.ndarray:
 
 
 def _tube(sides: int = 14) -> tuple[np.ndarray, np.ndarray]:
-    """A round bar of radius 1 from z = 0 to 1, without ends."""
+    """Return the mesh of a round bar of radius 1 from z = 0 to 1, without ends."""
     rim = circle((0.0, 0.0, 0.0), 1.0, sides)
     vertices = np.concatenate([rim, rim + np.array([0.0, 0.0, 1.0])])
     n = np.arange(sides)
@@ -519,7 +519,7 @@ def _tube(sides: int = 14) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _ball(rows: int = 12, columns: int = 18) -> tuple[np.ndarray, np.ndarray]:
-    """A sphere of radius 1."""
+    """Return the mesh of a sphere of radius 1."""
     polar, around = np.meshgrid(
         np.linspace(0.0, np.pi, rows + 1), np.linspace(0.0, 2 * np.pi, columns + 1), indexing="ij"
     )

@@ -91,6 +91,8 @@ def assert_each_as_alone(scene: Scene, steps: tuple[int, ...] = (7, 13), **optio
 
 
 QUICK = ("verlet",)
+STEP = 2e-4
+"""[s] Of scenes that share code: dampers act at every step."""
 
 
 @pytest.mark.parametrize(
@@ -100,7 +102,7 @@ QUICK = ("verlet",)
 def test_two_tops_in_one_scene_are_two_scenes_of_one(method: str) -> None:
     backward = integrators.integrator(method).negative_substeps
     scene = tops(TOP.with_(damping=0.0) if backward else TOP)
-    assert_each_as_alone(scene, integrator=method, step=2e-4)
+    assert_each_as_alone(scene, integrator=method, step=STEP)
 
 
 @pytest.mark.slow
@@ -142,7 +144,7 @@ def test_bodies_in_a_bowl_and_of_the_paper_s_contact_are_scenes_of_one() -> None
 def test_measures_of_all_bodies_are_sums_of_those_of_each() -> None:
     left, right = tops(TOP).bodies
     loose = replace(right, pinned=(), name="loose")
-    simulator = assert_each_as_alone(Scene(bodies=(left, loose), collisions=None), (300,), copies=3)
+    simulator = assert_each_as_alone(Scene(bodies=(left, loose), collisions=None), (300,), step=STEP)
     whole, each = simulator.measure(), [simulator.measure(placed.name) for placed in simulator.scene.bodies]
     for name in ("kinetic", "gravity", "elastic", "contact", "momentum", "work", "energy", "balance"):
         total = sum(getattr(m, name) for m in each)
@@ -168,12 +170,14 @@ def _pivots(simulator: Simulator, each):
         yield placed, m, x[own.start + max(placed.pivot, 0)]
 
 
-def test_states_and_copies_of_a_simulator_go_on_to_the_bit() -> None:
-    simulator = Simulator(tops(TOP), copies=3)
+@pytest.mark.parametrize("copies", [1, pytest.param(3, marks=pytest.mark.slow)])
+def test_states_and_copies_of_a_simulator_go_on_to_the_bit(copies: int) -> None:
+    made = [Simulator(tops(TOP), step=STEP, copies=copies) for _ in range(2)]
+    simulator = made[0]
     simulator.actuate(**{"left.force": (1.0, 2.0, 3.0)})
     simulator.advance(10)
     state = simulator.state()
-    others = [copy.deepcopy(simulator), pickle.loads(pickle.dumps(simulator)), Simulator(tops(TOP), copies=3)]
+    others = [copy.deepcopy(simulator), pickle.loads(pickle.dumps(simulator)), made[1]]
     others[-1].restore(state)
     simulator.advance(10, read=True)
     for other in others:

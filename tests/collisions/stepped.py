@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 from unittest import mock
 
@@ -15,7 +16,7 @@ from springgym.core import ragged
 from springgym.core.blocks import to_copies
 from springgym.core.kinds import Each
 from springgym.forces import Terms
-from springgym.forces.actuators import Wrench
+from springgym.forces.actuators import Thrust, Wrench
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, Plane
@@ -35,47 +36,72 @@ def with_all_terms(scene: Scene) -> Scene:
     return scene.with_(surfaces=(FAR,), contact=contact)
 
 
-def full(scene: Scene, *, dynamics: str = "springs", **options: Any) -> Simulator:
-    """A simulator of bodies that collide, with all kinds of terms: those of any scene share code.
+@contextmanager
+def all_kinds_of_terms() -> Iterator[None]:
+    """Give scenes of bodies that collide all kinds of terms: those of any scene share code, but for surfaces.
 
-    What a scene does not have does nothing there: damping, friction, loss and a radius of zero, an idle
-    wrench, a floor far below.
+    What a scene does not have does nothing there: damping, friction, loss and a radius of zero, idle
+    actuators. Numbers that are the same in all bodies are of each body.
     """
-    pack, pack_pairs, actuators = packing._packed, packing.pack_pairs, packing._actuators
+    pack, share, pack_pairs = packing._packed, packing._shared, packing.pack_pairs
+    actuators, stack = packing._actuators, ragged.stacked
 
-    def packed(
-        part: Scene, whole: Scene, shared: Terms, twin: bool, given: packing.Options
-    ) -> packing.Packed:
-        found = pack(part, whole, shared, twin, given)
-        surfaces = found.terms.surfaces
-        assert surfaces is not None
+    def varied(whole: Scene, given: packing.Options, twin: bool) -> packing.Options:
+        rubs = whole.surfaces or whole.meetings.by(whole.contact).any()
+        names = {"friction", "restitution"} if rubs else set()
+        return given._replace(varying=given.varying | names | (set() if twin else {"damping"}))
+
+    def shared(whole: Scene, given: packing.Options) -> Terms:
+        return share(whole, varied(whole, given, True) if whole.meetings else given)
+
+    def packed(part: Scene, whole: Scene, terms: Terms, twin: bool, given: packing.Options) -> packing.Packed:
+        if not whole.meetings:
+            return pack(part, whole, terms, twin, given)
+        found = pack(part, whole, terms, twin, varied(whole, given, twin))
         rigid = found.twin
         if twin and rigid[1] is None:
             rigid = (rigid[0], given.parameter({"masses"}, np.zeros(1)))
-        terms = found.terms._replace(surfaces=surfaces._replace(radius=float(part.body.radius)))
-        return found._replace(terms=terms, twin=rigid)
+        surfaces = found.terms.surfaces
+        if surfaces is not None:
+            surfaces = surfaces._replace(radius=float(part.body.radius))
+        return found._replace(terms=found.terms._replace(surfaces=surfaces), twin=rigid)
 
     def actuated(part: Scene, whole: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
+        if not whole.meetings:
+            return actuators(part, whole, blocks)
         markers = np.array(part.body.markers, np.uint32)
-        idle = Wrench(blocks(3), blocks(3), blocks(3), markers, part.pivot, 1.0)
-        return {"wrench": idle} | actuators(part, whole, blocks)
+        idle = {
+            "wrench": Wrench(blocks(3), blocks(3), blocks(3), markers, part.pivot, 1.0),
+            "thrust": Thrust(np.zeros(0, np.uint32), blocks(0, 3), markers, False),
+        }
+        return idle | actuators(part, whole, blocks)
 
     def paired(whole: Scene, given: packing.Options) -> Pairs:
         return with_all_features(pack_pairs(whole, given), given.blocks)
 
     def stacked(terms: Sequence[Any]) -> Any:
-        """Also numbers that are the same in all are of each body."""
         first = terms[0]
+        if len(terms) == 1 or isinstance(first, np.ndarray):
+            return stack(terms)
         if isinstance(first, bool | int | float):
             return Each(np.array(terms))
         if isinstance(first, tuple) and any(term is not first for term in terms):
             parts = [stacked(of) for of in zip(*terms, strict=True)]
             return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
-        return ragged.stacked(terms)
+        return stack(terms)
 
+    changed = {"_shared": shared, "_packed": packed, "_actuators": actuated, "pack_pairs": paired}
+    with (
+        mock.patch.multiple(packing, **changed, stacked=stacked),
+        mock.patch.object(simulator, "stacked", stacked),
+    ):
+        yield
+
+
+def full(scene: Scene, *, dynamics: str = "springs", **options: Any) -> Simulator:
+    """A simulator of bodies that collide, with all kinds of terms, and a floor far below if it has none."""
     varying = ("friction", "restitution", *(("damping",) if dynamics == "springs" else ()))
-    of_packing = {"_packed": packed, "_actuators": actuated, "pack_pairs": paired, "stacked": stacked}
-    with mock.patch.multiple(packing, **of_packing), mock.patch.object(simulator, "stacked", stacked):
+    with all_kinds_of_terms():
         return Simulator(with_all_terms(scene), dynamics=dynamics, varying=varying, **options)
 
 

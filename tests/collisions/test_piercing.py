@@ -156,6 +156,7 @@ def test_what_is_shown_is_looked_at() -> None:
         assert (found[:, 0] == expected).all()
 
 
+@pytest.mark.usefixtures("few_kernels")
 def test_episode_ends() -> None:
     """In a batch, the copy in which bodies are too fast ends as a failure, without a word to the others."""
     env = gym.make_vec("SpringShove-v0", num_envs=3)

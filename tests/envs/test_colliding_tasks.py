@@ -24,7 +24,7 @@ with warnings.catch_warnings():
 
 COPIES = 8
 
-pytestmark = pytest.mark.usefixtures("one_width")
+pytestmark = pytest.mark.usefixtures("few_kernels")
 
 
 @pytest.mark.parametrize(("env_id", "honest"), [("Balance", 300), ("Shove", 200), ("Juggle", 300)])

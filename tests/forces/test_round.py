@@ -371,6 +371,7 @@ def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
             assert (np.asarray(field)[0] == np.asarray(fields)[n]).all()
 
 
+@pytest.mark.slow
 def test_bodies_that_pass_through_each_other_move_as_if_alone() -> None:
     ball = placed(rolling_ball(), velocity=(1.0, 0, 0))
     block = Scene(cube(0.1), cube(0.1).positions + np.array([0, 0, 0.06]), surfaces=(floor(),), contact=GRIP)
