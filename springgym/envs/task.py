@@ -162,6 +162,10 @@ class Task:
         """Return the `Look` of the bodies."""
         raise NotImplementedError
 
+    def points(self, s: Situation) -> np.ndarray:
+        """Return the points (P, 3) that `look` draws, for the situation of one copy: its particles."""
+        return s.x
+
     def camera(self) -> Camera:
         """Return the camera."""
         raise NotImplementedError
