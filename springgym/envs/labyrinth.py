@@ -31,12 +31,12 @@ from springgym.theory.contact import rest_height
 PERIOD = 0.02  # [s]
 HALF = 0.36  # half of a side of the board [m]
 RADIUS, MASS = 0.025, 0.15  # of the ball [m], [kg]
-HOLE = 0.035  # radius of a hole: the ball falls once its centre is above it [m]
+HOLE = 0.045  # radius of a hole: the ball falls once its centre is above it [m]
 REACH, STRENGTH = 5e-4, 2e-7  # of the contact: Δ [m], c [N·m²]
-TILT, RATE = 0.15, 0.5  # the largest angle of the board [rad], and how fast it changes [rad/s]
-CELLS, LEGS = 4, 8  # the board has so many cells along a side, and the way so many legs between their middles
+TILT, RATE = 0.15, 0.4  # the largest angle of the board [rad], and how fast it changes [rad/s]
+CELLS, LEGS = 4, 10  # the board has so many cells along a side, and the way so many legs between their middles
 SHIFT = 0.02  # how far the middle of a cell is shifted, along x and y [m]
-HOLES = 14
+HOLES = 16
 CLOSE = 0.05  # how near to a point of the way the ball must come [m]
 SEEN, NEAR = 4, 4  # points of the way, from the last one that is passed, and nearest holes that are observed
 WAY_UNIT, SPEED_UNIT, TURNING_UNIT, TILT_UNIT, HOLE_UNIT, LEFT_UNIT = 0.2, 0.3, 12.0, 0.1, 0.1, 1.0
