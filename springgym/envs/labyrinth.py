@@ -31,11 +31,11 @@ from springgym.theory.contact import rest_height
 PERIOD = 0.02  # [s]
 HALF = 0.36  # half of a side of the board [m]
 RADIUS, MASS = 0.025, 0.15  # of the ball [m], [kg]
-HOLE = 0.045  # radius of a hole: the ball falls once its centre is above it [m]
+HOLE = 0.04  # radius of a hole: the ball falls once its centre is above it [m]
 REACH, STRENGTH = 5e-4, 2e-7  # of the contact: Δ [m], c [N·m²]
 TILT, RATE = 0.15, 0.4  # the largest angle of the board [rad], and how fast it changes [rad/s]
 CELLS, LEGS = 4, 10  # the board has so many cells along a side, and the way so many legs between their middles
-SHIFT = 0.02  # how far the middle of a cell is shifted, along x and y [m]
+SHIFT = 0.015  # how far the middle of a cell is shifted, along x and y [m]
 HOLES = 16
 CLOSE = 0.05  # how near to a point of the way the ball must come [m]
 SEEN, NEAR = 4, 4  # points of the way, from the last one that is passed, and nearest holes that are observed
@@ -289,7 +289,7 @@ class SpringLabyrinth(Task):
         return np.asarray(np.vstack([s.x, _board(s.goal)]) @ turn.T)
 
     def camera(self) -> Camera:
-        return Camera.framing((0, 0, -0.03), 1.1, elevation=0.85)
+        return Camera.framing((0.02, 0, -0.03), 1.12, elevation=0.85)
 
     def scenery(self) -> Scenery:
         return Scenery(floor=-0.15)
@@ -301,7 +301,7 @@ class SpringLabyrinth(Task):
         return Marks(
             balls=[(end, RADIUS)],
             lines=[((0.0, 0.0, -0.15), (0.0, 0.0, -THICK))],
-            arrows=[Arrow(HANDLE, np.append(0.2 * s.action, 0.0))],
+            arrows=[Arrow(HANDLE, np.append(0.12 * s.action, 0.0))],
             key=((GREEN, "roll the ball here, along the line"), (RED, "how the board leans on")),
             text=(f"{done} of {LEGS} legs done",),
         )
@@ -311,7 +311,7 @@ class SpringLabyrinth(Task):
 
 THICK, LIFT, BROAD = 0.02, 5e-4, 0.004  # of the board; of what is drawn on it; half of the line [m]
 CORNERS = 24  # of a hole
-HANDLE = (0.55, -0.15, 0.0)  # where the action is shown, beside the board [m]
+HANDLE = (0.47, 0.0, 0.0)  # where the action is shown, beside the board [m]
 
 
 def _board(goal: np.ndarray) -> np.ndarray:
@@ -358,13 +358,13 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     """
     ## Description
     A ball rolls on a board that you tilt, as in the game. Bring it to the end of a way, past the holes that
-    lie beside the way. Every episode has another board: one of 2640 ways over a square of 4 × 4 cells, shifted
-    at random, and 14 holes. The ball is solid and rolls: six particles, which 15 springs join, carry a sphere
+    lie beside the way. Every episode has another board: one of 4096 ways over a square of 4 × 4 cells, shifted
+    at random, and 16 holes. The ball is solid and rolls: six particles, which 15 springs join, carry a sphere
     of 2.5 cm.
 
     The world's axes are those of the board, and its tilt turns the weight. The board's own turning also acts
-    on a ball on a real board. This is left out. It would be at most 0.09 m/s² along the board, ω²r at
-    0.5 rad/s and 0.36 m, of the 1.5 m/s² by the weight at the largest tilt. Across the board it would change
+    on a ball on a real board. This is left out. Along each axis it would be at most 0.06 m/s², ω²r at
+    0.4 rad/s and 0.36 m; the weight gives 1.5 m/s² at the largest tilt. Across the board it would change
     what the ball presses on the board with, which does not change how it rolls.
 
     ## Action Space
@@ -372,7 +372,7 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"tilt"` | 0, 1 | how fast the board turns, so that it leans towards x, y | ±0.5 rad/s |
+    | `"tilt"` | 0, 1 | how fast the board turns, so that it leans towards x, y | ±0.4 rad/s |
 
     Each angle stays within ±0.15 rad. Actions outside of ±1 are clipped.
 
@@ -383,10 +383,10 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     |---|---|---|---|
     | `"particles"` | 0–17 | positions of the ball's particles | 0.2 m |
     | | 18–35 | their velocities | 0.3 m/s |
-    | | 36–53 | points x, y of the way, from the first to the last | 1 m |
-    | | 54–81 | middles x, y of the holes | 1 m |
-    | | 82, 83 | angles of the board towards x, y | 1 rad |
-    | | 84 | number of legs that are done | 1 |
+    | | 36–57 | points x, y of the way, from the first to the last | 1 m |
+    | | 58–89 | middles x, y of the holes | 1 m |
+    | | 90, 91 | angles of the board towards x, y | 1 rad |
+    | | 92 | number of legs that are done | 1 |
     | `"frame"` | 0, 1 | place x, y of the ball | 0.2 m |
     | | 2, 3 | its velocity x, y | 0.3 m/s |
     | | 4, 5 | its angular velocity x, y | 12 rad/s |
@@ -396,7 +396,7 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     | | 17–24 | middles x, y of the four nearest holes, from the ball | 0.1 m |
 
     ## Rewards
-    The way has nine points and begins at the first. The next one is passed when the ball is less than 5 cm from
+    The way has eleven points and begins at the first. The next one is passed when the ball is less than 5 cm from
     it. The progress p is the share of the way's length that is done: what is left is the distance to the next
     point, and the legs behind it. With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the distance e of the
     ball from the end, the effort E = 1 − 0.1 mean(a²), and L = 1 on the last leg, else 0, the reward is
@@ -405,9 +405,9 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
 
     ## Starting State
     The ball rests at the first point of the way, and the board is level. The way goes from cell to neighbouring
-    cell of 18 cm, eight times, and meets none twice; all such ways are equally likely. The middle of each cell
-    is shifted by U(−2, 2) cm along x and y. Holes are half-way between two or four middles, where they are
-    nearest to the way, and have a radius of 3.5 cm.
+    cell of 18 cm, ten times, and meets none twice; all such ways are equally likely. The middle of each cell
+    is shifted by U(−1.5, 1.5) cm along x and y. Holes are half-way between two or four middles, where they are
+    nearest to the way, and have a radius of 4 cm.
 
     ## Episode End
     Termination: the ball falls, with its centre above a hole or more than 0.36 m from the middle along x or y,
