@@ -36,6 +36,7 @@ REACH, STRENGTH = 5e-4, 2e-7  # of the contact: Δ [m], c [N·m²]
 TILT, RATE = 0.15, 0.4  # the largest angle of the board [rad], and how fast it changes [rad/s]
 CELLS, LEGS = 4, 10  # the board has so many cells along a side, and the way so many legs between their middles
 SHIFT = 0.015  # how far the middle of a cell is shifted, along x and y [m]
+LATEST = 0.6  # the largest share of the first leg that is left out
 HOLES = 16
 CLOSE = 0.05  # how near to a point of the way the ball must come [m]
 SEEN, NEAR = 4, 4  # points of the way, from the last one that is passed, and nearest holes that are observed
@@ -102,13 +103,14 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
             whole += leg(s, c, n)
         for n in range(HOLES):
             gap = min(gap, way_to(m, s, c, FIRST_HOLE + 2 * n) - HOLE)
-        progress = min(max(1.0 - way_left(m, s, c) / whole, 0.0), 1.0)
+        left = way_left(m, s, c)
+        progress = min(max(1.0 - left / whole, 0.0), 1.0)
         last = s.goal[c, PASSED] == LEGS - 1
         error = way_to(m, s, c, 2 * LEGS)
         effort = thrift(s.action, c)
         out["reward_way"][c] = 0.5 * effort * progress
         out["reward_end"][c] = 0.5 * effort * gaussian(error, 0.2, 0.02) if last else 0.0
-        out["progress"][c] = progress
+        out["left"][c] = left
         out["gap"][c] = gap
         out["tilt"][c] = math.acos(math.cos(s.goal[c, LEANING]) * math.cos(s.goal[c, LEANING + 1]))
         out["met"][c] = last and error < CLOSE
@@ -207,7 +209,7 @@ class SpringLabyrinth(Task):
 
     actions: ClassVar = {"tilt": 2}
     terms = ("way", "end")
-    metrics = ("progress", "gap", "tilt")
+    metrics = ("left", "gap", "tilt")
     entries = (
         Entry("place", 2, WAY_UNIT),
         Entry("velocity", 2, SPEED_UNIT),
@@ -253,10 +255,11 @@ class SpringLabyrinth(Task):
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         way = ways()[rng.integers(len(ways()))]
         corner = (0.5 / CELLS - 0.5) * 2 * HALF
-        shifts = np.array(uniform(rng, [-SHIFT] * 2 * CELLS**2, [SHIFT] * 2 * CELLS**2))
+        share, *drawn = uniform(rng, [0.0] + [-SHIFT] * 2 * CELLS**2, [LATEST] + [SHIFT] * 2 * CELLS**2)
         cells = np.stack(np.meshgrid(*[np.arange(CELLS)] * 2, indexing="ij"), axis=-1)
-        middles = corner + 2 * HALF / CELLS * cells + shifts.reshape(CELLS, CELLS, 2)
+        middles = corner + 2 * HALF / CELLS * cells + np.reshape(drawn, (CELLS, CELLS, 2))
         points = middles[way[:, 0], way[:, 1]]
+        points[0] += share * (points[1] - points[0])
         x, y = points[0].tolist()
         positions = self._resting((x, y), factors)
         goal = np.concatenate([points.ravel(), beside(middles, way).ravel(), np.zeros(3)])
@@ -406,7 +409,7 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     ## Starting State
     The ball rests at the first point of the way, and the board is level. The way goes from cell to neighbouring
     cell of 18 cm, ten times, and meets none twice; all such ways are equally likely. The middle of each cell
-    is shifted by U(−1.5, 1.5) cm along x and y. Holes are half-way between two or four middles, where they are
+    is shifted by U(−1.5, 1.5) cm along x and y, and the first leg is shorter by a share U(0, 0.6). Holes are half-way between two or four middles, where they are
     nearest to the way, and have a radius of 4 cm.
 
     ## Episode End
@@ -415,7 +418,7 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     `info["is_success"]`: all points are passed, and e < 0.05 m, for the last 25 steps.
 
     ## Information
-    `progress` p, `gap` between the ball's centre and the nearest hole's rim [m], `tilt` of the board [rad],
+    `left` [m], the length of the way that is left, `gap` between the ball's centre and the nearest hole's rim [m], `tilt` of the board [rad],
     `energy` and `energy_drift` [J], `strain`.
 
     ## Arguments
