@@ -31,13 +31,13 @@ from springgym.theory.contact import rest_height
 PERIOD = 0.02  # [s]
 HALF = 0.36  # half of a side of the board [m]
 RADIUS, MASS = 0.025, 0.15  # of the ball [m], [kg]
-HOLE = 0.04  # radius of a hole: the ball falls once its centre is above it [m]
+HOLE = 0.055  # radius of a hole: the ball falls once its centre is above it [m]
 REACH, STRENGTH = 5e-4, 2e-7  # of the contact: Δ [m], c [N·m²]
 TILT, RATE = 0.15, 0.4  # the largest angle of the board [rad], and how fast it changes [rad/s]
-CELLS, LEGS = 4, 10  # the board has so many cells along a side, and the way so many legs between their middles
+CELLS, LEGS = 4, 12  # the board has so many cells along a side, and the way so many legs between their middles
 SHIFT = 0.015  # how far the middle of a cell is shifted, along x and y [m]
 LATEST = 0.6  # the largest share of the first leg that is left out
-HOLES = 16
+HOLES = 18
 CLOSE = 0.05  # how near to a point of the way the ball must come [m]
 SEEN, NEAR = 4, 4  # points of the way, from the last one that is passed, and nearest holes that are observed
 WAY_UNIT, SPEED_UNIT, TURNING_UNIT, TILT_UNIT, HOLE_UNIT, LEFT_UNIT = 0.2, 0.3, 12.0, 0.1, 0.1, 1.0
@@ -361,8 +361,8 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     """
     ## Description
     A ball rolls on a board that you tilt, as in the game. Bring it to the end of a way, past the holes that
-    lie beside the way. Every episode has another board: one of 4096 ways over a square of 4 × 4 cells, shifted
-    at random, and 16 holes. The ball is solid and rolls: six particles, which 15 springs join, carry a sphere
+    lie beside the way. Every episode has another board: one of 3776 ways over a square of 4 × 4 cells, shifted
+    at random, and 18 holes, some of which run into one another. The ball is solid and rolls: six particles, which 15 springs join, carry a sphere
     of 2.5 cm.
 
     The world's axes are those of the board, and its tilt turns the weight. The board's own turning also acts
@@ -386,10 +386,10 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     |---|---|---|---|
     | `"particles"` | 0–17 | positions of the ball's particles | 0.2 m |
     | | 18–35 | their velocities | 0.3 m/s |
-    | | 36–57 | points x, y of the way, from the first to the last | 1 m |
-    | | 58–89 | middles x, y of the holes | 1 m |
-    | | 90, 91 | angles of the board towards x, y | 1 rad |
-    | | 92 | number of legs that are done | 1 |
+    | | 36–61 | points x, y of the way, from the first to the last | 1 m |
+    | | 62–97 | middles x, y of the holes | 1 m |
+    | | 98, 99 | angles of the board towards x, y | 1 rad |
+    | | 100 | number of legs that are done | 1 |
     | `"frame"` | 0, 1 | place x, y of the ball | 0.2 m |
     | | 2, 3 | its velocity x, y | 0.3 m/s |
     | | 4, 5 | its angular velocity x, y | 12 rad/s |
@@ -399,7 +399,7 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     | | 17–24 | middles x, y of the four nearest holes, from the ball | 0.1 m |
 
     ## Rewards
-    The way has eleven points and begins at the first. The next one is passed when the ball is less than 5 cm from
+    The way has 13 points and begins at the first. The next one is passed when the ball is less than 5 cm from
     it. The progress p is the share of the way's length that is done: what is left is the distance to the next
     point, and the legs behind it. With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the distance e of the
     ball from the end, the effort E = 1 − 0.1 mean(a²), and L = 1 on the last leg, else 0, the reward is
@@ -408,13 +408,13 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
 
     ## Starting State
     The ball rests at the first point of the way, and the board is level. The way goes from cell to neighbouring
-    cell of 18 cm, ten times, and meets none twice; all such ways are equally likely. The middle of each cell
+    cell of 18 cm, twelve times, and meets none twice; all such ways are equally likely. The middle of each cell
     is shifted by U(−1.5, 1.5) cm along x and y, and the first leg is shorter by a share U(0, 0.6). Holes are half-way between two or four middles, where they are
-    nearest to the way, and have a radius of 4 cm.
+    nearest to the way, and have a radius of 5.5 cm.
 
     ## Episode End
     Termination: the ball falls, with its centre above a hole or more than 0.36 m from the middle along x or y,
-    or the simulation diverged (`info["diverged"]`; reward 0). Truncation: 500 steps, 10 s.
+    or the simulation diverged (`info["diverged"]`; reward 0). Truncation: 600 steps, 12 s.
     `info["is_success"]`: all points are passed, and e < 0.05 m, for the last 25 steps.
 
     ## Information
