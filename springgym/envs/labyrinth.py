@@ -13,6 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from springgym.bodies import Body, rolling_ball
+from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
@@ -31,10 +32,11 @@ from springgym.theory.contact import rest_height
 PERIOD = 0.02  # [s]
 HALF = 0.36  # half of a side of the board [m]
 RADIUS, MASS = 0.025, 0.15  # of the ball [m], [kg]
-HOLE = 0.055  # radius of a hole: the ball falls once its centre is above it [m]
+HOLE, WIDE_HOLE = 0.055, 0.06  # radius of a hole, also with hard=True: a ball with its centre above it falls [m]
 REACH, STRENGTH = 5e-4, 2e-7  # of the contact: Δ [m], c [N·m²]
-TILT, RATE = 0.15, 0.4  # the largest angle of the board [rad], and how fast it changes [rad/s]
-CELLS, LEGS = 4, 12  # the board has so many cells along a side, and the way so many legs between their middles
+TILT = 0.15  # the largest angle of the board [rad]
+RATE, SLOW_RATE = 0.4, 0.24  # how fast it changes, also with hard=True [rad/s]
+CELLS, LEGS = 4, 12  # cells along a side of the board; legs of the way from the middle of one to the next
 SHIFT = 0.015  # how far the middle of a cell is shifted, along x and y [m]
 LATEST = 0.6  # the largest share of the first leg that is left out
 HOLES = 18
@@ -47,8 +49,8 @@ length of way that is left [m]."""
 FIRST_HOLE = 2 * (LEGS + 1)
 LEANING = FIRST_HOLE + 2 * HOLES
 PASSED = LEANING + 2
-"""Where the goal has the holes, the board's angles and the number of legs that are done; the points of the way
-stand before them. The first of them is where the ball starts."""
+"""Where the goal has the holes, the board's angles and the number of legs that are done. The points of the way
+stand before them, and the ball starts at the first."""
 
 WOOD: Color = (226, 202, 160)
 LINE: Color = (160, 124, 78)
@@ -57,7 +59,7 @@ LINE: Color = (160, 124, 78)
 @compiled
 def angle_after(s: Situation, c: int, axis: int, seconds: float) -> float:
     """Return the board's angle towards an axis after the action has turned it for some seconds [rad]."""
-    angle = s.goal[c, LEANING + axis] + RATE * s.action[c, axis] * seconds
+    angle = s.goal[c, LEANING + axis] + s.parameters[0] * s.action[c, axis] * seconds
     return min(max(angle, -TILT), TILT)
 
 
@@ -102,7 +104,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         for n in range(LEGS):
             whole += leg(s, c, n)
         for n in range(HOLES):
-            gap = min(gap, way_to(m, s, c, FIRST_HOLE + 2 * n) - HOLE)
+            gap = min(gap, way_to(m, s, c, FIRST_HOLE + 2 * n) - s.parameters[1])
         left = way_left(m, s, c)
         progress = min(max(1.0 - left / whole, 0.0), 1.0)
         last = s.goal[c, PASSED] == LEGS - 1
@@ -225,8 +227,14 @@ class SpringLabyrinth(Task):
     compact = staticmethod(compact)
     move = staticmethod(move)
 
-    def __init__(self, observation: Observation = "particles", action: Literal["tilt"] = "tilt") -> None:
+    def __init__(
+        self,
+        observation: Observation = "particles",
+        action: Literal["tilt"] = "tilt",
+        hard: bool = False,
+    ) -> None:
         super().__init__(observation, action)
+        self.rate, self.hole = (SLOW_RATE, WIDE_HOLE) if flag("hard", hard) else (RATE, HOLE)
         self.ball: Body = rolling_ball(RADIUS, MASS, stiffness=3e4, damping=3.0)
 
     @cached_property
@@ -267,7 +275,11 @@ class SpringLabyrinth(Task):
 
     @property
     def limits(self) -> np.ndarray:
-        return np.full(2, RATE)
+        return np.full(2, self.rate)
+
+    @property
+    def parameters(self) -> np.ndarray:
+        return np.array([self.rate, self.hole])
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         return {}
@@ -277,19 +289,19 @@ class SpringLabyrinth(Task):
 
         The scene's gravity acts across the board. The weight is the potential energy by the height.
         """
-        angles = s.goal[:, LEANING : LEANING + 2] + 0.5 * PERIOD * RATE * s.action
+        angles = s.goal[:, LEANING : LEANING + 2] + 0.5 * PERIOD * self.rate * s.action
         (a, b), (p, q) = (f(np.clip(angles, -TILT, TILT)).T for f in (np.cos, np.sin))
         weight = np.nan_to_num(m.gravity / np.maximum(m.centre[:, 2], 0.5 * RADIUS))
         return {"force": weight[:, None] * np.stack([p * b, q, 1.0 - a * b], axis=1)}
 
     def look(self) -> Look:
         ball = film.look(self.scene)
-        return together([ball, _board_look()], [len(self.ball.masses), len(_board(np.zeros(self.goal_size)))])
+        return together([ball, _board_look()], [len(self.ball.masses), len(_board(np.zeros(self.goal_size), self.hole))])
 
     def points(self, s: Situation) -> np.ndarray:
         """Ball and board as they are seen from the room, where the board is tilted."""
         turn = turned(s.goal[LEANING : LEANING + 2])
-        return np.asarray(np.vstack([s.x, _board(s.goal)]) @ turn.T)
+        return np.asarray(np.vstack([s.x, _board(s.goal, self.hole)]) @ turn.T)
 
     def camera(self) -> Camera:
         return Camera.framing((0.02, 0, -0.03), 1.12, elevation=0.85)
@@ -317,8 +329,8 @@ CORNERS = 24  # of a hole
 HANDLE = (0.47, 0.0, 0.0)  # where the action is shown, beside the board [m]
 
 
-def _board(goal: np.ndarray) -> np.ndarray:
-    """Points of the board, of the line along the way and of the holes, in the frame of the board [m]."""
+def _board(goal: np.ndarray, hole: float) -> np.ndarray:
+    """Points of the board, of the line along the way and of the holes of a radius, in its own frame [m]."""
     slab = np.array(list(product((-HALF, HALF), (-HALF, HALF), (-THICK, 0.0))))
     way = goal[:FIRST_HOLE].reshape(-1, 2)
     along = np.diff(way, axis=0)
@@ -330,7 +342,7 @@ def _board(goal: np.ndarray) -> np.ndarray:
         axis=1,
     ).reshape(-1, 2)
     angle = 2 * np.pi * np.arange(CORNERS) / CORNERS
-    rim = HOLE * np.column_stack([np.cos(angle), np.sin(angle)])
+    rim = hole * np.column_stack([np.cos(angle), np.sin(angle)])
     holes = goal[FIRST_HOLE:LEANING].reshape(-1, 1, 2) + rim
     flat = np.vstack([line, holes.reshape(-1, 2)])
     return np.vstack([slab, np.column_stack([flat, np.full(len(flat), LIFT)])])
@@ -355,6 +367,7 @@ class LabyrinthOptions(EnvOptions, total=False):
 
     observation: Observation
     action: Literal["tilt"]
+    hard: bool
 
 
 class SpringLabyrinthEnv(SpringEnv, gym.Env):
@@ -423,9 +436,10 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
 
     ## Arguments
     - `observation`: see above.
-    - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `actuator` multiplies the force
-      along the board.
+    - `hard=True`: a board that turns at up to 0.24 rad/s, and holes of 6 cm.
+    - `integrator` ("verlet"), `step` (5e-4 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`. The factor `actuator` multiplies the force along the board. A ball that
+      rolls has no rigid twin.
 
     ## Version History
     - v0: first.

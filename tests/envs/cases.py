@@ -25,13 +25,16 @@ def task_type(env_id: str) -> type[Task]:
 FLOPPY = [env_id for env_id in IDS if any(p.body.floppy for p in task_type(env_id)().scene.bodies)]
 """Those whose body is meant to change shape."""
 
+ROLLING = [env_id for env_id in IDS if any(p.body.rounds for p in task_type(env_id)().scene.bodies)]
+"""Those with round features, which rigid dynamics does not know."""
+
 COLLIDING = [env_id for env_id in IDS if task_type(env_id)().scene.meetings]
 """Those whose bodies collide."""
 
 SINGLE = "SpringJuggle-v0"
 """Of these, the one that is computed as users compute it when it is alone, see `tests/conftest.py`."""
 
-TWINLESS = [*FLOPPY, *COLLIDING]
+TWINLESS = [*FLOPPY, *ROLLING, *COLLIDING]
 """They have no rigid twin, or one whose kernel takes a minute to compile: a slow test plays it."""
 
 CASES = [
