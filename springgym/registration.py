@@ -181,6 +181,13 @@ VARIANTS = (
         "nothing is rewarded before the box lies at its place, turned as it should, and at rest",
     ),
     Variant(
+        "SpringLabyrinthHard-v0",
+        "SpringLabyrinth-v0",
+        {"hard": True},
+        "harder",
+        "the board turns slowly, so that it has to be turned back early, and the holes leave less room",
+    ),
+    Variant(
         "SpringDuelStrong-v0",
         "SpringDuel-v0",
         {"opponent": "strong"},
