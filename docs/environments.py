@@ -373,7 +373,7 @@ def table_of_estimates(report: Report) -> list[str]:
 
 # --- Texts ------------------------------------------------------------------------------------------
 
-INTRODUCTION = """springgym has twelve environments. Each has a page with its spaces, reward, start,
+INTRODUCTION = """springgym has thirteen environments. Each has a page with its spaces, reward, start,
 baselines and variants. All of them share these features:
 
 - **Observations** are positions and velocities of particles (`observation="particles"`), or a few numbers

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, cached_property
 from itertools import product
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
@@ -32,7 +32,7 @@ from springgym.theory.contact import rest_height
 PERIOD = 0.02  # [s]
 HALF = 0.36  # half of a side of the board [m]
 RADIUS, MASS = 0.025, 0.15  # of the ball [m], [kg]
-HOLE, WIDE_HOLE = 0.055, 0.06  # radius of a hole, also with hard=True: a ball with its centre above it falls [m]
+HOLE, WIDE_HOLE = 0.055, 0.06  # radius of a hole, also with hard=True: a ball falls with its centre above [m]
 REACH, STRENGTH = 5e-4, 2e-7  # of the contact: Δ [m], c [N·m²]
 TILT = 0.15  # the largest angle of the board [rad]
 RATE, SLOW_RATE = 0.4, 0.24  # how fast it changes, also with hard=True [rad/s]
@@ -49,8 +49,8 @@ length of way that is left [m]."""
 FIRST_HOLE = 2 * (LEGS + 1)
 LEANING = FIRST_HOLE + 2 * HOLES
 PASSED = LEANING + 2
-"""Where the goal has the holes, the board's angles and the number of legs that are done. The points of the way
-stand before them, and the ball starts at the first."""
+"""Where the goal has the holes, the board's angles and the number of legs that are done. The points of the
+way stand before them, and the ball starts at the first."""
 
 WOOD: Color = (226, 202, 160)
 LINE: Color = (160, 124, 78)
@@ -159,7 +159,7 @@ def ways() -> np.ndarray:
             if max(cell) < CELLS and min(cell) >= 0 and cell not in way:
                 yield from longer([*way, cell])
 
-    return np.array([way for cell in product(range(CELLS), repeat=2) for way in longer([cell])])
+    return np.array([way for cell in product(range(CELLS), range(CELLS)) for way in longer([cell])])
 
 
 def beside(middles: np.ndarray, way: np.ndarray) -> np.ndarray:
@@ -256,9 +256,7 @@ class SpringLabyrinth(Task):
     @cached_property
     def particles(self) -> ObservedParticles:
         count = len(self.ball.masses)
-        return ObservedParticles(
-            tuple(range(count)), np.full(count, WAY_UNIT), np.full(count, SPEED_UNIT)
-        )
+        return ObservedParticles(tuple(range(count)), np.full(count, WAY_UNIT), np.full(count, SPEED_UNIT))
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         way = ways()[rng.integers(len(ways()))]
@@ -295,8 +293,8 @@ class SpringLabyrinth(Task):
         return {"force": weight[:, None] * np.stack([p * b, q, 1.0 - a * b], axis=1)}
 
     def look(self) -> Look:
-        ball = film.look(self.scene)
-        return together([ball, _board_look()], [len(self.ball.masses), len(_board(np.zeros(self.goal_size), self.hole))])
+        board = _board(np.zeros(self.goal_size), self.hole)
+        return together([film.look(self.scene), _board_look()], [len(self.ball.masses), len(board)])
 
     def points(self, s: Situation) -> np.ndarray:
         """Ball and board as they are seen from the room, where the board is tilted."""
@@ -350,10 +348,17 @@ def _board(goal: np.ndarray, hole: float) -> np.ndarray:
 
 def _board_look() -> Look:
     """How `_board` is drawn."""
-    faces = [(0, 2, 6, 4), (1, 5, 7, 3), (0, 4, 5, 1), (2, 3, 7, 6), (0, 1, 3, 2), (4, 6, 7, 5)]
-    faces += [tuple(range(8 + 4 * n, 12 + 4 * n)) for n in range(LEGS)]
+    faces: list[Sequence[int]] = [
+        (0, 2, 6, 4),
+        (1, 5, 7, 3),
+        (0, 4, 5, 1),
+        (2, 3, 7, 6),
+        (0, 1, 3, 2),
+        (4, 6, 7, 5),
+    ]
+    faces += [range(8 + 4 * n, 12 + 4 * n) for n in range(LEGS)]
     first = 8 + 4 * LEGS
-    faces += [tuple(range(first + n, first + n + CORNERS)) for n in range(0, HOLES * CORNERS, CORNERS)]
+    faces += [range(first + n, first + n + CORNERS) for n in range(0, HOLES * CORNERS, CORNERS)]
     colors = [WOOD] * 6 + [LINE] * LEGS + [INK] * HOLES
     fans = [[(face[0], face[n], face[n + 1]) for n in range(1, len(face) - 1)] for face in faces]
     return Look(
@@ -373,15 +378,15 @@ class LabyrinthOptions(EnvOptions, total=False):
 class SpringLabyrinthEnv(SpringEnv, gym.Env):
     """
     ## Description
-    A ball rolls on a board that you tilt, as in the game. Bring it to the end of a way, past the holes that
-    lie beside the way. Every episode has another board: one of 3776 ways over a square of 4 × 4 cells, shifted
-    at random, and 18 holes, some of which run into one another. The ball is solid and rolls: six particles, which 15 springs join, carry a sphere
-    of 2.5 cm.
+    A ball rolls on a board that you tilt, as in the game. Bring it to the end of a way, past the holes beside
+    it. Every episode has another board: one of 3776 ways over a square of 4 × 4 cells, shifted at random, and
+    18 holes, some of which run into one another. The ball is solid and rolls: six particles, joined by 15
+    springs, carry a sphere of 2.5 cm.
 
-    The world's axes are those of the board, and its tilt turns the weight. The board's own turning also acts
-    on a ball on a real board. This is left out. Along each axis it would be at most 0.06 m/s², ω²r at
-    0.4 rad/s and 0.36 m; the weight gives 1.5 m/s² at the largest tilt. Across the board it would change
-    what the ball presses on the board with, which does not change how it rolls.
+    The world's axes are those of the board, and its tilt turns the weight. What else a ball feels on a board
+    that turns is left out. Along each axis that is ω²r, at most 0.06 m/s² at 0.4 rad/s and 0.36 m, where the
+    weight gives up to 1.5 m/s². Across the board it is 2ωv, some 0.2 m/s², and a push where the rate jumps;
+    both change how hard the ball presses on the board, but not how it rolls.
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
@@ -415,24 +420,25 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     The way has 13 points and begins at the first. The next one is passed when the ball is less than 5 cm from
     it. The progress p is the share of the way's length that is done: what is left is the distance to the next
     point, and the legs behind it. With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the distance e of the
-    ball from the end, the effort E = 1 − 0.1 mean(a²), and L = 1 on the last leg, else 0, the reward is
-    E [p + L G(e; 0.02, 0.2)]/2, from 0 to 1. Its terms in `info` are `reward_way` and `reward_end`, the halves
-    with p and with G.
+    ball from the end, the effort E = 1 − 0.1 mean(a²), and K = 1 on the last leg, else 0, the reward is
+    E [p + K G(e; 0.02, 0.2)]/2, from 0 to 1. Its terms in `info` are `reward_way` and `reward_end`, the
+    halves with p and with G.
 
     ## Starting State
-    The ball rests at the first point of the way, and the board is level. The way goes from cell to neighbouring
-    cell of 18 cm, twelve times, and meets none twice; all such ways are equally likely. The middle of each cell
-    is shifted by U(−1.5, 1.5) cm along x and y, and the first leg is shorter by a share U(0, 0.6). Holes are half-way between two or four middles, where they are
-    nearest to the way, and have a radius of 5.5 cm.
+    The ball rests at the first point of the way, and the board is level. The way goes from cell to
+    neighbouring cell of 18 cm, twelve times, and meets none twice; all such ways are equally likely. The
+    middle of each cell is shifted by U(−1.5, 1.5) cm along x and y, and the first leg is shorter by a share
+    U(0, 0.6). Holes are half-way between two or four middles, where they are nearest to the way, and have a
+    radius of 5.5 cm.
 
     ## Episode End
-    Termination: the ball falls, with its centre above a hole or more than 0.36 m from the middle along x or y,
-    or the simulation diverged (`info["diverged"]`; reward 0). Truncation: 600 steps, 12 s.
+    Termination: the ball falls, with its centre above a hole, or more than 0.36 m from the middle along x or
+    y; or the simulation diverged (`info["diverged"]`; reward 0). Truncation: 600 steps, 12 s.
     `info["is_success"]`: all points are passed, and e < 0.05 m, for the last 25 steps.
 
     ## Information
-    `left` [m], the length of the way that is left, `gap` between the ball's centre and the nearest hole's rim [m], `tilt` of the board [rad],
-    `energy` and `energy_drift` [J], `strain`.
+    `left` [m], the length of the way that is left, `gap` between the ball's centre and the nearest hole's rim
+    [m], `tilt` of the board [rad], `energy` and `energy_drift` [J], `strain`.
 
     ## Arguments
     - `observation`: see above.

@@ -87,8 +87,8 @@ def test_limits_are_what_actuators_are_given(row: Row) -> None:
             largest = np.maximum(largest, moved * (task.period if impulses(action) else 1.0))
             assert name in Simulator(task.scene)._actuators
         if not driven:  # it moves what the goal holds
-            largest = np.abs(moved_goals(task, np.eye(size)) - moved_goals(task, np.zeros((size, size)))).max(1)
-            largest /= task.period
+            moved = moved_goals(task, np.eye(size)) - moved_goals(task, np.zeros((size, size)))
+            largest = np.abs(moved).max(axis=1) / task.period
         np.testing.assert_allclose(largest, task.limits, rtol=1e-12)
 
 
@@ -111,7 +111,7 @@ def test_limits_of_the_hard_variant(row: Row) -> None:
     bullet = re.search(r"- `hard=True`: (.*?)\n    - ", documentation(row), re.S)
     if bullet is None:
         pytest.skip("it has no hard variant")
-    told = [float(n) for n in re.findall(r"(\d+(?:\.\d+)?) N", bullet[1])]
+    told = [float(n) for n in re.findall(r"(\d+(?:\.\d+)?) (?:N|rad/s)", bullet[1])]
     changed = set()
     for action in task_type(row.id).actions:
         usual, hard = (task_type(row.id)(action=action, hard=flag).limits for flag in (False, True))
@@ -188,7 +188,8 @@ def on_the_board(place: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
         found[name] = np.take_along_axis(values, which[:, :, None], 1).reshape(len(place), -1)
     legs = np.linalg.norm(np.diff(points, axis=1), axis=2)
     rest = [own[int(n) + 1 :].sum() for own, n in zip(legs, done[:, 0], strict=True)]
-    return found | {"left": np.linalg.norm(found["way"][:, 2:4], axis=1, keepdims=True) + np.array(rest)[:, None]}
+    found["left"] = np.linalg.norm(found["way"][:, 2:4], axis=1, keepdims=True) + np.array(rest)[:, None]
+    return found
 
 
 def of_several(task: Task, m: Any, goal: np.ndarray) -> dict[str, np.ndarray]:
