@@ -49,7 +49,7 @@ ENVIRONMENTS = (
     Row("SpringShove-v0", "shove", "SpringShove", 250, 150.0, "standard"),
     Row("SpringStack-v0", "stack", "SpringStack", 300, 150.0, "standard"),
     Row("SpringJuggle-v0", "juggle", "SpringJuggle", 500, 400.0, "standard"),
-    Row("SpringLabyrinth-v0", "labyrinth", "SpringLabyrinth", 600, 275.0, "standard"),
+    Row("SpringLabyrinth-v0", "labyrinth", "SpringLabyrinth", 600, 240.0, "standard"),
     Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "standard"),
 )
 

@@ -155,7 +155,10 @@ class Task:
         raise NotImplementedError
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
-        """Return further values for `Simulator.actuate`, as those of an opponent who sees the state."""
+        """Return further values for `Simulator.actuate`, as those of an opponent who sees the state.
+
+        ``s.action`` is the action of the period that begins.
+        """
         return {}
 
     def look(self) -> Look:
