@@ -19,7 +19,7 @@ from gymnasium import spaces
 from runs import HELD_OUT_SEED
 
 from springgym.bodies.rotations import axes
-from springgym.envs import detumble, duel, free_top, juggle, top, tumble
+from springgym.envs import detumble, duel, free_top, juggle, labyrinth, top, tumble
 from springgym.envs.agent import Policy
 from springgym.envs.task import Task
 from springgym.registration import find
@@ -378,6 +378,33 @@ def stack_push(task: Task, observations: np.ndarray) -> np.ndarray:
     return _saturated(_pushed(seen, lacking, np.where(sideways, 1, 0), turned, done), task.limits)
 
 
+def labyrinth_tilt(task: labyrinth.SpringLabyrinth, observations: np.ndarray) -> np.ndarray:
+    """SpringLabyrinth: roll along the leg, slowly around corners, and lean the board for that.
+
+    Along a leg the ball is to have u = 0.3 m/s, or less, so that 0.25 m/s² slow it down to the corner, which
+    it takes at 0.05 m/s, or at u where the way goes straight on. Its distance from the line is made up for at
+    a gain of 5/s, and so is what its velocity lacks, by 5/7 g times the tilt; what the tilt lacks, at 20/s. A
+    board that turns slowly cannot follow that: there the gain is less, u goes with it, and the slowing down
+    with its square.
+    """
+    gain = min(5.0, task.rate / 0.06)
+    fast, brake = 0.06 * gain, 0.01 * gain**2
+    seen = task.seen(observations)
+    points = seen["way"].reshape(len(observations), -1, 2)
+    legs = np.diff(points[:, :3], axis=1)
+    lengths = np.linalg.norm(legs, axis=2, keepdims=True)
+    along, after = (legs / np.maximum(lengths, 1e-9)).swapaxes(0, 1)
+    last = lengths[:, 1] < 1e-6
+    ahead = _dot(points[:, 1], along)
+    corner = np.where(last, 0.0, 0.05 + (fast - 0.05) * np.maximum(_dot(along, after), 0.0) ** 4)
+    speed = np.minimum(fast, np.sqrt(corner**2 + 2.0 * brake * np.abs(ahead)))
+    speed = np.sign(ahead) * np.where(last, np.minimum(speed, 2.5 * np.abs(ahead)), speed)
+    aside = np.clip(gain * (points[:, 1] - ahead * along), -0.25, 0.25)
+    lacking = gain * (speed * along + aside - seen["velocity"])
+    tilt = np.clip(lacking / (5.0 / 7.0 * G), -labyrinth.TILT, labyrinth.TILT)
+    return _saturated(20.0 * (tilt - seen["tilt"]), task.limits)
+
+
 def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.ndarray:
     """SpringJuggle: hit the next ball at the height of home, with the speed and tilt to send it on.
 
@@ -447,6 +474,7 @@ CLASSICAL: dict[str, dict[str, Controller]] = {
     "SpringShove-v0": {"push": shove_push},
     "SpringStack-v0": {"push": stack_push},
     "SpringJuggle-v0": {"wrench": juggle_wrench},
+    "SpringLabyrinth-v0": {"tilt": labyrinth_tilt},
     "SpringDuel-v0": {"push": duel_push},
 }
 

@@ -49,6 +49,7 @@ ENVIRONMENTS = (
     Row("SpringShove-v0", "shove", "SpringShove", 250, 150.0, "standard"),
     Row("SpringStack-v0", "stack", "SpringStack", 300, 150.0, "standard"),
     Row("SpringJuggle-v0", "juggle", "SpringJuggle", 500, 400.0, "standard"),
+    Row("SpringLabyrinth-v0", "labyrinth", "SpringLabyrinth", 600, 240.0, "standard"),
     Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "standard"),
 )
 
@@ -178,6 +179,13 @@ VARIANTS = (
         {"sparse": True},
         "hard",
         "nothing is rewarded before the box lies at its place, turned as it should, and at rest",
+    ),
+    Variant(
+        "SpringLabyrinthHard-v0",
+        "SpringLabyrinth-v0",
+        {"hard": True},
+        "harder",
+        "the board turns slowly, so that it has to be turned back early, and the holes leave less room",
     ),
     Variant(
         "SpringDuelStrong-v0",

@@ -82,6 +82,7 @@ def step_errors(
     goes_on = np.ones(episodes, bool)
     for n in range(periods):
         actions = rng.uniform(-1, 1, envs.action_space.shape).astype(np.float32)
+        at.action[:] = actions  # as in the step, for who responds to it
         driven = at.driven_by(actions.astype(float))
         counts = goes_on & (n % every == 0)
         for other in (exact, *others) if counts.any() else ():

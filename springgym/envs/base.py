@@ -169,10 +169,11 @@ class _Common(Stateful):
 
     def _picture(self, renderer: Renderer, copy: int) -> np.ndarray | None:
         episodes = self.episodes
-        positions, _ = episodes.particles
+        m, s = episodes.seen_of(copy)
+        points = episodes.task.points(s)
         if not episodes.diverged[copy]:
-            renderer.camera = renderer.camera.keeping(positions[copy], renderer.size)
-        return renderer.draw(positions[copy], episodes.task.marks(*episodes.seen_of(copy)))
+            renderer.camera = renderer.camera.keeping(points, renderer.size)
+        return renderer.draw(points, episodes.task.marks(m, s))
 
     def _restart(self, renderer: Renderer, copy: int) -> None:
         """Show the new episode of a copy."""

@@ -158,12 +158,19 @@ class Task:
         raise NotImplementedError
 
     def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
-        """Return further values for `Simulator.actuate`, as those of an opponent who sees the state."""
+        """Return further values for `Simulator.actuate`, as those of an opponent who sees the state.
+
+        ``s.action`` is the action of the period that begins.
+        """
         return {}
 
     def look(self) -> Look:
         """Return the `Look` of the bodies."""
         raise NotImplementedError
+
+    def points(self, s: Situation) -> np.ndarray:
+        """Return the points (P, 3) that `look` draws, for the situation of one copy: its particles."""
+        return s.x
 
     def camera(self) -> Camera:
         """Return the camera."""

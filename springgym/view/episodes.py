@@ -95,8 +95,9 @@ def played(agent: Agent, seed: int) -> Motion:
     def keep() -> None:
         rows.append(simulator.readout.rows[0].copy())
         bodies.append(simulator.readout.bodies[0].copy())
-        positions.append(simulator.readout.positions[0].copy())
-        marks.append(task.marks(*inner.episodes.seen_of(0)))
+        m, s = inner.episodes.seen_of(0)
+        positions.append(task.points(s))
+        marks.append(task.marks(m, s))
 
     keep()
     total, over = 0.0, False

@@ -27,6 +27,7 @@ from tests.envs.cases import (
     COLLIDING,
     FLOPPY,
     IDS,
+    ROLLING,
     TWINLESS,
     each_case,
     each_id,
@@ -281,11 +282,15 @@ def test_wrong_arguments(env_id: str) -> None:
 
 
 def test_no_rigid_twin() -> None:
-    """A body that is meant to change shape says so; every other environment has its twin."""
-    assert {"SpringRope-v0"} == set(FLOPPY)
-    for env_id in FLOPPY:
-        with pytest.raises(ValueError, match="is meant to change shape: it has no rigid twin"):
-            make(env_id, dynamics="rigid")
+    """A body that is meant to change shape says so, and one that rolls; all others have their twin."""
+    assert ({"SpringRope-v0"}, {"SpringLabyrinth-v0"}) == (set(FLOPPY), set(ROLLING))
+    for ids, reason in (
+        (FLOPPY, "is meant to change shape: it has no rigid twin"),
+        (ROLLING, "round features, which rigid dynamics does not know"),
+    ):
+        for env_id in ids:
+            with pytest.raises(ValueError, match=reason):
+                make(env_id, dynamics="rigid")
     with pytest.raises(ValueError, match="dynamics is 'jelly'; it must be one of 'springs', 'rigid'"):
         make(IDS[0], dynamics="jelly")
 

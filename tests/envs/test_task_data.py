@@ -11,7 +11,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.envs import free_top, juggle
+from springgym import measures
+from springgym.envs import free_top, juggle, labyrinth
+from springgym.envs.observation import Situation
 from springgym.envs.task import Task
 from springgym.registration import ENVIRONMENTS, Row
 from springgym.simulator import Simulator
@@ -84,7 +86,19 @@ def test_limits_are_what_actuators_are_given(row: Row) -> None:
             moved = np.linalg.norm((values - idle[name]).reshape(size, -1, 3), axis=-1).max(axis=1)
             largest = np.maximum(largest, moved * (task.period if impulses(action) else 1.0))
             assert name in Simulator(task.scene)._actuators
+        if not driven:  # it moves what the goal holds
+            moved = moved_goals(task, np.eye(size)) - moved_goals(task, np.zeros((size, size)))
+            largest = np.abs(moved).max(axis=1) / task.period
         np.testing.assert_allclose(largest, task.limits, rtol=1e-12)
+
+
+def moved_goals(task: Task, action: np.ndarray) -> np.ndarray:
+    """Goals (n, G) after a period of actions (n, A), from zero."""
+    n, goal = len(action), np.zeros((len(action), task.goal_size))
+    x, empty = np.zeros((n, *task.scene.positions.shape)), np.zeros((n, 0))
+    s = Situation(x, x, action, goal, np.zeros(n), empty, task.parameters)
+    task.move(measures.view(np.zeros((n, measures.SIZE))), s, goal)
+    return goal
 
 
 def impulses(action: str) -> bool:
@@ -97,7 +111,7 @@ def test_limits_of_the_hard_variant(row: Row) -> None:
     bullet = re.search(r"- `hard=True`: (.*?)\n    - ", documentation(row), re.S)
     if bullet is None:
         pytest.skip("it has no hard variant")
-    told = [float(n) for n in re.findall(r"(\d+(?:\.\d+)?) N", bullet[1])]
+    told = [float(n) for n in re.findall(r"(\d+(?:\.\d+)?) (?:N|rad/s)", bullet[1])]
     changed = set()
     for action in task_type(row.id).actions:
         usual, hard = (task_type(row.id)(action=action, hard=flag).limits for flag in (False, True))
@@ -157,7 +171,25 @@ def looked_up(task: Task, m: Any, x: np.ndarray, v: np.ndarray, goal: np.ndarray
         }
     if "offset" in {entry.name for entry in task.entries}:
         known["offset"] = m.centre - goal[:, :3]
+    if "holes" in {entry.name for entry in task.entries}:
+        known |= on_the_board(m.centre[:, :2], goal)
+        known |= {"velocity": m.centre_velocity[:, :2], "turning": turning[:, :2]}
     return known
+
+
+def on_the_board(place: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
+    """The same of a ball at places (n, 2) of a board."""
+    points, holes, tilt, done = np.split(goal, np.cumsum([2 * labyrinth.LEGS + 2, 2 * labyrinth.HOLES, 2]), 1)
+    points, holes = (values.reshape(len(place), -1, 2) - place[:, None] for values in (points, holes))
+    ahead = np.minimum(done.astype(int) + np.arange(labyrinth.SEEN), labyrinth.LEGS)
+    nearest = np.argsort(np.linalg.norm(holes, axis=2), axis=1)[:, : labyrinth.NEAR]
+    found = {"place": place, "tilt": tilt}
+    for name, values, which in (("way", points, ahead), ("holes", holes, nearest)):
+        found[name] = np.take_along_axis(values, which[:, :, None], 1).reshape(len(place), -1)
+    legs = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    rest = [own[int(n) + 1 :].sum() for own, n in zip(legs, done[:, 0], strict=True)]
+    found["left"] = np.linalg.norm(found["way"][:, 2:4], axis=1, keepdims=True) + np.array(rest)[:, None]
+    return found
 
 
 def of_several(task: Task, m: Any, goal: np.ndarray) -> dict[str, np.ndarray]:

@@ -1,0 +1,470 @@
+"""SpringLabyrinth: tilt a board, and roll a ball along a way past holes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache, cached_property
+from itertools import product
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+
+import gymnasium as gym
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, rolling_ball
+from springgym.checks import flag
+from springgym.core.compiling import compiled, kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, ObservedParticles, Situation
+from springgym.envs.options import Autoreset, EnvOptions, Observation
+from springgym.envs.rewards import gaussian, thrift
+from springgym.envs.starts import uniform
+from springgym.envs.task import Start, Task
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, INK, RED, Color, together
+from springgym.scene import GRAVITY, Scene, WrenchActuator
+from springgym.scenes import film
+from springgym.surfaces import Contact, floor
+from springgym.theory.contact import rest_height
+
+PERIOD = 0.02  # [s]
+HALF = 0.36  # half of a side of the board [m]
+RADIUS, MASS = 0.025, 0.15  # of the ball [m], [kg]
+HOLE, WIDE_HOLE = 0.055, 0.06  # radius of a hole, also with hard=True: a ball falls with its centre above [m]
+REACH, STRENGTH = 5e-4, 2e-7  # of the contact: Δ [m], c [N·m²]
+TILT = 0.15  # the largest angle of the board [rad]
+RATE, SLOW_RATE = 0.4, 0.24  # how fast it changes, also with hard=True [rad/s]
+CELLS, LEGS = 4, 12  # cells along a side of the board; legs of the way from the middle of one to the next
+SHIFT = 0.015  # how far the middle of a cell is shifted, along x and y [m]
+LATEST = 0.6  # the largest share of the first leg that is left out
+HOLES = 18
+CLOSE = 0.05  # how near to a point of the way the ball must come [m]
+SEEN, NEAR = 4, 4  # points of the way, from the last one that is passed, and nearest holes that are observed
+WAY_UNIT, SPEED_UNIT, TURNING_UNIT, TILT_UNIT, HOLE_UNIT, LEFT_UNIT = 0.2, 0.3, 12.0, 0.1, 0.1, 1.0
+"""Units of the compact observation: way [m], speed [m/s], turning [rad/s], tilt [rad], ways to holes [m], the
+length of way that is left [m]."""
+
+FIRST_HOLE = 2 * (LEGS + 1)
+LEANING = FIRST_HOLE + 2 * HOLES
+PASSED = LEANING + 2
+"""Where the goal has the holes, the board's angles and the number of legs that are done. The points of the
+way stand before them, and the ball starts at the first."""
+
+WOOD: Color = (226, 202, 160)
+LINE: Color = (160, 124, 78)
+
+
+@compiled
+def angle_after(s: Situation, c: int, axis: int, seconds: float) -> float:
+    """Return the board's angle towards an axis after the action has turned it for some seconds [rad]."""
+    angle = s.goal[c, LEANING + axis] + s.parameters[0] * s.action[c, axis] * seconds
+    return min(max(angle, -TILT), TILT)
+
+
+@compiled
+def leg(s: Situation, c: int, n: int) -> float:
+    """Return the length of leg n of the way [m]."""
+    g = s.goal[c]
+    return math.hypot(g[2 * n + 2] - g[2 * n], g[2 * n + 3] - g[2 * n + 1])
+
+
+@compiled
+def way_to(m: Measures, s: Situation, c: int, first: int) -> float:
+    """Return the distance of the ball from a point that the goal has from a column on [m]."""
+    return math.hypot(m.centre[c, 0] - s.goal[c, first], m.centre[c, 1] - s.goal[c, first + 1])
+
+
+@compiled
+def way_left(m: Measures, s: Situation, c: int) -> float:
+    """Return the length of the way from the ball through all points that are ahead [m]."""
+    done = int(s.goal[c, PASSED])
+    left = way_to(m, s, c, 2 * done + 2)
+    for n in range(done + 1, LEGS):
+        left += leg(s, c, n)
+    return left
+
+
+@kernel
+def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
+    """The board leans on, and a point of the way that the ball comes close to is passed."""
+    for c in range(goal.shape[0]):
+        for axis in range(2):
+            goal[c, LEANING + axis] = angle_after(s, c, axis, PERIOD)
+        done = int(goal[c, PASSED])
+        if done < LEGS - 1 and way_to(m, s, c, 2 * done + 2) < CLOSE:
+            goal[c, PASSED] += 1.0
+
+
+@kernel
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
+    for c in range(out.shape[0]):
+        whole, gap = 0.0, math.inf
+        for n in range(LEGS):
+            whole += leg(s, c, n)
+        for n in range(HOLES):
+            gap = min(gap, way_to(m, s, c, FIRST_HOLE + 2 * n) - s.parameters[1])
+        left = way_left(m, s, c)
+        progress = min(max(1.0 - left / whole, 0.0), 1.0)
+        last = s.goal[c, PASSED] == LEGS - 1
+        error = way_to(m, s, c, 2 * LEGS)
+        effort = thrift(s.action, c)
+        out["reward_way"][c] = 0.5 * effort * progress
+        out["reward_end"][c] = 0.5 * effort * gaussian(error, 0.2, 0.02) if last else 0.0
+        out["left"][c] = left
+        out["gap"][c] = gap
+        out["tilt"][c] = math.acos(math.cos(s.goal[c, LEANING]) * math.cos(s.goal[c, LEANING + 1]))
+        out["met"][c] = last and error < CLOSE
+        out["failed"][c] = gap < 0.0 or max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > HALF
+
+
+@kernel
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+    for c in range(observation.shape[0]):
+        done, holes = int(s.goal[c, PASSED]), 8 + 2 * SEEN + 1
+        for axis in range(2):
+            place = m.centre[c, axis]
+            observation[c, axis] = place / WAY_UNIT
+            observation[c, 2 + axis] = m.centre_velocity[c, axis] / SPEED_UNIT
+            observation[c, 4 + axis] = m.angular_velocity[c, axis] / TURNING_UNIT
+            observation[c, 6 + axis] = s.goal[c, LEANING + axis] / TILT_UNIT
+            for n in range(SEEN):
+                point = 2 * min(done + n, LEGS)
+                observation[c, 8 + 2 * n + axis] = (s.goal[c, point + axis] - place) / WAY_UNIT
+        observation[c, holes - 1] = way_left(m, s, c) / LEFT_UNIT
+        least = -1.0
+        for k in range(NEAR):  # the nearest that is farther than the one before
+            nearest, first = math.inf, FIRST_HOLE
+            for n in range(HOLES):
+                away = way_to(m, s, c, FIRST_HOLE + 2 * n)
+                if least < away < nearest:
+                    nearest, first = away, FIRST_HOLE + 2 * n
+            least = nearest
+            for axis in range(2):
+                way = s.goal[c, first + axis] - m.centre[c, axis]
+                observation[c, holes + 2 * k + axis] = way / HOLE_UNIT
+
+
+@cache
+def ways() -> np.ndarray:
+    """Return all ways of `LEGS` steps from cell to cell that meet no cell twice, (ways, LEGS + 1, 2)."""
+
+    def longer(way: list[tuple[int, int]]) -> Iterator[list[tuple[int, int]]]:
+        if len(way) > LEGS:
+            yield way
+            return
+        x, y = way[-1]
+        for cell in ((x + 1, y), (x, y + 1), (x - 1, y), (x, y - 1)):
+            if max(cell) < CELLS and min(cell) >= 0 and cell not in way:
+                yield from longer([*way, cell])
+
+    return np.array([way for cell in product(range(CELLS), range(CELLS)) for way in longer([cell])])
+
+
+def beside(middles: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """Return the holes (HOLES, 2) of a board: of all places half-way between cells, the nearest to the way.
+
+    Places are half-way between two neighbours that the way does not join, or between four. Half-way between
+    cells whose middles are shifted by `SHIFT`, they are at least 6 cm from the way.
+
+    Parameters
+    ----------
+    middles : (CELLS, CELLS, 2)
+        Of the cells [m].
+    way : (LEGS + 1, 2)
+        The cells of the way.
+    """
+    halves = (way[1:] + way[:-1]).tolist()
+    joined = {tuple(half) for half in halves}
+    places = [
+        middles[i : i + 1 + across, j : j + 1 + along].reshape(-1, 2).mean(axis=0)
+        for i, j, across, along in _between()
+        if (2 * i + across, 2 * j + along) not in joined
+    ]
+    points, found = middles[way[:, 0], way[:, 1]], np.array(places)
+    legs, arms = np.diff(points, axis=0), found[:, None] - points[:-1]
+    share = np.clip((arms * legs).sum(axis=2) / (legs * legs).sum(axis=1), 0.0, 1.0)
+    away = np.square(arms - share[:, :, None] * legs).sum(axis=2).min(axis=1)
+    return found[np.argsort(away, kind="stable")[:HOLES]]
+
+
+@cache
+def _between() -> list[tuple[int, int, int, int]]:
+    """Places between cells: the first of two or four cells, and whether others lie across, along."""
+    return [
+        (i, j, across, along)
+        for i, j in product(range(CELLS), repeat=2)
+        for across, along in ((1, 0), (0, 1), (1, 1))
+        if i + across < CELLS and j + along < CELLS
+    ]
+
+
+def turned(angles: np.ndarray) -> np.ndarray:
+    """Return the rotation (3, 3) of a board that leans towards x and y by angles (2,) [rad]."""
+    (a, b), (p, q) = np.cos(angles), np.sin(angles)
+    return np.array([[a, 0.0, p], [-p * q, b, a * q], [-p * b, -q, a * b]])
+
+
+class SpringLabyrinth(Task):
+    """Define the MDP of `SpringLabyrinthEnv`, which describes it."""
+
+    actions: ClassVar = {"tilt": 2}
+    terms = ("way", "end")
+    metrics = ("left", "gap", "tilt")
+    entries = (
+        Entry("place", 2, WAY_UNIT),
+        Entry("velocity", 2, SPEED_UNIT),
+        Entry("turning", 2, TURNING_UNIT),
+        Entry("tilt", 2, TILT_UNIT),
+        Entry("way", 2 * SEEN, WAY_UNIT),
+        Entry("left", 1, LEFT_UNIT),
+        Entry("holes", 2 * NEAR, HOLE_UNIT),
+    )
+    goal_size = PASSED + 1
+    hold = 25
+    evaluate = staticmethod(evaluate)
+    compact = staticmethod(compact)
+    move = staticmethod(move)
+
+    def __init__(
+        self,
+        observation: Observation = "particles",
+        action: Literal["tilt"] = "tilt",
+        hard: bool = False,
+    ) -> None:
+        super().__init__(observation, action)
+        self.rate, self.hole = (SLOW_RATE, WIDE_HOLE) if flag("hard", hard) else (RATE, HOLE)
+        self.ball: Body = rolling_ball(RADIUS, MASS, stiffness=3e4, damping=3.0)
+
+    @cached_property
+    def scene(self) -> Scene:
+        return Scene(
+            self.ball,
+            self._resting((0.0, 0.0), {"scale": 1.0, "gravity": 1.0, "masses": 1.0}),
+            wrench=WrenchActuator(),
+            surfaces=(floor(),),
+            contact=Contact(friction=0.5, restitution=0.3, strength=STRENGTH, reach=REACH),
+        )
+
+    def _resting(self, place: tuple[float, float], factors: Mapping[str, float]) -> np.ndarray:
+        """Positions (6, 3) of a ball that lies at a place of a level board [m]."""
+        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
+        height = factors["scale"] * RADIUS + rest_height(weight, STRENGTH, REACH)
+        return factors["scale"] * self.ball.positions + np.array([*place, height])
+
+    @cached_property
+    def particles(self) -> ObservedParticles:
+        count = len(self.ball.masses)
+        return ObservedParticles(tuple(range(count)), np.full(count, WAY_UNIT), np.full(count, SPEED_UNIT))
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        way = ways()[rng.integers(len(ways()))]
+        corner = (0.5 / CELLS - 0.5) * 2 * HALF
+        share, *drawn = uniform(rng, [0.0] + [-SHIFT] * 2 * CELLS**2, [LATEST] + [SHIFT] * 2 * CELLS**2)
+        cells = np.stack(np.meshgrid(*[np.arange(CELLS)] * 2, indexing="ij"), axis=-1)
+        middles = corner + 2 * HALF / CELLS * cells + np.reshape(drawn, (CELLS, CELLS, 2))
+        points = middles[way[:, 0], way[:, 1]]
+        points[0] += share * (points[1] - points[0])
+        x, y = points[0].tolist()
+        positions = self._resting((x, y), factors)
+        goal = np.concatenate([points.ravel(), beside(middles, way).ravel(), np.zeros(3)])
+        return Start(positions, np.zeros_like(positions), goal.tolist())
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.full(2, self.rate)
+
+    @property
+    def parameters(self) -> np.ndarray:
+        return np.array([self.rate, self.hole])
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        return {}
+
+    def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
+        """Return the weight along the board, which leans as in the middle of the period.
+
+        The scene's gravity acts across the board. The weight is the potential energy by the height.
+        """
+        angles = s.goal[:, LEANING : LEANING + 2] + 0.5 * PERIOD * self.rate * s.action
+        (a, b), (p, q) = (f(np.clip(angles, -TILT, TILT)).T for f in (np.cos, np.sin))
+        weight = np.nan_to_num(m.gravity / np.maximum(m.centre[:, 2], 0.5 * RADIUS))
+        return {"force": weight[:, None] * np.stack([p * b, q, 1.0 - a * b], axis=1)}
+
+    def look(self) -> Look:
+        board = _board(np.zeros(self.goal_size), self.hole)
+        return together([film.look(self.scene), _board_look()], [len(self.ball.masses), len(board)])
+
+    def points(self, s: Situation) -> np.ndarray:
+        """Ball and board as they are seen from the room, where the board is tilted."""
+        turn = turned(s.goal[LEANING : LEANING + 2])
+        return np.asarray(np.vstack([s.x, _board(s.goal, self.hole)]) @ turn.T)
+
+    def camera(self) -> Camera:
+        return Camera.framing((0.02, 0, -0.03), 1.12, elevation=0.85)
+
+    def scenery(self) -> Scenery:
+        return Scenery(floor=-0.15)
+
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        turn = turned(s.goal[LEANING : LEANING + 2])
+        end = turn @ np.append(s.goal[2 * LEGS : 2 * LEGS + 2], RADIUS)
+        done = int(s.goal[PASSED])
+        return Marks(
+            balls=[(end, RADIUS)],
+            lines=[((0.0, 0.0, -0.15), (0.0, 0.0, -THICK))],
+            arrows=[Arrow(HANDLE, np.append(0.12 * s.action, 0.0))],
+            key=((GREEN, "roll the ball here, along the line"), (RED, "how the board leans on")),
+            text=(f"{done} of {LEGS} legs done",),
+        )
+
+
+# --- The board, as it is drawn --------------------------------------------------------------------------
+
+THICK, LIFT, BROAD = 0.02, 5e-4, 0.004  # of the board; of what is drawn on it; half of the line [m]
+CORNERS = 24  # of a hole
+HANDLE = (0.47, 0.0, 0.0)  # where the action is shown, beside the board [m]
+
+
+def _board(goal: np.ndarray, hole: float) -> np.ndarray:
+    """Points of the board, of the line along the way and of the holes of a radius, in its own frame [m]."""
+    slab = np.array(list(product((-HALF, HALF), (-HALF, HALF), (-THICK, 0.0))))
+    way = goal[:FIRST_HOLE].reshape(-1, 2)
+    along = np.diff(way, axis=0)
+    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    left = BROAD * np.column_stack([-along[:, 1], along[:, 0]])
+    ahead = BROAD * along
+    line = np.stack(
+        [way[:-1] - ahead - left, way[1:] + ahead - left, way[1:] + ahead + left, way[:-1] - ahead + left],
+        axis=1,
+    ).reshape(-1, 2)
+    angle = 2 * np.pi * np.arange(CORNERS) / CORNERS
+    rim = hole * np.column_stack([np.cos(angle), np.sin(angle)])
+    holes = goal[FIRST_HOLE:LEANING].reshape(-1, 1, 2) + rim
+    flat = np.vstack([line, holes.reshape(-1, 2)])
+    return np.vstack([slab, np.column_stack([flat, np.full(len(flat), LIFT)])])
+
+
+def _board_look() -> Look:
+    """How `_board` is drawn."""
+    faces: list[Sequence[int]] = [
+        (0, 2, 6, 4),
+        (1, 5, 7, 3),
+        (0, 4, 5, 1),
+        (2, 3, 7, 6),
+        (0, 1, 3, 2),
+        (4, 6, 7, 5),
+    ]
+    faces += [range(8 + 4 * n, 12 + 4 * n) for n in range(LEGS)]
+    first = 8 + 4 * LEGS
+    faces += [range(first + n, first + n + CORNERS) for n in range(0, HOLES * CORNERS, CORNERS)]
+    colors = [WOOD] * 6 + [LINE] * LEGS + [INK] * HOLES
+    fans = [[(face[0], face[n], face[n + 1]) for n in range(1, len(face) - 1)] for face in faces]
+    return Look(
+        triangles=np.concatenate(fans),
+        triangle_colors=np.repeat(colors, [len(fan) for fan in fans], axis=0),
+    )
+
+
+class LabyrinthOptions(EnvOptions, total=False):
+    """`SpringLabyrinthEnv` takes these options, see there."""
+
+    observation: Observation
+    action: Literal["tilt"]
+    hard: bool
+
+
+class SpringLabyrinthEnv(SpringEnv, gym.Env):
+    """
+    ## Description
+    A ball rolls on a board that you tilt, as in the game. Bring it to the end of a way, past the holes beside
+    it. Every episode has another board: one of 3776 ways over a square of 4 × 4 cells, shifted at random, and
+    18 holes, some of which run into one another. The ball is solid and rolls: six particles, joined by 15
+    springs, carry a sphere of 2.5 cm.
+
+    The world's axes are those of the board, and its tilt turns the weight. What else a ball feels on a board
+    that turns is left out. Along each axis that is ω²r, at most 0.06 m/s² at 0.4 rad/s and 0.36 m, where the
+    weight gives up to 1.5 m/s². Across the board it is 2ωv, some 0.2 m/s², and a push where the rate jumps;
+    both change how hard the ball presses on the board, but not how it rolls.
+
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"tilt"` | 0, 1 | how fast the board turns, so that it leans towards x, y | ±0.4 rad/s |
+
+    Each angle stays within ±0.15 rad. Actions outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–17 | positions of the ball's particles | 0.2 m |
+    | | 18–35 | their velocities | 0.3 m/s |
+    | | 36–61 | points x, y of the way, from the first to the last | 1 m |
+    | | 62–97 | middles x, y of the holes | 1 m |
+    | | 98, 99 | angles of the board towards x, y | 1 rad |
+    | | 100 | number of legs that are done | 1 |
+    | `"frame"` | 0, 1 | place x, y of the ball | 0.2 m |
+    | | 2, 3 | its velocity x, y | 0.3 m/s |
+    | | 4, 5 | its angular velocity x, y | 12 rad/s |
+    | | 6, 7 | angles of the board towards x, y | 0.1 rad |
+    | | 8–15 | points x, y of the way, from the ball: the one passed last and the next three | 0.2 m |
+    | | 16 | length of the way that is left | 1 m |
+    | | 17–24 | middles x, y of the four nearest holes, from the ball | 0.1 m |
+
+    ## Rewards
+    The way has 13 points and begins at the first. The next one is passed when the ball is less than 5 cm from
+    it. The progress p is the share of the way's length that is done: what is left is the distance to the next
+    point, and the legs behind it. With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the distance e of the
+    ball from the end, the effort E = 1 − 0.1 mean(a²), and K = 1 on the last leg, else 0, the reward is
+    E [p + K G(e; 0.02, 0.2)]/2, from 0 to 1. Its terms in `info` are `reward_way` and `reward_end`, the
+    halves with p and with G.
+
+    ## Starting State
+    The ball rests at the first point of the way, and the board is level. The way goes from cell to
+    neighbouring cell of 18 cm, twelve times, and meets none twice; all such ways are equally likely. The
+    middle of each cell is shifted by U(−1.5, 1.5) cm along x and y, and the first leg is shorter by a share
+    U(0, 0.6). Holes are half-way between two or four middles, where they are nearest to the way, and have a
+    radius of 5.5 cm.
+
+    ## Episode End
+    Termination: the ball falls, with its centre above a hole, or more than 0.36 m from the middle along x or
+    y; or the simulation diverged (`info["diverged"]`; reward 0). Truncation: 600 steps, 12 s.
+    `info["is_success"]`: all points are passed, and e < 0.05 m, for the last 25 steps.
+
+    ## Information
+    `left` [m], the length of the way that is left, `gap` between the ball's centre and the nearest hole's rim
+    [m], `tilt` of the board [rad], `energy` and `energy_drift` [J], `strain`.
+
+    ## Arguments
+    - `observation`: see above.
+    - `hard=True`: a board that turns at up to 0.24 rad/s, and holes of 6 cm.
+    - `integrator` ("verlet"), `step` (5e-4 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`. The factor `actuator` multiplies the force along the board. A ball that
+      rolls has no rigid twin.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringLabyrinth
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[LabyrinthOptions]) -> None: ...
+
+
+class SpringLabyrinthVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+    """Run a native batch of `SpringLabyrinthEnv`."""
+
+    task_type = SpringLabyrinth
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[LabyrinthOptions]
+        ) -> None: ...
