@@ -12,7 +12,8 @@ from springgym import measures
 from springgym.envs.agent import Policy
 from springgym.envs.trained import Agent, load_agent
 from springgym.scenes import film
-from springgym.view.motion import Motion, graphs, told_of
+from springgym.scenes.recording import contacts_of
+from springgym.view.motion import Motion, graphs, told_of, touches
 from springgym.view.page import Changes, Subject
 
 INTERVAL = 5e-3
@@ -90,13 +91,15 @@ def played(agent: Agent, seed: int) -> Motion:
     policy, task, simulator = agent.policy(env), inner.episodes.task, inner.episodes.simulator
     observation, info = env.reset(seed=seed)
     parts = min(inner.episodes.steps, max(1, round(task.period / INTERVAL)))
-    rows, bodies, positions, marks = [], [], [], []
+    rows, bodies, positions, marks, touching = [], [], [], [], []
 
     def keep() -> None:
         rows.append(simulator.readout.rows[0].copy())
         bodies.append(simulator.readout.bodies[0].copy())
         positions.append(simulator.readout.positions[0].copy())
         marks.append(task.marks(*inner.episodes.seen_of(0)))
+        if (found := contacts_of(simulator)) is not None:
+            touching.append(found)
 
     keep()
     total, over = 0.0, False
@@ -139,6 +142,7 @@ def played(agent: Agent, seed: int) -> Motion:
             float(np.arctan2(away[2], np.hypot(away[0], away[1]))),
         ),
         graphs=graphs(m, task.scene),
+        touches=touches(task.scene, touching, x),
         marks=marks,
         camera=camera,
         note=told_of(task.scene),
