@@ -116,7 +116,8 @@ def tagged(at: Rehearsal, tag: str) -> Path:
     clone = at.folder / "clone"
     at.run("clone", "git", "clone", "--quiet", ROOT, clone)
     project, log = clone / "pyproject.toml", clone / "CHANGELOG.md"
-    project.write_text(project.read_text("utf-8").replace(PLACEHOLDER, "rehearsal"), "utf-8")
+    owned = re.sub(rf"(?<=/){PLACEHOLDER}(?=[./])", "rehearsal", project.read_text("utf-8"))
+    project.write_text(owned, "utf-8")
 
     def dated(heading: re.Match[str]) -> str:
         known = heading[1] != tag.removeprefix("v") or DATE.fullmatch(heading[2])
