@@ -66,7 +66,7 @@ def package(session: nox.Session) -> None:
 
 @nox.session
 def release(session: nox.Session) -> None:
-    """Ask whether a tag can be released: `nox -s release -- v0.2.0`."""
+    """Check whether a tag can be released: `nox -s release -- v0.2.0`."""
     session.run("python", "release.py", *session.posargs)
 
 

@@ -204,7 +204,7 @@ def relax(v: Rows, direction: Rows, backward: bool, whole: bool, ledger: Ledger,
 
 @compiled
 def paired(dampers: Dampers | None) -> bool:
-    """Whether the dampers, if there are any, take two sweeps a step."""
+    """Tell whether the dampers, if there are any, take two sweeps a step."""
     if dampers is None:
         return True
     return dampers.paired
@@ -219,7 +219,7 @@ def drift(x: Rows, v: Rows, tau: Number) -> None:
 
 @compiled
 def settle(x: Rows, v: Rows, terms: Terms) -> None:
-    """What methods that split nothing do after a step: the paper's clamp."""
+    """Apply the paper's clamp after a step, for methods that split nothing."""
     clamp(x, v, terms.particles, terms.surfaces, terms.paper_law)
 
 

@@ -80,7 +80,7 @@ def keep_phase(phase: Number, cycle: Cycle) -> None:
 
 @compiled
 def is_at(phase: Number, place: int) -> Mask:
-    """Whether a copy's phase is this one."""
+    """Tell whether a copy's phase is this one."""
     off = phase - place
     return off * off < 0.25
 
@@ -129,7 +129,7 @@ def remember_cycle(v: Rows, ledger: Ledger, wrench: Wrench | None, cycle: Cycle)
 
 @compiled
 def acts_at(phase: Number, wrench: Wrench | None, cycle: Cycle) -> tuple[bool, bool]:
-    """Whether dampers act, and the wrench, in some copy before its next step."""
+    """Tell whether dampers and wrench act in some copy before its next step."""
     damps = any_lane(is_at(phase, FIRST)) or any_lane(is_at(phase, 2 * cycle.every - FIRST))
     turns = False
     if wrench is not None:

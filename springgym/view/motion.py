@@ -106,7 +106,7 @@ class Motion:
 
     @property
     def glassy(self) -> bool:
-        """Whether its springs are shown at first: a round body shows by its skin how it turns."""
+        """Tell whether its springs are shown at first. A round body shows by its skin how it turns."""
         return len(self.lengths) > 0 and not np.asarray(self.look.skin).size
 
     @property
