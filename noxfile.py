@@ -66,5 +66,11 @@ def package(session: nox.Session) -> None:
 
 @nox.session
 def release(session: nox.Session) -> None:
-    """Ask whether a tag can be released: `nox -s release -- v0.2.0`."""
+    """Check whether a tag can be released: `nox -s release -- v0.2.0`."""
     session.run("python", "release.py", *session.posargs)
+
+
+@nox.session
+def rehearse(session: nox.Session) -> None:
+    """Rehearse the release of a tag in clean environments: `nox -s rehearse -- v0.2.0`."""
+    session.run("python", "rehearse.py", *session.posargs)

@@ -100,7 +100,7 @@ def faults(tag: str) -> list[str]:
     number = version()
     if tag != f"v{number}":
         found.append(f"the tag is {tag}, but springgym/__init__.py has version {number}")
-    if PLACEHOLDER in text("pyproject.toml"):
+    if any(PLACEHOLDER in url for url in tomllib.loads(text("pyproject.toml"))["project"]["urls"].values()):
         found.append(f"pyproject.toml: the addresses still contain {PLACEHOLDER}; write the owner there")
     date, told = changes(number)
     if not DATE.fullmatch(date):

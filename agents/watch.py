@@ -85,6 +85,10 @@ def show(env: gym.Env, policy: Policy, seed: int) -> None:
     try:
         for episode in itertools.count(seed):
             for _ in play_episode(env, policy, episode):
+                if pygame.display.get_driver() == "offscreen":  # which SDL takes where it finds no display
+                    raise ConfigError(
+                        "there is no display for a window; use --out to write a film, or --browser"
+                    )
                 if pygame.event.peek(pygame.QUIT):
                     return
     except pygame.error as error:  # such as no display

@@ -29,6 +29,7 @@ def project() -> dict[str, Any]:
 
 
 COLAB = "docs/notebooks/first.ipynb"
+AUTHOR = project()["authors"][0]["name"]
 
 
 def text(path: str) -> str:
@@ -55,7 +56,10 @@ def to_release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     pages = ("CHANGELOG.md", "CITATION.cff", "docs/citing.md", "docs/index.md", COLAB)
     for path in ("pyproject.toml", "springgym/__init__.py", *pages):
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / path).write_text(text(path).replace(release.PLACEHOLDER, "mcd"), encoding="utf-8")
+        (tmp_path / path).write_text(text(path), encoding="utf-8")
+    owned = re.sub(r"//[\w-]+(?=\.github\.io)", "//mcd", text("pyproject.toml"))
+    owned = re.sub(r"(?<=github\.com/)[\w-]+(?=/springgym)", "mcd", owned)
+    (tmp_path / "pyproject.toml").write_text(owned, encoding="utf-8")
     (tmp_path / "springgym" / "__init__.py").write_text('__version__ = "1.2.3"\n')
     log = "## 1.2.3 (2031-02-03)\n\n### Added\n- A [top](docs/top.md).\n\n## 1.2.2 (2030-01-01)\n\n- Old.\n"
     (tmp_path / "CHANGELOG.md").write_text(log)
@@ -100,7 +104,7 @@ def test_what_can_be_released(to_release: Path, capsys: pytest.CaptureFixture[st
         ("docs/index.md", "/mcd/", "/other/", "docs/index.md has another version, date"),
         (COLAB, "git+https://github.com/mcd/", "git+https://github.com/x/", f"{COLAB} has another"),
         (COLAB, "github/mcd/springgym/blob", "github/x/springgym/blob", f"{COLAB} has another"),
-        ("pyproject.toml", "The springgym authors", "J. McDonald", "CITATION.cff has another version, date"),
+        ("pyproject.toml", AUTHOR, "J. McDonald", "CITATION.cff has another version, date"),
     ],
 )
 def test_what_cannot_be_released(

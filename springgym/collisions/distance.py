@@ -63,7 +63,7 @@ def segment_segment(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def pierced(segments: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Return how deep segments are through triangles [m], (k, S, T): the depth of the nearer end, or 0."""
+    """Return how deep segments reach through triangles [m], (k, S, T): the depth of the nearer end, or 0."""
     a = triangles[:, None, :, 0]
     u, w = triangles[:, None, :, 1] - a, triangles[:, None, :, 2] - a
     normal = np.cross(u, w)

@@ -30,7 +30,7 @@ class Shape(NamedTuple):
 
 @lru_cache(maxsize=1024)
 def shape(body: Body) -> Shape:
-    """Return the features of a body that others meet; see `check_shape` for whether they can."""
+    """Return the features of a body that others meet; `check_shape` tells whether they can."""
     if len(body.triangles):
         lines = surface.all_edges(body.triangles)
         return Shape(np.unique(body.triangles), body.triangles, body.edges, 0.0, lines)

@@ -468,8 +468,8 @@ def _tell_of_compiling() -> None:
     """Log, once a process, that compiling takes a while: to stderr unless logging is configured."""
     if _TOLD.acquire(blocking=False):
         LOGGER.warning(
-            "springgym: compiling, for seconds to a minute. Later runs start at once; "
-            "springgym compile does this ahead of the first"
+            "springgym: compiling. This takes seconds to a minute, once; later runs start at once. "
+            "The command `springgym compile` compiles in advance"
         )
 
 

@@ -219,7 +219,7 @@ def drift(x: Rows, v: Rows, tau: Number) -> None:
 
 @compiled
 def settle(x: Rows, v: Rows, terms: Terms) -> None:
-    """Clamp particles as the paper does, after a step of a method that splits nothing."""
+    """Apply the paper's clamp after a step, for methods that split nothing."""
     clamp(x, v, terms.particles, terms.surfaces, terms.paper_law)
 
 

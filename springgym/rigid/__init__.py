@@ -222,7 +222,7 @@ def set_shapes(
 
 
 def shape_values(scene: Scene, masses: np.ndarray | None) -> dict[str, np.ndarray]:
-    """Return what a rigid body takes of its masses (N,), those of the scene if None.
+    """Return what a rigid body takes of its masses (N,), which are those of the scene if None.
 
     Raises
     ------

@@ -75,7 +75,7 @@ def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
 
 
 def settled(scene: Scene, positions: np.ndarray, masses: np.ndarray, copies: np.ndarray) -> np.ndarray:
-    """Return where particles come to lie that are put onto the rigid shape, by the markers of the body.
+    """Return the positions of particles after they are put onto the rigid shape by the body's markers.
 
     Parameters
     ----------

@@ -117,7 +117,6 @@ def record(
     each = np.zeros((count, len(plan.scene.bodies), SIZE)) if several else rows[:, None]
     told: list[PairReadings] = []
     touching: list[Contacts] = []
-    contacts = contacts and any_possible(plan.scene)
     floppy = any(placed.body.floppy for placed in plan.scene.bodies)
     done, shadow = 0, [math.nan, math.nan]
     try:
@@ -129,11 +128,8 @@ def record(
             rows[n], positions[n], velocities[n] = read.rows[0], read.positions[0], read.velocities[0]
             each[n] = read.bodies[0]
             told.append(simulator.pairs())
-            if contacts:
-                try:
-                    touching.append(simulator.contacts())
-                except ValueError:
-                    contacts = False
+            if contacts and (found := contacts_of(simulator)) is not None:
+                touching.append(found)
             if not np.isfinite(velocities[n]).all():
                 raise SimulationDivergedError(f"{plan.name} diverged before t = {simulator.time[0]:g} s")
             if n in (0, count - 1):
@@ -157,6 +153,16 @@ def record(
         shadow=(shadow[0], shadow[1]),
         contacts=tuple(touching[:done]),
     )
+
+
+def contacts_of(simulator: Simulator) -> Contacts | None:
+    """Return the contacts of a simulator now, or None if there are none to tell, see `Simulator.contacts`."""
+    if not any_possible(simulator.scene):
+        return None
+    try:
+        return simulator.contacts()
+    except ValueError:
+        return None
 
 
 def _shadow(simulator: Simulator) -> float:

@@ -46,20 +46,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--agent",
         help="a run folder of springgym train, or the id of a published agent; or zero, random",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the first episode")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first episode")
     parser.add_argument(
         "--save",
         type=Path,
         metavar="FILE",
-        help="write a page of its own (.html), or what a saved viewer plays (.viser), and open nothing",
+        help="write a page that plays by itself (.html), or data for a saved viewer (.viser)",
     )
     parser.add_argument(
-        "--port", type=int, default=PORT, help="the first that is free from this one on; of 0, any"
+        "--port", type=int, default=PORT, help="take the first free port from this one on; 0 takes any"
     )
     parser.add_argument(
         "--address",
-        help="let others in the network open it, too, who have the token in the address that is printed: an "
-        "IPv4 address of this machine, or 0.0.0.0 for all it has",
+        help="let others in the network open the page by the printed address, which holds a token; give an "
+        "IPv4 address of this machine, or 0.0.0.0 for all of them",
     )
     parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
 

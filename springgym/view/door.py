@@ -52,7 +52,7 @@ TOKEN = 16
 
 
 def stranger(headers: Headers, names: re.Pattern[str] | None = NAMES) -> str:
-    """Return why a request does not come from a page of this server; "" if it does.
+    """Say why a request does not come from a page of this server; "" if it does.
 
     Under ``names`` the server may be asked for; of None, under any, and a token tells friend from stranger.
     A browser lets no page choose ``Host`` and ``Origin``. ``Host`` is the name that was asked for, and gives
@@ -121,7 +121,7 @@ class Door:
 
     @property
     def url(self) -> str:
-        """Return the address at which a browser finds the page, with the token."""
+        """Return the address of the page, with the token."""
         host = _own_address() if self._host == ANY else self._host
         return f"http://{host}:{self.port}" + ("" if self._token is None else f"/{self._token}/")
 

@@ -12,7 +12,8 @@ from springgym import measures
 from springgym.envs.agent import Policy
 from springgym.envs.trained import Agent, load_agent
 from springgym.scenes import film
-from springgym.view.motion import Motion, graphs, lacking
+from springgym.scenes.recording import contacts_of
+from springgym.view.motion import Motion, graphs, lacking, touches
 from springgym.view.page import Changes, Subject
 
 INTERVAL = 5e-3
@@ -90,7 +91,7 @@ def played(agent: Agent, seed: int) -> Motion:
     policy, task, simulator = agent.policy(env), inner.episodes.task, inner.episodes.simulator
     observation, info = env.reset(seed=seed)
     parts = min(inner.episodes.steps, max(1, round(task.period / INTERVAL)))
-    rows, bodies, positions, marks = [], [], [], []
+    rows, bodies, positions, marks, touching = [], [], [], [], []
 
     def keep() -> None:
         rows.append(simulator.readout.rows[0].copy())
@@ -98,6 +99,8 @@ def played(agent: Agent, seed: int) -> Motion:
         m, s = inner.episodes.seen_of(0)
         positions.append(task.points(s))
         marks.append(task.marks(m, s))
+        if (found := contacts_of(simulator)) is not None:
+            touching.append(found)
 
     keep()
     total, over = 0.0, False
@@ -140,6 +143,7 @@ def played(agent: Agent, seed: int) -> Motion:
             float(np.arctan2(away[2], np.hypot(away[0], away[1]))),
         ),
         graphs=graphs(m, task.scene),
+        touches=touches(task.scene, touching, x),
         marks=marks,
         camera=camera,
         note=lacking(task.scene),

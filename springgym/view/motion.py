@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from springgym.contacts import Contacts
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, ORANGE, RED, SLATE, TEAL, Color
@@ -105,7 +106,7 @@ class Motion:
 
     @property
     def glassy(self) -> bool:
-        """Return whether its springs are shown at first: a round body shows by its skin how it turns."""
+        """Tell whether its springs are shown at first. A round body shows by its skin how it turns."""
         return len(self.lengths) > 0 and not np.asarray(self.look.skin).size
 
     @property
@@ -156,7 +157,7 @@ def of_recording(recording: Recording, *, twin: bool = True) -> Motion:
         direction=(plan.view.azimuth, plan.view.elevation),
         graphs=graphs(m, scene),
         arrows=_arrows(recording),
-        touches=_touches(recording),
+        touches=touches(scene, recording.contacts, x),
         paths=paths,
         note=lacking(scene),
         summary=(
@@ -243,9 +244,18 @@ def _arrows(recording: Recording) -> dict[str, Arrows]:
     return drawn
 
 
-def _touches(recording: Recording) -> Touches | None:
-    """Return the contacts that were recorded; forces are drawn in the scale of the weight of all bodies."""
-    scene, found = recording.plan.scene, recording.contacts
+def touches(scene: Scene, found: Sequence[Contacts], positions: np.ndarray) -> Touches | None:
+    """Return contacts as they are drawn, or None if there are none.
+
+    Parameters
+    ----------
+    scene
+        The scene; forces are drawn in the scale of the weight of all its bodies.
+    found
+        `Simulator.contacts` of one copy at each time.
+    positions
+        (T, N, 3) [m].
+    """
     most = max((of.there.shape[1] for of in found), default=0)
     if not most:
         return None
@@ -259,7 +269,7 @@ def _touches(recording: Recording) -> Touches | None:
     size = np.linalg.norm(forces, axis=2)
     unit = float(np.linalg.norm(weight_of(scene))) or float(size.max()) / STEEPEST or 1.0
     longer = np.maximum(1.0, size / (STEEPEST * unit))[..., None]
-    return Touches(points, 0.36 * extent_of(recording.positions) * forces / unit / longer, mutual)
+    return Touches(points, 0.36 * extent_of(positions) * forces / unit / longer, mutual)
 
 
 def lacking(scene: Scene) -> str:

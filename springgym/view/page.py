@@ -458,7 +458,7 @@ NAMES = {"angular velocity": "ω, angular velocity", "angular momentum": "L, ang
 
 
 def key(motion: Motion, ticks: Collection[str], strain: float) -> str:
-    """Return what colours mean, as HTML that lies over the stage.
+    """Return what the colours mean, as HTML that lies over the stage.
 
     Parameters
     ----------

@@ -93,6 +93,14 @@ def test_window_is_drawn_once_a_step_until_it_is_closed(monkeypatch):
     assert not pygame.display.get_init()
 
 
+def test_without_a_display_it_says_so(monkeypatch, capsys):
+    """SDL draws to nowhere then, and would do so for ever."""
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "offscreen")
+    assert watch.main(["zero", "--env", "SpringTop-v0"]) == 2
+    assert "there is no display for a window; use --out to write a film" in capsys.readouterr().err
+
+
 def test_a_page_of_classical_control(tmp_path, capsys):
     """The same episode as in a film."""
     pytest.importorskip("viser")

@@ -147,6 +147,26 @@ def test_episodes_of_several_bodies_are_shown(env_id):
     assert any(marks.text for marks in motion.marks)
 
 
+def test_contacts_of_an_episode_hold_what_lies_on_them():
+    """A box on the floor: together, its contacts push it up by its weight."""
+    motion = played(find_agent("zero", "SpringShove-v0"), 3)
+    assert motion.touches is not None
+    points, vectors, mutual = motion.touches
+    assert len(points) == len(motion.times)
+    assert not mutual.any()  # one box on a floor
+    late = len(points) // 2
+    pushes = vectors[late:].sum(axis=1).mean(axis=0)
+    weight = 0.36 * motion.extent  # as long as touches draw it
+    np.testing.assert_allclose(pushes, (0.0, 0.0, weight), rtol=1e-3, atol=1e-3 * weight)
+    there = np.isfinite(points[late:]).all(axis=2)
+    assert there.any(axis=1).all()
+    np.testing.assert_allclose(points[late:][there][:, 2], 0.0, atol=1e-2)
+
+
+def test_what_touches_nothing_has_no_contacts():
+    assert played(find_agent("zero", "SpringTop-v0"), 3).touches is None
+
+
 @pytest.mark.parametrize("env_id", ["SpringTop-v0", "SpringRope-v0"])
 def test_an_episode_is_the_environment_s_own(env_id):
     """The states between come from playing each control period again; its end must stay as it was."""
