@@ -122,6 +122,8 @@ class Named(NamedTuple):
     body: Body
     moves: bool
     """whether any of its particles is free"""
+    held: bool = False
+    """whether some of them are pinned, and others not"""
 
 
 def meetings(collisions: Collisions, contact: Contact | PaperContact, bodies: Sequence[Named]) -> Meetings:
@@ -213,7 +215,7 @@ def _meetings(
         np.maximum.at(farthest, of, reach)
     for named, most in zip(bodies, farthest.tolist(), strict=True):
         if most > 0:
-            check_shape(named.name, named.body, most)
+            check_shape(named.name, named.body, most, named.held)
     stiff = [float(of.body.stiffness.max(initial=0.0)) or np.inf for of in bodies]
     softer = np.minimum(*of_both(stiff))
     inverse = np.add(*of_both([1 / of.body.mass if of.moves else 0.0 for of in bodies]))
