@@ -58,7 +58,7 @@ def _radius_about_centre(body: Body) -> float:
 
 
 def as_met(
-    shapes: Sequence[Shape], bodies: Sequence[Body], starts: Sequence[int], positions: np.ndarray
+    shapes: Sequence[Shape], bodies: Sequence[Body], starts: np.ndarray, positions: np.ndarray
 ) -> np.ndarray:
     """Return positions (…, N, 3) of all particles, where the first of each sphere is at its centre of mass.
 

@@ -23,14 +23,16 @@ in arrays of velocities, the row behind has ω.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numba import types
+from numba.extending import overload
 from numpy.typing import DTypeLike
 
 from springgym.core.blocks import aligned_zeros
-from springgym.core.compiling import compiled
+from springgym.core.compiling import OPTIONS, compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import load, select, store
 from springgym.core.vectors import (
@@ -49,6 +51,12 @@ from springgym.core.vectors import (
 
 if TYPE_CHECKING:
     from springgym.contact.rows import Problem
+
+
+INLINE = {**OPTIONS, "forceinline": True}
+"""Options of what differs with and without spheres: it is compiled into what calls it."""
+
+Seen: TypeAlias = tuple[Rows, Rows, Numbers]
 
 
 class Spheres(NamedTuple):
@@ -96,13 +104,25 @@ def new_spheres(start: np.ndarray, radii: Sequence[float], dtype: DTypeLike) -> 
 # --- As contacts see them -------------------------------------------------------------------------------
 
 
-@compiled
-def as_seen(
-    x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Spheres | None
-) -> tuple[Rows, Rows, Numbers]:
+def as_seen(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Spheres | None) -> Seen:
     """Return positions, velocities before a node and inverse masses of particles as contacts see them."""
-    if spheres is None:
+    return (x, v, inverse_mass) if spheres is None else look(x, v, mass, inverse_mass, spheres)
+
+
+@overload(as_seen, jit_options=INLINE)
+def _as_seen(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Any) -> Callable[..., Seen]:
+    def as_it_is(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: None) -> Seen:
         return x, v, inverse_mass
+
+    def with_spheres(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Spheres) -> Seen:
+        return look(x, v, mass, inverse_mass, spheres)
+
+    return as_it_is if isinstance(spheres, types.NoneType) else with_spheres
+
+
+@compiled
+def look(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Spheres) -> Seen:
+    """Find how contacts see all particles, where some bodies are spheres."""
     for i in range(x.shape[0]):
         set_row(spheres.x, i, row(x, i))
         set_row(spheres.before, i, row(v, i))
