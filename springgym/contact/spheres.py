@@ -24,7 +24,7 @@ in arrays of velocities, the row behind has ω.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numba import types
@@ -90,7 +90,7 @@ def new_spheres(start: np.ndarray, radii: Sequence[float], dtype: DTypeLike) -> 
         return aligned_zeros(shape, dtype)
 
     return Spheres(
-        start=np.asarray(start),
+        start=np.array(start),
         radius=np.array(radii),
         x=lanes(particles, 3),
         before=lanes(particles, 3),
@@ -110,11 +110,13 @@ def as_seen(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Sph
 
 
 @overload(as_seen, jit_options=INLINE)
-def _as_seen(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Any) -> Callable[..., Seen]:
-    def as_it_is(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: None) -> Seen:
+def _as_seen(
+    x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Spheres | None
+) -> Callable[..., Seen]:
+    def as_it_is(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Spheres | None) -> Seen:
         return x, v, inverse_mass
 
-    def with_spheres(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Spheres) -> Seen:
+    def with_spheres(x: Rows, v: Rows, mass: Numbers, inverse_mass: Numbers, spheres: Spheres | None) -> Seen:
         return look(x, v, mass, inverse_mass, spheres)
 
     return as_it_is if isinstance(spheres, types.NoneType) else with_spheres
