@@ -471,7 +471,9 @@ class Scene(ReadOnly):
             if met.contact.restitution > 0:
                 pair = [self.bodies[n] for n in met[:2]]
                 moving = [placed.body for placed in pair if placed.free.any()]
-                found.append(faithful_speed(met.reach, *moving))
+                strained = [body for body in moving if not shape(body).turns]
+                if strained:
+                    found.append(faithful_speed(met.reach, *strained))
         return min(found)
 
     def _different_meetings(self) -> list[Meeting]:

@@ -67,7 +67,7 @@ def momenta(simulator: Simulator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("restitution", [1.0, 0.8, 0.5])
-@pytest.mark.parametrize("speed", [0.3, 2.0])
+@pytest.mark.parametrize("speed", [0.1, 1.0])
 def test_restitution_of_two_spheres(restitution: float, speed: float) -> None:
     left = body_at(BALL, (-0.21, 0, 0), velocity=(speed, 0, 0))
     of = scene(left, body_at(BALL, (0, 0, 0)), contact=replace(CONTACT, restitution=restitution))
