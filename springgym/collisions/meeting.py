@@ -205,7 +205,7 @@ def _meetings(
         """Return what contacts say for each pair, not a number where they say nothing."""
         return np.array([getattr(contact, name) for contact in contacts], float)[how]
 
-    def of_both(values: list[float]) -> tuple[np.ndarray, np.ndarray]:
+    def of_both(values: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
         return np.array(values)[first], np.array(values)[second]
 
     reach = given("reach")

@@ -105,7 +105,7 @@ def test_friction_on_a_free_block_is_coulombs(radius: float) -> None:
     simulator = run(scene(thrown, body_at(BLOCK, (0, 0, 0))), 0.05, step=1e-4)
     v, _ = motion(simulator)
     given = v[0] - (3.0, 0, -0.5)
-    assert given[2] > 0.5
+    assert given[2] > 0.3
     assert -given[0] / (0.3 * given[2]) == pytest.approx(1.0, abs=0.005)
 
 
