@@ -160,14 +160,14 @@ def thrown(of: str) -> Scene:
 
 @pytest.mark.parametrize("of", ["ball", "block"])
 def test_momenta_and_energy_are_kept(of: str) -> None:
-    simulator = Simulator(thrown(of), varying=(*VARYING, "damping"), step=2e-4)
+    simulator = Simulator(thrown(of), varying=VARYING, step=1e-4)
     before, energy = momenta(simulator), simulator.measure().balance[0]
-    simulator.advance(1000)
+    simulator.advance(2000)
     pairs = simulator.pairs()
     assert pairs.impulse[0].max() > 0.5
     assert pairs.friction_loss[0].max() > 1e-3
     np.testing.assert_allclose(momenta(simulator), before, rtol=0, atol=1e-12)
-    assert simulator.measure().balance[0] == pytest.approx(energy, rel=1e-3)
+    assert simulator.measure().balance[0] == pytest.approx(energy, rel=3e-3)  # Verlet's, of what rings
 
 
 def test_copies_are_those_of_their_own() -> None:
