@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from springgym.collisions import as_met
 from springgym.contact.rows import FAR, ROWS
 from springgym.core.blocks import numbers
 from springgym.core.kinds import Ragged
@@ -153,7 +154,9 @@ def _of_bodies(scene: Scene, here: Here) -> Contacts:
     )
     weight[np.arange(4) >= contacts.members[row][:, None]] = 0.0
     particle = np.where(weight != 0.0, particle, 0.0).astype(int)
-    places = here.places.astype(float)[particle, :, lane[:, None]]
+    bodies = [placed.body for placed in scene.bodies]
+    seen = as_met(scene.shapes, bodies, scene.starts, np.moveaxis(here.places.astype(float), -1, 0))
+    places = seen[lane[:, None], particle]
     ahead = particle[:, 0] < scene.starts[second]  # the first particle is of the first body
     sign = np.where(ahead, 1.0, -1.0)[:, None]
     normal, rub, slide = (

@@ -14,9 +14,10 @@ from springgym.checks import HUGE, TINY
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel
-from springgym.contact.round import packed_rounds
+from springgym.contact.round import Rolling, packed_rounds
 from springgym.contact.rows import ContactRows, new_contacts
 from springgym.contact.solids import Solids
+from springgym.contact.spheres import new_spheres
 from springgym.contact.surfaces import Surfaces
 from springgym.contact.totals import ENTRIES, Collisions, empty_totals
 from springgym.core.blocks import aligned_zeros, get_copies, numbers, set_copies
@@ -296,12 +297,18 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Bodies:
     count = len(scene.positions)
     lists, contacts = search_workspace(scene, pairs, dtype)
     given = aligned_zeros((len(scene.surfaces), 3), dtype)
+    spheres = new_spheres(scene.starts, [of.radius if of.turns else 0.0 for of in scene.shapes], dtype)
+    bodies = [placed.body for placed in scene.bodies]
+    most = [max(len(body.masses), len(body.rounds) * len(scene.surfaces)) for body in bodies]
+    features = np.cumsum([0, *most])
+    rolls = scene.surfaces and any(body.rounds for body in bodies)
 
     def rows(start: np.ndarray = particles) -> Ragged:
         return Ragged(aligned_zeros((int(start[-1]), 3), dtype), start)
 
+    rolling = Rolling(*(rows(features) for _ in Rolling._fields)) if rolls else None
     return Bodies(
-        space=Space(rows(), rows(), rows(), rows(springs), rows(), given, None),
+        space=Space(rows(), rows(), rows(), rows(springs), rows(), given, rolling),
         in_contact=Ragged(aligned_zeros((count,), dtype), particles),
         touched=Ragged(np.zeros(count, bool), particles),
         busy=Ragged(np.zeros(count, bool), particles),
@@ -315,7 +322,7 @@ def bodies_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Bodies:
         shift=rows(),
         any_busy=np.zeros(len(scene.bodies), bool),
         lists=lists,
-        contacts=contacts,
+        contacts=contacts._replace(spheres=spheres),
     )
 
 

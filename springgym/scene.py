@@ -14,7 +14,7 @@ import numpy as np
 
 from springgym.bodies import Body, Round
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
-from springgym.collisions import Collisions, Meetings, Shape, check_apart, meetings, shape
+from springgym.collisions import Collisions, Meetings, Shape, as_met, check_apart, meetings, shape
 from springgym.collisions.meeting import ALL, Meeting, Named
 from springgym.identity import digest
 from springgym.own_forces import checked_forces
@@ -361,7 +361,12 @@ class Scene(ReadOnly):
     def meetings(self) -> Meetings:
         """Return the pairs of bodies that may meet, and how."""
         named = [
-            Named(placed.name, self._different[kind], bool(placed.free.any()))
+            Named(
+                placed.name,
+                self._different[kind],
+                bool(placed.free.any()),
+                0 < placed.free.sum() < placed.free.size,
+            )
             for kind, placed in zip(self.kinds, self.bodies, strict=True)
         ]
         return meetings(self.collisions, self.contact, named)
@@ -446,7 +451,9 @@ class Scene(ReadOnly):
 
     def _check_apart(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:
         names = [placed.name for placed in self.bodies]
-        check_apart(self.shapes, names, self.starts, self.meetings, positions, copies)
+        bodies = [placed.body for placed in self.bodies]
+        met = as_met(self.shapes, bodies, self.starts, positions)
+        check_apart(self.shapes, names, self.starts, self.meetings, met, copies)
 
     @cached_property
     def faithful_speed(self) -> float:
@@ -464,7 +471,9 @@ class Scene(ReadOnly):
             if met.contact.restitution > 0:
                 pair = [self.bodies[n] for n in met[:2]]
                 moving = [placed.body for placed in pair if placed.free.any()]
-                found.append(faithful_speed(met.reach, *moving))
+                strained = [body for body in moving if not shape(body).turns]
+                if strained:
+                    found.append(faithful_speed(met.reach, *strained))
         return min(found)
 
     def _different_meetings(self) -> list[Meeting]:

@@ -27,7 +27,7 @@ def rolling_ball(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Make a ball that rolls: six particles inside a sphere, with which it meets surfaces.
+    """Make a ball that rolls: six particles inside a sphere, with which it meets surfaces and other bodies.
 
     Parameters
     ----------

@@ -41,6 +41,8 @@ FLAT = 1e-9
 class Round(ReadOnly):
     """An ellipsoid that particles of a body carry, and with which the body meets surfaces.
 
+    Other bodies meet a single sphere about the centre of mass that all particles carry, and no other feature.
+
     Parameters
     ----------
     matrix : (3, 3)

@@ -10,9 +10,10 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.checks import instance, shown, whole
-from springgym.collisions.shape import check_shape
+from springgym.collisions.shape import check_shape, shape
 from springgym.records import ReadOnly
 from springgym.surfaces import REACH, Contact, PaperContact, derived_strength
+from springgym.surfaces.contact import strength_of_impact
 
 ALL = "all"
 
@@ -28,7 +29,7 @@ class Pair:
     contact
         How they meet; as the scene's contact says if not given. Its Δ is by default `REACH` of the smaller
         body's `Body.swept`, and c the `derived_strength` of the softer body's largest stiffness and the
-        reduced mass.
+        reduced mass. The springs of a sphere that turns do not count: contacts do not strain them.
 
     Raises
     ------
@@ -122,6 +123,8 @@ class Named(NamedTuple):
     body: Body
     moves: bool
     """whether any of its particles is free"""
+    held: bool = False
+    """whether some of them are pinned, and others not"""
 
 
 def meetings(collisions: Collisions, contact: Contact | PaperContact, bodies: Sequence[Named]) -> Meetings:
@@ -202,7 +205,7 @@ def _meetings(
         """Return what contacts say for each pair, not a number where they say nothing."""
         return np.array([getattr(contact, name) for contact in contacts], float)[how]
 
-    def of_both(values: list[float]) -> tuple[np.ndarray, np.ndarray]:
+    def of_both(values: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
         return np.array(values)[first], np.array(values)[second]
 
     reach = given("reach")
@@ -213,13 +216,15 @@ def _meetings(
         np.maximum.at(farthest, of, reach)
     for named, most in zip(bodies, farthest.tolist(), strict=True):
         if most > 0:
-            check_shape(named.name, named.body, most)
-    stiff = [float(of.body.stiffness.max(initial=0.0)) or np.inf for of in bodies]
+            check_shape(named.name, named.body, most, named.held)
+    turns = [shape(of.body).turns for of in bodies]  # contacts do not strain these
+    stiff = [np.inf if rigid else _stiffness(of.body) for of, rigid in zip(bodies, turns, strict=True)]
     softer = np.minimum(*of_both(stiff))
     inverse = np.add(*of_both([1 / of.body.mass if of.moves else 0.0 for of in bodies]))
     strength = given("strength")
     mass = np.divide(1.0, inverse, out=np.zeros(len(inverse)), where=inverse > 0)
     derived = derived_strength(np.where(np.isinf(softer), 0.0, softer), mass, reach)
+    derived = np.where(np.logical_and(*of_both(turns)), strength_of_impact(mass, reach), derived)
     strength = np.where(np.isnan(strength), derived, strength)
     wrong = ~((reach > 0) & (strength > 0))
     if wrong.any():
@@ -229,6 +234,11 @@ def _meetings(
             "contact from; give the contact of the pair a strength and a reach"
         )
     return Meetings(first, second, contacts, how, strength, reach)
+
+
+def _stiffness(body: Body) -> float:
+    """Return the largest stiffness of a body's springs [N/m], infinite without any."""
+    return float(body.stiffness.max(initial=0.0)) or np.inf
 
 
 def _called(first: Any, second: Any, bodies: Sequence[Named]) -> str:

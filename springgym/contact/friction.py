@@ -14,6 +14,9 @@ that of q has g = H, and their near ends take that back. The slip is what such a
 Along a unit vector ŝ an impulse changes it by K = W + Σ (gᵢ · ŝ)²/mᵢ. A rod alone is rubbed along itself
 only; two balls are points here, and no impulse across the line of their centres keeps the angular momentum.
 
+A sphere that turns is met at its skin, and the face has what is left of D: d is the gap then, and the sphere
+turns (`springgym.contact.spheres`). Two of them have one point where they touch, and D leaves nothing over.
+
 Rigid bodies are pushed at one point (`springgym.contact.solids`), where j leaves no torque.
 """
 
@@ -24,6 +27,13 @@ from typing import TYPE_CHECKING
 from springgym.contact.law import within_cone
 from springgym.contact.rows import add_loss
 from springgym.contact.solids import among_going, between, inverse_mass_of_both, push_both
+from springgym.contact.spheres import (
+    both_turn,
+    inverse_mass_by_turning,
+    radii,
+    slip_by_turning,
+    turn_by_friction,
+)
 from springgym.contact.totals import FRICTION, add_to
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
@@ -43,6 +53,7 @@ from springgym.core.vectors import (
 if TYPE_CHECKING:
     from springgym.contact.rows import ContactRows, Problem
     from springgym.contact.solids import Solids
+    from springgym.contact.spheres import Spheres
 
 
 SHALLOW = 0.05
@@ -53,9 +64,12 @@ SWEEPS, TURNS = 2, 3
 
 
 @compiled
-def lay_out(k: int, problem: Problem, friction: Numbers) -> None:
+def lay_out(k: int, problem: Problem, friction: Numbers, spheres: Spheres | None) -> None:
     """Find G and H of contact k."""
     contacts, x = problem.contacts, problem.x
+    if friction is not None and spheres is not None and contacts.members[k] == 2:
+        for side in range(2):
+            set_row(contacts.tilt, 2 * k + side, 0.0 * row(contacts.normal, k))
     if friction is not None and contacts.members[k] > 2:
         n = row(contacts.normal, k)
         none = 0.0 * n[0]
@@ -63,6 +77,8 @@ def lay_out(k: int, problem: Problem, friction: Numbers) -> None:
         for j in range(contacts.members[k]):
             apart = plus_scaled(apart, load(contacts.weight, 4 * k + j), row_of(x, k, j, contacts))
         d = dot(apart, n)
+        if spheres is not None:
+            d = d - radii(k, problem, spheres)
         first = row_of(x, k, 1, contacts)
         if contacts.members[k] == 4:
             crossed = crosses(k, contacts)
@@ -108,7 +124,7 @@ def rub(v: Rows, turn: int, problem: Problem, friction: Numbers) -> None:
         for m in range(problem.rows):
             k = problem.rows - 1 - m if turn == 1 else m
             p = contacts.pair[k]
-            limit = load(friction, p) * pressed(k, contacts, contacts.solids)
+            limit = load(friction, p) * pressed(k, problem, contacts.solids, contacts.spheres)
             given = row(contacts.friction, k)
             acts = limit > 0.0
             if turn < SWEEPS:
@@ -128,12 +144,15 @@ def rub(v: Rows, turn: int, problem: Problem, friction: Numbers) -> None:
 
 
 @compiled
-def pressed(k: int, contacts: ContactRows, solids: Solids | None) -> Number:
+def pressed(k: int, problem: Problem, solids: Solids | None, spheres: Spheres | None) -> Number:
     """Return the push of contact k [N·s] where friction acts; 0 where it does not."""
+    contacts = problem.contacts
     push = load(contacts.impulse, k)
     if solids is not None:
         return push
     if contacts.members[k] == 2:
+        if spheres is not None:
+            return (1.0 if both_turn(k, problem, spheres) else 0.0) * push
         return 0.0 * push
     return load(contacts.grips, k) * push
 
@@ -145,15 +164,20 @@ def slip_of(v: Rows, k: int, problem: Problem, solids: Solids | None) -> Vector:
     if solids is not None:
         slip = between(v, k, problem, solids)
         return slip - dot(slip, n) * n
-    return slip_of_particles(v, k, problem.contacts)
+    return slip_of_particles(v, k, problem, problem.contacts.spheres)
 
 
 @compiled
-def slip_of_particles(v: Rows, k: int, contacts: ContactRows) -> Vector:
+def slip_of_particles(v: Rows, k: int, problem: Problem, spheres: Spheres | None) -> Vector:
     """Return how the particles of contact k slip, those of one body as seen from the other's point [m/s]."""
+    contacts = problem.contacts
     n, slip = row(contacts.normal, k), 0.0 * row(contacts.normal, k)
     for j in range(contacts.members[k]):
         slip = plus_scaled(slip, load(contacts.weight, 4 * k + j), row_of(v, k, j, contacts))
+    if spheres is not None:
+        slip = slip + slip_by_turning(v, k, problem, spheres)
+        if contacts.members[k] == 2:
+            return slip - dot(slip, n) * n
     if contacts.members[k] == 3:
         along = row(contacts.tilt, 2 * k + 1)
         slip = dot(slip, along) * along
@@ -190,11 +214,20 @@ def inverse_mass_along(along: Vector, k: int, problem: Problem, solids: Solids |
     contacts = problem.contacts
     if solids is not None:
         return inverse_mass_of_both(along, k, problem, solids)
-    total = load(contacts.inverse_mass, k)
+    total = inverse_mass_of_sides(along, k, problem, contacts.spheres)
     for m in range(contacts.members[k]):
         lift = normal_part(k, m, along, contacts)
         total = total + lift * lift * load_each(problem.inverse_mass, load(contacts.particle, 4 * k + m))
     return total
+
+
+@compiled
+def inverse_mass_of_sides(along: Vector, k: int, problem: Problem, spheres: Spheres | None) -> Number:
+    """Return W of contact k, and what the turning of spheres adds to it along a unit vector [1/kg]."""
+    inverse = load(problem.contacts.inverse_mass, k)
+    if spheres is not None:
+        inverse = inverse + inverse_mass_by_turning(along, k, problem, spheres)
+    return inverse
 
 
 @compiled
@@ -212,14 +245,18 @@ def push_across(v: Rows, k: int, j: Vector, acts: Mask, problem: Problem, solids
     if solids is not None:
         push_both(v, k, j, acts, problem, solids)
     else:
-        push_particles_across(v, k, j, acts, problem)
+        push_particles_across(v, k, j, acts, problem, problem.contacts.spheres)
 
 
 @compiled
-def push_particles_across(v: Rows, k: int, j: Vector, acts: Mask, problem: Problem) -> None:
+def push_particles_across(
+    v: Rows, k: int, j: Vector, acts: Mask, problem: Problem, spheres: Spheres | None
+) -> None:
     """Give the particles of contact k an impulse across its normal, and what takes its torque back."""
     contacts = problem.contacts
     n = row(contacts.normal, k)
+    if spheres is not None:
+        turn_by_friction(v, k, j, acts, problem, spheres)
     for m in range(contacts.members[k]):
         i = load(contacts.particle, 4 * k + m)
         before = row_each(v, i)

@@ -269,6 +269,14 @@ def roll(v: Rows, w: Rows, a: Rows, problem: RoundProblem) -> bool:
 
     All else takes the velocities from ``v`` to ``w``, and on by a kick of the accelerations ``a``.
     """
+    for i in range(v.shape[0]):
+        set_row(problem.space.velocity, i, plus_scaled(row(w, i), problem.span.out, row(a, i)))
+    return roll_on(v, problem)
+
+
+@compiled
+def roll_on(v: Rows, problem: RoundProblem) -> bool:
+    """Find the same where all else takes the velocities from ``v`` to those of the `Rolling`."""
     x, span, space, rounds, surfaces = (
         problem.x,
         problem.span,
@@ -277,7 +285,6 @@ def roll(v: Rows, w: Rows, a: Rows, problem: RoundProblem) -> bool:
         problem.terms.surfaces,
     )
     for i in range(x.shape[0]):
-        set_row(space.velocity, i, plus_scaled(row(w, i), span.out, row(a, i)))
         for rows in (space.change, space.rub, space.force):
             set_row(rows, i, vec(0.0, 0.0, 0.0))
     found, none = False, 0.0 * row(x, 0)
@@ -389,15 +396,16 @@ def sum_up(problem: RoundProblem) -> None:
 
 
 @compiled
-def lifted_feature(v: Rows, problem: RoundProblem) -> tuple[Number, Vector]:
-    """Return what barriers store around a node beside what they store where it is read [J], and its lift [m].
+def lifted_feature(shift: Vector, v: Rows, problem: RoundProblem) -> tuple[Number, Vector]:
+    """Return what barriers store around a node beside what they store where it is read [J], and how far that
+    is off the node [m]: by a ``shift``, and lifted off surfaces.
 
     ``v`` are the velocities after the node. As `springgym.integrators.node.lifted`, for a whole body.
     """
     rounds, surfaces = problem.rounds, problem.terms.surfaces
     kinds, none = count(surfaces.kinds), 0.0 * row(problem.x, 0)
     strength, reach = strength_and_reach(surfaces)
-    stored, lift = none[0], none
+    stored, lift = none[0], none + shift
     for e in range(rounds.first.size):
         for k in range(kinds):
             start, finish = gaps(e * kinds + k, e, v, none[0], problem)

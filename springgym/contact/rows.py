@@ -21,6 +21,7 @@ from springgym.core.lanes import load, store
 
 if TYPE_CHECKING:
     from springgym.contact.solids import Solids
+    from springgym.contact.spheres import Spheres
 
 FAR = 1e9
 """Distance [m] of what is no contact, in a lane where another copy has one."""
@@ -74,6 +75,8 @@ class ContactRows(NamedTuple):
     """(pairs, 3) energy that a pair lost at this node: see `add_loss` [J]"""
     solids: Solids | None
     """the rigid bodies that contacts move; None where particles move by themselves"""
+    spheres: Spheres | None = None
+    """those among bodies of springs that turn; None if none does"""
 
 
 class Problem(NamedTuple):

@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from springgym.contact.law import Span
     from springgym.contact.pairs import Pairs, Shapes
     from springgym.contact.rows import ContactRows
-    from springgym.forces import Terms
+    from springgym.contact.totals import Collisions
 
 
 Indices: TypeAlias = "np.ndarray | None"
@@ -123,16 +123,22 @@ def outside(low: Vector, high: Vector, body: int, lists: Lists) -> Number:
 
 @compiled
 def find_contacts(
-    x: Rows, w: Rows, before: Rows, span: Span, terms: Terms, lists: Lists, contacts: ContactRows
+    x: Rows,
+    w: Rows,
+    before: Rows,
+    inverse_mass: Rows,
+    span: Span,
+    collisions: Collisions,
+    found_in: tuple[Lists, ContactRows],
 ) -> Problem:
     """Find the contacts of all bodies at a node, and return the `Problem` that their impulses solve.
 
     The particles are at ``x`` (N, 3) and reach the node with velocities ``w`` (N, 3); ``before`` are those
-    that contacts change: the same, or the motion of rigid bodies.
+    that contacts change: the same, or the motion of rigid bodies. ``found_in`` are the lists of candidates
+    and the rows of contacts.
     """
-    collisions = terms.collisions
+    lists, contacts = found_in
     rows = find(x, w, span, collisions.pairs, lists, contacts)
-    inverse_mass = terms.particles.inverse_mass.values
     return Problem(span, rows, x, before, inverse_mass, collisions.pairs, contacts, collisions.totals)
 
 

@@ -119,7 +119,7 @@ def weigh(k: int, problem: Problem, touched: Numbers, solids: Solids | None) -> 
             store_each(touched, i, select(there, 1.0 + 0.0 * weight, load_each(touched, i)))
             store(contacts.gain, 4 * k + j, gain)
             inverse = inverse + weight * gain
-        lay_out(k, problem, problem.pairs.friction)
+        lay_out(k, problem, problem.pairs.friction, contacts.spheres)
         return inverse
     raise LookupError("neither rigid bodies nor particles that move by themselves")
 

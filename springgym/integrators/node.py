@@ -540,7 +540,7 @@ def stored_by_features(
     """Return what `springgym.contact.round.lifted_feature` does; nothing without features."""
     if rounds is None:
         return 0.0 * span.out, 0.0 * row(x, 0)
-    return lifted_feature(v, RoundProblem(x, span, rolling, rounds, terms))
+    return lifted_feature(0.0 * row(x, 0), v, RoundProblem(x, span, rolling, rounds, terms))
 
 
 @compiled

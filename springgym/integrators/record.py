@@ -155,10 +155,11 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
             "node of that kind; say collisions=None to let bodies pass through each other"
         )
     rolls = scene.surfaces and any(placed.body.rounds for placed in scene.bodies)
-    if rolls and scene.meetings:
+    both = [placed.name for placed in scene.bodies if placed.body.rounds and len(placed.body.triangles)]
+    if rolls and scene.meetings and both:
         return (
-            "bodies collide in a scene where some meet surfaces by round features, which cannot be together "
-            "yet; say collisions=None, or give them scenes of their own"
+            f"body {both[0]!r} has faces and round features in a scene where bodies collide and there are "
+            "surfaces, which cannot be together yet; say collisions=None, or give it a scene of its own"
         )
     if rolls and isinstance(scene.contact, PaperContact):
         return "the paper's contact knows particles alone, and no round features; use Contact"

@@ -19,9 +19,11 @@ import numpy as np
 
 from springgym.contact.friction import SWEEPS, TURNS, rub
 from springgym.contact.lists import Lists
+from springgym.contact.round import RoundProblem, lifted_feature, roll_on, rolls
 from springgym.contact.rows import MET, ContactRows, Problem
 from springgym.contact.search import find_contacts
 from springgym.contact.solver import add_totals, lift_apart, prepare, start_totals, sweep, taper
+from springgym.contact.spheres import as_seen, put_together, share_first, share_touched, take_apart
 from springgym.contact.surfaces import coefficient
 from springgym.contact.totals import ENERGY, ENTRIES, Collisions, entry_of, list_changing
 from springgym.core.compiling import compiled
@@ -54,6 +56,7 @@ from springgym.integrators.node import (
 
 if TYPE_CHECKING:
     from springgym.contact.law import Span
+    from springgym.contact.round import Rounds
     from springgym.contact.surfaces import Surfaces
     from springgym.forces import Particles, Terms
 
@@ -113,8 +116,11 @@ def push_by_surfaces(
     """Let surfaces give a body's particles what follows from all else, and bodies' pushes among it.
 
     After the ``first`` turn only those of copies whose velocity changed since. Before the ``last`` one, they
-    also wait where a surface gave nothing and is not near.
+    also wait where a surface gave nothing and is not near. A body with round features is pushed by these.
     """
+    if rolls(terms.rounds):
+        roll_by_surfaces(x, v, span, own, terms, terms.rounds)
+        return
     for i in range(x.shape[0]):
         if not own.busy[i]:
             continue
@@ -139,6 +145,26 @@ def push_by_surfaces(
                 set_row(own.change, i, choose(turns, given.change, row(own.change, i)))
                 set_row(own.rub, i, choose(turns, given.rub, row(own.rub, i)))
                 set_row(own.force, i, choose(turns, given.force, row(own.force, i)))
+
+
+@compiled
+def roll_by_surfaces(x: Rows, v: Rows, span: Span, own: Bodies, terms: Terms, rounds: Rounds | None) -> None:
+    """Let surfaces give a body with round features what follows from all else."""
+    if rounds is not None:
+        rolling = own.space.rolling
+        for i in range(x.shape[0]):
+            more = row(own.velocity, i) - row(own.known, i)
+            set_row(own.by_bodies, i, row(own.by_bodies, i) + more)
+            set_row(rolling.velocity, i, row(own.free, i) + row(own.by_bodies, i))
+        roll_on(v, RoundProblem(x, span, rolling, rounds, terms))
+        for i in range(x.shape[0]):
+            change, rubbed = row(rolling.change, i), row(rolling.rub, i)
+            now = (row(own.free, i) + row(own.by_bodies, i)) + (change + rubbed)
+            set_row(own.velocity, i, now)
+            set_row(own.known, i, now)
+            set_row(own.change, i, change)
+            set_row(own.rub, i, rubbed)
+            set_row(own.force, i, row(rolling.force, i))
 
 
 @compiled
@@ -200,6 +226,7 @@ def surfaces_take(turn: int, count: int, surfaces: Surfaces | None, friction: Nu
 def find_impulses(x: Ragged, v: Ragged, problem: Problem, work: Bodies, terms: Terms) -> None:
     """Find what surfaces and bodies give at a node that is reached with velocities ``v``."""
     pairs, velocity = problem.pairs, work.velocity.values
+    spheres, mass = work.contacts.spheres, terms.particles.mass.values
     first = True
     for turn in range(TURNS + 1):  # in one loop, as each call is compiled where it stands
         if surfaces_take(turn, problem.rows, terms.surfaces, pairs.friction):
@@ -209,12 +236,14 @@ def find_impulses(x: Ragged, v: Ragged, problem: Problem, work: Bodies, terms: T
                 own, here, start = of_body(work, body), of_body(x, body), of_body(v, body)
                 push_by_surfaces(here, start, problem.span, first, turn == TURNS, own, of_body(terms, body))
             first = False
+        put_together(x.values, velocity, mass, problem.rows, spheres)
         if turn < 2:
             sweep(velocity, turn == 1, problem)
         if turn == 1:
             taper(velocity, problem, pairs.shapes.edges)
         if turn > 0:
             rub(velocity, turn - 1, problem, pairs.friction)
+        take_apart(x.values, velocity, problem.rows, spheres)
 
 
 # --- The node -----------------------------------------------------------------------------------------
@@ -288,6 +317,7 @@ def pass_free(x: Rows, v: Rows, node: Node, own: Bodies, terms: Terms) -> bool:
     read, all are busy. A sum with zero is never −0, as where contacts of other copies add theirs.
     """
     any_busy, span, last = False, node.span, node.stage == READS
+    whole = rolls(terms.rounds)
     for i in range(x.shape[0]):
         place, was = row(x, i), own.busy[i]
         after = free_velocity(i, v, span, own, terms)
@@ -295,7 +325,7 @@ def pass_free(x: Rows, v: Rows, node: Node, own: Bodies, terms: Terms) -> bool:
         begin = end
         if was:
             begin = plus_scaled(place, -1.0 * span.lead, row(v, i))
-        busy = last or own.touched[i] or (was and was_given(i, own, terms))
+        busy = last or whole or own.touched[i] or (was and was_given(i, own, terms))
         busy = busy or reached(i, begin, end, terms.particles, terms.surfaces)
         own.busy[i] = busy
         if busy:
@@ -309,6 +339,17 @@ def pass_free(x: Rows, v: Rows, node: Node, own: Bodies, terms: Terms) -> bool:
 
 
 @compiled
+def stored_by_features(
+    x: Rows, span: Span, own: Bodies, terms: Terms, rounds: Rounds | None
+) -> tuple[Number, Vector]:
+    """Return what `springgym.contact.round.lifted_feature` does; nothing without features."""
+    if rounds is None:
+        return 0.0 * span.out, 0.0 * row(x, 0)
+    problem = RoundProblem(x, span, own.space.rolling, rounds, terms)
+    return lifted_feature(row(own.shift, 0), own.velocity, problem)
+
+
+@compiled
 def pass_busy(x: Rows, v: Rows, node: Node, ledger: Ledger, own: Bodies, terms: Terms) -> None:
     """Let what is busy of a body go on, and enter what it lost; or read it, where the node is for that."""
     particles, memory, span, last = terms.particles, terms.memory, node.span, node.stage == READS
@@ -317,7 +358,10 @@ def pass_busy(x: Rows, v: Rows, node: Node, ledger: Ledger, own: Bodies, terms: 
     fresh = span.lead <= 0.0
     lossy = select(fresh, 1.0, coefficient(terms.loss, none)) > 0.0
     work, lost, rubbed, stored = none, none, none, none
-    sums, raised = no_kicks(none), False
+    sums, raised, whole = no_kicks(none), False, rolls(terms.rounds)
+    raising = none * row(x, 0)
+    if last and whole:
+        stored, raising = stored_by_features(x, span, own, terms, terms.rounds)
     for i in range(v.shape[0]):
         if not own.busy[i]:
             continue
@@ -340,9 +384,11 @@ def pass_busy(x: Rows, v: Rows, node: Node, ledger: Ledger, own: Bodies, terms: 
             if last:
                 thrown = span.whole * pushed(own.space.b, i, start, terms.wrench, terms.thrust)
                 sums = add_kicks(sums, passed, thrown, terms.gravity)
-                shift = row(own.shift, i)
-                more, lift = stored_by_surfaces(place, shift, passed, span, terms, terms.surfaces)
-                stored = stored + more
+                lift = raising
+                if not whole:
+                    shift = row(own.shift, i)
+                    more, lift = stored_by_surfaces(place, shift, passed, span, terms, terms.surfaces)
+                    stored = stored + more
                 if any_lane(dot(lift, lift) > 0.0):
                     raised = True
                 place = place + lift
@@ -405,15 +451,21 @@ def start_together(phase: Number, problem: Problem, collisions: Collisions, memo
 @compiled
 def pass_together(x: Ragged, v: Ragged, node: Node, ledger: Ledger, work: Bodies, terms: Terms) -> None:
     """Let all act on all bodies at a node: `springgym.integrators.node.pass_node` where they collide."""
-    collisions, last = terms.collisions, node.stage == READS
-    problem = find_contacts(x.values, v.values, v.values, node.span, terms, work.lists, work.contacts)
+    collisions, contacts, last = terms.collisions, work.contacts, node.stage == READS
+    particles, spheres = terms.particles, contacts.spheres
+    places, before, inverse_mass = as_seen(
+        x.values, v.values, particles.mass.values, particles.inverse_mass.values, spheres
+    )
+    found_in = work.lists, contacts
+    problem = find_contacts(places, before, before, inverse_mass, node.span, collisions, found_in)
     rows = problem.rows
     if node.stage == STARTS:
         start_together(node.phase, problem, collisions, terms.memory)
         return
-    list_changing(work.contacts, collisions.changing)
+    list_changing(contacts, collisions.changing)
     if rows > 0:
         prepare(problem, work.in_contact.values)
+        share_touched(work.in_contact.values, spheres)
     count = bodies_of(x)
     for body in range(count):
         if rows > 0 or work.any_busy[body]:
@@ -425,6 +477,7 @@ def pass_together(x: Ragged, v: Ragged, node: Node, ledger: Ledger, work: Bodies
         act_and_damp(own.space.w, node, own.space, of_body(ledger, body), of, of.cycle)
         work.any_busy[body] = pass_free(of_body(x, body), of_body(v, body), node, own, of)
     find_impulses(x, v, problem, work, terms)
+    put_together(x.values, work.velocity.values, particles.mass.values, rows, spheres)
     add_totals(work.velocity.values, problem, collisions.changing)
     if rows > 0:
         record_losses(ledger, problem)
@@ -433,6 +486,8 @@ def pass_together(x: Ragged, v: Ragged, node: Node, ledger: Ledger, work: Bodies
         for i in range(shift.shape[0]):
             set_row(shift, i, vec(0.0, 0.0, 0.0))
         lift_apart(shift, work.velocity.values, problem)
+        share_first(shift, spheres)
+    take_apart(x.values, work.velocity.values, rows, spheres)
     for body in range(count):
         if work.any_busy[body]:
             own, entries, of = of_body(work, body), of_body(ledger, body), of_body(terms, body)

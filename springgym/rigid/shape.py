@@ -142,6 +142,12 @@ def check_rigid(scene: Scene, method: Integrator) -> None:
             f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
             "node of that kind; use verlet, or say collisions=None to let bodies pass through each other"
         )
+    met = {n for of in (scene.meetings.first, scene.meetings.second) for n in of.tolist()}
+    if turns_among := [scene.bodies[n].name for n in sorted(met) if scene.shapes[n].turns]:
+        raise ValueError(
+            f"body {turns_among[0]!r} meets others as a sphere that turns, which rigid dynamics does not "
+            "know; use springs"
+        )
     for part in scene.parts:
         _check_body(part)
         _check_rest(part, method)

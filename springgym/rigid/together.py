@@ -391,8 +391,9 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
     """Let all act on all bodies at a node: `springgym.integrators.together.pass_together` of rigid bodies."""
     x, v, ledger = phase
     terms, last = twins[2], node.stage == READS
-    collisions, lists, contacts = terms.collisions, space.lists, space.contacts
-    problem = find_contacts(x.values, v.values, space.before, node.span, terms, lists, contacts)
+    collisions, contacts = terms.collisions, space.contacts
+    found_in, inverse_mass = (space.lists, contacts), terms.particles.inverse_mass.values
+    problem = find_contacts(x.values, v.values, space.before, inverse_mass, node.span, collisions, found_in)
     if node.stage == STARTS:
         start_together(node.phase, problem, collisions, terms.memory)
         return

@@ -124,7 +124,13 @@ def derived_strength(
     each, which = np.unique(reach, return_inverse=True)
     cubes = np.array([one**3 for one in each.tolist()])  # NumPy's power may differ from this in the last bit
     edge = stiffness * cubes[which]
-    return np.asarray(np.clip(mass * IMPACT**2 * reach / 64.8, SOFTEST * edge, STIFFEST * edge))
+    return np.clip(strength_of_impact(mass, reach), SOFTEST * edge, STIFFEST * edge)
+
+
+def strength_of_impact(mass: float | np.ndarray, reach: float | np.ndarray) -> np.ndarray:
+    """Return the c [N·m²] that `derived_strength` keeps within bounds; of what has no springs to ring, it is
+    the strength."""
+    return np.asarray(mass * IMPACT**2 * reach / 64.8)
 
 
 @lru_cache(maxsize=256)

@@ -439,6 +439,6 @@ def test_what_round_features_cannot_do_is_refused() -> None:
     with pytest.raises(ValueError, match="no round features; use Contact"):
         Simulator(scene.with_(contact=PaperContact(strength=1e-4, reach=1e-3)), integrator="rk4")
     block = Placed(cube(0.1), cube(0.1).positions + np.array([1, 0, 0.06]))
-    ball = Placed(BALL, scene.positions)
-    with pytest.raises(ValueError, match="neither triangles nor a radius"):
-        Scene(bodies=(ball, block), surfaces=(floor(),), contact=GRIP)
+    coin = Placed(disk(), disk().positions + np.array([0, 0, 0.2]))
+    with pytest.raises(ValueError, match="a single sphere about the centre of mass"):
+        Scene(bodies=(coin, block), surfaces=(floor(),), contact=GRIP)

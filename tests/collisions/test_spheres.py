@@ -1,0 +1,234 @@
+"""Spheres that turn among bodies that collide: friction that turns them, rolling, restitution, momenta."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from springgym.bodies import Body, cube, disk, ellipsoid_of, rolling_ball, sphere, start
+from springgym.scene import Placed, Scene
+from springgym.simulator import Simulator, UnresolvedContactError
+from springgym.surfaces import Contact, floor
+from springgym.theory import rolling
+from springgym.theory.contact import rest_height
+
+G = 9.81
+BALL = rolling_ball(0.1, 1.0, damping=0.0)
+BLOCK = cube(0.5, damping=0.0)
+CONTACT = Contact(friction=0.3, restitution=0.8)
+VARYING = ("friction", "restitution", "gravity")
+"""So that one kernel does for all scenes without surfaces."""
+
+
+def body_at(body: Body, position: Any, pinned: bool = False, **begins: Any) -> Placed:
+    """A body at a place; ``begins`` as `start`."""
+    begun = start(body, position=position, **begins)
+    pins = tuple(range(len(body.masses))) if pinned else ()
+    return Placed(body, begun.positions, begun.velocities, pinned=pins)
+
+
+def scene(*bodies: Placed, contact: Contact = CONTACT, gravity: Any = (0.0, 0.0, 0.0)) -> Scene:
+    """Bodies that collide, and a block far away, so that all scenes have all kinds of features."""
+    return Scene(bodies=(*bodies, body_at(BLOCK, (0, 0, -100.0))), contact=contact, gravity=gravity)
+
+
+def run(of: Scene, duration: float, **options: Any) -> Simulator:
+    simulator = Simulator(of, varying=VARYING, **options)
+    simulator.advance(round(duration / simulator.step))
+    return simulator
+
+
+def motion(simulator: Simulator, copy: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Velocities and angular velocities (bodies, 3) about the centres of mass."""
+    found = []
+    for placed, own in zip(simulator.scene.bodies, simulator.scene.slices, strict=True):
+        m = placed.body.masses[:, None]
+        x, v = simulator.positions[copy, own], simulator.velocities[copy, own]
+        arms, mean = x - (m * x).sum(0) / m.sum(), (m * v).sum(0) / m.sum()
+        second = (m * arms).T @ arms
+        inertia = np.trace(second) * np.eye(3) - second
+        found.append((mean, np.linalg.solve(inertia, (m * np.cross(arms, v)).sum(0))))
+    return tuple(np.array(of) for of in zip(*found, strict=True))  # type: ignore[return-value]
+
+
+def momenta(simulator: Simulator) -> np.ndarray:
+    """Momentum and angular momentum (6,) of all that is not the block far away."""
+    own = slice(0, simulator.scene.starts[-2])
+    m = simulator.scene.masses[own, None]
+    x, v = simulator.positions[0, own], simulator.velocities[0, own]
+    return np.concatenate([(m * v).sum(0), (m * np.cross(x, v)).sum(0)])
+
+
+# --- Two spheres ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.8, 0.5])
+@pytest.mark.parametrize("speed", [0.1, 1.0])
+def test_restitution_of_two_spheres(restitution: float, speed: float) -> None:
+    left = body_at(BALL, (-0.21, 0, 0), velocity=(speed, 0, 0))
+    of = scene(left, body_at(BALL, (0, 0, 0)), contact=replace(CONTACT, restitution=restitution))
+    v, _ = motion(run(of, 0.1 / speed, step=2e-4))
+    assert (v[1, 0] - v[0, 0]) / speed == pytest.approx(restitution, abs=0.02)
+
+
+@pytest.mark.parametrize(("friction", "slides"), [(0.05, True), (0.5, False)])
+def test_friction_turns_both_spheres(friction: float, slides: bool) -> None:
+    """Coulomb's, or as much as stops the slip: of equal balls, 2/7 of the slip over 2 is the impulse."""
+    spin = 10.0
+    contact = Contact(friction=friction, restitution=1.0)
+    left = body_at(BALL, (-0.21, 0, 0), velocity=(1.0, 0, 0), omega=(0, 0, spin))
+    simulator = run(scene(left, body_at(BALL, (0, 0, 0)), contact=contact), 0.1, step=2e-4)
+    v, w = motion(simulator)
+    slip = spin * 0.1
+    push = v[1, 0]
+    rub = min(friction * push, slip / 7) if slides else slip / 7
+    assert slides == (friction * push < slip / 7)
+    np.testing.assert_allclose(v[1, 1], rub, rtol=2e-2)
+    np.testing.assert_allclose(spin - w[0, 2], rub * 0.1 / 0.004, rtol=2e-2)
+    np.testing.assert_allclose(w[1, 2], -rub * 0.1 / 0.004, rtol=2e-2)
+    assert simulator.measure().balance == pytest.approx(0.5 + 0.5 * 0.004 * spin**2, rel=1e-3)
+
+
+# --- A sphere and a body --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.1, 0.2, 0.4])
+def test_friction_on_a_free_block_is_coulombs(radius: float) -> None:
+    """A ball that slides over a free block all the time it touches it."""
+    ball = rolling_ball(radius, 1.0, damping=0.0)
+    top = 0.25 + radius + 0.004
+    thrown = body_at(ball, (0, 0, top), velocity=(3.0, 0, -0.5))
+    simulator = run(scene(thrown, body_at(BLOCK, (0, 0, 0))), 0.05, step=1e-4)
+    v, _ = motion(simulator)
+    given = v[0] - (3.0, 0, -0.5)
+    assert given[2] > 0.3
+    assert -given[0] / (0.3 * given[2]) == pytest.approx(1.0, abs=0.005)
+
+
+@pytest.mark.parametrize(("angle", "friction"), [(0.2, 0.5), (0.4, 0.5), (0.4, 0.05)])
+def test_ball_rolls_down_a_tilted_block(angle: float, friction: float) -> None:
+    """At g sin a/(1 + I/(m r²)), or slides at g (sin a − μ cos a)."""
+    contact = Contact(friction=friction, restitution=0.5, strength=2e-4, reach=2e-3)
+    up = np.array([math.sin(angle), 0, math.cos(angle)])
+    down = np.array([math.cos(angle), 0, -math.sin(angle)])
+    gap = rest_height(G * math.cos(angle), 2e-4, 2e-3)
+    block = body_at(BLOCK, (0, 0, 0), pinned=True, turn=(0, angle, 0))
+    ball = body_at(BALL, (0.35 + gap) * up - 0.2 * down + (0, 0.03, 0))
+    simulator = Simulator(scene(ball, block, contact=contact, gravity=(0, 0, -G)), varying=VARYING, step=2e-4)
+    times, speeds = [], []
+    for _ in range(20):
+        simulator.advance(100)
+        v, w = motion(simulator)
+        times.append(len(times) + 1)
+        speeds.append(v[0] @ down)
+    found = np.polyfit(0.02 * np.array(times), speeds, 1)[0]
+    rolls = friction > rolling.needed_friction(angle, 0.4)
+    slides = G * (math.sin(angle) - friction * math.cos(angle))
+    assert found == pytest.approx(rolling.acceleration(angle, 0.4) if rolls else slides, rel=1e-3)
+    assert (abs(v[0] @ down - 0.1 * w[0, 1]) < 2e-3 * speeds[-1]) == rolls
+    assert abs(v[0, 1]) < 1e-3 * speeds[-1]
+
+
+def test_ball_rebounds_from_an_edge_and_a_corner() -> None:
+    for towards in ((1.0, 1.0, 0.0), (1.0, 1.0, 1.0)):
+        n = np.array(towards) / np.linalg.norm(towards)
+        place = 0.25 * np.array(towards) + 0.105 * n
+        ball = body_at(BALL, place, velocity=-1.0 * n)
+        v, w = motion(run(scene(ball, body_at(BLOCK, (0, 0, 0), pinned=True)), 0.05, step=2e-4))
+        np.testing.assert_allclose(v[0], 0.8 * n, atol=0.02)
+        np.testing.assert_allclose(w[0], 0.0, atol=1e-6)
+
+
+# --- What is kept ---------------------------------------------------------------------------------------
+
+
+def thrown(of: str) -> Scene:
+    """A ball that spins, thrown at something off the middle, and turned."""
+    others = {
+        "ball": body_at(rolling_ball(0.2, 3.0), (0, 0, 0), omega=(3.0, -2.0, 1.0)),
+        "block": body_at(BLOCK, (0.16, 0, 0), turn=(0.1, 0.2, 0.3), omega=(1.0, 2.0, 3.0)),
+    }
+    ball = body_at(
+        rolling_ball(0.1, 1.0), (-0.32, 0.06, 0.04), velocity=(2.0, 0, 0), omega=(5.0, 20.0, -10.0)
+    )
+    return scene(ball, others[of])
+
+
+@pytest.mark.parametrize("of", ["ball", "block"])
+def test_momenta_and_energy_are_kept(of: str) -> None:
+    simulator = Simulator(thrown(of), varying=VARYING, step=1e-4)
+    before, energy = momenta(simulator), simulator.measure().balance[0]
+    simulator.advance(2000)
+    pairs = simulator.pairs()
+    assert pairs.impulse[0].max() > 0.5
+    assert pairs.friction_loss[0].max() > 1e-3
+    np.testing.assert_allclose(momenta(simulator), before, rtol=0, atol=1e-12)
+    assert simulator.measure().balance[0] == pytest.approx(energy, rel=3e-3)  # Verlet's, of what rings
+
+
+def test_copies_are_those_of_their_own() -> None:
+    """To the bit, whatever others in the block meet."""
+    of = thrown("block")
+    shift = np.linspace(-0.1, 0.5, 7)
+    places = np.repeat(of.positions[None], 7, axis=0)
+    places[:, of.slices[0], 1] += shift[:, None]
+    batch = Simulator(of, copies=7, varying=VARYING, step=2e-4)
+    batch.place(places, np.repeat(of.velocities[None], 7, axis=0))
+    batch.advance(400)
+    batch.advance(600)
+    for copy in (0, 3, 6):
+        one = Simulator(of, varying=VARYING, step=2e-4)
+        one.place(places[copy], of.velocities)
+        one.advance(1000)
+        assert one.positions[0].tobytes() == batch.positions[copy].tobytes()
+        assert one.velocities[0].tobytes() == batch.velocities[copy].tobytes()
+
+
+def test_too_fast_is_told() -> None:
+    fast = scene(body_at(BALL, (-0.5, 0, 0), velocity=(60.0, 0, 0)), body_at(BALL, (0, 0, 0)))
+    with pytest.raises(UnresolvedContactError, match="'rolling ball0' and 'rolling ball1'"):
+        run(fast, 0.02, step=2e-4)
+    counted = run(fast, 0.02, step=2e-4, unresolved="count")
+    assert counted.unresolved.sum() > 0
+
+
+# --- On a table -----------------------------------------------------------------------------------------
+
+
+def test_struck_ball_rolls_with_5_7_and_the_other_with_2_7() -> None:
+    """Of a ball that rolls into an equal one at rest, on a table, when both roll again."""
+    speed = 2.0
+    cue = body_at(BALL, (-0.25, 0, 0.1015), velocity=(speed, 0, 0), omega=(0, speed / 0.1, 0))
+    bodies = (cue, body_at(BALL, (0, 0, 0.1015)))
+    table = Scene(
+        bodies=bodies, surfaces=(floor(),), contact=Contact(friction=0.2), collisions=Contact(friction=0.0)
+    )
+    simulator = Simulator(table, step=2e-4)
+    simulator.advance(5000)
+    v, w = motion(simulator)
+    np.testing.assert_allclose(v[:, 0], [2 / 7 * speed, 5 / 7 * speed], rtol=0.01)
+    np.testing.assert_allclose(v[:, 0], 0.1 * w[:, 1], rtol=1e-2)
+
+
+# --- What is refused ------------------------------------------------------------------------------------
+
+
+def test_what_is_no_sphere_about_its_middle_is_refused() -> None:
+    off = BALL.with_(rounds=(sphere(0.1, (0.01, 0, 0)),))
+    egg = BALL.with_(rounds=(ellipsoid_of((0.1, 0.1, 0.12)),))
+    two = BALL.with_(rounds=(sphere(0.1), sphere(0.05)))
+    for body in (off, egg, two, disk()):
+        with pytest.raises(ValueError, match="a single sphere about the centre of mass"):
+            scene(body_at(body, (0, 0, 0)))
+    held = Placed(BALL, pinned=(0,))
+    with pytest.raises(ValueError, match="pin all or none"):
+        scene(held)
+    with pytest.raises(ValueError, match="a sphere that turns, which rigid dynamics does not know"):
+        Simulator(thrown("block"), dynamics="rigid")
+    deep = scene(body_at(BALL, (0, 0, 0)), body_at(BALL, (0.205, 0, 0)))
+    with pytest.raises(ValueError, match="deep in each other"):
+        scene(deep.bodies[0], body_at(BALL, (0.15, 0, 0)))
