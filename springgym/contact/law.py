@@ -32,7 +32,7 @@ from typing import NamedTuple
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Vector
-from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
+from springgym.core.lanes import any_lane, epsilon, inverse_sqrt, maximum, minimum, select, sqrt
 from springgym.core.vectors import TINY, dot
 
 SLOW = 0.004
@@ -94,7 +94,7 @@ def mean_force(start: Number, end: Number, reach: Number, on: Mask) -> tuple[Num
 @compiled
 def loss_factor(rate: Number, beta: Number) -> tuple[Number, Number]:
     """Return L at a gap's rate [m/s], and its slope [s/m]."""
-    inverse = 1.0 / sqrt(rate * rate + SLOW * SLOW)
+    inverse = inverse_sqrt(rate * rate + SLOW * SLOW)
     return 1.0 - beta * rate * inverse, -1.0 * beta * (SLOW * SLOW) * inverse * inverse * inverse
 
 
