@@ -54,11 +54,11 @@ for name in ids:
     gymnasium.make(name).close()
 """
 TESTS = ("tests/test_project.py", "tests/agents/test_config.py", "tests/bodies")
-"""Some of the tests, of the project, the scripts and the package."""
+"""The tests that run from the sdist: some of the project, the scripts and the package."""
 
 
 class Rehearsal:
-    """Commands in a folder of their own, and how long they took.
+    """Run commands in a folder of their own, and keep how long they took.
 
     Parameters
     ----------

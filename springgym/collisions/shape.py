@@ -31,8 +31,8 @@ class Shape(NamedTuple):
     lines: np.ndarray
     """(L, 2) all edges of the triangles, flat ones included"""
     turns: bool = False
-    """whether it is a sphere that turns: its only vertex, the first particle, stands for the centre of mass,
-    see `as_met`"""
+    """whether the body is a sphere that turns, whose first particle contacts see at its centre of mass, see
+    `as_met`"""
 
 
 @lru_cache(maxsize=1024)

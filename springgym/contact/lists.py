@@ -67,11 +67,11 @@ class Lists(NamedTuple):
     ahead: np.ndarray
     """(bodies,) by how much the way in half a step exceeds what is allowed for, as pairs were watched [m]"""
     margin: np.ndarray
-    """(bodies,) how far a body may move before the pairs that are watched are listed anew [m]"""
+    """(bodies,) the way that a body may move before the search lists the watched pairs anew [m]"""
     travelled: np.ndarray
     """(bodies,) how far it moved at most since pairs were watched, up to when features were listed [m]"""
     close: np.ndarray
-    """(pairs,) list: those of the watched pairs that may touch at this node"""
+    """(pairs,) list of the watched pairs that may touch at this node"""
     length: np.ndarray
     """(2,) how many are `WATCHED`, and how many `CLOSE`"""
     kept: np.ndarray
@@ -87,32 +87,34 @@ class Lists(NamedTuple):
     point: np.ndarray
     """(V, 3) where they are [m]"""
     triangle: np.ndarray
-    """(T,) list: triangles of a pair that lie between the two bodies, the first's before"""
+    """(T,) list of the triangles of a pair that lie between both bodies: those of the first body, then of the
+    second"""
     triangle_particles: np.ndarray
-    """(3 T,) which particles their corners are"""
+    """(3 T,) the particles at the corners of these triangles"""
     corner: np.ndarray
-    """(T, 3) their first corner [m]"""
+    """(T, 3) the first corner of each triangle [m]"""
     first: np.ndarray
-    """(T, 3) the side from the first corner to the second [m]"""
+    """(T, 3) the side u of each triangle, from its first corner to its second [m]"""
     second: np.ndarray
-    """(T, 3) the side from the first corner to the third [m]"""
+    """(T, 3) the side w of each triangle, from its first corner to its third [m]"""
     normal: np.ndarray
-    """(T, 3) the cross product of these sides, as long as twice the area [m²]"""
+    """(T, 3) the cross product u × w, whose length is twice the area of the triangle [m²]"""
     square: np.ndarray
-    """(T,) the square of twice the area [m⁴]; −1 where there is no triangle"""
+    """(T,) |u × w|², the square of twice the area [m⁴]; −1 in rows without a triangle"""
     products: np.ndarray
-    """(T, 3) products of the sides u and w from the first corner: |u|², u·w and |w|² [m²]"""
+    """(T, 3) the products |u|², u·w and |w|² of the sides [m²]"""
     sizes: np.ndarray
     """(T, 3) 1 over ``square`` [m⁻⁴], 1 over the product of all sides' squares [m⁻⁶], the largest of
     these [m²]"""
     edge: np.ndarray
-    """(E,) list: edges of a pair that lie between the two bodies, the first's before"""
+    """(E,) list of the edges of a pair that lie between both bodies: those of the first body, then of the
+    second"""
     edge_particles: np.ndarray
-    """(2 E,) which particles their ends are"""
+    """(2 E,) the particles at the ends of these edges"""
     start: np.ndarray
-    """(E, 3) where edges begin [m]"""
+    """(E, 3) the first end of each edge [m]"""
     way: np.ndarray
-    """(E, 3) from there to the end [m]; 0 where there is no edge"""
+    """(E, 3) the way from the first end of each edge to its second [m]; 0 in rows without an edge"""
     candidate: np.ndarray
     """rows of triangles and edges: first all of them, in turn; then those near a vertex or an edge"""
     faces: np.ndarray
@@ -120,9 +122,9 @@ class Lists(NamedTuple):
     partners: np.ndarray
     """(E, 2) where the candidates of an edge of the first body begin there, and end: edges of the second"""
     crossed: np.ndarray
-    """(most,) list: edges that meet others, by their rows"""
+    """(most,) list of the rows of edges of one body that cross edges of the other"""
     crossing: np.ndarray
-    """(most,) and the edges that they meet"""
+    """(most,) the rows of the edges that they cross"""
 
 
 Quad: TypeAlias = tuple[Number, Number, Number, Number]

@@ -23,11 +23,12 @@ class Shapes(NamedTuple):
     """The features of all bodies, one body after another, by the numbers of the scene's particles."""
 
     vertices: np.ndarray
-    """(V, 1) a particle each"""
+    """(V, 1) the particle at each vertex"""
     triangles: np.ndarray | None
-    """(T, 3) three particles each; None if no body has any"""
+    """(T, 3) the particles at the corners of each triangle; None if no body has triangles"""
     edges: np.ndarray | None
-    """(E, 2) two particles each: sharp edges, and rods of bodies without triangles; None if none has any"""
+    """(E, 2) the particles at the ends of each sharp edge, or rod of a body without triangles; None if no
+    body has any"""
     start: np.ndarray
     """(3, bodies + 1) where each body's vertices, triangles and edges begin, and the end"""
     radius: np.ndarray
@@ -42,11 +43,11 @@ class Pairs(NamedTuple):
     """The pairs of bodies that may meet; each array has shape (pairs,)."""
 
     first: np.ndarray
-    """index of one body"""
+    """the index of the first body of each pair"""
     second: np.ndarray
-    """and of the other"""
+    """the index of the second body of each pair"""
     reach: np.ndarray
-    """Δ, the distance below which they repel each other [m]"""
+    """the reach Δ, the gap below which contact repels both bodies [m]"""
     least_reach: float
     """the least Δ of all pairs [m]"""
     parallel: np.ndarray

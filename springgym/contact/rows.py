@@ -36,25 +36,25 @@ class ContactRows(NamedTuple):
     length: np.ndarray
     """(2,) how many pairs have contacts, `MET`, and how many rows of contacts there are, `ROWS`"""
     met: np.ndarray
-    """(pairs,) list: the pairs that have contacts, ascending"""
+    """(pairs,) list of the pairs that have contacts, in ascending order"""
     left_out: np.ndarray
     """(pairs,) how many contacts there was no space for, at this node"""
     have: np.ndarray
     """(2,) how many contacts each copy has: in all, and of the pair that is looked at"""
     pair: np.ndarray
-    """(rows,) the pair whose contact it is, in all copies"""
+    """(rows,) the pair of bodies that meet in this contact, the same in all copies"""
     members: np.ndarray
-    """(rows,) how many particles it has, in all copies"""
+    """(rows,) the number of particles of the contact, the same in all copies"""
     particle: np.ndarray
-    """(4 rows,) which particles these are"""
+    """(4 rows,) the indices of these particles"""
     weight: np.ndarray
-    """(4 rows,) their weights w, which sum to 0"""
+    """(4 rows,) the weights w of these particles in the way from one body to the other; they sum to 0"""
     normal: np.ndarray
     """(rows, 3) the normal n, from the second body to the first"""
     gap: np.ndarray
-    """(rows,) the gap d [m], `FAR` where there is no contact"""
+    """(rows,) the gap d between both bodies [m]; `FAR` in copies without this contact"""
     share: np.ndarray
-    """(rows,) the share Φ of the strength"""
+    """(rows,) the factor Φ, 0 to 1, by which the strength c is multiplied where edges meet"""
     approach: np.ndarray
     """(rows,) the speed u₀ along the normal before the node [m/s]"""
     gain: np.ndarray
@@ -76,7 +76,7 @@ class ContactRows(NamedTuple):
     solids: Solids | None
     """the rigid bodies that contacts move; None where particles move by themselves"""
     spheres: Spheres | None = None
-    """those among bodies of springs that turn; None if none does"""
+    """the spheres that turn, among bodies of springs; None if there are none"""
 
 
 class Problem(NamedTuple):
@@ -91,7 +91,7 @@ class Problem(NamedTuple):
     before: Rows
     """(N, 3) velocities before it [m/s]; of rigid bodies, as `springgym.contact.solids.Solids` has them"""
     inverse_mass: Numbers
-    """(N,) of the particles [1/kg]"""
+    """(N,) the inverse masses of the particles [1/kg]"""
     pairs: Pairs
     """the pairs of bodies, and what they are like"""
     contacts: ContactRows

@@ -67,17 +67,18 @@ class Spheres(NamedTuple):
     radius: np.ndarray
     """(bodies,) [m]; 0 of what is no sphere"""
     x: Rows
-    """(N, 3) positions at the node [m]"""
+    """(N, 3) positions of the particles at the node [m]; in the first row of a sphere, its centre of mass"""
     before: Rows
-    """(N, 3) velocities before it [m/s], ω [rad/s]"""
+    """(N, 3) velocities of the particles before the node [m/s]; in the first two rows of a sphere, v and ω"""
     inverse_mass: Numbers
-    """(N,) [1/kg]"""
+    """(N,) inverse masses [1/kg]; in the first row of a sphere, 1/M"""
     turn: Rows
-    """(2 bodies, 3) I⁻¹ of spheres: xx, yy, zz; xy, xz, yz [1/(kg·m²)]; 0 of what is pinned"""
+    """(2 bodies, 3) the inverse inertia I⁻¹ of each sphere, in two rows: xx, yy, zz, and xy, xz, yz
+    [1/(kg·m²)]; 0 if it is pinned"""
     kept: Rows
-    """(N, 3) velocities of the particles of spheres [m/s]"""
+    """(N, 3) velocities of the particles of spheres, kept while v and ω stand in their rows [m/s]"""
     began: Rows
-    """(2 bodies, 3) v [m/s] and ω [rad/s] that follow from these"""
+    """(2 bodies, 3) v [m/s] and ω [rad/s] of each sphere that follow from the kept velocities"""
 
 
 def new_spheres(start: np.ndarray, radii: Sequence[float], dtype: DTypeLike) -> Spheres | None:

@@ -88,7 +88,7 @@ def way_left(m: Measures, s: Situation, c: int) -> float:
 
 @kernel
 def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
-    """The board leans on, and a point of the way that the ball comes close to is passed."""
+    """Tilt the board, and count a point of the way as passed when the ball comes close to it."""
     for c in range(goal.shape[0]):
         for axis in range(2):
             goal[c, LEANING + axis] = angle_after(s, c, axis, PERIOD)
@@ -191,7 +191,7 @@ def beside(middles: np.ndarray, way: np.ndarray) -> np.ndarray:
 
 @cache
 def _between() -> list[tuple[int, int, int, int]]:
-    """Places between cells: the first of two or four cells, and whether others lie across, along."""
+    """Return the places between cells: the first of two or four, and whether others lie across, along."""
     return [
         (i, j, across, along)
         for i, j in product(range(CELLS), repeat=2)
@@ -248,7 +248,7 @@ class SpringLabyrinth(Task):
         )
 
     def _resting(self, place: tuple[float, float], factors: Mapping[str, float]) -> np.ndarray:
-        """Positions (6, 3) of a ball that lies at a place of a level board [m]."""
+        """Return the positions (6, 3) of a ball that lies at a place of a level board [m]."""
         weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
         height = factors["scale"] * RADIUS + rest_height(weight, STRENGTH, REACH)
         return factors["scale"] * self.ball.positions + np.array([*place, height])
@@ -297,7 +297,7 @@ class SpringLabyrinth(Task):
         return together([film.look(self.scene), _board_look()], [len(self.ball.masses), len(board)])
 
     def points(self, s: Situation) -> np.ndarray:
-        """Ball and board as they are seen from the room, where the board is tilted."""
+        """Return ball and board as they are seen from the room, where the board is tilted."""
         turn = turned(s.goal[LEANING : LEANING + 2])
         return np.asarray(np.vstack([s.x, _board(s.goal, self.hole)]) @ turn.T)
 
@@ -328,7 +328,7 @@ HANDLE = (0.47, 0.0, 0.0)  # where the action is shown, beside the board [m]
 
 
 def _board(goal: np.ndarray, hole: float) -> np.ndarray:
-    """Points of the board, of the line along the way and of the holes of a radius, in its own frame [m]."""
+    """Return the points of the board, of the line along the way, and of holes of a radius [m]."""
     slab = np.array(list(product((-HALF, HALF), (-HALF, HALF), (-THICK, 0.0))))
     way = goal[:FIRST_HOLE].reshape(-1, 2)
     along = np.diff(way, axis=0)
@@ -347,7 +347,7 @@ def _board(goal: np.ndarray, hole: float) -> np.ndarray:
 
 
 def _board_look() -> Look:
-    """How `_board` is drawn."""
+    """Return the `Look` of what `_board` returns."""
     faces: list[Sequence[int]] = [
         (0, 2, 6, 4),
         (1, 5, 7, 3),

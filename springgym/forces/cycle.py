@@ -168,13 +168,22 @@ def damps_at(phase: Number, cycle: Cycle) -> bool:
 
 
 @compiled
+def not_damped(phase: Number, cycle: Cycle) -> Number:
+    """Return for which share of a cycle dampers have not acted yet since two cycles began.
+
+    It is less than 0 where they have acted for too long, and 0 where a cycle begins.
+    """
+    some, last = 0.0 * phase, 2 * cycle.every - FIRST
+    done = select(phase > FIRST + 0.5, 1.0 + some, 0.0) + select(phase > last + 0.5, 1.0 + some, 0.0)
+    return select(place_in(phase, cycle) > 0.0, phase * (1.0 / cycle.every) - done, 0.0)
+
+
+@compiled
 def relax_to_be_read(v: Rows, direction: Rows, phase: Number, ledger: Ledger, terms: Terms) -> None:
     """Let dampers act at a node that is read: half of it makes up for the time since two cycles began."""
     cycle = terms.cycle
     if any_lane(place_in(phase, cycle) > 0.0):
-        some, every = 1.0 + 0.0 * phase, 1.0 / cycle.every
-        done = select(phase > FIRST + 0.5, some, 0.0)
-        share = select(place_in(phase, cycle) > 0.0, 2.0 * (phase * every - done), 0.0)
+        share = 2.0 * not_damped(phase, cycle)
         damp(v, direction, terms.springs, terms.dampers, None, ledger, True, True, None, share)
 
 
@@ -231,11 +240,8 @@ def catch_up(
     What they did too much is taken back.
     """
     cycle = terms.cycle
-    time, last = cycle.every * h, 2 * cycle.every - FIRST
-    some = 0.0 * phase
-    done = select(phase > FIRST + 0.5, 1.0 + some, 0.0) + select(phase > last + 0.5, 1.0 + some, 0.0)
-    place = place_in(phase, cycle)
-    share = select(place > 0.0, phase * (1.0 / cycle.every) - done, 0.0)
+    time, some, place = cycle.every * h, 0.0 * phase, place_in(phase, cycle)
+    share = not_damped(phase, cycle)
     damp(v, direction, terms.springs, terms.dampers, None, ledger, True, True, None, share)
     if terms.wrench is not None:
         done = select(place > cycle.every // 2 + 0.5, END + MIDDLE + some, END)

@@ -29,7 +29,7 @@ CLAMP = 0.1
 
 
 class PaperLaw(NamedTuple):
-    """The numbers that the paper's contact has besides the surfaces."""
+    """Constants of the paper's law of contact."""
 
     damping: float
     """c_N [kg/s]"""

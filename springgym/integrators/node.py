@@ -103,7 +103,7 @@ class Given(NamedTuple):
     """The impulses that surfaces give a particle at a node, as changes of its velocity."""
 
     change: Vector
-    """change of velocity by their pushes [m/s]"""
+    """change of velocity by the pushes of surfaces [m/s]"""
     rub: Vector
     """change of velocity by friction [m/s]"""
     force: Vector
@@ -275,31 +275,33 @@ def next_phase(phase: Number) -> Number:
 
 
 @compiled
-def act_and_damp(
-    v: Rows, node: Node, space: Space, ledger: Ledger, terms: Terms, cycle: Cycle | None
-) -> None:
+def act_and_damp(v: Rows, node: Node, space: Space, ledger: Ledger, terms: Terms) -> None:
     """Let actuators and dampers act: a sweep of a whole step, or one of half of it before and one after.
 
     Copies of a block whose sweeps differ in direction have theirs one after the other. The second half of a
     node, of a fresh copy, has the sweep after the actuators, of half a step. In cycles, dampers act where it
     is their turn, see `springgym.forces.cycle`.
     """
-    whole, read = node.span.whole, node.stage == READS
+    for sweep in range(3):
+        if sweep == 1:
+            push(v, space.b, node.span.whole, terms.particles, terms.wrench, terms.thrust, ledger)
+            turn_drive(v, space.b, node.span.whole, terms.memory, terms.drive, ledger)
+        relax_at(sweep, v, node, space.direction, ledger, terms, terms.cycle)
+
+
+@compiled
+def relax_at(
+    sweep: int, v: Rows, node: Node, direction: Rows, ledger: Ledger, terms: Terms, cycle: Cycle | None
+) -> None:
+    """Let the dampers act before the actuators, after them, or on fresh copies; or in cycles."""
     if cycle is None:
-        for sweep in range(3):
-            if sweep == 1:
-                push(v, space.b, whole, terms.particles, terms.wrench, terms.thrust, ledger)
-                turn_drive(v, space.b, whole, terms.memory, terms.drive, ledger)
-            relax_some(sweep, v, node.phase, space.direction, terms.dampers, ledger, terms)
+        relax_some(sweep, v, node.phase, direction, terms.dampers, ledger, terms)
     else:
         phase = load(cycle.marks, PHASE)
-        if not read:
-            relax_in_turn(v, space.direction, False, phase, ledger, terms)
-        push(v, space.b, whole, terms.particles, terms.wrench, terms.thrust, ledger)
-        if read:
-            relax_to_be_read(v, space.direction, phase, ledger, terms)
-        else:
-            relax_in_turn(v, space.direction, True, phase, ledger, terms)
+        if node.stage != READS and sweep < 2:
+            relax_in_turn(v, direction, sweep == 1, phase, ledger, terms)
+        elif sweep == 1:
+            relax_to_be_read(v, direction, phase, ledger, terms)
 
 
 @compiled
@@ -469,7 +471,7 @@ def pass_node(
     lossy = select(span.lead > 0.0, coefficient(terms.loss, 0.0 * node.phase), 1.0) > 0.0
     share = span.out * (1.0 / span.whole)
     give_expected(among, space, terms.dampers)
-    act_and_damp(w, node, space, ledger, terms, terms.cycle)
+    act_and_damp(w, node, space, ledger, terms)
     take_back_expected(v, span, among, space, ledger, terms)
     if last:
         for i in range(v.shape[0]):

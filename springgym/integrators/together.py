@@ -474,7 +474,7 @@ def pass_together(x: Ragged, v: Ragged, node: Node, ledger: Ledger, work: Bodies
         own, of = of_body(work, body), of_body(terms, body)
         if needs_expected(terms.dampers) and work.any_busy[body]:
             give_expected(own)
-        act_and_damp(own.space.w, node, own.space, of_body(ledger, body), of, of.cycle)
+        act_and_damp(own.space.w, node, own.space, of_body(ledger, body), of)
         work.any_busy[body] = pass_free(of_body(x, body), of_body(v, body), node, own, of)
     find_impulses(x, v, problem, work, terms)
     put_together(x.values, work.velocity.values, particles.mass.values, rows, spheres)

@@ -128,8 +128,10 @@ def derived_strength(
 
 
 def strength_of_impact(mass: float | np.ndarray, reach: float | np.ndarray) -> np.ndarray:
-    """Return the c [N·m²] that `derived_strength` keeps within bounds; of what has no springs to ring, it is
-    the strength."""
+    """Return the strength c [N·m²] at which a corner that strikes at `IMPACT` stays a tenth of Δ away.
+
+    `derived_strength` keeps it within the bounds that springs set.
+    """
     return np.asarray(mass * IMPACT**2 * reach / 64.8)
 
 

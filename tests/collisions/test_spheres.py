@@ -25,14 +25,14 @@ VARYING = ("friction", "restitution", "gravity")
 
 
 def body_at(body: Body, position: Any, pinned: bool = False, **begins: Any) -> Placed:
-    """A body at a place; ``begins`` as `start`."""
+    """Return a body placed with its centre at a position; ``begins`` are further arguments of `start`."""
     begun = start(body, position=position, **begins)
     pins = tuple(range(len(body.masses))) if pinned else ()
     return Placed(body, begun.positions, begun.velocities, pinned=pins)
 
 
 def scene(*bodies: Placed, contact: Contact = CONTACT, gravity: Any = (0.0, 0.0, 0.0)) -> Scene:
-    """Bodies that collide, and a block far away, so that all scenes have all kinds of features."""
+    """Return a scene of bodies that collide, and a block far away that gives it all kinds of features."""
     return Scene(bodies=(*bodies, body_at(BLOCK, (0, 0, -100.0))), contact=contact, gravity=gravity)
 
 
@@ -43,7 +43,7 @@ def run(of: Scene, duration: float, **options: Any) -> Simulator:
 
 
 def motion(simulator: Simulator, copy: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Velocities and angular velocities (bodies, 3) about the centres of mass."""
+    """Return the velocities and angular velocities (bodies, 3) about the centres of mass."""
     found = []
     for placed, own in zip(simulator.scene.bodies, simulator.scene.slices, strict=True):
         m = placed.body.masses[:, None]
@@ -56,7 +56,7 @@ def motion(simulator: Simulator, copy: int = 0) -> tuple[np.ndarray, np.ndarray]
 
 
 def momenta(simulator: Simulator) -> np.ndarray:
-    """Momentum and angular momentum (6,) of all that is not the block far away."""
+    """Return momentum and angular momentum (6,) of all bodies but the block far away."""
     own = slice(0, simulator.scene.starts[-2])
     m = simulator.scene.masses[own, None]
     x, v = simulator.positions[0, own], simulator.velocities[0, own]
@@ -147,7 +147,7 @@ def test_ball_rebounds_from_an_edge_and_a_corner() -> None:
 
 
 def thrown(of: str) -> Scene:
-    """A ball that spins, thrown at something off the middle, and turned."""
+    """Return a scene in which a spinning ball flies at a body off its middle."""
     others = {
         "ball": body_at(rolling_ball(0.2, 3.0), (0, 0, 0), omega=(3.0, -2.0, 1.0)),
         "block": body_at(BLOCK, (0.16, 0, 0), turn=(0.1, 0.2, 0.3), omega=(1.0, 2.0, 3.0)),
@@ -200,7 +200,7 @@ def test_too_fast_is_told() -> None:
 
 
 def test_struck_ball_rolls_with_5_7_and_the_other_with_2_7() -> None:
-    """Of a ball that rolls into an equal one at rest, on a table, when both roll again."""
+    """A ball rolls into an equal one at rest, on a table: compare the speeds once both roll again."""
     speed = 2.0
     cue = body_at(BALL, (-0.25, 0, 0.1015), velocity=(speed, 0, 0), omega=(0, speed / 0.1, 0))
     bodies = (cue, body_at(BALL, (0, 0, 0.1015)))

@@ -124,7 +124,7 @@ def test_waiting_does_not_pay() -> None:
 
 @pytest.mark.parametrize("holes", [True, False])
 def test_the_end_is_not_reached_past_the_way(holes: bool) -> None:
-    """Who rolls straight to the end falls; where there are no holes, he arrives and has earned little."""
+    """A ball that rolls straight to the end falls; without holes it arrives, and has earned little."""
     envs = make_vec(ENV, COPIES, "native", "SameStep", observation="frame")
     seen, _ = envs.reset(seed=1_000_000)
     episodes, control = envs.unwrapped.episodes, classical(ENV)
@@ -145,7 +145,7 @@ def test_the_end_is_not_reached_past_the_way(holes: bool) -> None:
 
 
 def test_leaving_the_board_ends_the_episode() -> None:
-    """Before anything is earned, and without an error."""
+    """The episode ends before anything is earned, and without an error."""
     played = play(ENV, lambda seen: np.tile(np.float32([1.0, 0.3]), (COPIES, 1)), COPIES)
     assert played.lengths.max() < 100
     assert played.returns.max() < 0.05
