@@ -32,7 +32,7 @@ from typing import NamedTuple
 
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Vector
-from springgym.core.lanes import any_lane, epsilon, inverse_sqrt, maximum, minimum, select, sqrt
+from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
 from springgym.core.vectors import TINY, dot
 
 SLOW = 0.004
@@ -60,9 +60,9 @@ class Span(NamedTuple):
 
 
 @compiled
-def least_gap(reach: Number, like: Number) -> Number:
-    """Return the gap [m] below which gaps are taken for it; ``like`` is any number of the step."""
-    return (LEAST + 8 * epsilon(like)) * reach
+def least_gap(like: Number) -> Number:
+    """Return the share of Δ below which gaps are taken for it; ``like`` is any number of the step."""
+    return LEAST + 8 * epsilon(like)
 
 
 @compiled
@@ -75,74 +75,67 @@ def positive_root(linear: Number, product: Number) -> Number:
 
 
 @compiled
-def mean_force(start: Number, end: Number, reach: Number, on: Mask) -> tuple[Number, Number]:
-    """Return F̄/c [1/m²] between two gaps, and its derivative by the second, where a contact is ``on``."""
-    flat, first, last = 1.0 / (reach * reach), 1.0 / start, 1.0 / end
-    mean, slope = first * last - flat, -1.0 * first * last * last
-    farther = select(on, maximum(start, end), 0.0)
-    if any_lane(farther >= reach):
-        before, after = maximum(reach - start, 0.0), maximum(reach - end, 0.0)
-        way = end - start
-        way = 1.0 / select(way < 0.0, minimum(way, -1e-30), maximum(way, 1e-30))
-        across = (before * before * flat * first - after * after * flat * last) * way
-        steep = (after * (reach + end) * flat * last * last - across) * way
-        inside = farther < reach
-        mean, slope = select(inside, mean, across), select(inside, slope, steep)
-    return maximum(mean, 0.0), slope
+def mean_force(start: Number, end: Number, on: Mask) -> tuple[Number, Number, Number, Number]:
+    """Return N and D, of which F̄ is c/Δ² N/D between two gaps, and their derivatives by the second gap.
 
-
-@compiled
-def loss_factor(rate: Number, beta: Number) -> tuple[Number, Number]:
-    """Return L at a gap's rate [m/s], and its slope [s/m]."""
-    inverse = inverse_sqrt(rate * rate + SLOW * SLOW)
-    return 1.0 - beta * rate * inverse, -1.0 * beta * (SLOW * SLOW) * inverse * inverse * inverse
-
-
-@compiled
-def last_gap(
-    start: Number, free: Number, gain: Number, tau: Number, reach: Number, beta: Number, on: Mask
-) -> Number:
-    """Return the gap h₁ [m] at which a step ends: the root of the equation at the head of this file.
-
-    ``start`` is h₀, ``free`` is a, ``gain`` is c G [m³]. Whether h₁ < h₀ is known from both sides at h₀. If
-    not, h − a − G F̄ L is concave, as F̄ and L are convex there; if so, (h − a)/(G F̄) − L is convex. So
-    Newton's method, kept on its side of h₀, finds the root of every step. It begins with L at the rate
-    without loss, and the root that follows from it: what neither enters nor loses is found by then.
+    Gaps are in units of Δ. The numbers have a meaning where a contact is ``on``.
     """
-    flat, least = 1.0 / (reach * reach), least_gap(reach, free)
-    inverse, pace, inside = 1.0 / start, 1.0 / tau, start < reach
-    depth = maximum(reach - start, 0.0)
-    energy = depth * depth * flat * inverse
-    farthest = maximum(free - start, start - free) + sqrt(2.0 * gain * energy)
-    closing = start - free > gain * maximum(inverse * inverse - flat, 0.0)
+    product = start * end
+    n, d, n_slope, d_slope = 1.0 - product, product, -1.0 * start, start
+    if any_lane(select(on, maximum(start, end), 0.0) >= 1.0):
+        before, after, way = maximum(1.0 - start, 0.0), maximum(1.0 - end, 0.0), end - start
+        leaves, enters = end >= 1.0, start >= 1.0
+        n, n_slope = select(leaves, before * before, n), select(leaves, 0.0, n_slope)
+        d = select(leaves, start * way, d)
+        n, n_slope = select(enters, after * after, n), select(enters, -2.0 * after, n_slope)
+        d, d_slope = select(enters, -1.0 * end * way, d), select(enters, start - 2.0 * end, d_slope)
+        d = select(minimum(start, end) >= 1.0, 1.0, d)  # out of reach; n is 0
+    return n, d, n_slope, d_slope
+
+
+@compiled
+def last_gap(start: Number, free: Number, gain: Number, pace: Number, beta: Number, on: Mask) -> Number:
+    """Return the gap y at which a step ends, the root of the equation at the head of this file.
+
+    In units of Δ, ``start`` is σ = h₀/Δ, ``free`` is α = a/Δ, ``gain`` is γ = c G/Δ³, and ``pace`` is
+    Δ/(τ w): ρ = (y − σ) pace is the gap's mean rate over w. With F̄ = c/Δ² N/D, the equation is
+
+        (y − α) D = γ N (1 − β ρ/√q),    q = 1 + ρ².
+
+    It has no quotient of y but that of the root, and in a round of Newton's method the one division by the
+    slope takes that with it. Whether y < σ is known from both sides at σ. The first guess is the root of a
+    loss that far exceeds w, of 1 + β or 1 − β: exact without loss, and on the side of σ where the solution
+    is. A round that would leave the bracket halves it.
+    """
+    inside, nearer = start < 1.0, maximum(1.0 - start, 0.0)
+    closing = (start - free) * start * start > gain * nearer * (1.0 + start)
+    energy = nearer * nearer / start
     low = select(closing, maximum(free, 0.0), start)
-    high = select(closing, minimum(start, reach), maximum(start + farthest, reach))
-    keep, end = 1.0 + 0.0 * free, start
-    for attempt in range(2):
-        strength = gain * keep
-        end = positive_root(strength * flat - free, strength * inverse)
-        leaving = select(on, select(inside, end, 0.0), 0.0) > reach
-        if any_lane(leaving):
-            end = select(leaving, start + positive_root(start - free, strength * energy), end)
-        end = minimum(maximum(end, low), high)
-        if attempt == 0:
-            if not any_lane(select(on, beta, 0.0) > 0.0):
-                break
-            keep, _ = loss_factor((end - start) * pace, beta)
-    enough, finest, slow = FOUND + 16 * epsilon(free), 4 * epsilon(free), SLOW * tau
+    high = select(closing, minimum(start, 1.0), maximum(maximum(start, free) + 0.5 + gain * energy, 1.0))
+    strength = gain * select(closing, 1.0 + beta, 1.0 - beta)
+    end = positive_root(strength - free, strength / start)
+    leaving = select(on, select(inside, end, 0.0), 0.0) > 1.0
+    if any_lane(leaving):
+        end = select(leaving, start + positive_root(start - free, strength * energy), end)
+    end = minimum(maximum(end, low), high)
+    least, enough, finest = least_gap(free), FOUND + 16 * epsilon(free), 4 * epsilon(free)
+    slow = 1.0 / pace
     hard = select(inside, beta, 1.0) > 0.0
     active = select(on, select(hard, 1.0 + 0.0 * free, 0.0), 0.0)
     if any_lane(active > 0.5):
         for _ in range(ROUNDS):
             here = maximum(end, least)
-            mean, slope = mean_force(start, here, reach, on)
-            keep, less = loss_factor((here - start) * pace, beta)
-            wrong = here - free - gain * mean * keep
+            n, d, n_slope, d_slope = mean_force(start, here, on)
+            rate = (here - start) * pace
+            q = 1.0 + rate * rate
+            root, way, given = sqrt(q), here - free, gain * n
+            lossy, steep = beta * rate, gain * n_slope
+            wrong = (way * d - given) * root + given * lossy
+            slope = (d + way * d_slope - steep) * root * q + steep * lossy * q + given * beta * pace
             above = wrong > 0.0
             high, low = select(above, here, high), select(above, low, here)
-            pull = select(closing, (here - free) / maximum(mean, 1e-30), gain * keep)
-            new = here - wrong / (1.0 - minimum(slope, 0.0) * pull - gain * mean * less * pace)
-            new = select(minimum(new - low, high - new) < 0.0, 0.5 * (low + high), new)
+            new = here - wrong * q / slope
+            new = select(minimum(new - low, high - new) >= 0.0, new, 0.5 * (low + high))
             change = maximum(new - here, here - new)
             end = select(active > 0.5, new, end)
             bend = maximum(maximum(here - start, start - here), slow)  # the way over which L changes
@@ -167,12 +160,16 @@ def meet(
     -------
     J L W, the change of the gap's rate, and J W, what it would be without loss [m/s]
     """
-    start = maximum(start, least_gap(reach, free))
-    end = last_gap(start, free, (span.out * span.whole) * c, span.whole, reach, beta, on)
-    mean, _ = mean_force(start, end, reach, on)
-    keep, _ = loss_factor((end - start) / span.whole, beta)
-    push = span.whole * c * mean
-    return push * keep, push
+    unit = 1.0 / reach
+    first = maximum(start * unit, least_gap(free))
+    strength, pace = span.whole * c * (unit * unit), reach / (SLOW * span.whole)
+    end = last_gap(first, free * unit, span.out * strength * unit, pace, beta, on)
+    n, d, _, _ = mean_force(first, end, on)
+    rate = (end - first) * pace
+    root = sqrt(1.0 + rate * rate)
+    both = 1.0 / (d * root)
+    push = strength * n * (root * both)
+    return push * (1.0 - beta * rate * (d * both)), push
 
 
 @compiled
@@ -188,4 +185,4 @@ def within_cone(across: Vector, limit: Number) -> Vector:
 def barrier_energy(gap: Number, c: Number, reach: Number) -> Number:
     """Return U [J] at a gap [m]; 0 out of reach."""
     depth = maximum(reach - gap, 0.0)
-    return c * depth * depth / (maximum(gap, least_gap(reach, gap)) * (reach * reach))
+    return c * depth * depth / (maximum(gap, least_gap(gap) * reach) * (reach * reach))
