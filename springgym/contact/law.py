@@ -44,8 +44,9 @@ LEAST = 1e-9
 ROUNDS = 60
 """The most rounds of Newton's method for a gap; it takes some three where it need not halve its bracket."""
 
-FOUND = 1e-7
-"""The relative change of a gap at which Newton's method, which squares the error each time, has it."""
+FOUND, EXACT = 1e-5, 1e-7
+"""The relative change of a gap at which Newton's method, which squares the error each time, has it; and where
+nothing is lost, so that energy is kept to rounding."""
 
 
 class Span(NamedTuple):
@@ -103,9 +104,10 @@ def last_gap(start: Number, free: Number, gain: Number, pace: Number, beta: Numb
         (y − α) D = γ N (1 − β ρ/√q),    q = 1 + ρ².
 
     It has no quotient of y but that of the root, and in a round of Newton's method the one division by the
-    slope takes that with it. Whether y < σ is known from both sides at σ. The first guess is the root of a
-    loss that far exceeds w, of 1 + β or 1 − β: exact without loss, and on the side of σ where the solution
-    is. A round that would leave the bracket halves it.
+    slope takes that with it. Whether y < σ is known from both sides at σ. The first guess is that of a round
+    at σ, where ρ = 0, if it finds |ρ| < 1, as of contacts that rest; else the solution for rates far above
+    w, with L = 1 + β or 1 − β, which is exact without loss, and on the side of σ where the solution is. A
+    round that would leave the bracket halves it.
     """
     inside, nearer = start < 1.0, maximum(1.0 - start, 0.0)
     closing = (start - free) * start * start > gain * nearer * (1.0 + start)
@@ -117,9 +119,13 @@ def last_gap(start: Number, free: Number, gain: Number, pace: Number, beta: Numb
     leaving = select(on, select(inside, end, 0.0), 0.0) > 1.0
     if any_lane(leaving):
         end = select(leaving, start + positive_root(start - free, strength * energy), end)
-    end = minimum(maximum(end, low), high)
-    least, enough, finest = least_gap(free), FOUND + 16 * epsilon(free), 4 * epsilon(free)
-    slow = 1.0 / pace
+    force, square, moved = gain * (1.0 - start * start), start * start, start - free
+    calm = (force - moved * square) / (square + (moved + gain) * start + force * beta * pace)
+    rests = select(inside, select(beta > 0.0, maximum(calm, -1.0 * calm) * pace, 1.0), 1.0) < 1.0
+    end = minimum(maximum(select(rests, start + calm, end), low), high)
+    least, finest, zero = least_gap(free), 4 * epsilon(free), 0.0 * free
+    enough = select(beta > 0.0, zero + FOUND, EXACT) + 16 * epsilon(free)
+    slow = select(beta > 0.0, zero + 1.0 / pace, 0.0)
     hard = select(inside, beta, 1.0) > 0.0
     active = select(on, select(hard, 1.0 + 0.0 * free, 0.0), 0.0)
     if any_lane(active > 0.5):
@@ -139,7 +145,8 @@ def last_gap(start: Number, free: Number, gain: Number, pace: Number, beta: Numb
             change = maximum(new - here, here - new)
             end = select(active > 0.5, new, end)
             bend = maximum(maximum(here - start, start - here), slow)  # the way over which L changes
-            fine = maximum(enough * minimum(here, select(beta > 0.0, bend, here)), finest * here)
+            bend = minimum(bend, select(inside, here, 1.0 - here))  # and F̄
+            fine = maximum(enough * minimum(here, bend), finest * here)
             active = select(change > fine, active, 0.0)
             if not any_lane(active > 0.5):
                 break
