@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from springgym.contact.law import within_cone
+from springgym.contact.cone import within_cone
 from springgym.contact.rows import add_loss
 from springgym.contact.solids import among_going, between, inverse_mass_of_both, push_both
 from springgym.contact.spheres import (

@@ -18,7 +18,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from springgym.contact.law import meet, within_cone
+from springgym.contact.cone import within_cone
+from springgym.contact.law import meet
+from springgym.contact.points import lifted
 from springgym.contact.surfaces import (
     coefficient,
     count,
@@ -34,7 +36,6 @@ from springgym.core.vectors import TINY, choose, cross, dot, plus_scaled, row, s
 from springgym.forces.ledger import CONTACT, FRICTION, WORK, record
 from springgym.forces.memory import STORED, halve
 from springgym.integrators.envelope import Block
-from springgym.integrators.node import lifted
 from springgym.rigid.flight import Motion, State, angular_velocity, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
 

@@ -31,14 +31,18 @@ from springgym.core.lanes import any_lane, bodies_of, epsilon, load, maximum, mi
 from springgym.core.vectors import TINY, choose, plus_scaled, row, set_row, vec
 from springgym.forces.ledger import CONTACT, WORK, record
 from springgym.forces.memory import PHASE, STORED, halve, remember, resume, share_actions
-from springgym.integrators.node import PASSES, READS, STARTS, Node, node_at
-from springgym.integrators.record import Phase
-from springgym.integrators.together import (
+from springgym.integrators.node import (
+    PASSES,
+    READS,
     START,
+    STARTS,
+    Node,
+    node_at,
     record_losses,
     start_together,
     store_energy_of_pairs,
 )
+from springgym.integrators.record import Phase
 from springgym.rigid.contact import (
     RigidNode,
     clearance,
@@ -395,7 +399,7 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
     found_in, inverse_mass = (space.lists, contacts), terms.particles.inverse_mass.values
     problem = find_contacts(x.values, v.values, space.before, inverse_mass, node.span, collisions, found_in)
     if node.stage == STARTS:
-        start_together(node.phase, problem, collisions, terms.memory)
+        start_together(collisions, terms.memory, node.phase, problem)
         return
     count = bodies_of(x)
     for body in range(count):
