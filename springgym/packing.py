@@ -33,8 +33,8 @@ from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
 from springgym.integrators.node import Exchange, Space
 from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
-from springgym.rigid.contact import ARRAYS
-from springgym.rigid.together import ROWS, Company
+from springgym.rigid.node import ROWS, Company
+from springgym.rigid.surfaces import ARRAYS
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Contact, PaperContact, Surface, coupled, loss_of, scales
 
