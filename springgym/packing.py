@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
+from springgym.contact.cone import law_of
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel
@@ -157,6 +158,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
         gravity=gravity,
         surfaces=surfaces_of(surfaces),
         friction=friction,
+        friction_law=law_of([contact]) if friction is not None and isinstance(contact, Contact) else None,
         loss=loss,
         paper_law=law,
         own=tuple(own) or None,
@@ -262,6 +264,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         parallel=parallel(met, longest),
         strength=np.array(met.strength),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
+        friction_law=law_of([met.contacts[n] for n in met.how]) if rubs else None,
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
         shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
         most=most_contacts(met, scene.shapes)[0],

@@ -129,6 +129,8 @@ class RoundProblem(NamedTuple):
 
     x: Rows
     """(N, 3) positions at the node [m]"""
+    before: Rows
+    """(N, 3) velocities before it [m/s]"""
     span: Span
     """the time of the node"""
     space: Rolling | None
@@ -244,10 +246,10 @@ def give(e: int, point: Vector, impulse: Vector, v: Rows, problem: RoundProblem)
 
 
 @compiled
-def roll(v: Rows, problem: RoundProblem) -> bool:
+def roll(problem: RoundProblem) -> bool:
     """Find what surfaces give a body by its round features; tell whether they touch it in any copy.
 
-    All else takes the velocities from ``v`` to those of the `Rolling`.
+    All else takes the velocities from those before the node to those of the `Rolling`.
     """
     x, span, space, rounds, surfaces = (
         problem.x,
@@ -260,7 +262,11 @@ def roll(v: Rows, problem: RoundProblem) -> bool:
         for rows in (space.change, space.rub, space.force):
             set_row(rows, i, vec(0.0, 0.0, 0.0))
     found, none = False, 0.0 * row(x, 0)
-    now, before, after = Way(x, None, None), Way(x, v, -1.0 * span.lead), Way(x, space.velocity, span.out)
+    now, before, after = (
+        Way(x, None, None),
+        Way(x, problem.before, -1.0 * span.lead),
+        Way(x, space.velocity, span.out),
+    )
     for e in range(rounds.first.size):
         for k in range(count(surfaces.kinds)):
             r = e * count(surfaces.kinds) + k
@@ -344,9 +350,12 @@ def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, fricti
         slip = at(e, there, Way(v, None, None), rounds)
         slip = slip - dot(slip, n) / square * n
         least = AWAY * inverse_mass(e, point, point, problem)
-        wanted = old - 1.0 / (maximum(inverse_mass(e, point, there, problem), least) + TINY) * slip
+        inverse = maximum(inverse_mass(e, point, there, problem), least) + TINY
+        wanted = old - 1.0 / inverse * slip
         limit = load(friction, 0) * sqrt(square) * push
-        new = choose(going, within_cone(wanted, limit), old)
+        before = at(e, point, Way(problem.before, None, None), rounds)
+        new = within_cone(wanted, limit, inverse, before, problem.terms.friction_law, 0)
+        new = choose(going, new, old)
         set_row(space.friction, r, new)
         give(e, point, new - old, v, problem)
 

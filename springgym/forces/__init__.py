@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from springgym.contact.cone import Stribeck
 from springgym.contact.round import Rounds, feature_energy, rolls
 from springgym.contact.surfaces import Surfaces, contact_energy
 from springgym.contact.totals import Collisions
@@ -62,6 +63,8 @@ class Terms(NamedTuple):
     surfaces: Surfaces | None = None
     friction: np.ndarray | None = None
     """μ of the surfaces [1], (1,)"""
+    friction_law: Stribeck | None = None
+    """what the law of friction takes beside it; None if it is Coulomb's"""
     loss: np.ndarray | None = None
     """β of the surfaces [1], (1,)"""
     paper_law: PaperLaw | None = None
