@@ -348,7 +348,7 @@ def pass_node(bodies: Bodies, node: Node) -> None:
     for n in range(bodies_of(bodies.x)):
         own = of_body(bodies, n)
         note_busy(n, pass_free(own, node, own.space.exchange), exchange)
-    meet(bodies, node, problem, exchange)
+    meet_each_other(bodies, node, problem, exchange)
     if last:
         for n in range(bodies_of(bodies.x)):
             own = of_body(bodies, n)
@@ -388,7 +388,7 @@ def pass_free(own: Bodies, node: Node, exchange: Exchange | None) -> bool:
             any_busy = True
             begin_contact(i, free, node, own, exchange)
         else:
-            free = unsigned(free, exchange)
+            free = without_minus_zero(free, exchange)
             set_row(v, i, free)
             set_row(x, i, place + tau * free)
             if was:
@@ -397,7 +397,7 @@ def pass_free(own: Bodies, node: Node, exchange: Exchange | None) -> bool:
 
 
 @compiled
-def unsigned(free: Vector, exchange: Exchange | None) -> Vector:
+def without_minus_zero(free: Vector, exchange: Exchange | None) -> Vector:
     """Return a velocity without −0, where bodies collide: contacts of other copies would add 0 to it."""
     if exchange is None:
         return free
@@ -595,7 +595,7 @@ def note_busy(n: int, any_busy: bool, exchange: Exchange | None) -> None:
 
 
 @compiled
-def meet(bodies: Bodies, node: Node, problem: Problem | None, exchange: Exchange | None) -> None:
+def meet_each_other(bodies: Bodies, node: Node, problem: Problem | None, exchange: Exchange | None) -> None:
     """Let bodies that collide, and surfaces with them, give their impulses, and let what is busy go on."""
     if problem is not None:
         x, mass, spheres = bodies.x.values, bodies.terms.particles.mass.values, problem.contacts.spheres

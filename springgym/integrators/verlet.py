@@ -168,7 +168,7 @@ def integrate_through_nodes(
         node = node_at(phase, h, STARTS if not goes else (READS if n == end else PASSES))
         if goes:
             for body in range(bodies_of(x)):
-                reach(of_body(bodies, body), node, n == 0)
+                arrive(of_body(bodies, body), node, n == 0)
             if n == end:
                 remember_totals(terms.collisions)
         pass_node(bodies, node)
@@ -189,7 +189,7 @@ def go_back(own: Bodies, phase: Number) -> None:
 
 
 @compiled
-def reach(own: Bodies, node: Node, first: bool) -> None:
+def arrive(own: Bodies, node: Node, first: bool) -> None:
     """Find the forces at a node on a body; how it is reached is remembered where it is to be read."""
     x, space, terms, memory, last = own.x, own.space, own.terms, own.terms.memory, node.stage == READS
     if not first:
