@@ -33,7 +33,7 @@ from springgym.forces.actuators import (
 )
 from springgym.forces.cycle import Cycle
 from springgym.forces.memory import Memory
-from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
+from springgym.forces.paper_contact import PaperLaw, Sampled, add_paper_forces, clamp
 from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
 from springgym.own_forces import OfBody, add_own_forces, own_energy
 
@@ -121,7 +121,8 @@ def derivative(x: Rows, v: Rows, a: Rows, b: Rows, weight: Number, ledger: Ledge
     add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
     add_own_forces(x, a, terms.own, terms.body)
     record_holding(v, a, terms.drive, ledger, weight)
-    add_paper_forces(x, v, a, particles, terms.surfaces, terms.friction, terms.paper_law, ledger, weight)
+    sampled = Sampled(x, v, a, ledger, weight)
+    add_paper_forces(sampled, particles, terms.surfaces, terms.friction, terms.paper_law)
     divide_by_mass(a, particles)
     add_actuation(x, v, a, b, particles, terms.wrench, terms.thrust, ledger, weight)
     drive_on(v, a, terms.drive)
