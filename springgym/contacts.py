@@ -139,7 +139,8 @@ def padded(found: list[Contacts], copies: int) -> Contacts:
 
 def _of_bodies(scene: Scene, here: Here) -> Contacts:
     """Read contacts between bodies off the rows of a thread."""
-    contacts, met = here.workspace.contacts, scene.meetings
+    work, met = here.workspace, scene.meetings
+    contacts = getattr(work, "exchange", work).contacts
     rows = int(contacts.length[ROWS])
     pair = contacts.pair[:rows].astype(int)
     gap, push = (numbers(of)[:rows].astype(float) for of in (contacts.gap, contacts.impulse))
@@ -211,12 +212,14 @@ def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:
     mean, arrived = (numbers(_values(of))[block].astype(float) for of in (here.v, terms.memory.arrived))
     after, x, out = 2.0 * mean - arrived, here.places.astype(float), 0.5 * here.step
     if terms.collisions is None:
-        kicked, acceleration = (numbers(work[n])[: len(x)].astype(float) for n in (5, 0))
+        kicked, acceleration = (numbers(of)[: len(x)].astype(float) for of in (work.w, work.a))
+        if not any((terms.dampers, terms.wrench, terms.thrust, terms.drive)):
+            kicked = arrived + (here.span - out) * acceleration
         change = after - (kicked + out * acceleration)
         quiet = np.abs(change) < ROUNDING * (np.abs(after) + np.abs(arrived))
         change = np.where(quiet, 0.0, change)
     else:
-        change = sum(numbers(of.values).astype(float) for of in (work.change, work.rub))
+        change = sum(numbers(of.values).astype(float) for of in (work.exchange.change, work.exchange.rub))
     mass = _values(terms.particles.mass)
     mass = numbers(mass)[block] if mass.dtype.names else mass[:, None]
     lead = here.span - out

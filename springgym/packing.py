@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym import rigid
 from springgym.bodies.elasticity import spring_forces
 from springgym.checks import HUGE, TINY
+from springgym.contact.cone import law_of
 from springgym.contact.lists import Lists, new_lists
 from springgym.contact.overlap import Outlines, outlines
 from springgym.contact.pairs import Pairs, longest_edge, most_contacts, packed_shapes, parallel
@@ -30,12 +31,11 @@ from springgym.forces.cycle import cycle
 from springgym.forces.memory import STORED, memory
 from springgym.forces.paper_contact import PaperLaw
 from springgym.forces.springs import Dampers, Decay, Springs, decay, interleaved
-from springgym.integrators.node import Space
+from springgym.integrators.node import Exchange, Space
 from springgym.integrators.record import Integrator, workspace
-from springgym.integrators.together import Bodies
 from springgym.own_forces import OfBody, to_compiled
-from springgym.rigid.contact import ARRAYS
-from springgym.rigid.together import ROWS, Company
+from springgym.rigid.node import ROWS, Company
+from springgym.rigid.surfaces import ARRAYS
 from springgym.scene import DriveActuator, Scene
 from springgym.surfaces import Contact, PaperContact, Surface, coupled, loss_of, scales
 
@@ -158,6 +158,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
         gravity=gravity,
         surfaces=surfaces_of(surfaces),
         friction=friction,
+        friction_law=law_of([contact]) if friction is not None and isinstance(contact, Contact) else None,
         loss=loss,
         paper_law=law,
         own=tuple(own) or None,
@@ -263,6 +264,7 @@ def pack_pairs(scene: Scene, options: Options) -> Pairs:
         parallel=parallel(met, longest),
         strength=np.array(met.strength),
         friction=options.parameter({"friction"} & varying, frictions) if rubs else None,
+        friction_law=law_of([met.contacts[n] for n in met.how]) if rubs else None,
         loss=options.parameter({"restitution"} & varying, loss_of(restitutions)) if loses else None,
         shapes=packed_shapes(scene.shapes, scene.starts[:-1].tolist()),
         most=most_contacts(met, scene.shapes)[0],
@@ -278,10 +280,12 @@ def workspaces(
     threads: int,
 ) -> list[Any]:
     """Return the workspace of each thread, elements of ``dtype``, for springs or the rigid ``twin``."""
-    if collisions is None:
-        return [workspace(method, scene, dtype) for _ in range(threads)]
-    make = solids_workspace if twin else bodies_workspace
-    return [make(scene, collisions.pairs, dtype) for _ in range(threads)]
+    pairs = None if collisions is None else collisions.pairs
+    if twin and pairs is not None:
+        return [solids_workspace(scene, pairs, dtype) for _ in range(threads)]
+    if not twin and method.meets_surfaces and (scene.surfaces or pairs is not None):
+        return [node_workspace(scene, pairs, dtype) for _ in range(threads)]
+    return [workspace(method, scene, dtype) for _ in range(threads)]
 
 
 def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[Lists, ContactRows]:
@@ -290,39 +294,54 @@ def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[List
     return new_lists(pairs, len(scene.positions), dtype), new_contacts(pairs, most, dtype)
 
 
-def bodies_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Bodies:
-    """Return the workspace of a thread for bodies that collide."""
-    particles = np.array([0, *(own.stop for own in scene.slices)])
-    springs = np.cumsum([0, *(len(placed.body.springs) for placed in scene.bodies)])
-    count = len(scene.positions)
-    lists, contacts = search_workspace(scene, pairs, dtype)
-    given = aligned_zeros((len(scene.surfaces), 3), dtype)
-    spheres = new_spheres(scene.starts, [of.radius if of.turns else 0.0 for of in scene.shapes], dtype)
+def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space:
+    """Return the workspace of a thread for nodes of bodies of springs.
+
+    Bodies that collide, by ``pairs``, have rows of their own; others pass nodes one by one, and share them.
+    """
     bodies = [placed.body for placed in scene.bodies]
-    most = [max(len(body.masses), len(body.rounds) * len(scene.surfaces)) for body in bodies]
-    features = np.cumsum([0, *most])
+    counts = {
+        "particles": [len(body.masses) for body in bodies],
+        "springs": [len(body.springs) for body in bodies],
+        "features": [max(len(body.masses), len(body.rounds) * len(scene.surfaces)) for body in bodies],
+    }
+
+    def rows(*shape: int, of: str = "particles", kind: DTypeLike = dtype) -> Any:
+        ends = np.cumsum([0, *counts[of]])
+        if pairs is None:
+            return aligned_zeros((max(counts[of]), *shape), kind)
+        return Ragged(aligned_zeros((int(ends[-1]), *shape), kind), ends)
+
     rolls = scene.surfaces and any(body.rounds for body in bodies)
-
-    def rows(start: np.ndarray = particles) -> Ragged:
-        return Ragged(aligned_zeros((int(start[-1]), 3), dtype), start)
-
-    rolling = Rolling(*(rows(features) for _ in Rolling._fields)) if rolls else None
-    return Bodies(
-        space=Space(rows(), rows(), rows(), rows(springs), rows(), given, rolling),
-        in_contact=Ragged(aligned_zeros((count,), dtype), particles),
-        touched=Ragged(np.zeros(count, bool), particles),
-        busy=Ragged(np.zeros(count, bool), particles),
-        free=rows(),
-        velocity=rows(),
-        known=rows(),
-        by_bodies=rows(),
-        change=rows(),
-        rub=rows(),
-        force=rows(),
-        shift=rows(),
-        any_busy=np.zeros(len(scene.bodies), bool),
-        lists=lists,
-        contacts=contacts._replace(spheres=spheres),
+    exchange = None
+    if pairs is not None:
+        lists, contacts = search_workspace(scene, pairs, dtype)
+        spheres = new_spheres(scene.starts, [of.radius if of.turns else 0.0 for of in scene.shapes], dtype)
+        exchange = Exchange(
+            in_contact=rows(),
+            touched=rows(kind=bool),
+            free=rows(3),
+            velocity=rows(3),
+            known=rows(3),
+            by_bodies=rows(3),
+            change=rows(3),
+            rub=rows(3),
+            force=rows(3),
+            shift=rows(3),
+            any_busy=np.zeros(len(bodies), bool),
+            lists=lists,
+            contacts=contacts._replace(spheres=spheres),
+        )
+    return Space(
+        a=rows(3),
+        b=rows(3),
+        w=rows(3),
+        direction=rows(3, of="springs"),
+        given=rows(3),
+        pushes=aligned_zeros((len(scene.surfaces), 3), dtype),
+        rolling=Rolling(*(rows(3, of="features") for _ in Rolling._fields)) if rolls else None,
+        busy=rows(kind=bool),
+        exchange=exchange,
     )
 
 

@@ -43,8 +43,8 @@ from springgym.forces.ledger import ENTRIES
 from springgym.guard import Guard, guarded
 from springgym.identity import check_same
 from springgym.integrators.clock import Clock
+from springgym.integrators.node import LOOK, START
 from springgym.integrators.record import COUNTS, Control, Phase
-from springgym.integrators.together import LOOK, START
 from springgym.measures import Markers, Measures, Reading, Readout
 from springgym.packing import PARAMETERS, Options, Packed, pack
 from springgym.scene import Scene

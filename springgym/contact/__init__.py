@@ -6,9 +6,10 @@ keeps `lists` of which of their features are near each other, `features` puts th
 springs through their particles, spheres that turn as `spheres` says, and rigid bodies as `solids` does.
 `totals` has what is told of each pair.
 
-At surfaces, `surfaces` has the gaps and normals of particles, and `round` those of ellipsoids and disks.
-`overlap` tells by geometry alone whether bodies are shown in each other.
+At surfaces, `points` solves for what they give particles, and `round` for ellipsoids and disks, with the gaps
+and normals of `surfaces`. `cone` is the law of friction. `overlap` tells by geometry alone whether bodies are
+shown in each other.
 
-The node of a step, in which all this acts, is `springgym.integrators.node` for a body at surfaces,
-`springgym.integrators.together` for bodies that collide, and `springgym.rigid` has both for rigid bodies.
+The node of a step, in which all this acts, is `springgym.integrators.node`, and `springgym.rigid.node` for
+rigid bodies.
 """

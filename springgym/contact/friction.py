@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from springgym.contact.law import within_cone
+from springgym.contact.cone import within_cone
 from springgym.contact.rows import add_loss
 from springgym.contact.solids import among_going, between, inverse_mass_of_both, push_both
 from springgym.contact.spheres import (
@@ -51,6 +51,7 @@ from springgym.core.vectors import (
 )
 
 if TYPE_CHECKING:
+    from springgym.contact.cone import Stribeck
     from springgym.contact.rows import ContactRows, Problem
     from springgym.contact.solids import Solids
     from springgym.contact.spheres import Spheres
@@ -120,7 +121,7 @@ def rub(v: Rows, turn: int, problem: Problem, friction: Numbers) -> None:
     """Hold back what slips, in two turns; in the third enter the loss, −j times the mean of the slips before
     and after."""
     if friction is not None:
-        contacts = problem.contacts
+        contacts, pairs = problem.contacts, problem.pairs
         for m in range(problem.rows):
             k = problem.rows - 1 - m if turn == 1 else m
             p = contacts.pair[k]
@@ -133,7 +134,8 @@ def rub(v: Rows, turn: int, problem: Problem, friction: Numbers) -> None:
             if any_lane(acts):
                 slip = slip_of(v, k, problem, contacts.solids)
                 if turn < SWEEPS:
-                    j = held_back(slip, k, given, limit, problem)
+                    before = slip_before(k, problem, pairs.friction_law)
+                    j = held_back(slip, before, k, given, limit, problem)
                     push_across(v, k, j - given, acts, problem, contacts.solids)
                     set_row(contacts.friction, k, choose(acts, j, given))
                 else:
@@ -231,12 +233,21 @@ def inverse_mass_of_sides(along: Vector, k: int, problem: Problem, spheres: Sphe
 
 
 @compiled
-def held_back(slip: Vector, k: int, given: Vector, limit: Number, problem: Problem) -> Vector:
+def slip_before(k: int, problem: Problem, law: Stribeck | None) -> Vector:
+    """Return how contact k slips before the node [m/s], if its law of friction asks for it; else 0."""
+    if law is None:
+        return 0.0 * row(problem.contacts.normal, k)
+    return slip_of(problem.before, k, problem, problem.contacts.solids)
+
+
+@compiled
+def held_back(slip: Vector, before: Vector, k: int, given: Vector, limit: Number, problem: Problem) -> Vector:
     """Return the impulse that stops a slip, besides what was ``given``; or as much as friction can give."""
     along = 1.0 / (sqrt(dot(slip, slip)) + TINY) * slip
     inverse = inverse_mass_along(along, k, problem, problem.contacts.solids)
     wanted = given - 1.0 / (inverse + TINY) * slip
-    return within_cone(wanted, limit)
+    pairs, contacts = problem.pairs, problem.contacts
+    return within_cone(wanted, limit, inverse, before, pairs.friction_law, contacts.pair[k])
 
 
 @compiled

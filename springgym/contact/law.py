@@ -21,9 +21,6 @@ just placed. With W the inverse of the effective mass and a the gap that all els
 
 F̄ and L fall as h₁ rises and are not negative: there is one root, and h₁ > 0 for every step and speed. The
 energy of the step changes by −J V (1 − L), with J = τ F̄ and the mean rate V = (h₁ − h₀)/τ: a loss, or 0.
-
-Friction is Coulomb's: an impulse across the normal that stops what slips, or as much of it as the cone
-allows, μ times the push.
 """
 
 from __future__ import annotations
@@ -31,9 +28,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Mask, Number, Vector
+from springgym.core.kinds import Mask, Number
 from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
-from springgym.core.vectors import TINY, dot
 
 SLOW = 0.004
 """w [m/s]: what is in contact and slower than this is slowed as by a damper, and does not rebound."""
@@ -177,15 +173,6 @@ def meet(
     both = 1.0 / (d * root)
     push = strength * n * (root * both)
     return push * (1.0 - beta * rate * (d * both)), push
-
-
-@compiled
-def within_cone(across: Vector, limit: Number) -> Vector:
-    """Return an impulse of friction, across the normal, or as much of it as Coulomb's cone allows.
-
-    ``limit`` is the coefficient of friction times the push. Both may be per mass.
-    """
-    return minimum(limit / sqrt(dot(across, across) + TINY), 1.0) * across
 
 
 @compiled

@@ -36,7 +36,8 @@ import numpy as np
 
 from springgym.bodies import Body
 from springgym.bodies.round import weights
-from springgym.contact.law import Span, barrier_energy, meet, within_cone
+from springgym.contact.cone import within_cone
+from springgym.contact.law import Span, barrier_energy, meet
 from springgym.contact.surfaces import Surfaces, coefficient, count, standing, strength_and_reach
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
@@ -68,9 +69,6 @@ AWAY = 0.5
 """K is taken for at least this share of W: a flat disk has it less where the point that touches runs away
 within half a step, and there friction waits for the next."""
 
-ARRAYS = 9
-"""Arrays of (particles or rows, 3) that a node computes in."""
-
 
 class Rounds(NamedTuple):
     """The round features of a body."""
@@ -98,7 +96,7 @@ class Rolling(NamedTuple):
     velocity: Rows
     """velocities after the node with as much of contact as is known [m/s]"""
     change: Rows
-    """change of velocity by pushes [m/s]; this and the next two as `springgym.integrators.node.Given`"""
+    """change of velocity by pushes [m/s]; this and the next two as `springgym.contact.points.Given`"""
     rub: Rows
     """change of velocity by friction [m/s]"""
     force: Rows
@@ -131,6 +129,8 @@ class RoundProblem(NamedTuple):
 
     x: Rows
     """(N, 3) positions at the node [m]"""
+    before: Rows
+    """(N, 3) velocities before it [m/s]"""
     span: Span
     """the time of the node"""
     space: Rolling | None
@@ -156,24 +156,6 @@ def packed_rounds(body: Body) -> Rounds:
         base=np.concatenate(base),
         slope=np.ascontiguousarray(np.concatenate(slope)),
         matrix=np.array([feature.matrix for feature in body.rounds]).reshape(-1, 3),
-    )
-
-
-@compiled
-def rolling_of(workspace: np.ndarray, first: int, rounds: Rounds | None) -> Rolling | None:
-    """Return arrays of a workspace, from the ``first`` one on, as `Rolling`; None without round features."""
-    if rounds is None:
-        return None
-    return Rolling(
-        workspace[first],
-        workspace[first + 1],
-        workspace[first + 2],
-        workspace[first + 3],
-        workspace[first + 4],
-        workspace[first + 5],
-        workspace[first + 6],
-        workspace[first + 7],
-        workspace[first + 8],
     )
 
 
@@ -264,19 +246,11 @@ def give(e: int, point: Vector, impulse: Vector, v: Rows, problem: RoundProblem)
 
 
 @compiled
-def roll(v: Rows, w: Rows, a: Rows, problem: RoundProblem) -> bool:
+def roll(problem: RoundProblem) -> bool:
     """Find what surfaces give a body by its round features; tell whether they touch it in any copy.
 
-    All else takes the velocities from ``v`` to ``w``, and on by a kick of the accelerations ``a``.
+    All else takes the velocities from those before the node to those of the `Rolling`.
     """
-    for i in range(v.shape[0]):
-        set_row(problem.space.velocity, i, plus_scaled(row(w, i), problem.span.out, row(a, i)))
-    return roll_on(v, problem)
-
-
-@compiled
-def roll_on(v: Rows, problem: RoundProblem) -> bool:
-    """Find the same where all else takes the velocities from ``v`` to those of the `Rolling`."""
     x, span, space, rounds, surfaces = (
         problem.x,
         problem.span,
@@ -288,7 +262,11 @@ def roll_on(v: Rows, problem: RoundProblem) -> bool:
         for rows in (space.change, space.rub, space.force):
             set_row(rows, i, vec(0.0, 0.0, 0.0))
     found, none = False, 0.0 * row(x, 0)
-    now, before, after = Way(x, None, None), Way(x, v, -1.0 * span.lead), Way(x, space.velocity, span.out)
+    now, before, after = (
+        Way(x, None, None),
+        Way(x, problem.before, -1.0 * span.lead),
+        Way(x, space.velocity, span.out),
+    )
     for e in range(rounds.first.size):
         for k in range(count(surfaces.kinds)):
             r = e * count(surfaces.kinds) + k
@@ -372,9 +350,12 @@ def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, fricti
         slip = at(e, there, Way(v, None, None), rounds)
         slip = slip - dot(slip, n) / square * n
         least = AWAY * inverse_mass(e, point, point, problem)
-        wanted = old - 1.0 / (maximum(inverse_mass(e, point, there, problem), least) + TINY) * slip
+        inverse = maximum(inverse_mass(e, point, there, problem), least) + TINY
+        wanted = old - 1.0 / inverse * slip
         limit = load(friction, 0) * sqrt(square) * push
-        new = choose(going, within_cone(wanted, limit), old)
+        before = at(e, point, Way(problem.before, None, None), rounds)
+        new = within_cone(wanted, limit, inverse, before, problem.terms.friction_law, 0)
+        new = choose(going, new, old)
         set_row(space.friction, r, new)
         give(e, point, new - old, v, problem)
 
@@ -400,7 +381,7 @@ def lifted_feature(shift: Vector, v: Rows, problem: RoundProblem) -> tuple[Numbe
     """Return what barriers store around a node beside what they store where it is read [J], and how far that
     is off the node [m]: by a ``shift``, and lifted off surfaces.
 
-    ``v`` are the velocities after the node. As `springgym.integrators.node.lifted`, for a whole body.
+    ``v`` are the velocities after the node. As `springgym.contact.points.lifted`, for a whole body.
     """
     rounds, surfaces = problem.rounds, problem.terms.surfaces
     kinds, none = count(surfaces.kinds), 0.0 * row(problem.x, 0)

@@ -102,40 +102,44 @@ def add_to(totals: Numbers, pair: int, entry: int, value: Number) -> None:
 
 
 @compiled
-def resume_totals(phase: Number, collisions: Collisions) -> None:
-    """Put the totals back to what they were before the last node; those of fresh copies stay."""
-    for m in range(1, entry_of(collisions.changing, 0) + 1):
-        first = entry_of(collisions.changing, m) * ENTRIES
-        for n in range(first, first + ENTRIES):
-            total, before = load(collisions.totals, n), load(collisions.totals_before, n)
-            store(collisions.totals, n, select(phase < 0.5, total, before))
+def resume_totals(phase: Number, collisions: Collisions | None) -> None:
+    """Put the totals, if bodies collide, back to what they were before the last node, but of fresh copies."""
+    if collisions is not None:
+        for m in range(1, entry_of(collisions.changing, 0) + 1):
+            first = entry_of(collisions.changing, m) * ENTRIES
+            for n in range(first, first + ENTRIES):
+                total, before = load(collisions.totals, n), load(collisions.totals_before, n)
+                store(collisions.totals, n, select(phase < 0.5, total, before))
 
 
 @compiled
-def remember_totals(collisions: Collisions) -> None:
-    """Remember the totals before the last node; those of pairs that are apart stay as they are."""
-    kept, totals = 0, collisions.totals
-    for m in range(1, entry_of(collisions.changing, 0) + 1):
-        p = entry_of(collisions.changing, m)
-        first = p * ENTRIES
-        for n in range(first, first + ENTRIES):
-            store(collisions.totals_before, n, load(totals, n))
-        touching, energy = load(totals, first + TOUCHING), load(totals, first + ENERGY)
-        if any_lane(select(energy <= 0.0, touching, 1.0 + 0.0 * touching) > 0.5):  # be it no number
-            kept += 1
-            set_entry(collisions.changing, kept, p)
-    set_entry(collisions.changing, 0, kept)
+def remember_totals(collisions: Collisions | None) -> None:
+    """Remember the totals, if bodies collide, before the last node; those of pairs that are apart stay."""
+    if collisions is not None:
+        kept, totals = 0, collisions.totals
+        for m in range(1, entry_of(collisions.changing, 0) + 1):
+            p = entry_of(collisions.changing, m)
+            first = p * ENTRIES
+            for n in range(first, first + ENTRIES):
+                store(collisions.totals_before, n, load(totals, n))
+            touching, energy = load(totals, first + TOUCHING), load(totals, first + ENERGY)
+            # be it no number
+            if any_lane(select(energy <= 0.0, touching, 1.0 + 0.0 * touching) > 0.5):
+                kept += 1
+                set_entry(collisions.changing, kept, p)
+        set_entry(collisions.changing, 0, kept)
 
 
 @compiled
-def halve_totals(collisions: Collisions) -> None:
-    """Leave half of the impulses and losses that the node added."""
-    for m in range(1, entry_of(collisions.changing, 0) + 1):
-        p = entry_of(collisions.changing, m)
-        for entry in (IMPULSE, CONTACT, FRICTION):
-            n = p * ENTRIES + entry
-            both = load(collisions.totals_before, n) + load(collisions.totals, n)
-            store(collisions.totals, n, 0.5 * both)
+def halve_totals(collisions: Collisions | None) -> None:
+    """Leave half of the impulses and losses that the node added, if bodies collide."""
+    if collisions is not None:
+        for m in range(1, entry_of(collisions.changing, 0) + 1):
+            p = entry_of(collisions.changing, m)
+            for entry in (IMPULSE, CONTACT, FRICTION):
+                n = p * ENTRIES + entry
+                both = load(collisions.totals_before, n) + load(collisions.totals, n)
+                store(collisions.totals, n, 0.5 * both)
 
 
 # --- Of all copies --------------------------------------------------------------------------------------

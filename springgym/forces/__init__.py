@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from springgym.contact.cone import Stribeck
 from springgym.contact.round import Rounds, feature_energy, rolls
 from springgym.contact.surfaces import Surfaces, contact_energy
 from springgym.contact.totals import Collisions
@@ -32,7 +33,7 @@ from springgym.forces.actuators import (
 )
 from springgym.forces.cycle import Cycle
 from springgym.forces.memory import Memory
-from springgym.forces.paper_contact import PaperLaw, add_paper_forces, clamp
+from springgym.forces.paper_contact import PaperLaw, Sampled, add_paper_forces, clamp
 from springgym.forces.springs import Dampers, Springs, add_spring_forces, damp, spring_energy
 from springgym.own_forces import OfBody, add_own_forces, own_energy
 
@@ -62,6 +63,8 @@ class Terms(NamedTuple):
     surfaces: Surfaces | None = None
     friction: np.ndarray | None = None
     """μ of the surfaces [1], (1,)"""
+    friction_law: Stribeck | None = None
+    """what the law of friction takes beside it; None if it is Coulomb's"""
     loss: np.ndarray | None = None
     """β of the surfaces [1], (1,)"""
     paper_law: PaperLaw | None = None
@@ -118,7 +121,8 @@ def derivative(x: Rows, v: Rows, a: Rows, b: Rows, weight: Number, ledger: Ledge
     add_spring_forces(x, v, a, None, terms.springs, terms.dampers, ledger, weight)
     add_own_forces(x, a, terms.own, terms.body)
     record_holding(v, a, terms.drive, ledger, weight)
-    add_paper_forces(x, v, a, particles, terms.surfaces, terms.friction, terms.paper_law, ledger, weight)
+    sampled = Sampled(x, v, a, ledger, weight)
+    add_paper_forces(sampled, particles, terms.surfaces, terms.friction, terms.paper_law)
     divide_by_mass(a, particles)
     add_actuation(x, v, a, b, particles, terms.wrench, terms.thrust, ledger, weight)
     drive_on(v, a, terms.drive)

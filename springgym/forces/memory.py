@@ -131,14 +131,11 @@ def recall_expected(phase: Number, given: Rows, expected: Rows | None) -> None:
 
 
 @compiled
-def keep_expected(among: tuple[int, int], given: Rows, expected: Rows | None) -> None:
-    """Keep what is expected for the last node: something for the particles ``among`` which some touched."""
+def keep_expected(given: Rows, expected: Rows | None) -> None:
+    """Keep what is expected for the last node."""
     if expected is not None:
         for i in range(expected.shape[0]):
-            if among[0] <= i < among[1]:
-                set_row(expected, i, row(given, i))
-            else:
-                set_row(expected, i, vec(0.0, 0.0, 0.0))
+            set_row(expected, i, row(given, i))
 
 
 @compiled

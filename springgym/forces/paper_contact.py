@@ -20,7 +20,7 @@ from springgym.core.vectors import TINY, add_row, dot, row, set_row
 from springgym.forces.ledger import CONTACT, FRICTION, record
 
 if TYPE_CHECKING:
-    from springgym.contact.surfaces import Surfaces
+    from springgym.contact.surfaces import Facing, Surfaces
     from springgym.forces import Particles
 
 
@@ -37,58 +37,58 @@ class PaperLaw(NamedTuple):
     """τ [s]"""
 
 
+class Sampled(NamedTuple):
+    """Where and when forces are sampled, and what receives them."""
+
+    x: Rows
+    """(N, 3) positions [m]"""
+    v: Rows
+    """(N, 3) velocities [m/s]"""
+    force: Rows
+    """(N, 3) forces [N], to which some are added"""
+    ledger: Ledger
+    weight: Number
+    """[s], by which the power that is lost is multiplied in the ledger"""
+
+
 @compiled
 def add_paper_forces(
-    x: Rows,
-    v: Rows,
-    force: Rows,
-    particles: Particles,
-    surfaces: Surfaces | None,
-    friction: Numbers,
-    law: PaperLaw,
-    ledger: Ledger,
-    weight: Number,
+    at: Sampled, particles: Particles, surfaces: Surfaces | None, friction: Numbers, law: PaperLaw | None
 ) -> None:
-    """Add the surfaces' forces [N] to ``force`` (N, 3).
-
-    ``weight`` [s] times the power that they lose goes to the ledger.
-    """
+    """Add the forces of surfaces on particles; the power that they lose goes to the ledger."""
     if law is not None and surfaces is not None:
         for i in range(particles.mass.size):
             if particles.free[i]:
                 for k in range(count(surfaces.kinds)):
-                    above = standing(k, row(x, i), surfaces)
-                    add_paper_force(i, above, v, force, particles, surfaces, friction, law, ledger, weight)
+                    above = standing(k, row(at.x, i), surfaces)
+                    add_paper_force(i, above, at, particles, surfaces, friction, law)
 
 
 @compiled
 def add_paper_force(
     i: int,
-    above: Numbers,
-    v: Rows,
-    force: Rows,
+    above: Facing,
+    at: Sampled,
     particles: Particles,
     surfaces: Surfaces,
     friction: Numbers,
     law: PaperLaw,
-    ledger: Ledger,
-    weight: Number,
 ) -> None:
     """Add the force on particle ``i`` that is ``above`` a surface: `springgym.contact.surfaces.standing`."""
     n, square, h = above
-    c, velocity = load(surfaces.strength, 0), row(v, i)
+    c, velocity = load(surfaces.strength, 0), row(at.v, i)
     push = maximum(c / (h * h) - c / (surfaces.reach * surfaces.reach), 0.0)
     push = select(h < surfaces.reach, push, 0.0)
     rate = dot(n, velocity)
     total = select(push > 0.0, maximum(push - law.damping * rate, 0.0), 0.0)
-    add_row(force, i, total * n)
-    record(ledger, CONTACT, weight * (push - total) * rate)
+    add_row(at.force, i, total * n)
+    record(at.ledger, CONTACT, at.weight * (push - total) * rate)
     if friction is not None:
         slip = velocity - rate / square * n
         speed = sqrt(dot(slip, slip) + TINY)
         rub = minimum(load(friction, 0) * push, load(particles.mass, i) * speed / (2.0 * law.step))
-        add_row(force, i, -rub / speed * slip)
-        record(ledger, FRICTION, weight * rub * speed)
+        add_row(at.force, i, -rub / speed * slip)
+        record(at.ledger, FRICTION, at.weight * rub * speed)
 
 
 @compiled

@@ -111,18 +111,17 @@ def advance_kernel(
 ) -> Callable[..., None]:
     """Return the compiled function that advances blocks of copies by a method.
 
-    Scenes with ``surfaces``, and ``cycles`` of several steps, have their own function, so that other scenes
-    need not wait for this code to compile. Bodies that collide take each step ``together``, or only find
-    their contacts at the `START`. Other bodies take all steps one after another.
+    Scenes with ``surfaces`` or of bodies that collide, and ``cycles`` of several steps, have their own
+    function, so that other scenes need not wait for this code to compile. Bodies that collide take each step
+    ``together``, or only find their contacts at the `START`. Other bodies take all steps one after another.
 
     If the kernel is called with ``reads``, it also measures the copies by ``read``, a compiled function like
     `springgym.measures.read`, with ``reading``, a `springgym.measures.Reading`. Only kernels of rigid bodies
     use ``settles``. ``clock`` counts the steps.
     """
-    if together:
-        return _kernel(_method(name, "integrate_together")[1], at_once, read)
-    special = "integrate_among_surfaces" if surfaces else "integrate_in_cycles" if cycles else ""
-    return _kernel(_method(name, special)[1], one_by_one, read)
+    nodes = surfaces or together
+    special = "integrate_through_nodes" if nodes else "integrate_in_cycles" if cycles else ""
+    return _kernel(_method(name, special)[1], at_once if together else one_by_one, read)
 
 
 @compiled

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from springgym import checks
-from springgym.contact.round import ARRAYS
 from springgym.core.blocks import aligned_zeros
 from springgym.core.kinds import Ledger, Nested, Rows
 from springgym.core.ragged import stacked
@@ -47,7 +46,7 @@ class Integrator:
     iterative: bool = False
     """whether it uses Newton's method"""
     meets_bodies: bool = False
-    """passes the nodes of `springgym.integrators.together` where bodies may meet"""
+    """passes the nodes of `springgym.integrators.node` where bodies may meet"""
     meets_surfaces: bool = False
     """passes nodes, see `springgym.integrators.node`, where there are surfaces"""
     cycles: bool = False
@@ -117,12 +116,8 @@ def workspace(method: Integrator, scene: Scene, dtype: DTypeLike) -> Nested:
     """Return the workspace of a method, with elements of ``dtype``: arrays and, if it is implicit, the matrix
     of each body."""
     bodies = [placed.body for placed in scene.bodies]
-    rows = max(
-        max(len(body.masses), len(body.springs), len(scene.surfaces) * max(len(body.rounds), 1))
-        for body in bodies
-    )
-    more = ARRAYS if scene.surfaces and any(body.rounds for body in bodies) else 0
-    arrays = aligned_zeros((method.workspace + more, rows, 3), dtype)
+    rows = max(max(len(body.masses), len(body.springs)) for body in bodies)
+    arrays = aligned_zeros((method.workspace, rows, 3), dtype)
     if not method.implicit:
         return arrays
     return arrays, stacked([envelope(len(body.masses), body.springs, dtype) for body in bodies], blocks=False)

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from springgym.contact.round import rolling_of
 from springgym.contact.totals import halve_totals, remember_totals, resume_totals
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Number, Ragged, Rows
+from springgym.core.kinds import Ledger, Number, Rows
 from springgym.core.lanes import any_lane, bodies_of, load, of_body
 from springgym.forces import (
     act,
@@ -44,17 +43,26 @@ from springgym.forces.memory import (
     share_actions,
     steer,
 )
-from springgym.integrators.node import PASSES, READS, STARTS, Node, Space, next_phase, node_at, pass_node
+from springgym.integrators.node import (
+    PASSES,
+    READS,
+    START,
+    STARTS,
+    Bodies,
+    Node,
+    Space,
+    acts_amid,
+    next_phase,
+    node_at,
+    note_busy,
+    pass_node,
+)
 from springgym.integrators.record import Integrator
-from springgym.integrators.together import START, Bodies, acts_amid, pass_together
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
     from springgym.forces.cycle import Cycle
 
-
-OWN_ARRAYS = 6
-"""Arrays of the workspace; those of round features follow."""
 
 RECORD = Integrator(
     name="verlet",
@@ -64,7 +72,7 @@ RECORD = Integrator(
     real_limit=float("inf"),
     symplectic=True,
     negative_substeps=False,
-    workspace=OWN_ARRAYS,
+    workspace=3,
     citation="Swope et al. 1982, doi:10.1063/1.442716; splitting: Strang 1968, doi:10.1137/0705041",
     meets_bodies=True,
     meets_surfaces=True,
@@ -140,35 +148,65 @@ def integrate_in_cycles(
 
 
 @compiled
-def integrate_among_surfaces(
-    x: Rows, v: Rows, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, terms: Terms
+def integrate_through_nodes(
+    x: Rows, v: Rows, ledger: Ledger, workspace: Space, h: Number, steps: int, terms: Terms
 ) -> None:
-    """The same where there are surfaces: all acts at nodes between drifts, see `springgym.integrators.node`.
+    """The same where there are surfaces or bodies collide: all acts at nodes between drifts.
 
-    The state is read amid the last node, which the next call makes anew; and no other if it takes as many
-    steps as `springgym.integrators.together.LOOK`.
+    All bodies take each step together; those that do not collide may also come here one by one. The state is
+    read amid the last node, which the next call makes anew: see `springgym.integrators.node`. As many steps
+    as `START` and `LOOK` are none: it is told which bodies of fresh copies touch, or the last node is made
+    anew.
     """
-    memory, rolling = terms.memory, rolling_of(workspace, OWN_ARRAYS, terms.rounds)
-    space = Space(workspace[0], workspace[1], workspace[5], workspace[2], workspace[3], workspace[4], rolling)
-    phase = resume(x, v, ledger, memory)
-    recall_expected(phase, space.given, memory.given)
-    among, end = (0, x.shape[0]), max(steps, 0)
+    bodies = Bodies(x, v, ledger, workspace, terms)
+    phase, goes, end = load(of_body(terms.memory, 0).marks, PHASE), steps != START, max(steps, 0)
+    if goes:
+        for n in range(bodies_of(x)):
+            go_back(of_body(bodies, n), phase)
+        resume_totals(phase, terms.collisions)
     for n in range(end + 1):
-        node = node_at(phase, h, READS if n == end else PASSES)
-        set_forces_at_node(x, n == end, space, terms, terms.cycle)
-        actuate(x, space.b, terms)
-        divide_and_kick(space.a, v, space.w, node.span.lead, terms.particles)
-        if n == 0:
-            share_actions(space.b, phase, memory, memory.pushed, terms.drive)
-        else:
-            steer(memory, terms.drive)
-        if n == end:
-            remember(x, space.b, phase, ledger, memory, memory.pushed)
-            keep_expected(among, space.given, memory.given)
-        among = pass_node(x, v, node, among, space, ledger, terms)
+        node = node_at(phase, h, STARTS if not goes else (READS if n == end else PASSES))
+        if goes:
+            for body in range(bodies_of(x)):
+                arrive(of_body(bodies, body), node, n == 0)
+            if n == end:
+                remember_totals(terms.collisions)
+        pass_node(bodies, node)
         phase = next_phase(phase)
-        if n < end:
-            count_node(terms.cycle)
+    if goes:
+        halve_totals(terms.collisions)
+
+
+@compiled
+def go_back(own: Bodies, phase: Number) -> None:
+    """Go back to where a body's last node was reached, and to what contact was expected to give there."""
+    memory, space = own.terms.memory, own.space
+    resume(own.x, own.v, own.ledger, memory)
+    recall_expected(phase, space.given, memory.given)
+    for i in range(own.x.shape[0]):
+        space.busy[i] = True
+    note_busy(own.terms.body, True, space.exchange)
+
+
+@compiled
+def arrive(own: Bodies, node: Node, first: bool) -> None:
+    """Find the forces at a node on a body; how it is reached is remembered where it is to be read."""
+    x, space, terms, memory, last = own.x, own.space, own.terms, own.terms.memory, node.stage == READS
+    if not first:
+        count_node(terms.cycle)
+    set_forces_at_node(x, last, space, terms, terms.cycle)
+    actuate(x, space.b, terms)
+    if acts_amid(terms):
+        divide_and_kick(space.a, own.v, space.w, node.span.lead, terms.particles)
+    else:
+        divide_by_mass(space.a, terms.particles)
+    if first:
+        share_actions(space.b, node.phase, memory, memory.pushed, terms.drive)
+    else:
+        steer(memory, terms.drive)
+    if last:
+        remember(x, space.b, node.phase, own.ledger, memory, memory.pushed)
+        keep_expected(space.given, memory.given)
 
 
 @compiled
@@ -178,61 +216,3 @@ def set_forces_at_node(x: Rows, read: bool, space: Space, terms: Terms, cycle: C
         set_forces(x, space.a, space.direction, terms)
     else:
         set_forces(x, space.a, None, terms)
-
-
-@compiled
-def integrate_together(
-    x: Ragged, v: Ragged, ledger: Ledger, workspace: Bodies, h: Number, steps: int, terms: Terms
-) -> None:
-    """The same where bodies collide: all of them take each step together.
-
-    ``x``, ``v`` and ``ledger`` are those of all bodies; ``workspace`` is of `springgym.integrators.together`.
-    As many steps as `START` and `LOOK` are none: it is told which bodies of fresh copies touch, or the last
-    node is made anew.
-    """
-    phase, goes, end = load(of_body(terms.memory, 0).marks, PHASE), steps != START, max(steps, 0)
-    if goes:
-        for body in range(bodies_of(x)):
-            kept, own = of_body(terms.memory, body), of_body(workspace, body)
-            own.busy[:] = True
-            workspace.any_busy[body] = True
-            resume(of_body(x, body), of_body(v, body), of_body(ledger, body), kept)
-            recall_expected(phase, own.space.given, kept.given)
-        resume_totals(phase, terms.collisions)
-    for n in range(end + 1):
-        node = node_at(phase, h, STARTS if not goes else (READS if n == end else PASSES))
-        if goes:
-            come_together(x, v, node, n == 0, ledger, workspace, terms)
-        pass_together(x, v, node, ledger, workspace, terms)
-        if n < end:
-            phase = next_phase(phase)
-    if goes:
-        halve_totals(terms.collisions)
-
-
-@compiled
-def come_together(
-    x: Ragged, v: Ragged, node: Node, first: bool, ledger: Ledger, workspace: Bodies, terms: Terms
-) -> None:
-    """Find the forces at a node on all bodies; how it is reached is remembered where it is to be read."""
-    last = node.stage == READS
-    for body in range(bodies_of(x)):
-        own, space = of_body(terms, body), of_body(workspace, body).space
-        set_forces(of_body(x, body), space.a, space.direction, own)
-        actuate(of_body(x, body), space.b, own)
-        if acts_amid(own):
-            divide_and_kick(space.a, of_body(v, body), space.w, node.span.lead, own.particles)
-        else:
-            divide_by_mass(space.a, own.particles)
-    for body in range(bodies_of(x)):
-        own, space = of_body(terms, body), of_body(workspace, body).space
-        if first:
-            share_actions(space.b, node.phase, own.memory, own.memory.pushed, own.drive)
-        else:
-            steer(own.memory, own.drive)
-        if last:
-            entries = of_body(ledger, body)
-            remember(of_body(x, body), space.b, node.phase, entries, own.memory, own.memory.pushed)
-            keep_expected((0, space.b.shape[0]), space.given, own.memory.given)
-    if last:
-        remember_totals(terms.collisions)

@@ -14,8 +14,8 @@ import numpy as np
 
 from springgym.core.blocks import set_copies
 from springgym.integrators.record import Integrator
-from springgym.rigid.contact import LOADS
-from springgym.rigid.motion import Rigid, kernel_reading
+from springgym.rigid.body import Rigid
+from springgym.rigid.motion import kernel_reading, move_together
 from springgym.rigid.shape import (
     Shape,
     check_rigid,
@@ -25,7 +25,7 @@ from springgym.rigid.shape import (
     swing_rate,
     turns,
 )
-from springgym.rigid.together import move_together
+from springgym.rigid.surfaces import LOADS
 from springgym.scene import Scene
 
 __all__ = [

@@ -24,7 +24,7 @@ from springgym.integrators.envelope import Block
 from springgym.rigid.rotation import normalised, product, rotation_vector, sine_cosine, turn
 
 if TYPE_CHECKING:
-    from springgym.rigid.motion import Rigid
+    from springgym.rigid.body import Rigid
 
 
 Motion: TypeAlias = tuple[Vector, Vector]

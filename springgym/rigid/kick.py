@@ -13,7 +13,7 @@ from springgym.rigid.rotation import turn, turn_back
 
 if TYPE_CHECKING:
     from springgym.forces.actuators import Thrust, Wrench
-    from springgym.rigid.motion import Solid
+    from springgym.rigid.body import Solid
 
 
 @compiled

@@ -5,8 +5,7 @@ the particles to it; nothing else is kept, so whatever reads particles reads a r
 
 The step is a symmetric splitting: kick h/2, flight h, kick h/2. Kicks change the momenta by gravity and
 actuators (`springgym.rigid.kick`), flights are free (`springgym.rigid.flight`). Where there are surfaces it
-is flight h/2, node, flight h/2 (`springgym.rigid.contact`), which bodies that collide take together
-(`springgym.rigid.together`).
+is flight h/2, node, flight h/2 (`springgym.rigid.node`), which bodies that collide take together.
 Higher orders compose such steps (`springgym.rigid.METHODS`).
 
 Source: Hairer, Lubich & Wanner, Geometric Numerical Integration, sec. V.3 and VII.5.
@@ -16,142 +15,40 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from springgym.contact.totals import halve_totals, resume_totals
 from springgym.core.blocks import at
 from springgym.core.compiling import compiled, kernel
-from springgym.core.kinds import Ledger, Number, Numbers, Rows, Vector
+from springgym.core.kinds import Ledger, Number, Rows
 from springgym.core.lanes import bodies_of, load, of_body
-from springgym.core.vectors import angular_momentum, cross, mass_centre, row, set_row, triad, vec
 from springgym.forces.memory import PHASE, remember, resume, share_actions
 from springgym.integrators.clock import Clock, tick
-from springgym.integrators.envelope import Block
-from springgym.integrators.node import span_of
+from springgym.integrators.node import PASSES, READS, START, STARTS, node_at, span_of
 from springgym.integrators.record import Phase
-from springgym.rigid.contact import LOADS, clearance, pass_node, reach_node, read_node, set_loads
-from springgym.rigid.flight import State, angular_velocity, combine, components, fly, turned
-from springgym.rigid.kick import kick, rows
+from springgym.rigid.body import Solid, Twin, read_state, set_particles
+from springgym.rigid.flight import State, fly
+from springgym.rigid.kick import kick
+from springgym.rigid.node import Company, pass_alone, pass_together, reach_node, read_node, set_loads
+from springgym.rigid.surfaces import LOADS, clearance
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
     from springgym.forces.memory import Memory
 
 
-class Rigid(NamedTuple):
-    """The rigid body, as its kernel takes it."""
-
-    shape: np.ndarray
-    """(N, 3) particles in principal axes, from the pin or the centre of mass [m]"""
-    moments: np.ndarray
-    """(3,) [kg·m²]"""
-    triad: np.ndarray
-    """(3, 3) rows: the body's `triad` in principal axes"""
-    markers: np.ndarray
-    """(3,) the particles of that triad"""
-    pivot: int
-    """the pinned particle, or −1"""
-    moves: bool
-    """whether any particle is free"""
-    turns: bool
-    """whether it does more than to move along: not so of a single particle"""
-    stages: np.ndarray
-    """(stages,) the composition: shares of the step that its second-order steps take"""
-
-
-Twin: TypeAlias = "tuple[Rigid, Numbers, Terms]"
-"""What kernels take of a rigid body: itself, as `Solid` has it its asymmetry, and what acts on it."""
-
-
-class Solid(NamedTuple):
-    """A body in a call, as its steps take it."""
-
-    rigid: Rigid
-    asymmetry: Numbers
-    """1/I₂ − 1/I₁ [1/(kg·m²)], (1,), or None"""
-    axes: Block
-    """the principal axes in world coordinates where `State.q` is the identity"""
-    centre: Vector
-    """of mass, in body coordinates [m]"""
-    total: Number
-    """mass [kg]"""
-    lightness: Number
-    """1/mass [1/kg], or 0 of a pinned body"""
-    terms: Terms
-    """what acts on it"""
-
-
 @compiled
-def orientation(x: Rows, rigid: Rigid) -> Block:
-    """The principal axes in world coordinates: how the triad of the particles stands to that of the shape."""
-    here = triad(x, rigid.markers)
-    e1, e2, e3 = rows(rigid.triad)
-    return (
-        combine(here, vec(e1[0], e2[0], e3[0])),
-        combine(here, vec(e1[1], e2[1], e3[1])),
-        combine(here, vec(e1[2], e2[2], e3[2])),
-    )
-
-
-@compiled
-def set_particles(x: Rows, v: Rows, state: State, solid: Solid) -> None:
-    """Set the particles to where a rigid body has them."""
-    _, spin, position, velocity = state
-    now = turned(solid.axes, state.q)
-    omega = combine(now, angular_velocity(spin, solid.rigid))
-    for i in range(solid.terms.particles.mass.size):
-        r = combine(now, row(solid.rigid.shape, i))
-        set_row(x, i, position + r)
-        set_row(v, i, velocity + cross(omega, r))
-
-
-@compiled
-def move(
-    x: Rows,
-    v: Rows,
-    ledger: Ledger,
-    workspace: np.ndarray,
-    h: Number,
-    steps: int,
-    twin: Twin,
-) -> None:
+def move(phase: Phase, workspace: np.ndarray, h: Number, steps: int, twin: Twin) -> None:
     """Take the particles of one block through ``steps`` steps; none only makes them rigid."""
+    x, v, ledger = phase
     rigid, asymmetry, terms = twin
     if rigid.moves:
         go_back(x, v, ledger, steps, terms.memory)
         state, solid = read_state(x, v, rigid, asymmetry, terms)
-        state = take(x, state, ledger, workspace, h, steps, solid, terms.memory)
+        state = take(phase, state, workspace, h, steps, solid, terms.memory)
         set_particles(x, v, state, solid)
-
-
-@compiled
-def read_state(x: Rows, v: Rows, rigid: Rigid, asymmetry: Numbers, terms: Terms) -> tuple[State, Solid]:
-    """Return the `State` with the momenta of particles, where their triad is, and its `Solid`."""
-    mass = terms.particles.mass
-    zero = 0.0 * load(x, (0, 0))
-    nothing = vec(zero, zero, zero)
-    if rigid.pivot >= 0:
-        position = row(x, rigid.pivot)
-        velocity = nothing
-    else:
-        position = mass_centre(x, mass)
-        velocity = mass_centre(v, mass)
-    if rigid.turns:
-        axes = orientation(x, rigid)
-        spin = components(axes, angular_momentum(x, v, mass, position))
-    else:
-        axes = (vec(1.0 + zero, zero, zero), vec(zero, 1.0 + zero, zero), vec(zero, zero, 1.0 + zero))
-        spin = nothing
-    centre = mass_centre(rigid.shape, mass)
-    total = load(mass, 0)
-    for i in range(1, mass.size):
-        total = total + load(mass, i)
-    lightness = 1.0 / total
-    if rigid.pivot >= 0:
-        lightness = 0.0 * lightness
-    solid = Solid(rigid, asymmetry, axes, centre, total, lightness, terms)
-    return State((1.0 + zero, zero, zero, zero), spin, position, velocity), solid
 
 
 @compiled
@@ -163,9 +60,8 @@ def go_back(x: Rows, v: Rows, ledger: Ledger, steps: int, memory: Memory | None)
 
 @compiled
 def take(
-    x: Rows,
+    phase: Phase,
     state: State,
-    ledger: Ledger,
     workspace: np.ndarray,
     h: Number,
     steps: int,
@@ -176,7 +72,7 @@ def take(
     wrench, thrust = solid.terms.wrench, solid.terms.thrust
     if memory is not None:
         if steps > 0:
-            state = take_among_surfaces(x, state, ledger, workspace, h, steps, solid)
+            state = take_among_surfaces(phase, state, workspace, h, steps, solid)
     else:
         rigid, asymmetry = solid.rigid, solid.asymmetry
         last = steps * rigid.stages.size
@@ -184,7 +80,7 @@ def take(
         for n in range(last + 1):
             ahead = h * rigid.stages[n % rigid.stages.size] if n < last else 0.0
             if last > 0:
-                state = kick(state, 0.5 * (before + ahead), ledger, solid, wrench, thrust)
+                state = kick(state, 0.5 * (before + ahead), phase.ledger, solid, wrench, thrust)
             if n < last:
                 state = fly(state, ahead, rigid, asymmetry)
             before = ahead
@@ -193,11 +89,10 @@ def take(
 
 @compiled
 def take_among_surfaces(
-    x: Rows, state: State, ledger: Ledger, workspace: np.ndarray, h: Number, steps: int, solid: Solid
+    bodies: Phase, state: State, workspace: np.ndarray, h: Number, steps: int, solid: Solid
 ) -> State:
-    """Take steps through nodes, the last of which the next call makes anew (`springgym.rigid.contact`)."""
-    memory = solid.terms.memory
-    b = workspace[LOADS]
+    """Take steps through nodes, the last of which the next call makes anew (`springgym.rigid.node`)."""
+    (x, _, ledger), memory, b = bodies, solid.terms.memory, workspace[LOADS]
     phase = load(memory.marks, PHASE)
     span = span_of(phase, h)
     begin = fly(state, -1.0 * span.lead, solid.rigid, solid.asymmetry)
@@ -211,7 +106,7 @@ def take_among_surfaces(
             set_particles(x, memory.arrived, state, solid)
             remember(x, b, 1.0 + 0.0 * phase, ledger, memory, memory.pushed)
         node = reach_node(begin, state, span, b, solid)
-        end, near, given = pass_node(node, near, ledger, workspace, solid)
+        end, near, given = pass_alone(node, near, ledger, workspace, solid)
         if n == steps:
             read = read_node(node, end, given, 0.0 * node.before[0], ledger, solid)
         span = span_of(1.0 + 0.0 * phase, h)
@@ -224,8 +119,43 @@ def move_each(phase: Phase, workspace: np.ndarray, h: Number, steps: int, settle
     """Take each body through all steps, by itself, if it ``settles``."""
     if settles:
         for body in range(bodies_of(phase.x)):
-            x, v, ledger = of_body(phase, body)
-            move(x, v, ledger, workspace, h, steps, of_body(twins, body))
+            move(of_body(phase, body), workspace, h, steps, of_body(twins, body))
+
+
+@compiled
+def move_together(bodies: Phase, space: Company, h: Number, steps: int, settles: bool, twins: Twin) -> None:
+    """Take all bodies through the steps together; the last node is made anew by the next call.
+
+    None only makes them rigid, if it ``settles``; as many as `springgym.integrators.node.START` tell
+    which bodies of fresh copies touch, as many as its `LOOK` make the last node anew.
+    """
+    x, v, ledger = bodies
+    if steps == 0:
+        if settles:
+            for body in range(bodies_of(x)):
+                settle(of_body(x, body), of_body(v, body), of_body(twins, body))
+    else:
+        memory, collisions = twins[2].memory, twins[2].collisions
+        phase, goes, end = load(of_body(memory, 0).marks, PHASE), steps != START, max(steps, 0)
+        if goes:
+            for body in range(bodies_of(x)):
+                resume(of_body(x, body), of_body(v, body), of_body(ledger, body), of_body(memory, body))
+            resume_totals(phase, collisions)
+        for n in range(end + 1):
+            stage = STARTS if not goes else (READS if n == end else PASSES)
+            now = phase if n == 0 else 1.0 + 0.0 * phase
+            pass_together(bodies, node_at(now, h, stage), n == 0, space, twins)
+        if goes:
+            halve_totals(collisions)
+
+
+@compiled
+def settle(x: Rows, v: Rows, twin: Twin) -> None:
+    """Put the particles of a body onto its rigid shape; their momenta stay."""
+    rigid, asymmetry, terms = twin
+    if rigid.moves:
+        state, solid = read_state(x, v, rigid, asymmetry, terms)
+        set_particles(x, v, state, solid)
 
 
 @cache

@@ -9,7 +9,7 @@ import numpy as np
 
 from springgym.bodies.motion import axes
 from springgym.integrators.record import Integrator
-from springgym.rigid.contact import SURFACES
+from springgym.rigid.surfaces import SURFACES
 from springgym.scene import Scene
 from springgym.surfaces import PaperContact
 

@@ -38,12 +38,16 @@ class Contact:
     Parameters
     ----------
     friction
-        μ, static and kinetic; 0 for ice.
+        μ, static and kinetic; 0 for ice. With ``kinetic`` it is the static one.
     restitution
         Rebound speed over impact speed, 0 … 1, at every speed above `springgym.contact.law.SLOW`; what is
         slower comes to rest.
     strength, reach
         c [N·m²] and Δ [m]. By default Δ is `REACH` of `Body.swept`, and c is `derived_strength`.
+    kinetic, stribeck
+        Stribeck's friction, see `springgym.contact.cone`: the kinetic μ, at most ``friction``, and the speed
+        of slip [m/s] at which μ has fallen to halfway between both. By default μ does not fall. Where copies
+        vary ``friction``, the kinetic μ varies by the same factor.
 
     Raises
     ------
@@ -55,9 +59,24 @@ class Contact:
     restitution: float = 1.0
     strength: float | None = None
     reach: float | None = None
+    kinetic: float | None = None
+    stribeck: float | None = None
 
     def __post_init__(self) -> None:
         _check(self, ("friction",), ("strength", "reach"))
+        if (self.kinetic is None) != (self.stribeck is None):
+            raise ValueError("kinetic and stribeck of the contact are given together: μ and a speed [m/s]")
+        if self.kinetic is not None:
+            _check(self, ("kinetic",), ("stribeck",))
+            if self.kinetic > self.friction:
+                raise ValueError(
+                    f"kinetic of the contact is {self.kinetic}; it must be at most the friction, "
+                    f"which is {self.friction}"
+                )
+            if self.friction == 0:
+                raise ValueError(
+                    "friction of the contact is 0; with kinetic and stribeck it must be positive"
+                )
         object.__setattr__(self, "restitution", number("restitution", self.restitution, 0.0, 1.0))
 
 
@@ -87,7 +106,7 @@ class PaperContact:
 def _check(contact: object, not_negative: tuple[str, ...], positive: tuple[str, ...]) -> None:
     for name in not_negative + positive:
         value = getattr(contact, name)
-        if value is not None or name not in ("strength", "reach"):
+        if value is not None or name not in positive:
             low = 0.0 if name in not_negative else TINY
             object.__setattr__(contact, name, number(f"{name} of the contact", value, low))
 

@@ -1,12 +1,10 @@
-"""Contact of the rigid body: the node of a step, as particles that springs hold together pass it.
+"""Rigid bodies at surfaces: the impulses that surfaces and friction give their particles at a node.
 
-The body flies freely for half a step, receives the impulses of gravity, actuators, surfaces and friction, and
-flies freely for the other half (`springgym.integrators.node`). A particle near a surface gives way along the
-normal n by the ease A = 1/M + (r × n) · I⁻¹ (r × n) per impulse: to the law of surfaces
-(`springgym.contact.law.meet`) it is a particle of mass 1/A, which all else gives what gravity, actuators
-and the impulses at the other particles do to its speed. Its way is that of the flights, curved as they are.
-The impulse acts at the arm r that makes the mean velocity along n the way over the time: its work is then
-that of the barrier to rounding. Friction stops what slides, or takes μ times the push from it.
+A particle near a surface gives way along the normal n by W = 1/M + (r × n) · I⁻¹ (r × n) per impulse: to the
+law of contact (`springgym.contact.law`) it is a particle of mass 1/W, which all else gives what gravity,
+actuators and the impulses at the other particles do to its speed. Its way is that of the flights, curved as
+they are. The impulse acts at the arm r that makes the mean velocity along n the way over the time: its work
+is then that of the barrier to rounding. Friction stops what slips, as far as `springgym.contact.cone` allows.
 
 All particles act on each other through the motion of the body. They are taken one after the other, and the
 flight is flown anew, until neither changes (Gauss and Seidel).
@@ -18,7 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from springgym.contact.law import meet, within_cone
+from springgym.contact.cone import within_cone
+from springgym.contact.law import meet
 from springgym.contact.surfaces import (
     coefficient,
     count,
@@ -28,21 +27,15 @@ from springgym.contact.surfaces import (
     strength_and_reach,
 )
 from springgym.core.compiling import compiled
-from springgym.core.kinds import Ledger, Mask, Number, Rows, Vector
-from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt, store
+from springgym.core.kinds import Mask, Number, Vector
+from springgym.core.lanes import any_lane, epsilon, maximum, minimum, select, sqrt
 from springgym.core.vectors import TINY, choose, cross, dot, plus_scaled, row, set_row, vec
-from springgym.forces.ledger import CONTACT, FRICTION, WORK, record
-from springgym.forces.memory import STORED, halve
 from springgym.integrators.envelope import Block
-from springgym.integrators.node import lifted
 from springgym.rigid.flight import Motion, State, angular_velocity, combine, components, fly, turned
-from springgym.rigid.kick import load_of_actuators, weight
 
 if TYPE_CHECKING:
     from springgym.contact.law import Span
-    from springgym.contact.surfaces import Surfaces
-    from springgym.forces.actuators import Thrust, Wrench
-    from springgym.rigid.motion import Solid
+    from springgym.rigid.body import Solid
 
 
 SWEEPS = 40
@@ -87,6 +80,19 @@ class RigidNode(NamedTuple):
     """the velocity after it without surfaces and actuators, in world coordinates [m/s]"""
 
 
+class SoFar(NamedTuple):
+    """What is found so far of a particle at a surface."""
+
+    way: tuple[Vector, Vector]
+    """where the particle is at both ends of the flights [m]"""
+    given: Motion
+    """change of motion by surfaces"""
+    after: Motion
+    """the motion that the second flight began with"""
+    going: Mask
+    """where impulses are still to change"""
+
+
 # --- Motions ------------------------------------------------------------------------------------------
 
 
@@ -120,6 +126,14 @@ def inverse_mass(arm: Vector, n: Vector, solid: Solid) -> Number:
     """Return the speed along n per impulse along n, for n of any length [1/kg]."""
     lever = cross(arm, n)
     return solid.lightness * dot(n, n) + dot(lever, angular_velocity(lever, solid.rigid)) + TINY
+
+
+@compiled
+def leave(node: RigidNode, given: Motion, solid: Solid) -> State:
+    """Return the state half a step later, where surfaces change the motion by ``given``."""
+    velocity = node.falling + combine(node.axes, node.thrown[0] + given[0])
+    state = State(node.state.q, node.free[1] + given[1], node.state.position, velocity)
+    return fly(state, node.span.out, solid.rigid, solid.asymmetry)
 
 
 # --- Surfaces -----------------------------------------------------------------------------------------
@@ -194,7 +208,8 @@ def meet_surfaces(
                 if solid.terms.particles.free[i]:
                     way = (place_of(i, node.begin, start, solid), place_of(i, end, finish, solid))
                     rows = workspace[ARRAYS * k : ARRAYS * (k + 1)]
-                    given, change = touch(i, k, way, given, after, active > 0.5, node, rows, solid)
+                    sofar = SoFar(way, given, after, active > 0.5)
+                    given, change = touch(i, k, sofar, node, rows, solid)
                     changed = maximum(changed, change)
         active = select(changed > enough, active, 0.0)
         if not any_lane(active > 0.5):
@@ -211,22 +226,13 @@ def straight(n: Vector, arm: Vector, node: RigidNode, after: Motion, solid: Soli
 
 @compiled
 def touch(
-    i: int,
-    k: int,
-    way: tuple[Vector, Vector],
-    given: Motion,
-    after: Motion,
-    going: Mask,
-    node: RigidNode,
-    workspace: np.ndarray,
-    solid: Solid,
+    i: int, k: int, sofar: SoFar, node: RigidNode, workspace: np.ndarray, solid: Solid
 ) -> tuple[Motion, Number]:
     """Find anew what surface ``k`` gives particle ``i``.
 
-    ``way`` is where the particle is at both ends of the flights, ``given`` the change of motion so far,
-    ``after`` the motion that the second flight began with. Returns the change of motion, and that of the
-    particle's way [m].
+    Returns the change of motion, and that of the particle's way [m].
     """
+    way, given, after, going = sofar
     span = node.span
     strength, reach = strength_and_reach(solid.terms.surfaces)
     normal, _, start = facing(k, way[0], way[1], solid.terms.surfaces)
@@ -282,140 +288,7 @@ def stick(
     slip = velocity_of(arm, sum_of(node.free, 1.0, given), solid)
     slip = slip - dot(n, slip) / (dot(n, n) + TINY) * n
     a = inverse_mass(arm, 1.0 / sqrt(dot(slip, slip) + TINY) * slip, solid)
-    new = within_cone(old - 1.0 / a * slip, limit)
+    before = velocity_of(arm, node.before, solid)
+    new = within_cone(old - 1.0 / a * slip, limit, a, before, solid.terms.friction_law, 0)
     change = new - old
     return new, pushed(given, arm, change, solid), a * sqrt(dot(change, change))
-
-
-# --- The node -----------------------------------------------------------------------------------------
-
-
-@compiled
-def set_loads(b: Rows, q: Vector, solid: Solid, wrench: Wrench | None, thrust: Thrust | None) -> None:
-    """Set the first rows of ``b`` to force and torque of the actuators, in body coordinates."""
-    if wrench is not None or thrust is not None:
-        force, torque = load_of_actuators(q, solid, wrench, thrust)
-        set_row(b, 0, force)
-        set_row(b, 1, torque)
-
-
-@compiled
-def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust: Thrust | None) -> Motion:
-    """Return the change of motion by actuators in ``tau`` seconds."""
-    nothing = 0.0 * tau * solid.centre
-    if wrench is None and thrust is None:
-        return nothing, nothing
-    return plus_scaled(nothing, tau * solid.lightness, row(b, 0)), plus_scaled(nothing, tau, row(b, 1))
-
-
-@compiled
-def reach_node(begin: State, state: State, span: Span, b: Rows, solid: Solid) -> RigidNode:
-    """Return a node; ``b`` is of `set_loads`."""
-    axes = turned(solid.axes, state.q)
-    before = (components(axes, state.velocity), state.spin)
-    twist, push = weight(state.q, 1.0, solid.terms.gravity, solid)
-    rate = (solid.lightness * components(axes, push), twist)
-    thrown = thrown_by(b, span.whole, solid, solid.terms.wrench, solid.terms.thrust)
-    soon = sum_of(sum_of(before, span.whole, rate), 1.0, thrown)
-    falling = plus_scaled(state.velocity, span.whole * solid.lightness, push)
-    return RigidNode(span, begin, state, axes, before, rate, thrown, soon, falling)
-
-
-@compiled
-def leave(node: RigidNode, given: Motion, solid: Solid) -> State:
-    """Return the state half a step later, where surfaces change the motion by ``given``."""
-    velocity = node.falling + combine(node.axes, node.thrown[0] + given[0])
-    state = State(node.state.q, node.free[1] + given[1], node.state.position, velocity)
-    return fly(state, node.span.out, solid.rigid, solid.asymmetry)
-
-
-@compiled
-def pass_node(
-    node: RigidNode, near: tuple[Number, Number], ledger: Ledger, workspace: np.ndarray, solid: Solid
-) -> tuple[State, tuple[Number, Number], Motion]:
-    """Let all act at a node.
-
-    ``near`` is the `clearance` half a step before, and a number: 1 where surfaces were near at the last
-    node. Returns the state half a step later, ``near`` there, and the change of motion by surfaces.
-    """
-    nothing = 0.0 * node.before[0]
-    given = (nothing, nothing)
-    end = leave(node, given, solid)
-    ahead = clearance(end, solid)
-    active = select(minimum(near[0], ahead) < 0.0, 1.0 + nothing[0], 0.0)
-    middle = sum_of(sum_of(node.before, node.span.lead, node.rate), 0.5, node.thrown)
-    if any_lane(active > 0.5):
-        given = meet_surfaces(node, active * near[1] > 0.5, active, workspace, solid)
-        end = leave(node, given, solid)
-        ahead = clearance(end, solid)
-        middle = sum_of(middle, 0.5, given)
-        record_surface_losses(node, given, middle, ledger, workspace, solid)
-    record(ledger, WORK, product_of(node.thrown, middle, solid))
-    return end, (ahead, active), given
-
-
-@compiled
-def record_surface_losses(
-    node: RigidNode, given: Motion, middle: Motion, ledger: Ledger, workspace: np.ndarray, solid: Solid
-) -> None:
-    """Enter what contact and friction took; ``middle`` is the mean motion at the node."""
-    span, none = node.span, 0.0 * node.before[0][0]
-    after = sum_of(node.free, 1.0, given)
-    lost, rubbed, fallen, met = none, none, none, none
-    late = 0.5 * (span.out - span.lead)
-    # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
-    lossy = select(span.lead > 0.0, coefficient(solid.terms.loss, none), 1.0) > 0.0
-    for k in range(count(solid.terms.surfaces.kinds)):
-        for i in range(solid.terms.particles.mass.size):
-            push = row(workspace[ARRAYS * k + PUSH], i)
-            impulse, force = push[0], push[1]
-            if any_lane(force > 0.0):
-                n, arm = row(workspace[ARRAYS * k + NORMAL], i), row(workspace[ARRAYS * k + ARM], i)
-                way = straight(n, arm, node, after, solid)
-                mean = velocity_of(arm, middle, solid)
-                lost = lost + select(lossy, force * way / span.whole - impulse * dot(n, mean), 0.0)
-                falling = velocity_of(arm, node.rate, solid)
-                fallen = fallen + impulse * dot(n, falling)
-                met = met + impulse * dot(n, velocity_of(arm, given, solid))
-                rub = row(workspace[ARRAYS * k + RUB], i)
-                rubbed = rubbed - dot(rub, plus_scaled(mean, late, falling))
-    # `springgym.integrators.node.begun_in_touch`
-    whole = product_of(node.rate, node.rate, solid)
-    rests = select(met > 0.0, minimum(fallen * fallen / (maximum(met, 0.0) + TINY), whole), 0.0)
-    lost = lost + 2.0 * late * late * rests
-    record(ledger, CONTACT, lost)
-    record(ledger, FRICTION, rubbed)
-
-
-@compiled
-def shown_at(node: RigidNode, end: State, shift: Vector, solid: Solid, surfaces: Surfaces | None) -> Vector:
-    """Return where the body's point is shown: shifted off bodies and, unless pinned, lifted off surfaces."""
-    shown, terms = node.state.position + shift, solid.terms
-    if surfaces is not None:
-        begun, ended = turned(solid.axes, node.begin.q), turned(solid.axes, end.q)
-        for i in range(terms.particles.mass.size):
-            if terms.particles.free[i]:
-                place = shown + combine(node.axes, row(solid.rigid.shape, i))
-                first, final = place_of(i, node.begin, begun, solid), place_of(i, end, ended, solid)
-                lift = lifted(place, first, final, terms)
-                shown = choose(solid.lightness + 0.0 * shown[0] > 0.0, shown + lift, shown)
-    return shown
-
-
-@compiled
-def read_node(
-    node: RigidNode, end: State, given: Motion, shift: Vector, ledger: Ledger, solid: Solid
-) -> State:
-    """Return the state amid a node, where it is read; half of the node's entries are left in the ledger."""
-    memory, terms = solid.terms.memory, solid.terms
-    halve(ledger, memory)
-    record(ledger, WORK, -0.125 * product_of(node.thrown, node.thrown, solid))
-    stored = 0.125 * product_of(given, sum_of(given, 2.0, node.thrown), solid)
-    state, shown = node.state, shown_at(node, end, shift, solid, terms.surfaces)
-    _, push = weight(state.q, 1.0, terms.gravity, solid)
-    stored = stored + dot(push, shown - state.position)
-    spin = 0.5 * (state.spin + (node.free[1] + given[1]))
-    read = State(state.q, spin, shown, 0.5 * (state.velocity + end.velocity))
-    stored = stored + 0.5 * (energy_in_barriers(node.begin, solid) + energy_in_barriers(end, solid))
-    store(memory.marks, STORED, stored - energy_in_barriers(read, solid))
-    return read

@@ -1,15 +1,18 @@
-"""The node of a step where rigid bodies collide: all of them pass it together.
+"""The node of a step of rigid bodies: where all impulses of the step act at once.
 
-All impulses of a step act at once, at its node, as where springs hold bodies together
-(`springgym.integrators.together`): contacts are found in the same way, from the particles of the bodies,
-follow the same law and are told of alike. What differs is what they move (`springgym.contact.solids`).
+The body flies freely for half a step (`springgym.rigid.flight`), receives the impulses of gravity, actuators,
+surfaces, other bodies and friction, and flies freely for the other half. As for particles that springs hold
+together (`springgym.integrators.node`), an impulse p changes the kinetic energy by p · (v₋ + v₊)/2, and the
+state is read amid the node.
+
+A body alone takes its state from node to node. Bodies that collide pass each node together, and each step
+begins with the particles: position, attitude and momenta are read off them where the node is reached, so that
+calls of any length take the same steps, to the bit. Contacts are found from the particles, follow the same
+law and are told of as those of springs. What differs is what they move (`springgym.contact.solids`).
 
 Contacts of a rigid body all act on each other. They are taken in turns, surfaces first, then pairs of bodies
 there and back with their friction, until the speeds of those between bodies agree (Gauss and Seidel);
 surfaces have the last word.
-
-Each step begins with the particles: position, attitude and momenta are read off them where the node is
-reached. So calls of any length take the same steps, to the bit.
 """
 
 from __future__ import annotations
@@ -20,51 +23,58 @@ import numpy as np
 
 from springgym.contact.friction import SWEEPS, rub
 from springgym.contact.lists import Lists
+from springgym.contact.points import lifted
 from springgym.contact.rows import ContactRows, Problem
 from springgym.contact.search import find_contacts
 from springgym.contact.solids import CHANGE, GOING
 from springgym.contact.solver import add_totals, lift_apart, prepare, sweep, taper
-from springgym.contact.totals import halve_totals, list_changing, remember_totals, resume_totals
+from springgym.contact.surfaces import coefficient, count
+from springgym.contact.totals import list_changing, remember_totals
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Ledger, Mask, Number, Rows, Vector
 from springgym.core.lanes import any_lane, bodies_of, epsilon, load, maximum, minimum, of_body, select, store
-from springgym.core.vectors import TINY, choose, plus_scaled, row, set_row, vec
-from springgym.forces.ledger import CONTACT, WORK, record
-from springgym.forces.memory import PHASE, STORED, halve, remember, resume, share_actions
-from springgym.integrators.node import PASSES, READS, STARTS, Node, node_at
-from springgym.integrators.record import Phase
-from springgym.integrators.together import (
-    START,
+from springgym.core.vectors import TINY, choose, dot, plus_scaled, row, set_row, vec
+from springgym.forces.ledger import CONTACT, FRICTION, WORK, record
+from springgym.forces.memory import STORED, halve, remember, share_actions
+from springgym.integrators.node import (
+    READS,
+    STARTS,
+    Node,
     record_losses,
     start_together,
     store_energy_of_pairs,
 )
-from springgym.rigid.contact import (
+from springgym.integrators.record import Phase
+from springgym.rigid.body import Solid, Twin, read_state, set_particles
+from springgym.rigid.flight import Motion, State, combine, components, fly, turned
+from springgym.rigid.kick import load_of_actuators, weight
+from springgym.rigid.surfaces import (
+    AGREED,
+    ARM,
+    ARRAYS,
+    NORMAL,
+    PUSH,
+    RUB,
     RigidNode,
     clearance,
+    energy_in_barriers,
     leave,
     meet_surfaces,
+    place_of,
     product_of,
-    reach_node,
-    read_node,
-    record_surface_losses,
-    set_loads,
+    straight,
     sum_of,
+    velocity_of,
 )
-from springgym.rigid.flight import Motion, State, combine, components, fly
-from springgym.rigid.motion import Solid, Twin, read_state, set_particles
 
 if TYPE_CHECKING:
     from springgym.contact.law import Span
     from springgym.contact.surfaces import Surfaces
+    from springgym.forces.actuators import Thrust, Wrench
 
 
 TURNS = 40
-"""How often surfaces and pairs are taken in turn, at the most. Where that is too seldom, the next step goes
-on from there: what stays in touch finds its balance over some steps."""
-
-AGREED = 1e-9
-"""Change of the ways of contacts by the last turn, as a share of Δ, at which the impulses are found."""
+"""How often surfaces and pairs are taken in turn, at the most, if they do not agree to `AGREED` before."""
 
 AXES, SPIN, POSITION, VELOCITY, CENTRE, MASS, GIVEN, TURNED, NEAR = 0, 3, 4, 5, 6, 7, 8, 9, 10
 """Rows of a body at the node: its `State` and `Solid`, with 1 over its mass behind the mass; the change of
@@ -83,9 +93,9 @@ class Company(NamedTuple):
     bodies: np.ndarray
     """(bodies, `ROWS`, 3) the state of each body at the node, by rows from `AXES` to `NEAR`"""
     loads: np.ndarray
-    """(bodies, N, 3) what actuators give particles, see `springgym.rigid.contact.set_loads`"""
+    """(bodies, N, 3) what actuators give particles, see `set_loads`"""
     surfaces: np.ndarray
-    """(bodies, arrays, N, 3) what surfaces give, as `springgym.rigid.contact` keeps it"""
+    """(bodies, arrays, N, 3) what surfaces give, as `springgym.rigid.surfaces` keeps it"""
     pushed: np.ndarray
     """(bodies,) whether surfaces gave a body anything at this node"""
     before: np.ndarray
@@ -109,6 +119,169 @@ class Company(NamedTuple):
 
 
 # --- A body ---------------------------------------------------------------------------------------------
+
+
+@compiled
+def set_loads(b: Rows, q: Vector, solid: Solid, wrench: Wrench | None, thrust: Thrust | None) -> None:
+    """Set the first rows of ``b`` to force and torque of the actuators, in body coordinates."""
+    if wrench is not None or thrust is not None:
+        force, torque = load_of_actuators(q, solid, wrench, thrust)
+        set_row(b, 0, force)
+        set_row(b, 1, torque)
+
+
+@compiled
+def thrown_by(b: Rows, tau: Number, solid: Solid, wrench: Wrench | None, thrust: Thrust | None) -> Motion:
+    """Return the change of motion by actuators in ``tau`` seconds."""
+    nothing = 0.0 * tau * solid.centre
+    if wrench is None and thrust is None:
+        return nothing, nothing
+    return plus_scaled(nothing, tau * solid.lightness, row(b, 0)), plus_scaled(nothing, tau, row(b, 1))
+
+
+@compiled
+def reach_node(begin: State, state: State, span: Span, b: Rows, solid: Solid) -> RigidNode:
+    """Return a node; ``b`` is of `set_loads`."""
+    axes = turned(solid.axes, state.q)
+    before = (components(axes, state.velocity), state.spin)
+    twist, push = weight(state.q, 1.0, solid.terms.gravity, solid)
+    rate = (solid.lightness * components(axes, push), twist)
+    thrown = thrown_by(b, span.whole, solid, solid.terms.wrench, solid.terms.thrust)
+    soon = sum_of(sum_of(before, span.whole, rate), 1.0, thrown)
+    falling = plus_scaled(state.velocity, span.whole * solid.lightness, push)
+    return RigidNode(span, begin, state, axes, before, rate, thrown, soon, falling)
+
+
+@compiled
+def pass_alone(
+    node: RigidNode, near: tuple[Number, Number], ledger: Ledger, workspace: np.ndarray, solid: Solid
+) -> tuple[State, tuple[Number, Number], Motion]:
+    """Let all act at a node.
+
+    ``near`` is the `clearance` half a step before, and a number: 1 where surfaces were near at the last
+    node. Returns the state half a step later, ``near`` there, and the change of motion by surfaces.
+    """
+    nothing = 0.0 * node.before[0]
+    given = (nothing, nothing)
+    end = leave(node, given, solid)
+    ahead = clearance(end, solid)
+    active = select(minimum(near[0], ahead) < 0.0, 1.0 + nothing[0], 0.0)
+    touched = any_lane(active > 0.5)
+    if touched:
+        given = meet_surfaces(node, active * near[1] > 0.5, active, workspace, solid)
+        end = leave(node, given, solid)
+        ahead = clearance(end, solid)
+    enter(node, given, None, touched, ledger, workspace, solid)
+    return end, (ahead, active), given
+
+
+@compiled
+def enter(
+    node: RigidNode,
+    given: Motion,
+    by_bodies: Motion | None,
+    touched: bool,
+    ledger: Ledger,
+    workspace: np.ndarray,
+    solid: Solid,
+) -> None:
+    """Enter the actuators' work, and what contact and friction took.
+
+    ``given`` is the change of motion by surfaces, if these ``touched`` the body in any copy, and
+    ``by_bodies`` that by other bodies, if they collide.
+    """
+    middle = sum_of(sum_of(node.before, node.span.lead, node.rate), 0.5, node.thrown)
+    middle = sum_of(plus_half(middle, by_bodies), 0.5, given)
+    record(ledger, WORK, product_of(node.thrown, middle, solid))
+    if touched:
+        record_surface_losses(node, given, middle, ledger, workspace, solid, solid.terms.surfaces)
+    enter_start(node, by_bodies, middle, ledger, solid)
+
+
+@compiled
+def plus_half(middle: Motion, by_bodies: Motion | None) -> Motion:
+    """Return a motion with half of what bodies give each other, if they collide."""
+    if by_bodies is None:
+        return middle
+    return sum_of(middle, 0.5, by_bodies)
+
+
+@compiled
+def record_surface_losses(
+    node: RigidNode,
+    given: Motion,
+    middle: Motion,
+    ledger: Ledger,
+    workspace: np.ndarray,
+    solid: Solid,
+    surfaces: Surfaces | None,
+) -> None:
+    """Enter what surfaces, if there are any, took; ``middle`` is the mean motion at the node."""
+    if surfaces is None:
+        return
+    span, none = node.span, 0.0 * node.before[0][0]
+    after = sum_of(node.free, 1.0, given)
+    lost, rubbed, fallen, met = none, none, none, none
+    late = 0.5 * (span.out - span.lead)
+    # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
+    lossy = select(span.lead > 0.0, coefficient(solid.terms.loss, none), 1.0) > 0.0
+    for k in range(count(surfaces.kinds)):
+        for i in range(solid.terms.particles.mass.size):
+            push = row(workspace[ARRAYS * k + PUSH], i)
+            impulse, force = push[0], push[1]
+            if any_lane(force > 0.0):
+                n, arm = row(workspace[ARRAYS * k + NORMAL], i), row(workspace[ARRAYS * k + ARM], i)
+                way = straight(n, arm, node, after, solid)
+                mean = velocity_of(arm, middle, solid)
+                lost = lost + select(lossy, force * way / span.whole - impulse * dot(n, mean), 0.0)
+                falling = velocity_of(arm, node.rate, solid)
+                fallen = fallen + impulse * dot(n, falling)
+                met = met + impulse * dot(n, velocity_of(arm, given, solid))
+                rub = row(workspace[ARRAYS * k + RUB], i)
+                rubbed = rubbed - dot(rub, plus_scaled(mean, late, falling))
+    # `springgym.integrators.node.begun_in_touch`
+    whole = product_of(node.rate, node.rate, solid)
+    rests = select(met > 0.0, minimum(fallen * fallen / (maximum(met, 0.0) + TINY), whole), 0.0)
+    lost = lost + 2.0 * late * late * rests
+    record(ledger, CONTACT, lost)
+    record(ledger, FRICTION, rubbed)
+
+
+@compiled
+def shown_at(node: RigidNode, end: State, shift: Vector, solid: Solid, surfaces: Surfaces | None) -> Vector:
+    """Return where the body's point is shown: shifted off bodies and, unless pinned, lifted off surfaces."""
+    shown, terms = node.state.position + shift, solid.terms
+    if surfaces is not None:
+        begun, ended = turned(solid.axes, node.begin.q), turned(solid.axes, end.q)
+        for i in range(terms.particles.mass.size):
+            if terms.particles.free[i]:
+                place = shown + combine(node.axes, row(solid.rigid.shape, i))
+                first, final = place_of(i, node.begin, begun, solid), place_of(i, end, ended, solid)
+                lift = lifted(place, first, final, terms)
+                shown = choose(solid.lightness + 0.0 * shown[0] > 0.0, shown + lift, shown)
+    return shown
+
+
+@compiled
+def read_node(
+    node: RigidNode, end: State, given: Motion, shift: Vector, ledger: Ledger, solid: Solid
+) -> State:
+    """Return the state amid a node, where it is read; half of the node's entries are left in the ledger."""
+    memory, terms = solid.terms.memory, solid.terms
+    halve(ledger, memory)
+    record(ledger, WORK, -0.125 * product_of(node.thrown, node.thrown, solid))
+    stored = 0.125 * product_of(given, sum_of(given, 2.0, node.thrown), solid)
+    state, shown = node.state, shown_at(node, end, shift, solid, terms.surfaces)
+    _, push = weight(state.q, 1.0, terms.gravity, solid)
+    stored = stored + dot(push, shown - state.position)
+    spin = 0.5 * (state.spin + (node.free[1] + given[1]))
+    read = State(state.q, spin, shown, 0.5 * (state.velocity + end.velocity))
+    stored = stored + 0.5 * (energy_in_barriers(node.begin, solid) + energy_in_barriers(end, solid))
+    store(memory.marks, STORED, stored - energy_in_barriers(read, solid))
+    return read
+
+
+# --- Bodies that collide ---------------------------------------------------------------------------------
 
 
 @compiled
@@ -228,9 +401,6 @@ def inverse_inertia(solid: Solid) -> tuple[Vector, Vector]:
     return diagonal, across
 
 
-# --- Contact --------------------------------------------------------------------------------------------
-
-
 @compiled
 def push_by_surfaces(body: int, span: Span, space: Company, twin: Twin) -> None:
     """Let surfaces give a body what follows from all else, bodies' pushes among it."""
@@ -320,12 +490,9 @@ def find_impulses(problem: Problem, space: Company, twins: Twin) -> None:
         rub(velocity, SWEEPS, problem, pairs.friction)
 
 
-# --- The node -------------------------------------------------------------------------------------------
-
-
 @compiled
 def leave_together(body: int, all_bodies: Phase, node: Node, space: Company, twin: Twin) -> None:
-    """Let a body go on to the next node, and enter what it lost; or, at the ``last``, read it."""
+    """Let a body go on to the next node, and enter what it lost; or, where the node is for that, read it."""
     x, v, ledger = of_body(all_bodies, body)
     rigid, _, terms = twin
     span, last = node.span, node.stage == READS
@@ -340,12 +507,8 @@ def leave_together(body: int, all_bodies: Phase, node: Node, space: Company, twi
     passed, by_bodies = pushed_by_pairs(free, body, space)
     given = (row(space.bodies[body], GIVEN), row(space.bodies[body], TURNED))
     end = leave(passed, given, solid)
-    middle = sum_of(sum_of(passed.before, span.lead, passed.rate), 0.5, passed.thrown)
-    middle = sum_of(sum_of(middle, 0.5, by_bodies), 0.5, given)
-    record(ledger, WORK, product_of(passed.thrown, middle, solid))
-    if space.pushed[body]:
-        record_pushes(passed, given, middle, ledger, space.surfaces[body], solid, terms.surfaces)
-    enter_start(passed, by_bodies, middle, ledger, solid)
+    touched = space.pushed[body]
+    enter(passed, given, by_bodies, touched, ledger, space.surfaces[body], solid)
     if last:
         for i in range(x.shape[0]):
             set_row(terms.memory.arrived, i, row(v, i))
@@ -358,44 +521,32 @@ def leave_together(body: int, all_bodies: Phase, node: Node, space: Company, twi
 
 
 @compiled
-def record_pushes(
-    node: RigidNode,
-    given: Motion,
-    middle: Motion,
-    ledger: Ledger,
-    rows: np.ndarray,
-    solid: Solid,
-    surfaces: Surfaces | None,
+def enter_start(
+    node: RigidNode, by_bodies: Motion | None, middle: Motion, ledger: Ledger, solid: Solid
 ) -> None:
-    """Enter what surfaces took, if there are any."""
-    if surfaces is not None:
-        record_surface_losses(node, given, middle, ledger, rows, solid)
-
-
-@compiled
-def enter_start(node: RigidNode, by_bodies: Motion, middle: Motion, ledger: Ledger, solid: Solid) -> None:
-    """Enter, of the half node of a fresh copy, what bodies took from one body; what its barriers gave is
-    entered for the pair.
+    """Enter, of the half node of a fresh copy, what bodies took from one body, if they collide; what its
+    barriers gave is entered for the pair.
 
     There they push against gravity before it acts, see `springgym.integrators.node.begun_in_touch`.
     """
-    late = 0.5 * (node.span.out - node.span.lead)
-    fallen, met = product_of(node.rate, by_bodies, solid), product_of(by_bodies, by_bodies, solid)
-    rests = 2.0 * late * late * fallen * fallen / (met + TINY)
-    lost = rests - product_of(by_bodies, middle, solid)
-    record(ledger, CONTACT, select(late > 0.0, lost, 0.0))
+    if by_bodies is not None:
+        late = 0.5 * (node.span.out - node.span.lead)
+        fallen, met = product_of(node.rate, by_bodies, solid), product_of(by_bodies, by_bodies, solid)
+        rests = 2.0 * late * late * fallen * fallen / (met + TINY)
+        lost = rests - product_of(by_bodies, middle, solid)
+        record(ledger, CONTACT, select(late > 0.0, lost, 0.0))
 
 
 @compiled
 def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: Twin) -> None:
-    """Let all act on all bodies at a node: `springgym.integrators.together.pass_together` of rigid bodies."""
+    """Let all act on all bodies at a node: `springgym.integrators.node.pass_node` of rigid bodies."""
     x, v, ledger = phase
     terms, last = twins[2], node.stage == READS
     collisions, contacts = terms.collisions, space.contacts
     found_in, inverse_mass = (space.lists, contacts), terms.particles.inverse_mass.values
     problem = find_contacts(x.values, v.values, space.before, inverse_mass, node.span, collisions, found_in)
     if node.stage == STARTS:
-        start_together(node.phase, problem, collisions, terms.memory)
+        start_together(collisions, terms.memory, node.phase, problem)
         return
     count = bodies_of(x)
     for body in range(count):
@@ -416,39 +567,3 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
         leave_together(body, phase, node, space, of_body(twins, body))
     if last:
         store_energy_of_pairs(collisions, terms.memory, 0.5)
-
-
-@compiled
-def move_together(bodies: Phase, space: Company, h: Number, steps: int, settles: bool, twins: Twin) -> None:
-    """Take all bodies through the steps together; the last node is made anew by the next call.
-
-    None only makes them rigid, if it ``settles``; as many as `springgym.integrators.together.START` tell
-    which bodies of fresh copies touch, as many as `LOOK` make the last node anew.
-    """
-    x, v, ledger = bodies
-    if steps == 0:
-        if settles:
-            for body in range(bodies_of(x)):
-                settle(of_body(x, body), of_body(v, body), of_body(twins, body))
-    else:
-        memory, collisions = twins[2].memory, twins[2].collisions
-        phase, goes, end = load(of_body(memory, 0).marks, PHASE), steps != START, max(steps, 0)
-        if goes:
-            for body in range(bodies_of(x)):
-                resume(of_body(x, body), of_body(v, body), of_body(ledger, body), of_body(memory, body))
-            resume_totals(phase, collisions)
-        for n in range(end + 1):
-            stage = STARTS if not goes else (READS if n == end else PASSES)
-            now = phase if n == 0 else 1.0 + 0.0 * phase
-            pass_together(bodies, node_at(now, h, stage), n == 0, space, twins)
-        if goes:
-            halve_totals(collisions)
-
-
-@compiled
-def settle(x: Rows, v: Rows, twin: Twin) -> None:
-    """Put the particles of a body onto its rigid shape; their momenta stay."""
-    rigid, asymmetry, terms = twin
-    if rigid.moves:
-        state, solid = read_state(x, v, rigid, asymmetry, terms)
-        set_particles(x, v, state, solid)

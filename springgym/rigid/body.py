@@ -1,0 +1,123 @@
+"""The rigid body, and how it is read off its particles and set to them.
+
+A body of particles of masses mᵢ at xᵢ with velocities vᵢ has, about its point X, the pin or centre of mass,
+
+    P = Σ mᵢ vᵢ,    L = Σ mᵢ (xᵢ − X) × vᵢ,
+
+and each particle of a rigid one moves with V + ω × r, ω = I⁻¹ L. Nothing else is kept, so whatever reads
+particles reads a rigid body too.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+
+from springgym.core.compiling import compiled
+from springgym.core.kinds import Numbers, Rows, Vector
+from springgym.core.lanes import load
+from springgym.core.vectors import angular_momentum, cross, mass_centre, row, set_row, triad, vec
+from springgym.integrators.envelope import Block
+from springgym.rigid.flight import State, angular_velocity, combine, components, turned
+from springgym.rigid.kick import rows
+
+if TYPE_CHECKING:
+    from springgym.core.kinds import Number
+    from springgym.forces import Terms
+
+
+class Rigid(NamedTuple):
+    """The rigid body, as its kernel takes it."""
+
+    shape: np.ndarray
+    """(N, 3) particles in principal axes, from the pin or the centre of mass [m]"""
+    moments: np.ndarray
+    """(3,) [kg·m²]"""
+    triad: np.ndarray
+    """(3, 3) rows: the body's `triad` in principal axes"""
+    markers: np.ndarray
+    """(3,) the particles of that triad"""
+    pivot: int
+    """the pinned particle, or −1"""
+    moves: bool
+    """whether any particle is free"""
+    turns: bool
+    """whether it does more than to move along: not so of a single particle"""
+    stages: np.ndarray
+    """(stages,) the composition: shares of the step that its second-order steps take"""
+
+
+Twin: TypeAlias = "tuple[Rigid, Numbers, Terms]"
+"""What kernels take of a rigid body: itself, as `Solid` has it its asymmetry, and what acts on it."""
+
+
+class Solid(NamedTuple):
+    """A body in a call, as its steps take it."""
+
+    rigid: Rigid
+    asymmetry: Numbers
+    """1/I₂ − 1/I₁ [1/(kg·m²)], (1,), or None"""
+    axes: Block
+    """the principal axes in world coordinates where `State.q` is the identity"""
+    centre: Vector
+    """of mass, in body coordinates [m]"""
+    total: Number
+    """mass [kg]"""
+    lightness: Number
+    """1/mass [1/kg], or 0 of a pinned body"""
+    terms: Terms
+    """what acts on it"""
+
+
+@compiled
+def orientation(x: Rows, rigid: Rigid) -> Block:
+    """The principal axes in world coordinates: how the triad of the particles stands to that of the shape."""
+    here = triad(x, rigid.markers)
+    e1, e2, e3 = rows(rigid.triad)
+    return (
+        combine(here, vec(e1[0], e2[0], e3[0])),
+        combine(here, vec(e1[1], e2[1], e3[1])),
+        combine(here, vec(e1[2], e2[2], e3[2])),
+    )
+
+
+@compiled
+def set_particles(x: Rows, v: Rows, state: State, solid: Solid) -> None:
+    """Set the particles to where a rigid body has them."""
+    _, spin, position, velocity = state
+    now = turned(solid.axes, state.q)
+    omega = combine(now, angular_velocity(spin, solid.rigid))
+    for i in range(solid.terms.particles.mass.size):
+        r = combine(now, row(solid.rigid.shape, i))
+        set_row(x, i, position + r)
+        set_row(v, i, velocity + cross(omega, r))
+
+
+@compiled
+def read_state(x: Rows, v: Rows, rigid: Rigid, asymmetry: Numbers, terms: Terms) -> tuple[State, Solid]:
+    """Return the `State` with the momenta of particles, where their triad is, and its `Solid`."""
+    mass = terms.particles.mass
+    zero = 0.0 * load(x, (0, 0))
+    nothing = vec(zero, zero, zero)
+    if rigid.pivot >= 0:
+        position = row(x, rigid.pivot)
+        velocity = nothing
+    else:
+        position = mass_centre(x, mass)
+        velocity = mass_centre(v, mass)
+    if rigid.turns:
+        axes = orientation(x, rigid)
+        spin = components(axes, angular_momentum(x, v, mass, position))
+    else:
+        axes = (vec(1.0 + zero, zero, zero), vec(zero, 1.0 + zero, zero), vec(zero, zero, 1.0 + zero))
+        spin = nothing
+    centre = mass_centre(rigid.shape, mass)
+    total = load(mass, 0)
+    for i in range(1, mass.size):
+        total = total + load(mass, i)
+    lightness = 1.0 / total
+    if rigid.pivot >= 0:
+        lightness = 0.0 * lightness
+    solid = Solid(rigid, asymmetry, axes, centre, total, lightness, terms)
+    return State((1.0 + zero, zero, zero, zero), spin, position, velocity), solid
