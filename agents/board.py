@@ -51,6 +51,6 @@ class TensorBoard(KVWriter):
 
 
 def make_logger(run: Run, timesteps: int) -> Logger:
-    """The log of a run that has come to ``timesteps``."""
+    """Make the log of a run that has come to ``timesteps``."""
     folder = run.folder / "tensorboard"
     return Logger(str(folder), [TensorBoard(folder, timesteps)])

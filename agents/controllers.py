@@ -166,7 +166,7 @@ def regulator(
 
 @cache
 def _rope_gain(period: float) -> np.ndarray:
-    """For x = load − target, trolley − load and both velocities, along one axis."""
+    """Find the gain for x = load − target, trolley − load and both velocities, along one axis."""
     pull = G / 4.05  # g over the length of the rope
     drift = np.array([[0, 0, 1, 0], [0, 0, -1, 1], [0, pull, 0, 0], [0, 0, 0, 0]], float)
     return regulator(drift, np.array([[0.0], [0], [0], [1]]), np.array([1.0, 0.1, 0.1, 0.1]), 0.1, period)
@@ -181,7 +181,7 @@ def rope_trolley(task: Task, observations: np.ndarray) -> np.ndarray:
 
 @cache
 def _free_top_gain(period: float) -> np.ndarray:
-    """For x = n_x, n_y, ω_x, ω_y, and position and velocity of the centre of mass, near the upright.
+    """Find the gain for x = n_x, n_y, ω_x, ω_y, and position and velocity of the centre, near the upright.
 
     The floor carries the weight at the tip, l below the centre of mass, and the crown is h − l above it:
     I₁ω⊥' = Mgl n×z + (h − l) z×F − I₃ω₃ n',  n' = ω×n,  M X'' = F.
@@ -337,7 +337,7 @@ def _pushed(
 
 
 def _axes(seen: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The first two axes (n, 2, 2) of a box that is turned by its ``heading``, in rows."""
+    """Return the first two axes (n, 2, 2) of a box that is turned by its ``heading``, in rows."""
     cosine, sine = seen["heading"].T
     return np.stack([np.stack([cosine, sine], axis=1), np.stack([-sine, cosine], axis=1)], axis=1)
 
@@ -486,7 +486,7 @@ def controllers_of(env_id: str) -> dict[str, Controller]:
 
 
 def task_of(env_id: str, env_kwargs: Mapping[str, Any]) -> Task | None:
-    """The task of an environment, made with those of the arguments that are its own.
+    """Make the task of an environment, with those of the arguments that are the task's own.
 
     None if the environment is not one of springgym's.
     """
@@ -546,7 +546,7 @@ def make_controller(
 
 
 def own_controller(name: str, action_space: spaces.Space[Any]) -> Policy:
-    """A function of a module of the user's, ``module:function``, whose actions are checked."""
+    """Import a function of the user's, ``module:function``, and check its actions."""
     module, _, function = name.partition(":")
     try:
         found = getattr(import_module(module), function)

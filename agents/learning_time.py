@@ -111,7 +111,7 @@ def measure(env_id: str, seed: int, config: Config) -> dict[str, Any]:
 
 
 def shown(rows: Sequence[dict[str, Any]]) -> str:
-    """The rows as a table in Markdown."""
+    """Write the rows as a table in Markdown."""
     lines = ["| task | steps to 90 % | seconds | physics | policy | learning |", "|---|---|---|---|---|---|"]
     for row in rows:
         more = "" if row["learned"] else "more than "

@@ -62,7 +62,7 @@ def card(run: Run, episodes: int, audited: int) -> dict[str, Any]:
 
 
 def command(run: Run) -> str:
-    """The command line that trains it.
+    """Return the command line that trains it.
 
     Raises
     ------

@@ -92,7 +92,7 @@ class Recorder(BaseCallback):
         write_atomically(self.path, "\n".join(kept) + "\n")
 
     def _lines(self) -> list[str]:
-        """The lines of metrics.csv below its head, with their ends."""
+        """Return the lines of metrics.csv below its head, with their ends."""
         if not self.path.exists():
             return []
         try:

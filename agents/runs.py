@@ -145,12 +145,12 @@ def open_run(folder: Path) -> Run:
 
 
 def _header(algo: Algorithm, env_id: str, seed: int, config: dict[str, Any]) -> tuple[Algorithm, str, int]:
-    """The keys of ``config.yaml``; the last is read by `build_config`."""
+    """Return the keys of ``config.yaml``; the last is read by `build_config`."""
     return algo, env_id, seed
 
 
 def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> Policy:
-    """The deterministic policy of a run's newest agent, normalisation included, see `agent.load_policy`.
+    """Load the deterministic policy of a run's newest agent, normalisation included, see `agent.load_policy`.
 
     Raises
     ------

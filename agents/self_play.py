@@ -117,7 +117,7 @@ def spaces() -> tuple[Any, Any]:
 
 
 def player(run: Run, path: Path) -> Player:
-    """An agent that was kept."""
+    """Load an agent that was kept."""
     return load_policy(path, run.config, *spaces())
 
 
@@ -127,7 +127,7 @@ are not normalised, because training could not continue without the scales, whic
 
 
 def members(run: Run) -> dict[str, Path]:
-    """The agents that were kept, by the steps that they had learned for."""
+    """Return the agents that were kept, by the steps that they had learned for."""
     return {f"{int(path.stem):,} steps": path for path in sorted((run.folder / "league").glob("*.npz"))}
 
 
@@ -163,7 +163,7 @@ class Duels(NamedTuple):
 
 
 def tournament(players: Sequence[Player], duels: int) -> list[Duels]:
-    """Each against every other one, ``duels`` on either side, all pairs from the same seeds."""
+    """Play each against every other one, ``duels`` on either side, all pairs from the same seeds."""
     env = parallel(ID, **SEEN)
     pairs = list(itertools.combinations(range(len(players)), 2))
     played = []
@@ -207,7 +207,7 @@ def ratings(played: Sequence[Duels], count: int, points: Sequence[np.ndarray] | 
 
 
 def rate(run: Run, duels: int) -> list[dict[str, str]]:
-    """The rows of elo.csv, the best first."""
+    """Return the rows of elo.csv, the best first."""
     kept = members(run)
     chosen = {round(n) for n in np.linspace(0, len(kept) - 1, min(MOST_RATED, len(kept)))}
     players: Mapping[str, Player] = {

@@ -66,7 +66,7 @@ def grid() -> dict[str, dict[str, Any]]:
 
 
 def possible(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The part of the grid on which episodes can start: softer springs are torn by the spin."""
+    """Return the part of the grid on which episodes can start: spin tears softer springs."""
     found = {}
     for name, change in grid().items():
         try:
@@ -104,7 +104,7 @@ def train(options: argparse.Namespace, folder: Path) -> int:
 
 
 def played(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
-    """A row for every agent and every place it plays at."""
+    """Return a row for every agent and every place it plays at."""
     kwargs = task_kwargs(
         load_config(options.algo, options.task, options.overrides, options.configs and config_file(options))
     )

@@ -92,7 +92,7 @@ class Need(NamedTuple):
 
 
 def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), duration: float = 1.0) -> Need:
-    """The models of a top in slow steady precession, each with its measured error and cost.
+    """Model a top in slow steady precession in several ways, each with its measured error and cost.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
 
 
 def _asked(plan: Plan) -> Steady:
-    """The precession of the top of a plan."""
+    """Return the precession of the top of a plan."""
     scene = plan.scene
     if len(scene.bodies) > 1:
         raise ValueError(f"scene {plan.name!r} has {len(scene.bodies)} bodies; it must have one, a heavy top")
@@ -163,7 +163,7 @@ def _turning(scene: Scene) -> tuple[float, float]:
 
 
 def _steady(body: Body, scene: Scene, tilt: float, spin: float) -> Steady:
-    """The precession of a body in place of that of a scene."""
+    """Put the precession of a body in place of that of a scene."""
     pull = scene.gravity or (0.0, 0.0, 0.0)
     rigid = steady_precession(heavy_top(body, scene.pinned, pull), tilt, spin)[0]
     return Steady(tilt, spin, float(rigid), precession_gap(body, scene.pinned, pull, tilt, spin))
@@ -198,7 +198,7 @@ def _precessing(
 
 
 def _softest(scene: Scene, steady: Steady, wanted: float) -> float:
-    """The factor by which a top may be made softer to precess within a share of the real one."""
+    """Return the factor by which a top may be made softer to precess within a share of the real one."""
     most = min(abs(steady.gap) + 0.95 * wanted, SOFTEST)  # the rest is for the steps
     factor = most / abs(steady.gap)
     for _ in range(3):  # the gap grows a little faster than the factor

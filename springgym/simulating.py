@@ -106,7 +106,7 @@ def _check_files(args: argparse.Namespace) -> None:
 
 
 def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
-    """The plan with what the options change."""
+    """Return the plan with the changes of the options."""
     for option in ("duration", "step"):
         if (seconds := getattr(args, option)) is not None and not LEAST[option] <= seconds < np.inf:
             raise ValueError(f"--{option} {seconds:g}: it must be at least {LEAST[option]:g} s, and finite")
@@ -120,7 +120,7 @@ def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
 
 
 def _bar(name: str) -> Callable[[Iterable[int]], Iterable[int]]:
-    """A progress bar, if it takes longer than a second and someone is looking."""
+    """Make a progress bar for what takes longer than a second while someone is looking."""
 
     def wrap(items: Iterable[int]) -> Iterable[int]:
         from tqdm import tqdm

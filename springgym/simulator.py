@@ -445,13 +445,13 @@ class Simulator:
         low: float = -HUGE,
         high: float = HUGE,
     ) -> np.ndarray:
-        """A value for each of some copies, (k, *shape), given so or as one for all."""
+        """Return a value for each of some copies, (k, *shape), given so or as one for all."""
         rows = (len(index), *shape)
         given = checks.array(name, value, rows, shape, low=low, high=high)
         return given if given.shape == rows else np.broadcast_to(given, rows)
 
     def _settle(self, index: np.ndarray) -> None:
-        """In rigid dynamics, move some copies to the rigid shape; their momenta stay."""
+        """Move some copies to the rigid shape, in rigid dynamics; their momenta stay."""
         if not self._kind.settled:
             return
         width = numbers(self._x).shape[-1]
@@ -1020,8 +1020,8 @@ class Simulator:
             raise
 
     def _calls(self, first: int, last: int, steps: int) -> Iterator[tuple[int, int, int, bool]]:
-        """The compiled calls that take blocks ``first`` to ``last`` further: first and last block, how many
-        steps, and whether these are the last."""
+        """Return the compiled calls that advance blocks: first and last block, steps, and whether these are the
+        last ones."""
         busy = max(self._busy, 1)
         if (last - first) * steps * busy <= AT_ONCE:
             yield first, last, steps, True
@@ -1134,7 +1134,7 @@ def _checked_names(varying: object) -> frozenset[str]:
 
 
 def _checked_dtype(dtype: Any) -> np.dtype:
-    """The dtype, float64 or float32."""
+    """Return the dtype, float64 or float32."""
     try:
         given = np.dtype(dtype)
     except Exception:  # whatever a foreign class raises

@@ -188,7 +188,7 @@ def _work_precision(figure: Figure, result: dict[str, Any]) -> None:
 
 
 def _spin_down(figure: Figure, result: dict[str, Any]) -> None:
-    """The spin that implicit methods leave, a panel for each step; what flies off is cut, and named so."""
+    """Draw the spin that implicit methods leave, a panel for each step; cut and name those that fly off."""
     steps = sorted({curve["step"] for curve in result["curves"]})
     for n, step in enumerate(steps):
         axes = plain(

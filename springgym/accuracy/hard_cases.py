@@ -73,7 +73,7 @@ def case(
 
 
 def forced(scene: Scene, step: float) -> Simulator:
-    """A simulator of any step, past the check of the stability limit."""
+    """Make a simulator of any step, without the check of the stability limit."""
     made = Simulator(scene)
     vars(made).update(step=step, _control=step)
     return made
@@ -202,7 +202,7 @@ def heavy_rope(broken: bool) -> Outcome:
 
 
 def plucked_cube(damping: float) -> Simulator:
-    """A free cube, blown up by 1 %, with a step of a tenth of the limit."""
+    """Make a free cube that is blown up by 1 %, with a step of a tenth of the limit."""
     body = cube(damping=damping)
     scene = Scene(body, 1.01 * body.positions, gravity=NONE)
     return Simulator(scene, step=Simulator(scene).largest_step / 10)
@@ -395,7 +395,7 @@ def squeezed(broken: bool) -> Outcome:
 
 
 def contact_simulator(scene: Scene, broken: bool) -> Simulator:
-    """The default method, or the paper's: a force that is sampled, and a clamp."""
+    """Make a simulator of the default method, or of the paper's: a force that is sampled, and a clamp."""
     return Simulator.paper(scene) if broken else Simulator(scene)
 
 
@@ -475,7 +475,7 @@ def hundred_bounces(broken: bool) -> Outcome:
 
 
 def pair(damping: float) -> Body:
-    """Two particles side by side that bounce as one."""
+    """Make two particles side by side that bounce as one."""
     x, one = np.array([[0.0, 0, 0], [1, 0, 0]]), np.ones(1)
     return Body("pair", x, np.ones(2), np.array([(0, 1)]), 100 * one, damping * one, floppy=True)
 
@@ -504,7 +504,7 @@ def restitution(broken: bool) -> Outcome:
 
 
 def resting_cube(angle: float, friction: float, gravity: tuple[float, float, float] = GRAVITY) -> Simulator:
-    """A cube that lies on a slope that rises towards x, after 2 s."""
+    """Return a cube after 2 s on a slope that rises towards x."""
     body = cube(damping=30.0)
     normal = np.array([-math.sin(angle), 0.0, math.cos(angle)])
     contact = Contact(friction=friction, restitution=0.3, strength=0.05, reach=0.02)

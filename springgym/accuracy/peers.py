@@ -29,7 +29,7 @@ LONGEST_PIECE = 1e-2
 
 
 def mujoco_model(scene: Scene, integrator: str, step: float) -> mujoco.MjModel:
-    """The scene's particles on slide joints, its springs and dampers as spatial tendons."""
+    """Make the scene in MuJoCo: particles on slide joints, springs and dampers as spatial tendons."""
     import mujoco
 
     def numbers(values: Iterable[float]) -> str:

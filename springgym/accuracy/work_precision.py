@@ -67,7 +67,7 @@ def ladder(problem: Problem, scene: Scene, quick: bool) -> list[Rung]:
 
 
 def edge(problem: Problem, scene: Scene, name: str) -> int:
-    """The fewest steps that a method can take: 2 % within its stability limit, 16 if it has none."""
+    """Return the fewest steps that a method can take: 2 % within its stability limit, 16 if it has none."""
     limit = min(0.98 * largest_step(scene, integrator(name)), problem.seconds / 16)
     return SAMPLES * math.ceil(problem.seconds / limit / SAMPLES)
 
@@ -287,7 +287,7 @@ def measure(name: str, quick: bool = False, peers: bool = True) -> dict[str, Any
 
 
 def cheapest(result: dict[str, Any], tolerance: float, among: str = "") -> dict[str, Any] | None:
-    """The cheapest row with an error of at most ``tolerance``, or None; of one method, if it is named."""
+    """Return the cheapest row with an error of at most ``tolerance``, or None; of one method, if named."""
     rows = [
         row
         for row in result["rows"]

@@ -129,7 +129,7 @@ def stretched_shapes(
 
 
 def _skews(vectors: np.ndarray) -> np.ndarray:
-    """The matrices of u × … for vectors (n, 3), one below the other: (3 n, 3)."""
+    """Return the matrices of u × … for vectors (n, 3), one below the other: (3 n, 3)."""
     return np.cross(vectors[:, None, :], np.eye(3)).transpose(0, 2, 1).reshape(-1, 3)
 
 

@@ -57,7 +57,7 @@ def by_copies(array: np.ndarray) -> np.ndarray:
 
 
 def to_copies(array: np.ndarray, copies: int) -> np.ndarray:
-    """The values of a block array, copied to shape (copies, *shape)."""
+    """Return the values of a block array, copied to shape (copies, *shape)."""
     lanes = by_copies(array)
     rows = lanes.reshape(-1, *lanes.shape[2:])
     return np.array(rows[:copies], order="C")
@@ -71,14 +71,14 @@ def set_copies(array: np.ndarray, index: np.ndarray, values: ArrayLike) -> None:
 
 
 def get_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """The values (k, *shape) of the copies ``index`` (k,) of a block array, copied."""
+    """Return the values (k, *shape) of the copies ``index`` (k,) of a block array, copied."""
     lanes = by_copies(array)
     width = lanes.shape[1]
     return lanes[index // width, index % width]
 
 
 def chosen_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """A block array of nothing but the copies ``index`` (k,) of one; the last of them pads it."""
+    """Return a block array of nothing but the copies ``index`` (k,) of one; the last of them pads it."""
     chosen = block_array(len(index), array.shape[1:], numbers(array).dtype)
     blocks, width = chosen.shape[0], numbers(chosen).shape[-1]
     padded = np.append(index, np.repeat(index[-1:], blocks * width - len(index)))

@@ -65,7 +65,7 @@ def plus_scaled(w: Vector, s: Number, u: Vector) -> Vector:
 
 @compiled
 def vector(array: Numbers) -> Vector:
-    """The three numbers of an array (3,), as a vector."""
+    """Return the three numbers of an array (3,) as a vector."""
     return vec(load(array, 0), load(array, 1), load(array, 2))
 
 
@@ -183,7 +183,7 @@ def inverse_symmetric(tensor: Tensor) -> tuple[Vector, Vector]:
 
 @compiled
 def multiplied(diagonal: Vector, across: Vector, b: Vector) -> Vector:
-    """A symmetric tensor, xx, yy, zz and xy, xz, yz, times a vector."""
+    """Multiply a symmetric tensor, xx, yy, zz and xy, xz, yz, by a vector."""
     return vec(
         dot(vec(diagonal[0], across[0], across[1]), b),
         dot(vec(across[0], diagonal[1], across[2]), b),

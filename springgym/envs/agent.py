@@ -134,7 +134,7 @@ def load_policy(
 
 
 def _reach_of_statistics(path: Path, mean: np.ndarray, variance: np.ndarray, limits: np.ndarray) -> float:
-    """The largest number that comes out of the normalisation."""
+    """Return the largest number that comes out of the normalisation."""
     epsilon, largest = limits.tolist()
     if not (variance >= 0).all() or not epsilon > 0 or not 0 < largest < MOST:
         raise ValueError(
@@ -175,7 +175,7 @@ def _layers(
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a file; it may be anything."""
+    """Read the arrays of a file, which may be anything."""
     try:
         with zipfile.ZipFile(path) as archive:
             size = sum(member.file_size for member in archive.infolist())

@@ -85,7 +85,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 @kernel
 def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
-    """The place goes on along its circle: x, y, z, its velocity x, y, and its angular velocity."""
+    """Move the place along its circle: x, y, z, its velocity x, y, and its angular velocity."""
     for c in range(goal.shape[0]):
         turn = goal[c, 5] * PERIOD
         cosine, sine = math.cos(turn), math.sin(turn)

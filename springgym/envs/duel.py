@@ -84,7 +84,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 @kernel
 def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
-    """In axes that are turned by half a turn for the second player, so that both see the same duel."""
+    """Observe in axes that are turned by half a turn for the second player: both see the same duel."""
     own = int(s.parameters[0])
     sign = 1.0 - 2.0 * own
     for c in range(observation.shape[0]):
@@ -273,13 +273,13 @@ class SpringDuel(Task):
         return {"first.thrust": FORCE * np.pad(action, ((0, 0), (0, 1)))[:, None]}
 
     def seen_by_second(self, m: Measures, s: Situation) -> np.ndarray:
-        """The second player's compact observations (n, D)."""
+        """Return the second player's compact observations (n, D)."""
         seen = np.empty((len(s.x), sum(entry.size for entry in ENTRIES)), np.float32)
         compact(m, s._replace(parameters=self.others), seen)
         return np.clip(np.nan_to_num(seen), -BOUND, BOUND)
 
     def particles_of_second(self, rows: np.ndarray, s: Situation) -> np.ndarray:
-        """The second player's observations of particles (n, D)."""
+        """Return the second player's observations of particles (n, D)."""
         own = observing.columns(self.particles)
         count = len(self.body.masses)
         turned = np.where(own.entries[:, 1] < 2, -1.0, 1.0)

@@ -476,7 +476,7 @@ class Episodes:
     # --- Randomisation ----------------------------------------------------------------------------
 
     def _drawn(self, copy: int) -> dict[str, float]:
-        """The factors of a copy's episode."""
+        """Return the factors of a copy's episode."""
         return dict.fromkeys(RANDOMIZABLE, 1.0) | dict(zip(self.ranges, self.factors[copy], strict=True))
 
     def _vary(self, copies: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
@@ -635,7 +635,7 @@ class Episodes:
 
 
 def _locked(array: np.ndarray) -> np.ndarray:
-    """A view that cannot be written to."""
+    """Return a view that cannot be written to."""
     view = array.view()
     view.flags.writeable = False
     return view
@@ -663,7 +663,7 @@ def _fastest(scene: Scene, kind: Dynamics) -> str:
 
 
 def _checked_limit(steps: int | None) -> int:
-    """A time limit; −1 if there is none."""
+    """Return a time limit; −1 without one."""
     if steps is None or (isinstance(steps, int) and steps == -1):
         return -1
     return checks.whole("max_episode_steps", steps, 1)

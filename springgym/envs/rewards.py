@@ -47,7 +47,7 @@ def spinning(m: Measures, c: int) -> tuple[float, float]:
 
 @compiled
 def angle_of(cosine: float) -> float:
-    """The angle of a cosine that rounding may have brought beyond ±1 [rad]."""
+    """Return the angle of a cosine that rounding may have brought beyond ±1 [rad]."""
     return math.acos(min(max(cosine, -1.0), 1.0))
 
 

@@ -460,7 +460,7 @@ def _loaded(scene: str | Path) -> Scene:
 
 
 def _function(name: str, value: object, *takes: str) -> Callable[..., Any]:
-    """A function, checked to be called with so many arguments."""
+    """Return a function after checking that it takes so many arguments."""
     if not callable(value):
         raise TypeError(f"{name} is {checks.shown(value)}; it must be a function")
     try:
@@ -477,7 +477,7 @@ def _function(name: str, value: object, *takes: str) -> Callable[..., Any]:
 
 
 def _given(name: str, value: object) -> Callable[..., Any] | None:
-    """A function of measures and situation, or None."""
+    """Return a function of measures and situation, or None."""
     return None if value is None else _function(name, value, "m", "s")
 
 
@@ -564,7 +564,7 @@ def _of_shape(name: str, given: object, shape: tuple[int | None, ...], kinds: st
 
 
 def _extent(scene: Scene) -> float:
-    """The largest extent of a body [m]; 1 of single particles, which have none."""
+    """Return the largest extent of a body [m]; 1 for single particles, which have none."""
     return max(float(np.ptp(placed.body.positions, axis=0).max()) for placed in scene.bodies) or 1.0
 
 
@@ -579,7 +579,7 @@ def _scaled(scene: Scene, values: np.ndarray, factor: float) -> np.ndarray:
 
 
 def _named(scene: Scene, name: str) -> tuple[int, str]:
-    """The body that an actuator acts on, and the kind of the actuator."""
+    """Return the body that an actuator acts on, and the kind of the actuator."""
     if len(scene.bodies) == 1:
         return 0, name
     body, _, kind = name.partition(".")
@@ -595,7 +595,7 @@ def _thrusters(scene: Scene, name: str) -> int:
 
 
 def _acted_on(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
-    """The scene with the actuators that are named, a wrench added if need be."""
+    """Return the scene with the actuators that are named; add a wrench if it needs one."""
     if not actuators:
         raise ValueError("actuators is empty; actions must drive at least one actuator")
     bodies = list(scene.bodies)

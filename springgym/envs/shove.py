@@ -50,7 +50,7 @@ Level: TypeAlias = Sequence[float] | np.ndarray
 
 @compiled
 def heading_of(m: Measures, c: int, body: int) -> float:
-    """The angle of a body's first axis from the x axis [rad]."""
+    """Return the angle of a body's first axis from the x axis [rad]."""
     return math.atan2(m.side[c, body, 1], m.side[c, body, 0])
 
 

@@ -83,7 +83,7 @@ class Camera:
         return cls(tuple(middle + distance * np.array(away)), tuple(middle), fov)
 
     def keeping(self, points: ArrayLike, size: tuple[int, int], margin: float = 0.03) -> Camera:
-        """This camera if it sees all of some points, else one that looks at their middle from the same side.
+        """Return this camera if it sees all of some points, else one from the same side that does.
 
         It comes no nearer, and goes as far away as it takes to see them all. Points so far out that pictures
         would blur by rounding are let go.
@@ -123,7 +123,7 @@ class Camera:
         fov: float = 0.5,
         margin: float = 0.08,
     ) -> Camera:
-        """The nearest camera that sees all points in a picture.
+        """Return the nearest camera that sees all points in a picture.
 
         In axes right, up, forward, with t the tangent of half the angle of view, a point (a, b, c) is
         seen from the eye (α, β, γ) if |a − α| ≤ t (c − γ), and likewise for b. With
@@ -168,7 +168,7 @@ class Camera:
         return cls(tuple(across + near * basis[2]), tuple(across + middle * basis[2]), fov)
 
     def moved(self, way: ArrayLike) -> Camera:
-        """The camera moved by a way (3,), m."""
+        """Move the camera by a vector (3,), m."""
         return replace(
             self, eye=tuple(np.add(self.eye, way).tolist()), target=tuple(np.add(self.target, way).tolist())
         )

@@ -22,7 +22,7 @@ _FAR = 16_000  # canvas pixels beyond which pygame's 16-bit polygons cannot go
 
 
 def import_pygame() -> Any:
-    """The pygame module with its fonts and anti-aliased shapes.
+    """Import pygame, with its fonts and anti-aliased shapes.
 
     Raises
     ------
@@ -107,7 +107,7 @@ class Canvas:
         self._touched = self.pygame.Rect(0, 0, 0, 0)
 
     def picture(self) -> Any:
-        """The finished picture; only what was drawn on since `wipe` is averaged anew."""
+        """Return the finished picture; only what was drawn on since `wipe` is averaged anew."""
         self._picture.blit(self._small, (0, 0))
         n = OVERSAMPLE
         left, top = self._touched.left // n, self._touched.top // n
@@ -185,7 +185,7 @@ class Canvas:
         self.lay(self._layer, box[:2], box)
 
     def line(self, ends: Array, width: float, color: ArrayLike) -> None:
-        """A flat line between two pixels (2, 2), ``width`` canvas pixels wide."""
+        """Draw a flat line between two pixels (2, 2), ``width`` canvas pixels wide."""
         along = ends[1] - ends[0]
         side = np.array([-along[1], along[0]]) * (0.5 * width / max(float(np.hypot(*along)), 1e-9))
         self.polygon(np.concatenate([ends + side, (ends - side)[::-1]]), color)
@@ -199,7 +199,7 @@ class Canvas:
         caps: bool = True,
         alpha: int = 255,
     ) -> None:
-        """A round bar between two pixels (2, 2) at depths (2,), radius in m: lit, or flat if translucent."""
+        """Draw a round bar between pixels (2, 2) at depths (2,), radius in m: lit, or flat if translucent."""
         half = np.maximum(radius * self.pixels_per_meter(depth), 0.5 * OVERSAMPLE)
         along = ends[1] - ends[0]
         length = float(np.hypot(*along))
@@ -220,7 +220,7 @@ class Canvas:
     def ball(
         self, center: Array, depth: float, radius: float, color: ArrayLike, opacity: float = 1.0
     ) -> None:
-        """A lit ball about a pixel, radius in m."""
+        """Draw a lit ball about a pixel, radius in m."""
         pixels = radius * float(self.pixels_per_meter(depth))
         if pixels > max(self.size):
             return

@@ -149,7 +149,7 @@ def paint_ring(canvas: Canvas, center: ArrayLike, radius: float, occluders: Occl
 
 
 def paint_shadows(canvas: Canvas, look: Look, x: Array, scenery: Scenery) -> None:
-    """The shadow that the lamp casts on every surface that it lights."""
+    """Paint the shadow that the lamp casts on every surface that it lights."""
     light = canvas.light
     for plane in _planes(canvas, scenery):
         slope = float(light @ plane.normal)

@@ -171,7 +171,7 @@ class Look:
         return max([0, *ends, len(np.asarray(self.radii)), traced, skin.shape[1] if skin.size else 0])
 
     def points(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """All points that are drawn (…, N + V, 3): the particles, and those of the skin behind them."""
+        """Return all points that are drawn (…, N + V, 3): the particles, then those of the skin."""
         skin = np.asarray(self.skin)
         if not skin.size:
             return positions
@@ -203,7 +203,7 @@ class Look:
 
 
 def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = None) -> Look:
-    """The look of several bodies, whose particles lie one body after another.
+    """Join the looks of several bodies, whose particles lie one body after another.
 
     Parameters
     ----------

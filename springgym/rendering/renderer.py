@@ -148,7 +148,7 @@ class Renderer:
         self.reset()
 
     def _prepared_canvas(self) -> Canvas:
-        """A canvas that shows the background alone."""
+        """Return a canvas that shows the background alone."""
         if self._canvas is None or self._drawn_for != (self.camera, self.scenery):
             self._canvas = Canvas(self.size, self.camera)
             paint_background(self._canvas, self.scenery)
@@ -158,7 +158,7 @@ class Renderer:
         return self._canvas
 
     def _paint(self, x: Array, marks: Marks, strain: Array | None) -> Any:
-        """One picture, from back to front."""
+        """Paint one picture, from back to front."""
         canvas = self._prepared_canvas()
         for center, radius in marks.rings:
             paint_disk(canvas, center, radius)

@@ -44,7 +44,7 @@ def circle(center: ArrayLike, radius: float, corners: int, normal: ArrayLike = (
 
 
 def tangents(normal: ArrayLike) -> tuple[Array, Array]:
-    """Two unit vectors that make a right-handed triad with the unit vector ``normal``."""
+    """Return two unit vectors that make a right-handed triad with the unit vector ``normal``."""
     n = np.asarray(normal, dtype=float)
     seed = np.array([1.0, 0.0, 0.0]) if abs(n[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     first = seed - n * (seed @ n)
@@ -263,7 +263,7 @@ def is_behind(
 
 
 def tube(canvas: Canvas, points: Array, radius: float, color: ArrayLike, opacity: Array) -> list[Item]:
-    """A round bar along points (n, 3), in pieces of their own opacity (n − 1,) and depth."""
+    """Draw a round bar along points (n, 3), in pieces of their own opacity (n − 1,) and depth."""
     pixels, depth = canvas.image(points)
     return [
         (far.mean(), partial(canvas.bar, ends, far, radius, color, False, round(255 * whole)))
@@ -278,7 +278,7 @@ def tube(canvas: Canvas, points: Array, radius: float, color: ArrayLike, opacity
 
 
 def rail(canvas: Canvas, start: ArrayLike, stop: ArrayLike, occluders: Occluders) -> list[Item]:
-    """A slender bar that belongs to the surroundings, where it is not hidden."""
+    """Draw a slender bar that belongs to the surroundings, where it is not hidden."""
     ends = np.asarray(start, dtype=float), np.asarray(stop, dtype=float)
     points = ends[0] + np.linspace(0.0, 1.0, 97)[:, None] * (ends[1] - ends[0])
     shown = 1.0 - occluders.hide(0.5 * (points[:-1] + points[1:]))
@@ -286,7 +286,7 @@ def rail(canvas: Canvas, start: ArrayLike, stop: ArrayLike, occluders: Occluders
 
 
 def dashes(canvas: Canvas, foot: ArrayLike, height: float, occluders: Occluders) -> list[Item]:
-    """A dashed line upwards, where it is not hidden."""
+    """Draw a dashed line upwards, where it is not hidden."""
     steps = np.linspace(0.0, height, 49)[:-1].reshape(-1, 2)  # start and end of each dash
     points = np.asarray(foot, dtype=float) + steps[..., None] * np.array([0.0, 0.0, 1.0])
     pixels, depth = canvas.image(points[~occluders.hide(points.mean(axis=1))])
@@ -298,7 +298,7 @@ def dashes(canvas: Canvas, foot: ArrayLike, height: float, occluders: Occluders)
 
 
 def arrow(canvas: Canvas, mark: Arrow, occluders: Occluders) -> list[Item]:
-    """A bar with a cone, pale where it is hidden; nothing if the vector is negligible in the picture."""
+    """Draw a bar with a cone, pale where it is hidden; nothing if the vector is negligible in the picture."""
     vector = np.asarray(mark.vector, dtype=float)
     length = float(np.linalg.norm(vector))
     if not length > 0.004 * canvas.extent:

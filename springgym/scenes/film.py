@@ -350,7 +350,7 @@ def _rope(body: Body, size: float) -> dict[str, Any]:
 
 
 def _face_colors(body: Body) -> np.ndarray:
-    """One colour for each flat face, those of opposite direction alike."""
+    """Choose one colour for each flat face, and the same for faces of opposite direction."""
     a, b, c = body.positions[body.triangles].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]

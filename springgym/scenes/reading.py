@@ -88,7 +88,7 @@ def document(scene: str) -> Tree:
 
 @contextmanager
 def _file(scene: str) -> Iterator[Path]:
-    """The file of a scene."""
+    """Return the file of a scene."""
     if scene in names():
         with resources.as_file(_folder() / f"{scene}.yaml") as path:
             yield path
@@ -196,7 +196,7 @@ def _known_checks(tree: Tree, path: tuple[str, ...], checks: Sequence[str]) -> N
 
 
 def _traced(tree: Tree, scene: Scene, trace: str | int | None) -> int | None:
-    """The particle whose path is drawn; of several bodies it is named "body.part"."""
+    """Return the particle whose path is drawn; of several bodies it is named "body.part"."""
     if trace is None:
         return None
     number, part = 0, trace
@@ -229,7 +229,7 @@ def _bodies(
     pinned: Sequence[str | int],
     start: object,
 ) -> list[_Standing]:
-    """The one body of a file, or several by their names."""
+    """Read the one body of a file, or several by their names."""
     if bodies is None:
         if body is None:
             raise YamlError(f"{tree.where[()]}: the file lacks body")
@@ -261,7 +261,7 @@ def _standing(
     start: object = None,
     checks: Sequence[str] = (),
 ) -> _Standing:
-    """A body with its pins and its start, which a file says at ``path``."""
+    """Read a body with its pins and its start at ``path`` of a file."""
     made = _body(tree, (*path, "body"))
     given: dict[str, Any] = {
         "body": made,
@@ -299,7 +299,7 @@ def _net(
     markers: tuple[int, int, int] | None = None,
     floppy: bool = False,
 ) -> Body:
-    """A body given particle by particle and spring by spring, see `Body`."""
+    """Read a body given particle by particle and spring by spring, see `Body`."""
     return Body(
         "net",
         np.array(positions),
@@ -357,7 +357,7 @@ KINDS: dict[str, Callable[..., Body]] = {
 
 
 def _body(tree: Tree, path: tuple[str, ...]) -> Body:
-    """The body at a path: its ``kind``, and the arguments of the function that makes it."""
+    """Read the body at a path: its ``kind``, and the arguments of the function that makes it."""
     entries, place = tree.at(path), tree.where[path]
     if not isinstance(entries, dict) or not isinstance(entries.get("kind"), str):
         raise YamlError(f"{place}: {'.'.join(path)} must be a mapping with a kind")
@@ -377,7 +377,7 @@ def _body(tree: Tree, path: tuple[str, ...]) -> Body:
 
 
 def _part(tree: Tree, path: tuple[str, ...]) -> Body:
-    """A part of a union: a body with a ``name``, moved to ``at``."""
+    """Read a part of a union: a body with a ``name``, moved to ``at``."""
 
     def placed(name: str, at: Vector = (0.0, 0.0, 0.0)) -> Body:
         return body.with_(name=name, positions=body.positions + np.array(at))
@@ -552,7 +552,7 @@ def _lifted(
 
 
 def _hung(body: Body, first: np.ndarray, last: np.ndarray, gravity: Vector) -> np.ndarray:
-    """A rope hanging between its ends."""
+    """Hang a rope between its ends."""
     if body.name != "rope" or any(gravity[:2]) or not gravity[2] < -1e-9:
         raise ValueError("end needs a rope, and gravity straight down")
     across = (last - first) * (1, 1, 0)

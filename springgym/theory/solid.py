@@ -134,7 +134,7 @@ def orthotropic(young: ArrayLike, poisson: ArrayLike, shear: ArrayLike) -> Float
 
 
 def box_rule(sides: ArrayLike, degree: int = DEGREE) -> Rule:
-    """A box about the origin with these sides, shape (3,), m."""
+    """Return the rule of a box about the origin with these sides, shape (3,), m."""
     t, w = legendre.leggauss(degree + 1)
     half = np.asarray(sides, float) / 2
     grid = np.meshgrid(*(h * t for h in half), indexing="ij")
@@ -143,17 +143,17 @@ def box_rule(sides: ArrayLike, degree: int = DEGREE) -> Rule:
 
 
 def cone_rule(radius: float, height: float, degree: int = DEGREE) -> Rule:
-    """A circular cone on its tip at the origin, opening along z, m."""
+    """Return the rule of a circular cone on its tip at the origin, opening along z, m."""
     return _revolved(lambda z: radius * z / height, height, degree)
 
 
 def cylinder_rule(radius: float, height: float, degree: int = DEGREE) -> Rule:
-    """A cylinder about z between z = 0 and its height, m."""
+    """Return the rule of a cylinder about z between z = 0 and its height, m."""
     return _revolved(lambda z: np.full_like(z, radius), height, degree)
 
 
 def _revolved(profile: Callable[[Floats], Floats], height: float, degree: int) -> Rule:
-    """A solid of revolution about z from z = 0 to its height, of radius profile(z), linear in z."""
+    """Return the rule of a solid about z from z = 0 to its height, of radius profile(z), linear in z."""
     t, w = legendre.leggauss(degree + 2)
     share, weight = (t + 1) / 2, w / 2
     turns = 2 * degree + 1
@@ -166,7 +166,7 @@ def _revolved(profile: Callable[[Floats], Floats], height: float, degree: int) -
 
 
 def ball_rule(radius: float, degree: int = DEGREE) -> Rule:
-    """A ball about the origin, m."""
+    """Return the rule of a ball about the origin, m."""
     t, w = legendre.leggauss(degree + 2)
     share, weight = (t + 1) / 2, w / 2
     turns = 2 * degree + 1

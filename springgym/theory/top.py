@@ -241,7 +241,7 @@ def turning_points(top: HeavyTop, state: TopState) -> tuple[float, float, float]
 
 
 def steady_precession(top: HeavyTop, theta: float, omega3: float) -> tuple[float, float]:
-    """Both rates of steady precession: I1 cos(theta) W^2 - I3 omega3 W + Mgl = 0.
+    """Return both rates of steady precession: I1 cos(theta) W^2 - I3 omega3 W + Mgl = 0.
 
     W = [I3 omega3 +- sqrt(I3^2 omega3^2 - 4 I1 Mgl cos theta)] / (2 I1 cos theta)
 

@@ -33,7 +33,7 @@ def episodes(agent: Agent, first: int) -> Subject:
 
 
 def find_agent(agent: str | None, env_id: str) -> Agent:
-    """An agent by name.
+    """Find an agent by name.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ ACTUATORS = ("terms.wrench.", "terms.thrust.", "terms.drive.")
 
 
 def played(agent: Agent, seed: int) -> Motion:
-    """One episode of an agent."""
+    """Play one episode of an agent."""
     try:
         env = gym.make(agent.env_id, **agent.env_kwargs)
     except gym.error.Error as error:

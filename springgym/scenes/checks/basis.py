@@ -83,7 +83,7 @@ class Check(NamedTuple):
 def within(
     share: float, quantity: str, theory: float, measured: float, unit: str, doubt: float = 0.0
 ) -> Check:
-    """A check whose tolerance is a share of what theory says, and whose doubt is told as a share, too."""
+    """Make a check whose tolerance and doubt are shares of what theory says."""
     scale = abs(theory)
     return Check(quantity, theory, measured, share * scale, unit, doubt * scale)
 

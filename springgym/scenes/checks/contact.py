@@ -61,7 +61,7 @@ CREEP = 1e-6
 
 
 def _met(recording: Recording) -> tuple[Contact | PaperContact, float, float, float]:
-    """The contact of a scene, its c [N·m²] and Δ [m], and g [m/s²]."""
+    """Return the contact of a scene, its c [N·m²] and Δ [m], and g [m/s²]."""
     scene = recording.plan.scene
     return scene.contact, *scales(scene.contact, scene.body), float(np.linalg.norm(scene.gravity or 0.0))
 
@@ -74,7 +74,7 @@ def _carried(recording: Recording) -> np.ndarray:
 
 @applies(needs.particle, needs.ground, needs.dropped, needs.gravity)
 def bounces(recording: Recording) -> list[Check]:
-    """The lowest point of a particle dropped on an elastic floor, and how high it comes back."""
+    """Check the lowest point of a particle dropped on an elastic floor, and how high it comes back."""
     _, c, reach, g = _met(recording)
     mass, times, height = recording.plan.scene.body.mass, recording.times, recording.positions[:, 0, 2]
     start = float(height[0])

@@ -41,7 +41,7 @@ BOUNCE = 1e-3
 
 
 def _solid(recording: Recording) -> Elastic:
-    """The solid that the body of a recording stands for; `needs` make sure that there is one."""
+    """Return the solid that the body of a recording stands for; `needs` make sure that there is one."""
     solid = recording.plan.scene.body.solid
     assert isinstance(solid, Elastic)
     return solid

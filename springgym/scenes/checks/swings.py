@@ -71,7 +71,7 @@ def pendulum(recording: Recording) -> list[Check]:
 
 @applies(needs.pinned, needs.gravity)
 def small_swings(recording: Recording) -> list[Check]:
-    """Both frequencies of small swings of a body of any shape about its pin.
+    """Check both frequencies of small swings of a body of any shape about its pin.
 
     Rotated by a small vector φ from hanging, I φ̈ = −K φ with K = M g l (1 − ẑ ẑᵀ), I about the pin.
     """

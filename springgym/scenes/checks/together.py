@@ -53,7 +53,7 @@ def _gravity(recording: Recording) -> float:
 
 
 def _late(recording: Recording) -> np.ndarray:
-    """The last tenth of the states, two at the least."""
+    """Select the last tenth of the states, two at the least."""
     return np.arange(min(int(0.9 * len(recording.times)), len(recording.times) - 2), len(recording.times))
 
 
@@ -176,7 +176,7 @@ def stacked(recording: Recording) -> list[Check]:
 
 @applies(needs.draped, together=True)
 def draped(recording: Recording) -> list[Check]:
-    """The tension of a rope where it leaves what it lies over: the weight that hangs below.
+    """Check the tension of a rope where it leaves what it lies over: the weight that hangs below.
 
     Its ends go on swinging a little, which is the error of that; what lies in the middle rests.
     """
@@ -240,7 +240,7 @@ def wave(recording: Recording) -> list[Check]:
 
 @applies(needs.smooth_bowl, together=True)
 def bowl_turning(recording: Recording) -> list[Check]:
-    """In a bowl without friction nothing turns bodies about the upright line through its centre.
+    """Check that nothing turns bodies in a smooth bowl about the upright line through its centre.
 
     A way that the bowl bends in a step is off by (ω h)² of it.
     """
