@@ -472,7 +472,7 @@ def benchmark(options: argparse.Namespace) -> int:
         try:
             failed = collected(left, plan, run_cells(left, plan, options), table)
         except KeyboardInterrupt:
-            print("\nstopped; the same command goes on")
+            print("\nstopped; the same command continues")
             return INTERRUPTED
     for cell, why in failed:
         print(f"{cell} failed: {why}", file=sys.stderr)

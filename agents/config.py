@@ -272,7 +272,7 @@ def build_config(algo: Algorithm, tree: Tree, path: tuple[str, ...]) -> Config:
         if not config.n_envs <= config.imitate < config.total_timesteps:
             raise ConfigError(
                 f"{here}: imitate {config.imitate} must be 0, or at least n_envs, {config.n_envs}, and "
-                f"less than total_timesteps, of which it is, {config.total_timesteps}"
+                f"less than total_timesteps, {config.total_timesteps}"
             )
     if isinstance(config, PPOConfig) and config.n_envs * config.n_steps % config.batch_size:
         raise ConfigError(

@@ -158,7 +158,7 @@ def learn(options: argparse.Namespace) -> int:
                 print(f"{steps} steps, {seconds:.0f} s: return/step {earned:.3f}, success {success:.0%}")
         return 0
     except KeyboardInterrupt:
-        print("\nstopped; go on with --resume")
+        print("\nstopped; continue with --resume")
         return INTERRUPTED
     finally:
         ray.shutdown()

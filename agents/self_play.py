@@ -282,7 +282,7 @@ def play(options: argparse.Namespace) -> int:
             try:
                 learn(run, options.every)
             except KeyboardInterrupt:
-                print(f"\ngo on with the same command: {run.folder}", file=sys.stderr)
+                print(f"\nthe same command continues: {run.folder}", file=sys.stderr)
                 return INTERRUPTED
         rows = rate(run, options.duels)
         with whole_file(run.folder / "elo.csv") as path, path.open("w", newline="", encoding="utf-8") as file:

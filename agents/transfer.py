@@ -212,7 +212,7 @@ def transfer(options: argparse.Namespace) -> int:
             if train(options, folder):
                 return 1
         except KeyboardInterrupt:
-            print("\nstopped; the same command goes on")
+            print("\nstopped; the same command continues")
             return INTERRUPTED
         rows = played(options, folder)
         write_atomically(folder / "transfer.json", json.dumps(rows, indent=0) + "\n")

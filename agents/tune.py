@@ -157,7 +157,7 @@ def tune(options: argparse.Namespace) -> int:
                 study.optimize(lambda trial: objective(trial, options, folder), n_trials=1)
                 tell(study, options, folder, path)
         except KeyboardInterrupt:
-            print("\nstopped; the same command goes on")
+            print("\nstopped; the same command continues")
             return INTERRUPTED
         tell(study, options, folder, path)
     return 0

@@ -1020,8 +1020,7 @@ class Simulator:
             raise
 
     def _calls(self, first: int, last: int, steps: int) -> Iterator[tuple[int, int, int, bool]]:
-        """Return the compiled calls that advance blocks: first and last block, steps, and whether these are the
-        last ones."""
+        """Yield the compiled calls that advance blocks: first and last block, steps, whether it is the last."""
         busy = max(self._busy, 1)
         if (last - first) * steps * busy <= AT_ONCE:
             yield first, last, steps, True

@@ -81,8 +81,8 @@ class Round(ReadOnly):
             )
         if least < (1 - 1e-9) * EDGE**2 * float(np.linalg.eigvalsh(matrix)[-1]):
             raise ValueError(
-                f"matrix of a round feature makes it flatter than {EDGE:g} of its largest semi-axis; what is "
-                "flatter has no lowest point when it lies flat"
+                f"matrix of a round feature makes it flatter than {EDGE:g} of its largest semi-axis; a "
+                "flatter one has no lowest point when it lies flat"
             )
         self.keep("matrix", matrix)
         self.keep("centre", array("centre of a round feature", self.centre, (3,)))

@@ -74,7 +74,7 @@ def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
 
 
 def _turn(s: float, sine: float, c: float, cosine: float) -> list[list[float]]:
-    """Return the rows of a rotation about y, then z, from the sines of the angles about z and y, and their cosines."""
+    """Return a rotation about y, then z, from the sines of the angles about z and y, and their cosines."""
     return [[c * cosine, -s, c * sine], [s * cosine, c, s * sine], [-sine, 0 * c, cosine]]
 
 

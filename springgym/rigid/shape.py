@@ -200,7 +200,7 @@ def _check_rest(scene: Scene, method: Integrator) -> None:
     principal_shape(scene)
     for field in fields(scene):
         if field.name not in UNDERSTOOD and getattr(scene, field.name) != field.default:
-            raise ValueError(f"rigid dynamics knows nothing of {field.name}: leave it out of the scene")
+            raise ValueError(f"rigid dynamics does not support {field.name}: leave it out of the scene")
 
 
 def _rank(positions: np.ndarray) -> int:

@@ -208,14 +208,14 @@ def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
             gap = -(first.offset + second.offset)
             if gap < 4 * reach:
                 raise ValueError(
-                    f"surfaces {i} and {j} face each other {gap:g} m apart; they reach {reach:g} m, "
-                    f"so that they must be at least {4 * reach:g} m apart"
+                    f"surfaces {i} and {j} face each other {gap:g} m apart; because each of them reaches "
+                    f"{reach:g} m, they must be at least {4 * reach:g} m apart"
                 )
         elif dot < -1e-9:
             angle = 180 - math.degrees(math.acos(max(-1.0, dot)))
             raise ValueError(
                 f"surfaces {i} and {j} meet at {angle:.3g}°; they must meet at 90° or more, "
-                "as a sharper notch could be pierced"
+                "because particles could pass through a sharper notch"
             )
 
 
@@ -267,5 +267,5 @@ def check_heights(
             where = f"{-h:g} m behind" if h < 0 else f"only {h:g} m above"
             raise ValueError(
                 f"{what} {part}{owner}{of} starts {where} surface {n}, {surface}; it must be at least "
-                f"{NEAREST * reach:g} m above, and is free of its force from {reach:g} m"
+                f"{NEAREST * reach:g} m above; the surface's force ends at {reach:g} m"
             )

@@ -55,14 +55,12 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
         return Agent("random actions", env_id, {}, _random)
     if agent == "classical":
         raise ValueError(
-            "classical control is not in the view but in the scripts: "
-            f"springgym watch classical --env {env_id} --browser  shows it"
+            "springgym view does not show classical control; use "
+            f"springgym watch classical --env {env_id} --browser"
         )
     found = load_agent(agent)
     if ":" in found.env_id and found.env_id != env_id:
-        raise ValueError(
-            f"{agent} asks for a module to be imported; if that is to be, name {found.env_id}, too"
-        )
+        raise ValueError(f"{agent} names a module to import; to allow this, name {found.env_id}, too")
     return found
 
 
