@@ -1020,7 +1020,7 @@ class Simulator:
             raise
 
     def _calls(self, first: int, last: int, steps: int) -> Iterator[tuple[int, int, int, bool]]:
-        """Yield the compiled calls that advance blocks: first and last block, steps, whether it is the last."""
+        """Yield the calls that advance blocks: first and last block, steps, and whether it is the last."""
         busy = max(self._busy, 1)
         if (last - first) * steps * busy <= AT_ONCE:
             yield first, last, steps, True
