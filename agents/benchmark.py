@@ -423,7 +423,7 @@ def run_cells(cells: Sequence[Cell], plan: Plan, options: argparse.Namespace) ->
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -47,7 +47,7 @@ class TensorBoard(KVWriter):
                 RecordWriter(file).write(event.SerializeToString())
 
     def close(self) -> None:
-        """Nothing is left open."""
+        """Leave nothing open."""
 
 
 def make_logger(run: Run, timesteps: int) -> Logger:

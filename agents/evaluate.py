@@ -61,24 +61,24 @@ class Evaluation:
 
     @property
     def return_per_step(self) -> float:
-        """Mean over the episodes."""
+        """Return the mean over the episodes."""
         return float(np.mean(self.returns_per_step))
 
     @property
     def success_rate(self) -> float | None:
-        """Fraction of the episodes; None if the environment does not say."""
+        """Return the fraction of the episodes; None if the environment does not say."""
         return None if self.successes is None else float(np.mean(self.successes))
 
 
 def task_kwargs(config: Config) -> dict[str, Any]:
-    """Keyword arguments of the environment that a configuration's agents are evaluated in."""
+    """Return keyword arguments of the environment that a configuration's agents are evaluated in."""
     return {**config.env_kwargs, **config.eval_env_kwargs}
 
 
 def find_task(
     agents: Sequence[str], env_id: str | None, overrides: Sequence[str]
 ) -> tuple[str, dict[str, Any]]:
-    """Environment and keyword arguments: those of the first run folder, or of configs/ppo.yaml.
+    """Return the environment and keyword arguments: those of the first run folder, or of configs/ppo.yaml.
 
     A run folder may be anyone's: a module that it names is imported only if ``env_id`` names it, too.
     """
@@ -205,7 +205,7 @@ def write_json(path: Path, evaluations: Sequence[Evaluation]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -59,7 +59,7 @@ class Planner:
 
 
 def noise(rng: np.random.Generator, planner: Planner, actions: int) -> np.ndarray:
-    """Noise (samples, horizon, actions) of unit variance."""
+    """Draw noise (samples, horizon, actions) of unit variance."""
     frequency = np.fft.rfftfreq(planner.horizon)
     amplitude = np.maximum(frequency, 1 / planner.horizon) ** (-planner.colour / 2)
     white = rng.standard_normal((planner.samples, planner.horizon, actions))
@@ -168,7 +168,7 @@ def add(path: Path, row: dict[str, Any]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     usual = Planner()
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter

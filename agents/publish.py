@@ -104,7 +104,7 @@ def publish(folders: Sequence[Path], episodes: int, audited: int, into: Path) ->
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -117,7 +117,7 @@ class Recorder(BaseCallback):
         return True
 
     def _on_rollout_start(self) -> None:
-        """Between two iterations: the agent is up to date and no step is under way."""
+        """Note that the agent is up to date and no step is under way, between two iterations."""
         self.seconds = self.clock() - self.started
         if self.num_timesteps - self.row_at >= self.config.log_every:
             self.write_row()

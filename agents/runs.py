@@ -61,12 +61,12 @@ class Run(NamedTuple):
 
     @property
     def model(self) -> Path:
-        """The newest checkpoint."""
+        """Return the newest checkpoint."""
         return self.folder / "model.zip"
 
     @property
     def agent(self) -> Path:
-        """The newest agent."""
+        """Return the newest agent."""
         return self.folder / "agent.npz"
 
 
@@ -215,7 +215,7 @@ def _cpu_model() -> str:
 
 
 def _git_revision() -> str | None:
-    """Revision of the source tree, ``-dirty`` if it was changed since; None outside of a clone."""
+    """Return the revision of the source tree, ``-dirty`` if it was changed since; None outside of a clone."""
     if not (SOURCE / "pyproject.toml").is_file():  # installed, maybe within somebody's own tree
         return None
     command = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=40"]

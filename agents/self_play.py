@@ -178,7 +178,7 @@ def tournament(players: Sequence[Player], duels: int) -> list[Duels]:
 
 
 def duel(env: ParallelDuel, first: Player, second: Player, seed: int) -> float:
-    """Points of the first."""
+    """Return the points of the first player."""
     seen, _ = env.reset(seed=seed)
     infos: dict[str, Any] = {}
     while env.agents:
@@ -189,7 +189,7 @@ def duel(env: ParallelDuel, first: Player, second: Player, seed: int) -> float:
 
 
 def ratings(played: Sequence[Duels], count: int, points: Sequence[np.ndarray] | None = None) -> np.ndarray:
-    """Elo's ratings (count,): of 1/(1 + 10^((b − a)/400)) the likeliest, each pair having drawn once more.
+    """Return Elo's ratings (count,), the likeliest ones; each pair counts as having drawn once more.
 
     The likeliest are found as Hunter (2004), MM algorithms for generalized Bradley-Terry models, has it.
     """
@@ -244,7 +244,7 @@ def rate(run: Run, duels: int) -> list[dict[str, str]]:
 
 
 def main(given: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -45,7 +45,7 @@ from springgym.registration import find
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

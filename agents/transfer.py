@@ -39,7 +39,7 @@ RIGID = "rigid"
 
 
 def kinds() -> dict[str, dict[str, Any]]:
-    """Names of the kinds of agents, and the arguments of the environments that they learn in."""
+    """Return names of the kinds of agents, and the arguments of the environments that they learn in."""
     return {
         f"{dynamics}{', randomised' if randomized else ''}": {"dynamics": dynamics}
         | ({"randomize": RANDOMIZED} if randomized else {})
@@ -134,7 +134,7 @@ def config_file(options: argparse.Namespace) -> Path:
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Returns per step in the mean of the seeds, the lowest and the highest."""
+    """Return returns per step in the mean of the seeds, the lowest and the highest."""
     places = list(dict.fromkeys(row["played"] for row in rows))
     lines = [f"| learned on | {' | '.join(places)} |", "|---" * (len(places) + 1) + "|"]
     for kind in dict.fromkeys(row["learned"] for row in rows):
@@ -178,7 +178,7 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -113,7 +113,7 @@ def record(
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "watch.py") -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

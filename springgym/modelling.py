@@ -78,7 +78,7 @@ class Need(NamedTuple):
 
     @property
     def cheapest(self) -> Model:
-        """The cheapest whose error is at most the one wanted.
+        """Return the cheapest model whose error is at most the wanted one.
 
         Raises
         ------
@@ -152,7 +152,7 @@ def _asked(plan: Plan) -> Steady:
 
 
 def _turning(scene: Scene) -> tuple[float, float]:
-    """Tilt of the axis [rad] and ω along it [rad/s] that a scene starts with."""
+    """Return the tilt of the axis [rad] and ω along it [rad/s] that a scene starts with."""
     x, body = scene.positions, scene.body
     axis = axes(x, body.markers)[:, 2]
     r = x - x[scene.pivot]
@@ -178,7 +178,7 @@ def _precessing(
     integrator: str = "verlet",
     step: float | None = None,
 ) -> tuple[float, Simulator]:
-    """Mean precession [rad/s] of a body that starts at the rate of the rigid top, and a simulator of it."""
+    """Return a body's mean precession [rad/s] from a start at the rigid top's rate, and its simulator."""
     begun = start(
         body,
         tilt=steady.tilt,
@@ -261,7 +261,7 @@ def real_top(material: Material | str, duration: float = 1.0) -> RealTop:
 
 
 def _cost(simulator: Simulator, steps: int) -> float:
-    """Computing time of a simulated second [s]: the best of three, without compiling."""
+    """Return the computing time of a simulated second [s]: the best of three, without compiling."""
     simulator.advance(1)
     costs = []
     for _ in range(3):
@@ -272,7 +272,7 @@ def _cost(simulator: Simulator, steps: int) -> float:
 
 
 def table_of_tops(materials: Iterable[str]) -> Iterator[str]:
-    """Lines of a table of `RealTop`, in Markdown."""
+    """Return lines of a table of `RealTop`, in Markdown."""
     heads = ("", "g", "lowest Hz", "step s", "dI₃/I₃", "gap", "predicted", "of the solid's", "alone", "batch")
     yield f"| {' | '.join(heads)} |"
     yield "|---" * len(heads) + "|"

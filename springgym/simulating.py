@@ -229,7 +229,7 @@ def _report(recording: Recording, whole: float) -> int:
 
 
 def table(checks: list[Check], otherwise: str = "FAILED") -> str:
-    """Checks as lines of text; differences are relative, or absolute where theory says 0.
+    """Return checks as lines of text; differences are relative, or absolute where theory says 0.
 
     What theory leaves out is told where it is more than the tolerance: then it does not cover the run. What
     else does not pass is followed by ``otherwise``.

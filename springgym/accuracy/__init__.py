@@ -93,7 +93,7 @@ def _report_so_far(path: Path) -> dict[str, Any]:
 
 
 def conditions() -> dict[str, Any]:
-    """Date, processor, versions, and digests of the code of what was measured."""
+    """Return date, processor, versions, and digests of the code of what was measured."""
     versions = {"python": platform.python_version()}
     for package in ("springgym", "numpy", "numba", "scipy", "mujoco"):
         try:

@@ -52,7 +52,7 @@ class Elastic(ReadOnly):
 
     @property
     def damping_ratio(self) -> float:
-        """ζ of the lowest vibration of the springs. At a frequency ω it is larger by ω/ω₁."""
+        """Return ζ of the lowest vibration of the springs. At a frequency ω it is larger by ω/ω₁."""
         return self.material.loss / 2 * self.frequency_ratio
 
     def __repr__(self) -> str:

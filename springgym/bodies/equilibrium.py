@@ -134,7 +134,7 @@ def _skews(vectors: np.ndarray) -> np.ndarray:
 
 
 def _kernel(matrix: np.ndarray) -> np.ndarray:
-    """Orthonormal columns that span what a matrix maps to zero."""
+    """Return orthonormal columns that span what a matrix maps to zero."""
     _, sizes, rows = np.linalg.svd(matrix)
     rank = int(np.sum(sizes > 1e-9 * sizes.max(initial=0.0)))
     return rows[rank:].T

@@ -91,7 +91,7 @@ class Round(ReadOnly):
 
     @property
     def extent(self) -> float:
-        """Largest semi-axis [m]."""
+        """Return the largest semi-axis [m]."""
         return float(np.sqrt(np.linalg.eigvalsh(self.matrix)[-1]))
 
     def carriers(self, count: int, what: str = "particles of a round feature") -> np.ndarray:

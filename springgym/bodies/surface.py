@@ -27,7 +27,7 @@ def is_closed(triangles: np.ndarray) -> bool:
 
 
 def same_sense(triangles: np.ndarray) -> np.ndarray:
-    """Edges (E, 2) that two triangles run along in the same sense: one of the two is the wrong way round."""
+    """Return edges (E, 2) along which two triangles run in the same sense: one of them is turned over."""
     runs, times = np.unique(_runs(triangles), axis=0, return_counts=True)
     return runs[times > 1]
 
@@ -93,7 +93,7 @@ def volume(positions: np.ndarray, triangles: np.ndarray) -> float:
 
 
 def normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Unit normals (T, 3); zero for a triangle without an area."""
+    """Return unit normals (T, 3); zero for a triangle without an area."""
     a, b, c = positions[triangles].transpose(1, 0, 2)
     across = np.cross(b - a, c - a)
     return across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]

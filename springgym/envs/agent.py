@@ -164,7 +164,7 @@ def _check_reach(
 def _layers(
     network: Network, observation_space: spaces.Box, action_space: spaces.Box
 ) -> list[tuple[str, str, tuple[int, ...]]]:
-    """Names of weight and bias of each layer, and the shape of the weight."""
+    """Return names of weight and bias of each layer, and the shape of the weight."""
     hidden, last = LAYERS[network.algo]
     names = [f"{hidden}.{2 * n}" for n in range(len(network.net_arch))]  # activations stand between
     sizes = [int(np.prod(observation_space.shape)), *network.net_arch, int(np.prod(action_space.shape))]

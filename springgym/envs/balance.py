@@ -142,7 +142,7 @@ class SpringBalance(Task):
         )
 
     def _height(self, factors: Mapping[str, float]) -> float:
-        """Height of the ball's lowest point above the plate that carries it [m]."""
+        """Return the height of the ball's lowest point above the plate that carries it [m]."""
         weight = -GRAVITY[2] * factors.get("gravity", 1.0) * factors.get("masses", 1.0) * BALL_MASS
         return rest_height(weight, STRENGTH, REACH)
 

@@ -142,7 +142,7 @@ class _Common(Stateful):
         return given
 
     def _always(self, copies: int | slice | np.ndarray) -> dict[str, Any]:
-        """Arrays (k,) of what ``info`` reports for some copies of whatever task."""
+        """Return arrays (k,) of what ``info`` reports for some copies of whatever task."""
         episodes, task, m = self.episodes, self.episodes.task, self.episodes.measures
         always: dict[str, Any] = {
             "is_success": episodes.held[copies] >= task.hold,
@@ -625,7 +625,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         self._show_new(own)
 
     def _some(self, copies: ArrayLike | None) -> np.ndarray:
-        """Indices (k,) of copies, checked; all if None."""
+        """Return indices (k,) of copies, checked; all if None."""
         if copies is None:
             return np.arange(self.num_envs)
         own = indices("copies", copies, self.num_envs, once=True)

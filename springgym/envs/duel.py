@@ -59,7 +59,7 @@ def tilt_of(m: Measures, c: int, body: int) -> float:
 
 @compiled
 def away_of(m: Measures, c: int, body: int) -> float:
-    """Distance of a top's centre of mass from the middle [m]."""
+    """Return the distance of a top's centre of mass from the middle [m]."""
     return math.hypot(m.centre[c, body, 0], m.centre[c, body, 1])
 
 
@@ -161,7 +161,7 @@ class Script:
 
 
 def to_the_left(vectors: np.ndarray) -> np.ndarray:
-    """z × v of level vectors (n, 2)."""
+    """Return z × v of level vectors (n, 2)."""
     return np.stack([-vectors[:, 1], vectors[:, 0]], axis=1)
 
 
@@ -209,7 +209,7 @@ class SpringDuel(Task):
 
     @property
     def others(self) -> np.ndarray:
-        """`parameters` for the second player."""
+        """Return `parameters` for the second player."""
         return np.array([float(SECOND)])
 
     @cached_property
@@ -231,7 +231,7 @@ class SpringDuel(Task):
     def _standing(
         self, bearing: float, tilt: float, azimuth: float, spin: float, factors: Mapping[str, float]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities of a top that stands on its tip in the bowl."""
+        """Return positions and velocities of a top that stands on its tip in the bowl."""
         weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
         height = rest_height(weight, STRENGTH, REACH)
         away, height = above_bowl(BOWL, factors["scale"] * APART, height)

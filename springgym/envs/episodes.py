@@ -379,7 +379,7 @@ class Episodes:
         return self.task.actuate(actions) | others
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
-        """Outcome, end and observation of the copies from ``first`` to the one before ``last``."""
+        """Return the outcome, end and observation of the copies from ``first`` to the one before ``last``."""
         own = self._part(first, last)
         share = own.copies
         self._tick(self.time[share], float(self.task.period))
@@ -581,7 +581,7 @@ class Episodes:
         return values
 
     def _named(self, out: np.ndarray) -> np.ndarray:
-        """View of outcomes (n, columns) as records (n,) with the names of `Task.outcome`."""
+        """Return a view of outcomes (n, columns) as records (n,) with the names of `Task.outcome`."""
         return out.view(self._names)[:, 0]
 
     def _use_kernels(self) -> None:

@@ -325,7 +325,7 @@ class SceneTask(Task):
     def _begun(
         self, rng: Generator, options: Mapping[str, Any], goal_size: int | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Positions, velocities and goal that the user's function starts with, checked."""
+        """Return positions, velocities and goal that the user's function starts with, checked."""
         assert self._start is not None
         begun = self._start(rng, **options)
         if not isinstance(begun, (tuple, list)) or len(begun) not in (2, 3):
@@ -432,7 +432,7 @@ class SceneTask(Task):
         return instance("what marks gave", self._marks(self._named(m), s), Marks)
 
     def _acting(self, m: MeasuresOfBodies, s: Situation) -> list[Arrow]:
-        """Arrows of what the actions drive: at 1, those of forces are half as long as the largest body."""
+        """Return arrows of what actions drive: at 1, forces are half as long as the largest body."""
         arrows, reach = [], 0.5 * self._extent
         for name, (values,) in self.actuate(s.action[None]).items():
             n, kind = _named(self._scene, name)
@@ -482,7 +482,7 @@ def _given(name: str, value: object) -> Callable[..., Any] | None:
 
 
 def _defaulted(function: Callable[..., Any]) -> tuple[str, ...]:
-    """Names of the arguments that a function of one argument takes besides."""
+    """Return names of the arguments that a function of one argument takes besides."""
     try:
         _, *others = inspect.signature(function).parameters.values()
     except ValueError:
@@ -504,7 +504,7 @@ def _most(name: str, given: Most) -> np.ndarray:
 def _by_name(
     function: str, given: Mapping[str, Any], m: Measures, names: tuple[str, ...] | None
 ) -> dict[str, np.ndarray]:
-    """Numbers (n,) by name that a function gave; ``names`` are those that it gave first."""
+    """Return numbers (n,) by name that a function gave; ``names`` are those that it gave first."""
     for name in given:
         if not isinstance(name, str) or not name:
             raise TypeError(f"{function} gave an entry named {name!r}; a name must be a non-empty string")
@@ -569,7 +569,7 @@ def _extent(scene: Scene) -> float:
 
 
 def _scaled(scene: Scene, values: np.ndarray, factor: float) -> np.ndarray:
-    """Positions or velocities (N, 3) of bodies that are larger by a factor, about pivot or centre of mass."""
+    """Scale positions or velocities (N, 3) of bodies by a factor, about pivot or centre of mass."""
     scaled = np.array(values)
     for placed, own in zip(scene.bodies, scene.slices, strict=True):
         u = values[own]

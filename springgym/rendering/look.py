@@ -32,7 +32,7 @@ GRAPHITE: Color = (110, 120, 138)
 def two_tone(
     count: int, blocks: int = 4, colors: tuple[Color, Color] = (BLUE, IVORY), odd: Color = AMBER
 ) -> NDArray[np.uint8]:
-    """Colours of ``count`` sectors in turn: ``blocks`` runs of alternating colour, the last one odd.
+    """Return colours of ``count`` sectors: ``blocks`` runs of alternating colour, the last one odd.
 
     Few wide runs let the eye follow a spin that turns by many narrow sectors between frames. The odd one
     tells which way: without it, four runs look the same after half a turn, and a spin by more than a
@@ -161,7 +161,7 @@ class Look:
 
     @property
     def particles(self) -> int:
-        """The least number of particles that the body must have."""
+        """Return the least number of particles that the body must have."""
         skin, triangles = np.asarray(self.skin), np.asarray(self.triangles)
         if skin.size:
             triangles = triangles[:0]
@@ -179,7 +179,7 @@ class Look:
 
     @cached_property
     def edges(self) -> NDArray[np.intp]:
-        """Rows (triangle, place of the edge's first corner in it, triangle across the edge).
+        """Return rows (triangle, place of the edge's first corner in it, triangle across the edge).
 
         An edge that only one triangle has is not listed.
         """

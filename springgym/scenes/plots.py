@@ -263,7 +263,7 @@ def _energies(recording: Recording, figure: Figure, place: SubplotSpec, change: 
 
 
 def _path(recording: Recording) -> np.ndarray:
-    """Path of the traced particle, or of the centre of mass, from the pin if there is one, (T, 3)."""
+    """Return the path (T, 3) of the traced particle, or of the centre of mass, from the pin if any."""
     plan = recording.plan
     path = recording.measures.centre if plan.trace is None else recording.positions[:, plan.trace]
     if plan.scene.pinned:
@@ -404,7 +404,7 @@ def slide(recording: Recording, figure: Figure) -> None:
 
 
 def rotation(recording: Recording, figure: Figure) -> None:
-    """Angular velocity in the body's axes, beside the rigid twin's; a particle's path; the energies."""
+    """Draw the angular velocity in the body's axes, with the twin's; a particle's path; the energies."""
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.4))
     end = len(recording.times) - 1
     _picture(recording, figure, grid[:, 0], (4.4, 5.2), [end], f"at {recording.times[-1]:g} s")
@@ -478,7 +478,7 @@ def _straight(recording: Recording) -> bool:
 
 
 def _turning(recording: Recording) -> np.ndarray:
-    """Angular velocity along the body's triad, (T, 3); along the world's if the body's is a line."""
+    """Return the angular velocity along the body's triad, (T, 3); along the world's without one."""
     m = recording.measures
     if _straight(recording):
         return m.angular_velocity

@@ -323,14 +323,14 @@ def _mesh(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Arguments of `springgym.bodies.from_mesh`; ``file`` is relative to the scene file."""
+    """Return arguments of `springgym.bodies.from_mesh`; ``file`` is relative to the scene file."""
     return from_mesh(folder / file, mass, by, scale, stiffness, damping)
 
 
 def _solid_mesh(
     folder: Path, file: str, material: Material | str, scale: float = 1.0, softened: float = 1.0
 ) -> Body:
-    """Arguments of `springgym.bodies.solid_mesh`; ``file`` is relative to the scene file."""
+    """Return arguments of `springgym.bodies.solid_mesh`; ``file`` is relative to the scene file."""
     return solid_mesh(folder / file, material, scale, softened)
 
 
@@ -388,7 +388,7 @@ def _part(tree: Tree, path: tuple[str, ...]) -> Body:
 
 
 def _particles(tree: Tree, path: tuple[str, ...], body: Body, given: Sequence[str | int]) -> tuple[int, ...]:
-    """Particles by number or by the name of a part."""
+    """Return particles by number or by the name of a part."""
     found: list[int] = []
     for item in given:
         if isinstance(item, str) and item not in body.parts:
@@ -428,7 +428,7 @@ def _met(
     reach: float | None = None,
     paper_damping: float = 0.0,
 ) -> tuple[Contact, PaperContact]:
-    """Contact by default and by the paper's method, whose c_N is ``paper_damping`` [kg/s]."""
+    """Return the contact by default and by the paper's method, whose c_N is ``paper_damping`` [kg/s]."""
     return (
         Contact(friction, restitution, strength, reach),
         PaperContact(friction, paper_damping, strength, reach),
@@ -535,7 +535,7 @@ def _lifted(
     contact: Contact,
     height: float | Literal["rest"],
 ) -> np.ndarray:
-    """Positions moved along the normal of a plane to a height of the lowest particle."""
+    """Return positions moved along the normal of a plane to a height of the lowest particle."""
     if not isinstance(surface, Plane):
         raise ValueError("height needs a plane; give a position above other surfaces")
     found = heights(body, positions, surface)

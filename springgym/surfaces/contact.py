@@ -1,4 +1,4 @@
-"""Say how a body meets surfaces, and which surfaces can be together. Frozen data, checked once."""
+"""The contact of bodies, and checks of surfaces that a scene combines. Frozen data, checked once."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ stays a tenth of Δ away."""
 
 @dataclass(frozen=True)
 class Contact:
-    """Describe how bodies meet surfaces: by a barrier that keeps energy, see `springgym.contact.surfaces`.
+    """The contact of bodies with surfaces and each other: a barrier that conserves energy, and friction.
 
     Parameters
     ----------
     friction
         μ, static and kinetic; 0 for ice.
     restitution
-        Rebound speed over impact speed, 0 … 1, at every speed above `springgym.contact.law.SLOW`; what is
-        slower comes to rest.
+        Rebound speed over impact speed, 0 … 1, at every speed above `springgym.contact.law.SLOW`. Slower
+        bodies come to rest.
     strength, reach
         c [N·m²] and Δ [m]. By default Δ is `REACH` of `Body.swept`, and c is `derived_strength`.
 
     Raises
     ------
     ValueError
-        Naming the value that makes no sense.
+        If a value is out of bounds; the message names it.
     """
 
     friction: float = 0.0
@@ -63,7 +63,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class PaperContact:
-    """Describe the paper's contact with surfaces, see `springgym.forces.paper_contact`; for rk4 only.
+    """The paper's contact with surfaces, see `springgym.forces.paper_contact`; for rk4 only.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def restitution_at_most(speed: float, faithful: float) -> float:
 
 
 def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
-    """c [N·m²] and Δ [m] for a body, see `Contact`.
+    """Return c [N·m²] and Δ [m] for a body, see `Contact`.
 
     Raises
     ------
@@ -193,7 +193,7 @@ def coupled(surfaces: tuple[Surface, ...]) -> bool:
 
 
 def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
-    """Refuse what contact cannot do.
+    """Refuse surfaces between which contact cannot be computed.
 
     Raises
     ------
@@ -245,16 +245,16 @@ def check_heights(
     free : (N,)
         The particles that surfaces act on: those that are not pinned.
     body
-        Heights count from the skin of its balls or rods, and are of its round features if it has some.
+        Heights are those of its round features if it has any, else those of the skin of its balls or rods.
     copies : (k,), optional
-        What the copies are called.
+        Numbers of the copies in messages.
     owner
-        What is said behind the particle's number: " of" its body, if there are several.
+        Text behind the particle's number in messages: " of" its body, if there are several.
 
     Raises
     ------
     ValueError
-        Naming the particle or feature, the copy if there are several, and the surface.
+        If a start is refused; the message names the particle or feature, the copy and the surface.
     """
     what, acts = ("round feature", np.array(True)) if body.rounds else ("particle", free)
     for n, surface in enumerate(surfaces):

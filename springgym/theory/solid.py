@@ -66,7 +66,7 @@ class ElasticSolid(NamedTuple):
 
     @property
     def inertia(self) -> Floats:
-        """Inertia tensor about the centre, shape (3, 3), kg m^2."""
+        """Return the inertia tensor about the centre, shape (3, 3), kg m^2."""
         return np.asarray(np.trace(self.second) * np.eye(3) - self.second)
 
 
@@ -74,7 +74,7 @@ class ElasticSolid(NamedTuple):
 
 
 def isotropic(young: float, poisson: float) -> Floats:
-    """Elasticity tensor C of stress = C strain, shape (3, 3, 3, 3), Pa.
+    """Return the elasticity tensor C of stress = C strain, shape (3, 3, 3, 3), Pa.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
 def orthotropic(young: ArrayLike, poisson: ArrayLike, shear: ArrayLike) -> Floats:
-    """Elasticity tensor of a material with three planes of symmetry, shape (3, 3, 3, 3), Pa.
+    """Return the elasticity tensor of a material with three planes of symmetry, shape (3, 3, 3, 3), Pa.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def elastic_solid(
     axes: ArrayLike | None = None,
     marks: ArrayLike = (),
 ) -> ElasticSolid:
-    """Mass, inertia, frequencies and spin stretch of a free elastic solid.
+    """Compute mass, inertia, frequencies and spin stretch of a free elastic solid.
 
     Polynomials are of the rule's degree, 8 having 495 unknowns, in coordinates along the principal
     axes: in others, those of a flat solid that lies aslant could hardly be told from each other.
@@ -268,7 +268,7 @@ def elastic_solid(
 
 
 def _blocks(matrix: Floats) -> list[NDArray[np.intp]]:
-    """Unknowns that a symmetric matrix couples: those of one parity, if the solid is symmetric."""
+    """Return unknowns that a symmetric matrix couples: those of one parity, if the solid is symmetric."""
     coupled = np.abs(matrix) > 1e-13 * np.abs(matrix).max()
     np.fill_diagonal(coupled, True)
     label = np.arange(len(matrix))

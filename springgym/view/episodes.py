@@ -23,7 +23,7 @@ SEEDS = 20
 
 
 def episodes(agent: Agent, first: int) -> Subject:
-    """Episodes of an agent from consecutive seeds."""
+    """Offer episodes of an agent from consecutive seeds."""
     names = [f"seed {first + n}" for n in range(SEEDS)]
 
     def make(name: str, changes: Changes) -> Motion:

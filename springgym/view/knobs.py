@@ -144,7 +144,7 @@ def _section(
 
 
 def _numbers(make: Callable[..., Any]) -> dict[str, float]:
-    """Arguments of a function whose defaults are numbers."""
+    """Return arguments of a function whose defaults are numbers."""
     return {
         name: parameter.default
         for name, parameter in inspect.signature(make).parameters.items()

@@ -59,7 +59,7 @@ def _late(recording: Recording) -> np.ndarray:
 
 @applies(needs.collide, together=True)
 def counted(recording: Recording) -> list[Check]:
-    """Contacts that were found too late, were too fast or had no room: none."""
+    """Check that no contacts were found too late, were too fast or had no room."""
     pairs = recording.pairs
     wrong = sum(float(of[-1].sum()) for of in (pairs.misses, pairs.too_fast, pairs.overflow))
     return [Check("contacts too late, too fast or left out", 0.0, wrong, 0.5, "")]
@@ -67,7 +67,7 @@ def counted(recording: Recording) -> list[Check]:
 
 @applies(needs.two, together=True)
 def exchange(recording: Recording) -> list[Check]:
-    """Speeds of two balls that met: along the line of their centres (1 + e)/2 of it is exchanged.
+    """Check speeds of two balls that met: (1 + e)/2 of it is exchanged along the line of their centres.
 
     They are like hard ones of a distance from that of their surfaces to Δ more, and turn on the way in steps
     that are off by (v h/Δ)².
@@ -106,7 +106,7 @@ def exchange(recording: Recording) -> list[Check]:
 
 @applies(needs.row, together=True)
 def cradle(recording: Recording) -> list[Check]:
-    """Balls in a row: equal ones exchange their velocities whenever two meet, so that these change places."""
+    """Check that equal balls in a row exchange their velocities whenever two meet."""
     scene = recording.plan.scene
     along = int(np.argmax(np.ptp([m.centre[0] for m in recording.bodies], axis=0)))
     order = np.argsort([m.centre[0, along] for m in recording.bodies])
@@ -205,7 +205,7 @@ def draped(recording: Recording) -> list[Check]:
 
 @applies(needs.dominoes, together=True)
 def wave(recording: Recording) -> list[Check]:
-    """Speed of the wave in a row of dominoes, by the theory of van Leeuwen, see `springgym.theory.dominoes`.
+    """Check the speed of the wave in a row of dominoes, see `springgym.theory.dominoes`.
 
     Contact acts from Δ on, as if dominoes were as much thicker, and spaces narrower; half of it is taken.
     Restitution e keeps a share e² of what the impacts of theory lose; states are told in intervals.

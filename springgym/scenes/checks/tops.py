@@ -40,13 +40,13 @@ def rigid_top(recording: Recording) -> tuple[HeavyTop, TopState]:
 
 
 def angles(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Tilt and azimuth of the axis [rad], each (T,)."""
+    """Return the tilt and azimuth of the axis [rad], each (T,)."""
     x, y, z = recording.measures.axis.T
     return np.arctan2(np.hypot(x, y), z), np.unwrap(np.arctan2(y, x))
 
 
 def mean_rate(times: np.ndarray, angle: np.ndarray) -> float:
-    """Slope of an angle that also swings; NaN of fewer than five samples.
+    """Return the slope of an angle that also swings; NaN for fewer than five samples.
 
     Weights that vanish at both ends leave little of the swing.
     """
@@ -78,7 +78,7 @@ def _compared(
 
 @applies(needs.top)
 def nutation(recording: Recording) -> list[Check]:
-    """Turning points, nutation period and mean precession of a top, from any start."""
+    """Check turning points, nutation period and mean precession of a top, from any start."""
     top, state = rigid_top(recording)
     by = slack(recording, state.omega3)
     tilt, azimuth = angles(recording)
