@@ -111,5 +111,5 @@ def write(frames: Iterable[np.ndarray], path: Path, rate: float) -> None:
         ffmpeg = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", "-i", str(large)]
         first = ["-frames:v", "1", "-q:v", "4", str(path.with_suffix(".jpg"))]
         subprocess.run([*ffmpeg, *shrink, *first], check=True)
-        film = ["-crf", "27", "-movflags", "+faststart", str(path)]
+        film = ["-crf", "30", "-preset", "slow", "-movflags", "+faststart", str(path)]
         subprocess.run([*ffmpeg, *shrink, *film], check=True)
