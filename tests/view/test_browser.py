@@ -40,7 +40,6 @@ FLAGS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--window-size=1000,760"),
-    "--force-device-scale-factor=0.5",  # a quarter of the pixels: a busy machine draws them in software
 )
 PATIENCE = 120
 """Seconds: a busy machine draws slowly in software."""
