@@ -99,6 +99,10 @@ def text(browser):
     return browser.find_element(By.TAG_NAME, "body").text
 
 
+def texts(browser, kind):
+    return " ".join(element.text for element in browser.find_elements(By.CSS_SELECTOR, kind))
+
+
 def click(browser, kind, name):
     def clicked(driven):
         for element in driven.find_elements(By.CSS_SELECTOR, kind):
@@ -196,8 +200,7 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
     # a number that makes no sense is told over an empty stage, on which nothing plays
     kept, full = page.motion, settled(browser)
     page._ask("top", {("body", "mass"): -1.0})
-    until(lambda: "positive" in text(browser))
-    assert "positive" in browser.find_element(By.CSS_SELECTOR, ".told.wrong").text
+    until(lambda: "positive" in texts(browser, ".told.wrong"))
     changes(browser, full)
     assert not browser.find_element(By.XPATH, "//button[normalize-space()='play']").is_enabled()
     assert "spin [rad/s] " not in text(browser)
@@ -209,7 +212,7 @@ def test_page_plays_turns_and_changes(browser, page, tmp_path):
 
     # springs by strain, forces and rotation are there at first; so is a key to them over the stage
     named = ("strain", "weight", "support", "ω, angular velocity", "L, angular momentum")
-    until(lambda: all(n in browser.find_element(By.CSS_SELECTOR, ".over").text for n in named))
+    until(lambda: all(n in texts(browser, ".over") for n in named))
     key = browser.find_element(By.CSS_SELECTOR, ".over")
     assert key.rect["x"] + key.rect["width"] < browser.find_element(By.CSS_SELECTOR, "canvas").rect["width"]
     before = settled(browser)
