@@ -48,7 +48,7 @@ def save_agent(path: Path, model: BaseAlgorithm) -> None:
 
 
 def _without_normalisation(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The layers of CrossQ's actor as plain ones.
+    """Replace the layers of CrossQ's actor by plain ones.
 
     A normalisation y = s (x − m)/√(v + ε) + t stands before each layer W y + b, and is made part of it:
     W' = W diag(s/√(v + ε)), b' = b + W (t − s m/√(v + ε)).
@@ -71,7 +71,7 @@ def _without_normalisation(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarra
 def load_policy(
     path: Path, config: Config, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]
 ) -> Policy:
-    """The deterministic policy in a file, see `springgym.envs.agent.load_policy`.
+    """Load the deterministic policy in a file, see `springgym.envs.agent.load_policy`.
 
     Raises
     ------

@@ -74,7 +74,7 @@ class Finding:
 
 
 def simulations(env_id: str, kwargs: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any] | str]]:
-    """Names of simulations, and the arguments that make them, or why there is none."""
+    """Return names of simulations, and the arguments that make them, or why there is none."""
     with making(env_id):
         env: Any = gym.make(env_id, **kwargs).unwrapped
     if not hasattr(env, "episodes"):
@@ -155,7 +155,7 @@ def table(findings: Sequence[Finding]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -121,7 +121,7 @@ def measured(cell: Cell, plan: Plan) -> dict[str, Any]:
 
 
 def training(cell: Cell, plan: Plan) -> list[str]:
-    """The arguments of ``agents/train.py`` that begin a run or go on with it."""
+    """Return the arguments of ``agents/train.py`` that begin or continue a run."""
     folder = plan.folder(cell)
     if (folder / "config.yaml").exists():
         if asked(cell, plan) == open_run(folder).config and trained_for(folder) == probe(cell.task):
@@ -163,7 +163,7 @@ def last_row(folder: Path) -> tuple[int, float]:
 
 
 def asked(cell: Cell, plan: Plan) -> Config | None:
-    """The configuration of a cell; None of those that are not trained."""
+    """Return the configuration of a cell; None for controllers that are not trained."""
     if cell.algorithm in UNTRAINED:
         return None
     algorithm: Any = cell.algorithm
@@ -171,7 +171,7 @@ def asked(cell: Cell, plan: Plan) -> Config | None:
 
 
 def digest(cell: Cell, plan: Plan) -> str:
-    """A few letters that change with the configuration of a cell: with fields that have not their default.
+    """Return letters that change with the configuration of a cell: with its fields that are not defaults.
 
     Of classical control, a number that changes with what it does.
     """
@@ -189,7 +189,7 @@ def usual(field: Field[Any]) -> object:
 
 
 def wandering(task: str, **kwargs: Any) -> Iterator[tuple[Any, Any, Any]]:
-    """An environment of a task, what its copies see, and what they then earn, at given actions.
+    """Return an environment of a task, what its copies observe at given actions, and what they then earn.
 
     Rounding does not grow in so few control periods.
     """
@@ -214,13 +214,13 @@ def wandering(task: str, **kwargs: Any) -> Iterator[tuple[Any, Any, Any]]:
 
 
 def probe(task: str) -> float:
-    """A number that changes with what a task is: the mean reward of given actions from given starts."""
+    """Return a number that changes with the task: the mean reward of given actions from given starts."""
     rewards = [reward.mean(dtype=float) for _, _, reward in wandering(task)]
     return round(sum(rewards) / len(rewards), 7)
 
 
 def answers(task: str) -> float:
-    """A number that changes with what classical control does: a sum of its actions, each weighted."""
+    """Return a number that changes with classical control: a weighted sum of its actions."""
     import numpy as np
 
     total, count = 0.0, 0
@@ -232,7 +232,7 @@ def answers(task: str) -> float:
 
 
 def made_with() -> dict[str, Any]:
-    """With what a row was made."""
+    """Describe with what a row was made."""
     found: Any = versions()
     return {
         "springgym": found["packages"]["springgym"],
@@ -341,7 +341,7 @@ def on_ray(cells: Sequence[Cell], plan: Plan, address: str | None, jobs: int) ->
 
 
 def outcome(result: Callable[[], dict[str, Any]]) -> dict[str, Any] | str:
-    """A row, or what went wrong in a line."""
+    """Return a row, or a line that says what went wrong."""
     try:
         return result()
     except Exception as error:  # of one run of many: the others go on
@@ -350,7 +350,7 @@ def outcome(result: Callable[[], dict[str, Any]]) -> dict[str, Any] | str:
 
 
 def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int) -> list[Cell]:
-    """The cells, one seed of all before the next: what there is after a while is a whole table."""
+    """Order the cells, one seed of all before the next, so that an unfinished run is a whole table."""
     return [
         Cell(task, algorithm, seed)
         for seed in range(seeds)
@@ -391,7 +391,7 @@ class Table:
 
 
 def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
-    """The arguments that say how agents are trained."""
+    """Declare the arguments that say how agents are trained."""
     parser.add_argument("--configs", type=Path, help="folder of hyperparameters (default: configs)")
     parser.add_argument(
         "--set", dest="overrides", nargs="+", default=[], metavar="KEY=VALUE", help="change hyperparameters"
@@ -399,7 +399,7 @@ def add_hyperparameters(parser: argparse.ArgumentParser) -> None:
 
 
 def parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
-    """The arguments, with those that say where cells are run."""
+    """Parse the arguments, with those that say where cells are run."""
     parser.add_argument(
         "--jobs", type=whole(1, 10_000), help="parallel runs on this machine (default: its cores)"
     )
@@ -423,7 +423,7 @@ def run_cells(cells: Sequence[Cell], plan: Plan, options: argparse.Namespace) ->
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -472,7 +472,7 @@ def benchmark(options: argparse.Namespace) -> int:
         try:
             failed = collected(left, plan, run_cells(left, plan, options), table)
         except KeyboardInterrupt:
-            print("\nstopped; the same command goes on")
+            print("\nstopped; the same command continues")
             return INTERRUPTED
     for cell, why in failed:
         print(f"{cell} failed: {why}", file=sys.stderr)

@@ -47,10 +47,10 @@ class TensorBoard(KVWriter):
                 RecordWriter(file).write(event.SerializeToString())
 
     def close(self) -> None:
-        """Nothing is left open."""
+        """Leave nothing open."""
 
 
 def make_logger(run: Run, timesteps: int) -> Logger:
-    """The log of a run that has come to ``timesteps``."""
+    """Make the log of a run that has come to ``timesteps``."""
     folder = run.folder / "tensorboard"
     return Logger(str(folder), [TensorBoard(folder, timesteps)])

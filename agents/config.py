@@ -42,7 +42,7 @@ MENDABLE = (ConfigError, OSError, MemoryError, gym.error.Error)
 
 
 def whole(low: int, high: int) -> Callable[[str], int]:
-    """The type of an argument that is a whole number from ``low`` to ``high``."""
+    """Return a type for arguments that are whole numbers from ``low`` to ``high``."""
 
     def parse(text: str) -> int:
         try:
@@ -237,7 +237,7 @@ def load_config(
 
 
 def _with_copy(tree: Tree, env_id: str, of: str) -> Tree:
-    """The document with an entry for an environment that is a copy of another entry, if that is there."""
+    """Return the document with an entry for an environment that copies another entry, if that exists."""
     if of not in tree.value:
         return tree
     where = {(env_id, *path[1:]): place for path, place in tree.where.items() if path[:1] == (of,)}
@@ -272,7 +272,7 @@ def build_config(algo: Algorithm, tree: Tree, path: tuple[str, ...]) -> Config:
         if not config.n_envs <= config.imitate < config.total_timesteps:
             raise ConfigError(
                 f"{here}: imitate {config.imitate} must be 0, or at least n_envs, {config.n_envs}, and "
-                f"less than total_timesteps, of which it is, {config.total_timesteps}"
+                f"less than total_timesteps, {config.total_timesteps}"
             )
     if isinstance(config, PPOConfig) and config.n_envs * config.n_steps % config.batch_size:
         raise ConfigError(

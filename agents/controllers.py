@@ -33,7 +33,7 @@ Controller = Callable[[Any, np.ndarray], np.ndarray]
 
 
 def top_moment(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Moment (n, 3) in N·m that erects the pinned top, and the moment (n,) about its axis.
+    """Return the moment (n, 3) in N·m that erects the pinned top, and the moment (n,) about its axis.
 
     With the axis n, the angular velocity ω⊥ across it and the spin ω₃:
     60 (z − n (n·z)) turns the angular momentum L ≈ I₃ω₃ n towards the vertical,
@@ -47,13 +47,13 @@ def top_moment(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def top_torque(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringTop with world torques x, y and an axis torque."""
+    """Control SpringTop with world torques x, y and an axis torque."""
     moment, about_axis = top_moment(task, observations)
     return _saturated(np.column_stack([moment[:, :2], about_axis]), task.limits)
 
 
 def top_impulse(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringTop with an impulse on its crown.
+    """Control SpringTop with an impulse on its crown.
 
     An impulse J on the crown, 1 m from the tip along n, acts over a control period T as the moment
     n×J / T; J = T (τ×n) gives τ.
@@ -63,7 +63,7 @@ def top_impulse(task: Task, observations: np.ndarray) -> np.ndarray:
 
 
 def gyroscope_moment(task: Task, observations: np.ndarray) -> np.ndarray:
-    """Moment (n, 3) in N·m that turns the axis n of a gyroscope towards d.
+    """Return the moment (n, 3) in N·m that turns the axis n of a gyroscope towards d.
 
     60 sign(ω₃) (d − n (n·d)), cut at 20 N·m, turns the angular momentum I₃ω₃ n towards ±d;
     −10 ω⊥ damps the nutation.
@@ -75,18 +75,18 @@ def gyroscope_moment(task: Task, observations: np.ndarray) -> np.ndarray:
 
 
 def gyroscope_torque(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringGyroscope with world torques."""
+    """Control SpringGyroscope with world torques."""
     return _saturated(gyroscope_moment(task, observations), task.limits)
 
 
 def gyroscope_impulse(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringGyroscope with an impulse on the head, 0.5 m from the pin."""
+    """Control SpringGyroscope with an impulse on the head, 0.5 m from the pin."""
     moment, axis = gyroscope_moment(task, observations), task.seen(observations)["axis"]
     return _saturated(task.period * np.cross(moment, axis) / 0.5, task.limits)
 
 
 def pendulum_moment(task: Task, observations: np.ndarray) -> np.ndarray:
-    """Moment (n, 3) in N·m that pumps energy into the cube until it can stand upside down, then holds it.
+    """Return the moment (n, 3) in N·m that pumps energy into the cube and then holds it upside down.
 
     Far from the top, 4 N·m along or against ω⊥, as the energy ½ I₁ω² + Mgl n·z, with I₁ = 1.25 kg·m²
     and Mgl = 8.5 N·m, is less or more than Mgl (Åström & Furuta 2000,
@@ -107,23 +107,23 @@ def pendulum_moment(task: Task, observations: np.ndarray) -> np.ndarray:
 
 
 def pendulum_torque(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringPendulum with world torques."""
+    """Control SpringPendulum with world torques."""
     return _saturated(pendulum_moment(task, observations), task.limits)
 
 
 def pendulum_impulse(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringPendulum with an impulse on the far corner, √3 m from the pin."""
+    """Control SpringPendulum with an impulse on the far corner, √3 m from the pin."""
     moment, axis = pendulum_moment(task, observations), task.seen(observations)["axis"]
     return _saturated(task.period * np.cross(moment, axis) / np.sqrt(3.0), task.limits)
 
 
 def detumble_torque(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringDetumble with torques −10 H, H the angular momentum in the body's axes."""
+    """Control SpringDetumble with torques −10 H, H the angular momentum in the body's axes."""
     return _saturated(-10.0 * task.seen(observations)["angular_momentum"], task.limits)
 
 
 def detumble_thrusters(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringDetumble with thrusters, each against the speed u at which the rotation moves it along itself.
+    """Control SpringDetumble with thrusters, each against the speed at which its place moves along it.
 
     An impulse −J takes the energy J u away, so the body slows down as long as any thruster moves. Full
     thrust from u = 0.1 m/s on.
@@ -134,7 +134,7 @@ def detumble_thrusters(task: Task, observations: np.ndarray) -> np.ndarray:
 
 @cache
 def _thruster_arms() -> np.ndarray:
-    """r × d of each thruster at r along d, in the body's axes: (thrusters, 3) [m]."""
+    """Return r × d of each thruster at r along d, in the body's axes: (thrusters, 3) [m]."""
     body = detumble.SpringDetumble().body
     triad = axes(body.positions, body.markers)
     corners = [corner for corner, _ in detumble.THRUSTERS]
@@ -145,7 +145,7 @@ def _thruster_arms() -> np.ndarray:
 def regulator(
     drift: np.ndarray, control: np.ndarray, weights: np.ndarray, effort: float, period: float
 ) -> np.ndarray:
-    """Gain K (m, n) of the linear-quadratic regulator u = −K x held over control periods.
+    """Return the gain K (m, n) of the linear-quadratic regulator u = −K x held over control periods.
 
     For x' = drift x + control u it minimises Σ xᵀ diag(weights) x + effort uᵀu, by iterating the
     Riccati equation (Åström & Wittenmark, Computer-Controlled Systems, 1997, section 11.2).
@@ -166,14 +166,14 @@ def regulator(
 
 @cache
 def _rope_gain(period: float) -> np.ndarray:
-    """For x = load − target, trolley − load and both velocities, along one axis."""
+    """Find the gain for x = load − target, trolley − load and both velocities, along one axis."""
     pull = G / 4.05  # g over the length of the rope
     drift = np.array([[0, 0, 1, 0], [0, 0, -1, 1], [0, pull, 0, 0], [0, 0, 0, 0]], float)
     return regulator(drift, np.array([[0.0], [0], [0], [1]]), np.array([1.0, 0.1, 0.1, 0.1]), 0.1, period)
 
 
 def rope_trolley(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringRope: a linear-quadratic regulator along x and y."""
+    """Control SpringRope with a linear-quadratic regulator along x and y."""
     seen = task.seen(observations)
     x = np.stack([-seen["to_target"], seen["to_trolley"], seen["velocity"], seen["trolley_velocity"]], axis=1)
     return _saturated(-np.einsum("k,nka->na", _rope_gain(task.period)[0], x), task.limits)
@@ -181,7 +181,7 @@ def rope_trolley(task: Task, observations: np.ndarray) -> np.ndarray:
 
 @cache
 def _free_top_gain(period: float) -> np.ndarray:
-    """For x = n_x, n_y, ω_x, ω_y, and position and velocity of the centre of mass, near the upright.
+    """Find the gain for x = n_x, n_y, ω_x, ω_y, and position and velocity of the centre, near the upright.
 
     The floor carries the weight at the tip, l below the centre of mass, and the crown is h − l above it:
     I₁ω⊥' = Mgl n×z + (h − l) z×F − I₃ω₃ n',  n' = ω×n,  M X'' = F.
@@ -199,7 +199,7 @@ def _free_top_gain(period: float) -> np.ndarray:
 
 
 def free_top_push(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringFreeTop: a linear-quadratic regulator of the push; the ring is sped up by 4/s (ω_wanted − ω₃)."""
+    """Control SpringFreeTop with a linear-quadratic regulator; the ring speeds up by 4/s (ω_wanted − ω₃)."""
     seen = task.seen(observations)
     moving = [seen["axis"][:, :2], seen["across"][:, :2], seen["centre"], seen["centre_velocity"]]
     push = -np.hstack(moving) @ _free_top_gain(task.period).T
@@ -208,7 +208,7 @@ def free_top_push(task: Task, observations: np.ndarray) -> np.ndarray:
 
 
 def tumble_push(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Force [N] and torque [N·m], (n, 3) each, that turn the face down and the body to the target.
+    """Return the force [N] and torque [N·m], (n, 3) each, that turn the face down and the body to the target.
 
     It is half lifted while on the way.
     """
@@ -230,12 +230,12 @@ def tumble_push(task: Task, observations: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def tumble_wrench(task: tumble.SpringTumble, observations: np.ndarray) -> np.ndarray:
-    """SpringTumble with a force and a torque."""
+    """Control SpringTumble with a force and a torque."""
     return _saturated(np.column_stack(tumble_push(task, observations)), task.limits)
 
 
 def tumble_impulses(task: tumble.SpringTumble, observations: np.ndarray) -> np.ndarray:
-    """SpringTumble with impulses on its corners: the smallest forces f_i of Σ f_i = F and Σ r_i×f_i = τ.
+    """Control SpringTumble with impulses on its corners, the smallest f_i of Σ f_i = F and Σ r_i×f_i = τ.
 
     F and τ go up to those of the task's wrench, each component of f_i to a quarter of that force; what one
     corner cannot give is asked of the others.
@@ -262,13 +262,13 @@ def tumble_impulses(task: tumble.SpringTumble, observations: np.ndarray) -> np.n
 
 @cache
 def _corner_arms() -> np.ndarray:
-    """Corners of the tumbling body from its centre of mass, in its axes: (corners, 3) [m]."""
+    """Return corners of the tumbling body from its centre of mass, in its axes: (corners, 3) [m]."""
     body = tumble.SpringTumble().body
     return (body.positions[:4] - body.centre) @ axes(body.positions, body.markers)
 
 
 def balance_torque(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringBalance: the tilt that gives the ball the acceleration it should have, and torques to that tilt.
+    """Control SpringBalance with torques to the tilt that accelerates the ball as it should.
 
     On a slope the ball slides with g n; of the place, −ω²r is wanted, of its error −9 e − 5 e'. The torque is
     I₁ (60 n×n* − 12 ω⊥), I₁ = 0.11 kg·m², and carries the plate, Mgl n×z, and the ball, m g r×z.
@@ -291,7 +291,7 @@ def _pushed(
     turned: np.ndarray,
     done: np.ndarray,
 ) -> np.ndarray:
-    """Force (n, 2) in N on a ball that brings a box on and turns it back, by pushing at its faces.
+    """Return the force (n, 2) in N on a ball that brings a box on and turns it back, by pushing at its faces.
 
     The ball goes around the box to the face from which it is to be pushed, and to a place on it 0.25 m a
     radian off the middle. Its force is 8 kg/s times what its velocity lacks, and what friction takes.
@@ -337,13 +337,13 @@ def _pushed(
 
 
 def _axes(seen: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The first two axes (n, 2, 2) of a box that is turned by its ``heading``, in rows."""
+    """Return the first two axes (n, 2, 2) of a box that is turned by its ``heading``, in rows."""
     cosine, sine = seen["heading"].T
     return np.stack([np.stack([cosine, sine], axis=1), np.stack([-sine, cosine], axis=1)], axis=1)
 
 
 def shove_push(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringShove: push the box along its own axes, one after the other, beside its middle to turn it back.
+    """Control SpringShove: push the box along its axes, one after the other, beside its middle to turn it.
 
     From the present face as long as that serves.
     """
@@ -360,7 +360,7 @@ def shove_push(task: Task, observations: np.ndarray) -> np.ndarray:
 
 
 def stack_push(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringStack: bring the box before the block, then over the edge, steering it by its heading.
+    """Control SpringStack: bring the box before the block, then over the edge, steering it by its heading.
 
     Sideways while it is 0.35 m and more from the block, and 0.18 m and more aside, or 0.06 m if the ball is
     at that face already. On the way it is to be turned to where the block is, up to 0.4 rad; within 0.2 m of
@@ -379,7 +379,7 @@ def stack_push(task: Task, observations: np.ndarray) -> np.ndarray:
 
 
 def labyrinth_tilt(task: labyrinth.SpringLabyrinth, observations: np.ndarray) -> np.ndarray:
-    """SpringLabyrinth: roll along the leg, slowly around corners, and lean the board for that.
+    """Control SpringLabyrinth: roll along the leg, slowly around corners, and lean the board for that.
 
     Along a leg the ball is to have u = 0.3 m/s, or less, so that 0.25 m/s² slow it down to the corner, which
     it takes at 0.05 m/s, or at u where the way goes straight on. Its distance from the line is made up for at
@@ -406,7 +406,7 @@ def labyrinth_tilt(task: labyrinth.SpringLabyrinth, observations: np.ndarray) ->
 
 
 def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.ndarray:
-    """SpringJuggle: hit the next ball at the height of home, with the speed and tilt to send it on.
+    """Control SpringJuggle: hit the next ball at the height of home, with the speed and tilt to send it on.
 
     It is to be up for T = 2√(2h/g), and to come down on its vertical: it leaves with gT/2 upwards and −r/T
     sideways. A smooth paddle changes its velocity along the normal alone: the axis is to be along u = v' − v,
@@ -447,17 +447,17 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
 
 
 def duel_push(task: Task, observations: np.ndarray) -> np.ndarray:
-    """SpringDuel: the strongest of its scripts, see `springgym.envs.duel.Script`."""
+    """Control SpringDuel: the strongest of its scripts, see `springgym.envs.duel.Script`."""
     return duel.OPPONENTS["strong"](observations).astype(np.float32)
 
 
 def _dot(u: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Scalar products (n, 1) of rows (n, 3)."""
+    """Return scalar products (n, 1) of rows (n, 3)."""
     return np.sum(u * w, axis=1, keepdims=True)
 
 
 def _saturated(values: np.ndarray, limit: float | np.ndarray) -> np.ndarray:
-    """Physical values (n, a) cut at ``limit``, one or (a,), and scaled to actions."""
+    """Return physical values (n, a) cut at ``limit``, one or (a,), and scaled to actions."""
     return np.clip(values / limit, -1.0, 1.0).astype(np.float32)
 
 
@@ -480,13 +480,13 @@ CLASSICAL: dict[str, dict[str, Controller]] = {
 
 
 def controllers_of(env_id: str) -> dict[str, Controller]:
-    """Classical controllers of an environment or a variant, by action; none if there are none."""
+    """Return classical controllers of an environment or a variant, by action; none if there are none."""
     found = find(env_id)
     return CLASSICAL.get(env_id if found is None else found[0].id, {})
 
 
 def task_of(env_id: str, env_kwargs: Mapping[str, Any]) -> Task | None:
-    """The task of an environment, made with those of the arguments that are its own.
+    """Make the task of an environment, with those of the arguments that are the task's own.
 
     None if the environment is not one of springgym's.
     """
@@ -546,7 +546,7 @@ def make_controller(
 
 
 def own_controller(name: str, action_space: spaces.Space[Any]) -> Policy:
-    """A function of a module of the user's, ``module:function``, whose actions are checked."""
+    """Import a function of the user's, ``module:function``, and check its actions."""
     module, _, function = name.partition(":")
     try:
         found = getattr(import_module(module), function)
@@ -569,5 +569,5 @@ def own_controller(name: str, action_space: spaces.Space[Any]) -> Policy:
 
 
 def controller_env_kwargs(name: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    """Keyword arguments of the environment a baseline runs in: classical ones need the frame."""
+    """Return keyword arguments of the environment a baseline runs in: classical ones need the frame."""
     return {**env_kwargs, **({"observation": "frame"} if name == "classical" else {})}

@@ -61,24 +61,24 @@ class Evaluation:
 
     @property
     def return_per_step(self) -> float:
-        """Mean over the episodes."""
+        """Return the mean over the episodes."""
         return float(np.mean(self.returns_per_step))
 
     @property
     def success_rate(self) -> float | None:
-        """Fraction of the episodes; None if the environment does not say."""
+        """Return the fraction of the episodes; None if the environment does not say."""
         return None if self.successes is None else float(np.mean(self.successes))
 
 
 def task_kwargs(config: Config) -> dict[str, Any]:
-    """Keyword arguments of the environment that a configuration's agents are evaluated in."""
+    """Return keyword arguments of the environment that a configuration's agents are evaluated in."""
     return {**config.env_kwargs, **config.eval_env_kwargs}
 
 
 def find_task(
     agents: Sequence[str], env_id: str | None, overrides: Sequence[str]
 ) -> tuple[str, dict[str, Any]]:
-    """Environment and keyword arguments: those of the first run folder, or of configs/ppo.yaml.
+    """Return the environment and keyword arguments: those of the first run folder, or of configs/ppo.yaml.
 
     A run folder may be anyone's: a module that it names is imported only if ``env_id`` names it, too.
     """
@@ -134,12 +134,12 @@ def evaluate(
 
 
 def named(agent: str) -> str:
-    """The folder of the published agent that is named by its environment; another agent stays."""
+    """Return the folder of the published agent of an environment, and any other name as it is."""
     return agent if Path(agent).is_dir() or find(agent) is None else str(published(agent))
 
 
 def trained_on(agent: str, env_id: str) -> Run | None:
-    """The run of an agent's folder; None for the name of a baseline."""
+    """Return the run of an agent's folder; None for the name of a baseline."""
     if not Path(agent).is_dir():
         return None
     run = open_run(Path(agent))
@@ -149,13 +149,13 @@ def trained_on(agent: str, env_id: str) -> Run | None:
 
 
 def trained_kwargs(run: Run, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    """The task that is asked for, seen and acted upon the way the agent was trained."""
+    """Return the arguments of a task, with observation and action as the agent was trained."""
     task = {k: v for k, v in env_kwargs.items() if k not in INTERFACE}
     return task | {k: v for k, v in run.config.env_kwargs.items() if k in INTERFACE}
 
 
 def _run_one_episode_each(env: Any, policy: Policy, first_seed: int) -> list[dict[str, Any]]:
-    """The last info of the first episode of every copy; copy i starts from first_seed + i."""
+    """Return the last info of the first episode of every copy; copy i starts from first_seed + i."""
     env.seed(range(first_seed, first_seed + env.num_envs))
     observations = env.reset()
     last_infos: list[dict[str, Any] | None] = [None] * env.num_envs
@@ -168,7 +168,7 @@ def _run_one_episode_each(env: Any, policy: Policy, first_seed: int) -> list[dic
 
 
 def table(evaluations: Sequence[Evaluation]) -> str:
-    """The evaluations as lines of text, one agent a line; the JSON file has all there is."""
+    """Write the evaluations as lines of text, one agent a line; the JSON file holds everything."""
     extra = [key for key in evaluations[0].last_infos if not key.startswith(("reward_", "energy"))]
     header = ["agent", "return/step", "success", "steps", *extra]
     rows = [header]
@@ -205,7 +205,7 @@ def write_json(path: Path, evaluations: Sequence[Evaluation]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "evaluate.py") -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -32,7 +32,7 @@ CRITIC = 0.05
 
 
 def teacher(run: Run, space: spaces.Space[Any]) -> Policy:
-    """The controller that an agent with these actions is to imitate.
+    """Return the controller that an agent with these actions is to imitate.
 
     Raises
     ------

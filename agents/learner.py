@@ -25,7 +25,7 @@ from springgym.envs.sb3 import SB3VecEnv, StaggeredMonitor, make_sb3
 
 
 def network_config(run: Run) -> NetworkConfig:
-    """The configuration of a run that Stable-Baselines3 trains.
+    """Return the configuration of a run that Stable-Baselines3 trains.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def network_config(run: Run) -> NetworkConfig:
 
 
 def make_training_env(run: Run) -> StaggeredMonitor:
-    """The copies the agent learns in. They do not all end together, which would show as saw teeth."""
+    """Make the copies the agent learns in, which do not all end together: that would show as saw teeth."""
     with making(run.env_id):
         copies, kwargs = network_config(run).n_envs, run.config.env_kwargs
         env = make_sb3(run.env_id, copies, run.seed, stagger=True, env_kwargs=kwargs)
@@ -48,14 +48,14 @@ def make_training_env(run: Run) -> StaggeredMonitor:
 
 
 def native_env(env: StaggeredMonitor) -> Any:
-    """The native vector environment under Stable-Baselines3's wrappers."""
+    """Make the native vector environment under Stable-Baselines3's wrappers."""
     adapter = env.unwrapped
     assert isinstance(adapter, SB3VecEnv)
     return adapter.vector_env
 
 
 def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
-    """An untrained agent.
+    """Make an untrained agent.
 
     Raises
     ------

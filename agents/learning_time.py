@@ -111,7 +111,7 @@ def measure(env_id: str, seed: int, config: Config) -> dict[str, Any]:
 
 
 def shown(rows: Sequence[dict[str, Any]]) -> str:
-    """The rows as a table in Markdown."""
+    """Write the rows as a table in Markdown."""
     lines = ["| task | steps to 90 % | seconds | physics | policy | learning |", "|---|---|---|---|---|---|"]
     for row in rows:
         more = "" if row["learned"] else "more than "
@@ -123,7 +123,7 @@ def shown(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -50,7 +50,7 @@ class Search:
 
     @property
     def path(self) -> Path:
-        """The checkpoint: arrays of numbers and a text."""
+        """Return the checkpoint: arrays of numbers and a text."""
         return self.run.folder / "search.npz"
 
     def generation(self) -> None:

@@ -59,7 +59,7 @@ class Planner:
 
 
 def noise(rng: np.random.Generator, planner: Planner, actions: int) -> np.ndarray:
-    """Noise (samples, horizon, actions) of unit variance."""
+    """Draw noise (samples, horizon, actions) of unit variance."""
     frequency = np.fft.rfftfreq(planner.horizon)
     amplitude = np.maximum(frequency, 1 / planner.horizon) ** (-planner.colour / 2)
     white = rng.standard_normal((planner.samples, planner.horizon, actions))
@@ -81,7 +81,7 @@ def returns(model: VectorEnv, state: Mapping[str, Any], actions: np.ndarray) -> 
 def improved(
     plan: np.ndarray, judge: Callable[[np.ndarray], np.ndarray], planner: Planner, rng: np.random.Generator
 ) -> np.ndarray:
-    """The best plan (horizon, actions) found around one; ``judge`` gives the returns of many."""
+    """Return the best plan (horizon, actions) found around one; ``judge`` gives the returns of many."""
     mean, spread, kept = plan, np.full_like(plan, planner.spread), plan[None]
     for _ in range(planner.iterations):
         tried = np.clip(mean + spread * noise(rng, planner, plan.shape[1]), -1.0, 1.0)
@@ -93,7 +93,7 @@ def improved(
 
 
 def play(env: Any, model: VectorEnv, seed: int, planner: Planner) -> dict[str, Any]:
-    """One episode: its return per step, success and steps, and how long planning took [s]."""
+    """Play one episode: return per step, success and steps, and how long planning took [s]."""
     rng = np.random.default_rng(seed)
     env.reset(seed=seed)
     plan = np.zeros((planner.horizon, *env.action_space.shape))
@@ -123,7 +123,7 @@ def wilson(successes: int, episodes: int) -> tuple[float, float]:
 
 
 def measured(env_id: str, planner: Planner, seeds: Sequence[int]) -> dict[str, Any]:
-    """The row of a task: an episode from each seed."""
+    """Measure the row of a task: an episode from each seed."""
     with making(env_id):
         env = gym.make(env_id)
         model = gym.make_vec(
@@ -168,7 +168,7 @@ def add(path: Path, row: dict[str, Any]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     usual = Planner()
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter

@@ -62,7 +62,7 @@ def card(run: Run, episodes: int, audited: int) -> dict[str, Any]:
 
 
 def command(run: Run) -> str:
-    """The command line that trains it.
+    """Return the command line that trains it.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def publish(folders: Sequence[Path], episodes: int, audited: int, into: Path) ->
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -92,7 +92,7 @@ class Recorder(BaseCallback):
         write_atomically(self.path, "\n".join(kept) + "\n")
 
     def _lines(self) -> list[str]:
-        """The lines of metrics.csv below its head, with their ends."""
+        """Return the lines of metrics.csv below its head, with their ends."""
         if not self.path.exists():
             return []
         try:
@@ -117,7 +117,7 @@ class Recorder(BaseCallback):
         return True
 
     def _on_rollout_start(self) -> None:
-        """Between two iterations: the agent is up to date and no step is under way."""
+        """Note that the agent is up to date and no step is under way, between two iterations."""
         self.seconds = self.clock() - self.started
         if self.num_timesteps - self.row_at >= self.config.log_every:
             self.write_row()

@@ -43,7 +43,7 @@ def seed_apart(*, env_runner: Any, **given: object) -> None:
 
 
 def algorithm(env_id: str, config: PPOConfig, options: argparse.Namespace) -> Any:
-    """RLlib's PPO with the hyperparameters of ``configs/ppo.yaml``."""
+    """Make RLlib's PPO with the hyperparameters of ``configs/ppo.yaml``."""
     from ray.rllib.algorithms.ppo import PPOConfig as Settings
     from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 
@@ -158,14 +158,14 @@ def learn(options: argparse.Namespace) -> int:
                 print(f"{steps} steps, {seconds:.0f} s: return/step {earned:.3f}, success {success:.0%}")
         return 0
     except KeyboardInterrupt:
-        print("\nstopped; go on with --resume")
+        print("\nstopped; continue with --resume")
         return INTERRUPTED
     finally:
         ray.shutdown()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -61,12 +61,12 @@ class Run(NamedTuple):
 
     @property
     def model(self) -> Path:
-        """The newest checkpoint."""
+        """Return the newest checkpoint."""
         return self.folder / "model.zip"
 
     @property
     def agent(self) -> Path:
-        """The newest agent."""
+        """Return the newest agent."""
         return self.folder / "agent.npz"
 
 
@@ -145,12 +145,12 @@ def open_run(folder: Path) -> Run:
 
 
 def _header(algo: Algorithm, env_id: str, seed: int, config: dict[str, Any]) -> tuple[Algorithm, str, int]:
-    """The keys of ``config.yaml``; the last is read by `build_config`."""
+    """Return the keys of ``config.yaml``; the last is read by `build_config`."""
     return algo, env_id, seed
 
 
 def load_policy(run: Run, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> Policy:
-    """The deterministic policy of a run's newest agent, normalisation included, see `agent.load_policy`.
+    """Load the deterministic policy of a run's newest agent, normalisation included, see `agent.load_policy`.
 
     Raises
     ------
@@ -215,7 +215,7 @@ def _cpu_model() -> str:
 
 
 def _git_revision() -> str | None:
-    """Revision of the source tree, ``-dirty`` if it was changed since; None outside of a clone."""
+    """Return the revision of the source tree, ``-dirty`` if it was changed since; None outside of a clone."""
     if not (SOURCE / "pyproject.toml").is_file():  # installed, maybe within somebody's own tree
         return None
     command = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=40"]

@@ -17,7 +17,7 @@ Statistic = Callable[[np.ndarray], float]
 
 
 def interquartile_mean(scores: np.ndarray) -> float:
-    """The mean of the middle half; values at its borders count by the part that is inside."""
+    """Return the mean of the middle half; values at its borders count by the part that is inside."""
     ordered = np.sort(np.ravel(scores))
     edges = np.arange(len(ordered) + 1) / len(ordered)
     inside = np.clip(np.minimum(edges[1:], 0.75) - np.maximum(edges[:-1], 0.25), 0.0, None)

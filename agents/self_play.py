@@ -117,7 +117,7 @@ def spaces() -> tuple[Any, Any]:
 
 
 def player(run: Run, path: Path) -> Player:
-    """An agent that was kept."""
+    """Load an agent that was kept."""
     return load_policy(path, run.config, *spaces())
 
 
@@ -127,7 +127,7 @@ are not normalised, because training could not continue without the scales, whic
 
 
 def members(run: Run) -> dict[str, Path]:
-    """The agents that were kept, by the steps that they had learned for."""
+    """Return the agents that were kept, by the steps that they had learned for."""
     return {f"{int(path.stem):,} steps": path for path in sorted((run.folder / "league").glob("*.npz"))}
 
 
@@ -163,7 +163,7 @@ class Duels(NamedTuple):
 
 
 def tournament(players: Sequence[Player], duels: int) -> list[Duels]:
-    """Each against every other one, ``duels`` on either side, all pairs from the same seeds."""
+    """Play each against every other one, ``duels`` on either side, all pairs from the same seeds."""
     env = parallel(ID, **SEEN)
     pairs = list(itertools.combinations(range(len(players)), 2))
     played = []
@@ -178,7 +178,7 @@ def tournament(players: Sequence[Player], duels: int) -> list[Duels]:
 
 
 def duel(env: ParallelDuel, first: Player, second: Player, seed: int) -> float:
-    """Points of the first."""
+    """Return the points of the first player."""
     seen, _ = env.reset(seed=seed)
     infos: dict[str, Any] = {}
     while env.agents:
@@ -189,7 +189,7 @@ def duel(env: ParallelDuel, first: Player, second: Player, seed: int) -> float:
 
 
 def ratings(played: Sequence[Duels], count: int, points: Sequence[np.ndarray] | None = None) -> np.ndarray:
-    """Elo's ratings (count,): of 1/(1 + 10^((b − a)/400)) the likeliest, each pair having drawn once more.
+    """Return Elo's ratings (count,), the likeliest ones; each pair counts as having drawn once more.
 
     The likeliest are found as Hunter (2004), MM algorithms for generalized Bradley-Terry models, has it.
     """
@@ -207,7 +207,7 @@ def ratings(played: Sequence[Duels], count: int, points: Sequence[np.ndarray] | 
 
 
 def rate(run: Run, duels: int) -> list[dict[str, str]]:
-    """The rows of elo.csv, the best first."""
+    """Return the rows of elo.csv, the best first."""
     kept = members(run)
     chosen = {round(n) for n in np.linspace(0, len(kept) - 1, min(MOST_RATED, len(kept)))}
     players: Mapping[str, Player] = {
@@ -244,7 +244,7 @@ def rate(run: Run, duels: int) -> list[dict[str, str]]:
 
 
 def main(given: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -282,7 +282,7 @@ def play(options: argparse.Namespace) -> int:
             try:
                 learn(run, options.every)
             except KeyboardInterrupt:
-                print(f"\ngo on with the same command: {run.folder}", file=sys.stderr)
+                print(f"\nthe same command continues: {run.folder}", file=sys.stderr)
                 return INTERRUPTED
         rows = rate(run, options.duels)
         with whole_file(run.folder / "elo.csv") as path, path.open("w", newline="", encoding="utf-8") as file:

@@ -45,7 +45,7 @@ from springgym.registration import find
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "train.py") -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -169,7 +169,7 @@ def finish(run: Run, env: StaggeredMonitor, model: BaseAlgorithm, recorder: Reco
                 # No log_interval: the recorder logs, at every row.
                 model.learn(left, recorder, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
     except KeyboardInterrupt:
-        print(f"\nstopped; go on with: springgym train --resume {run.folder}")
+        print(f"\nstopped; continue with: springgym train --resume {run.folder}")
         return INTERRUPTED
     except OSError as error:
         if str(run.folder) in str(error):
@@ -221,7 +221,7 @@ def finish_search(search: Search, episodes: int) -> int:
                 search.save()
                 bar.update(search.timesteps - bar.n)
     except KeyboardInterrupt:
-        print(f"\nstopped; go on with: springgym train --resume {run.folder}")
+        print(f"\nstopped; continue with: springgym train --resume {run.folder}")
         return INTERRUPTED
     finally:
         search.env.close()

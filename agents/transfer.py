@@ -39,7 +39,7 @@ RIGID = "rigid"
 
 
 def kinds() -> dict[str, dict[str, Any]]:
-    """Names of the kinds of agents, and the arguments of the environments that they learn in."""
+    """Return names of the kinds of agents, and the arguments of the environments that they learn in."""
     return {
         f"{dynamics}{', randomised' if randomized else ''}": {"dynamics": dynamics}
         | ({"randomize": RANDOMIZED} if randomized else {})
@@ -66,7 +66,7 @@ def grid() -> dict[str, dict[str, Any]]:
 
 
 def possible(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The part of the grid on which episodes can start: softer springs are torn by the spin."""
+    """Return the part of the grid on which episodes can start: spin tears softer springs."""
     found = {}
     for name, change in grid().items():
         try:
@@ -104,7 +104,7 @@ def train(options: argparse.Namespace, folder: Path) -> int:
 
 
 def played(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
-    """A row for every agent and every place it plays at."""
+    """Return a row for every agent and every place it plays at."""
     kwargs = task_kwargs(
         load_config(options.algo, options.task, options.overrides, options.configs and config_file(options))
     )
@@ -134,7 +134,7 @@ def config_file(options: argparse.Namespace) -> Path:
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Returns per step in the mean of the seeds, the lowest and the highest."""
+    """Return returns per step in the mean of the seeds, the lowest and the highest."""
     places = list(dict.fromkeys(row["played"] for row in rows))
     lines = [f"| learned on | {' | '.join(places)} |", "|---" * (len(places) + 1) + "|"]
     for kind in dict.fromkeys(row["learned"] for row in rows):
@@ -178,7 +178,7 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -212,7 +212,7 @@ def transfer(options: argparse.Namespace) -> int:
             if train(options, folder):
                 return 1
         except KeyboardInterrupt:
-            print("\nstopped; the same command goes on")
+            print("\nstopped; the same command continues")
             return INTERRUPTED
         rows = played(options, folder)
         write_atomically(folder / "transfer.json", json.dumps(rows, indent=0) + "\n")

@@ -86,7 +86,7 @@ def suggested(trial: optuna.Trial, algo: str) -> list[str]:
 
 
 def objective(trial: optuna.Trial, options: argparse.Namespace, folder: Path) -> float:
-    """Mean return per step of the agents of a trial.
+    """Return the mean return per step of the agents of a trial.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def tune(options: argparse.Namespace) -> int:
                 study.optimize(lambda trial: objective(trial, options, folder), n_trials=1)
                 tell(study, options, folder, path)
         except KeyboardInterrupt:
-            print("\nstopped; the same command goes on")
+            print("\nstopped; the same command continues")
             return INTERRUPTED
         tell(study, options, folder, path)
     return 0
@@ -183,7 +183,7 @@ def tell(study: optuna.Study, options: argparse.Namespace, folder: Path, path: P
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

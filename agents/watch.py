@@ -38,7 +38,7 @@ NAMES = {"zero": "no action", "random": "random actions", "classical": "classica
 
 
 def watched(agent: str, env_id: str, env_kwargs: Mapping[str, Any]) -> Agent:
-    """A trained agent or a baseline, with the keyword arguments of the environment it acts in."""
+    """Return a trained agent or a baseline, with the keyword arguments of the environment it acts in."""
     run = trained_on(agent, env_id)
     kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_kwargs)
 
@@ -53,7 +53,7 @@ def watched(agent: str, env_id: str, env_kwargs: Mapping[str, Any]) -> Agent:
 def make_watched(
     agent: str, env_id: str, env_kwargs: Mapping[str, Any], render_mode: str
 ) -> tuple[gym.Env, Policy]:
-    """One environment and the agent that acts in it."""
+    """Make one environment and the agent that acts in it."""
     chosen = watched(agent, env_id, env_kwargs)
     with making(env_id):
         env = gym.make(env_id, render_mode=render_mode, **chosen.env_kwargs)
@@ -113,7 +113,7 @@ def record(
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "watch.py") -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(
         program, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

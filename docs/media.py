@@ -7,17 +7,18 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from base64 import b64encode
-from collections.abc import Iterable
-from itertools import islice
+from collections.abc import Iterable, Iterator
+from itertools import count, islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import gymnasium as gym
 import imageio_ffmpeg
 import numpy as np
 
 from springgym import load_agent
+from springgym.envs.agent import Policy
 from springgym.registration import ENVIRONMENTS
 from springgym.rendering import save_video
 from springgym.scenes import film, load, names
@@ -31,6 +32,8 @@ SECONDS = 8.0
 """Length of a film at the most."""
 PIXELS = 480
 SEED = 8
+STILL = 1.0
+"""Seconds that a film goes on after an episode has succeeded, before it shows the next one."""
 
 
 def make_all(folder: Path, newest: float) -> None:
@@ -90,16 +93,25 @@ def rows(checks: Iterable[Check]) -> list[list[str]]:
 
 
 def environment(env_id: str, folder: Path) -> None:
-    """Write ID.mp4: an episode of the published agent, in real time."""
-    sys.path.insert(0, str(HERE.parent / "agents"))
-    from watch import play_episode
-
+    """Write ID.mp4: episodes of the published agent, in real time."""
     agent = load_agent(env_id)
     env = agent.make(render_mode="rgb_array")
     rate = 1 / env.unwrapped.episodes.task.period  # type: ignore[attr-defined]
-    pictures = play_episode(env, agent.policy(env), SEED)
+    pictures = played(env, agent.policy(env), round(STILL * rate))
     write(islice(pictures, round(SECONDS * rate)), folder / f"{env_id}.mp4", rate)
     env.close()
+
+
+def played(env: gym.Env, policy: Policy, still: int) -> Iterator[np.ndarray]:
+    """Yield pictures of episodes, each until it ends or ``still`` steps after it has succeeded."""
+    for seed in count(SEED):
+        observation, _ = env.reset(seed=seed)
+        over, left = False, still
+        while not over and left:
+            yield env.render()  # type: ignore[misc]
+            observation, _, terminated, truncated, info = env.step(policy(observation[None])[0])
+            over = terminated or truncated
+            left -= bool(info["is_success"])
 
 
 def write(frames: Iterable[np.ndarray], path: Path, rate: float) -> None:
@@ -111,5 +123,5 @@ def write(frames: Iterable[np.ndarray], path: Path, rate: float) -> None:
         ffmpeg = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", "-i", str(large)]
         first = ["-frames:v", "1", "-q:v", "4", str(path.with_suffix(".jpg"))]
         subprocess.run([*ffmpeg, *shrink, *first], check=True)
-        film = ["-crf", "27", "-movflags", "+faststart", str(path)]
+        film = ["-crf", "30", "-preset", "slow", "-movflags", "+faststart", str(path)]
         subprocess.run([*ffmpeg, *shrink, *film], check=True)

@@ -1,4 +1,4 @@
-"""Extend Sphinx for the site: draw formulas as pictures, and show films in the place of posters.
+"""Extend Sphinx for the site: draw formulas as pictures, show films in place of posters, describe each page.
 
 Formulas are drawn as SVG when the site is built, by ziamath, in pure Python: no TeX is needed to build a
 page, and no script, font or other host to read it. (MathML needs a mathematical font that many machines
@@ -80,9 +80,10 @@ def show_films(app: Sphinx, doctree: nodes.document) -> None:
             filmed, caption = (MEDIA / f"{name[1]}.mp4").exists(), image["alt"]
             if links:
                 paragraph["classes"] = ["films"]
+                image["alt"] = ""  # the caption beside it says the same
                 image.parent.append(nodes.inline("", caption))
                 if filmed:
-                    image.replace_self(nodes.raw("", film(static + name[1], caption), format="html"))
+                    image.replace_self(nodes.raw("", film(static + name[1]), format="html"))
             elif filmed:
                 checks = MEDIA / f"{name[1]}.json"
                 shown = (
@@ -91,17 +92,14 @@ def show_films(app: Sphinx, doctree: nodes.document) -> None:
                 paragraph.replace_self(nodes.raw("", shown, format="html"))
 
 
-def film(path: str, caption: str, attributes: str = 'preload="none"') -> str:
+def film(path: str, attributes: str = 'preload="none" aria-hidden="true"') -> str:
     """Return a film as HTML; the script of the site plays it while it is in view."""
-    return (
-        f'<video src="{path}.mp4" poster="{path}.jpg" loop muted playsinline {attributes} '
-        f'aria-label="{html.escape(caption)}"></video>'
-    )
+    return f'<video src="{path}.mp4" poster="{path}.jpg" loop muted playsinline {attributes}></video>'
 
 
 def figure(path: str, caption: str) -> str:
     """Return a film with its caption as HTML."""
-    shown = film(path, caption, 'controls preload="metadata"')
+    shown = film(path, f'controls preload="metadata" aria-label="{html.escape(caption)}"')
     return f'<figure class="film">{shown}<figcaption>{html.escape(caption)}</figcaption></figure>\n'
 
 
@@ -127,6 +125,25 @@ def table(checks: list[list[str]]) -> str:
     return "\n".join([*lines, "</tbody></table>\n"])
 
 
+# --- Pages ------------------------------------------------------------------------------------------------
+
+LONGEST = 160
+"""Characters of a description, as search engines show it."""
+
+
+def describe(app: Sphinx, page: str, template: str, context: dict[str, Any], tree: nodes.Node | None) -> None:
+    """Describe a page by its first paragraph, for search engines; give the menu's headings their level."""
+    menu = context.get("furo_navigation_tree", "")
+    context["furo_navigation_tree"] = menu.replace('role="heading"', 'role="heading" aria-level="2"')
+    paragraphs = tree.findall(nodes.paragraph) if tree else ()
+    texts = (" ".join(paragraph.astext().split()) for paragraph in paragraphs)
+    first = next((text for text in texts if len(text) > 40), "")
+    if len(first) > LONGEST:
+        first = first[: LONGEST - 1].rsplit(" ", 1)[0] + "…"
+    if first:
+        context["metatags"] += f'<meta name="description" content="{html.escape(first)}" />'
+
+
 # --- Docstrings ---------------------------------------------------------------------------------------
 
 LINKED = re.compile(r"(?<![`:])`(springgym[\w.]*|[A-Z]\w*(?:\.\w+)*)`(?!`)")
@@ -145,5 +162,6 @@ def process_docstring(app: Sphinx, what: str, name: str, thing: Any, options: An
 def setup(app: Sphinx) -> dict[str, Any]:
     app.add_html_math_renderer("svg", (inline_formula, None), (display_formula, None))
     app.connect("doctree-read", show_films, priority=100)  # before Sphinx collects the pictures
+    app.connect("html-page-context", describe, priority=900)  # after the theme
     app.connect("autodoc-process-docstring", process_docstring)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -218,7 +218,7 @@ def _range(what: str, low: float, high: float) -> str:
 
 
 def _shaped(name: str, value: object, shapes: tuple[tuple[int | None, ...], ...]) -> np.ndarray:
-    """A value as an array of one of some shapes, of whatever it holds."""
+    """Return a value as an array of one of some shapes, whatever it holds."""
     if value.__class__ is np.ndarray and _fits(value.shape, shapes):
         return value
     try:

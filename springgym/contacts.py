@@ -22,19 +22,20 @@ DIFFERENCE = 1e-4
 """Share of Δ over which the height above a surface is differentiated."""
 
 ROUNDING = 1e-9
-"""Impulses [N·s] of a particle are told from this share of its momentum on: less is rounding."""
+"""Smallest impulse [N·s] of a particle that is reported, as a share of its momentum; less is rounding."""
 
 
 class Contacts(NamedTuple):
     """Contacts of all copies at a node, in arrays of shape (copies, most) or (copies, most, 3).
 
-    ``most`` is how many the copy has that has most; where another has less, ``there`` is False, numbers are
-    −1 and all else is 0. Those of bodies come first, by their pair, then those of surfaces, by particle.
-    There is one for each two features that are nearer than Δ, or push: two cubes face on face have several.
+    ``most`` is the largest number of contacts in a copy. In a copy with fewer contacts, ``there`` is False
+    for the other entries, their indices are −1, and all else is 0. Contacts between bodies come first, by
+    pair, then those with surfaces, by particle. Two features have a contact if they are nearer than Δ or push
+    each other, so two cubes that lie face on face have several.
 
-    What they give in a step h around the node is the ``impulse``, on the first body; on the second, or the
-    surface, it is the opposite. The ``force`` is its mean over that time. It is what gravity needs to be
-    balanced in a body at rest: there the impulses of a body's contacts sum to its weight times h.
+    ``impulse`` acts on the first body in the step h around the node. The second body, or the surface, gets
+    the opposite impulse. ``force`` is the mean over that time. At rest, the impulses of a body's contacts sum
+    to its weight times h.
     """
 
     there: np.ndarray
@@ -75,12 +76,12 @@ class Here(NamedTuple):
 
     @property
     def places(self) -> np.ndarray:
-        """Positions (N, 3, width) [m]."""
+        """Return positions (N, 3, width) [m]."""
         return numbers(self.x)[self.block]
 
     @property
     def span(self) -> np.ndarray:
-        """The time of the node (width,) [s]: h, or of a fresh copy half of it."""
+        """Return the time of the node (width,) [s]: h, or of a fresh copy half of it."""
         phase = numbers(_values(self.terms.memory.marks))[self.block, PHASE]
         return np.where(phase < 0.5, 0.5, 1.0) * self.step
 
@@ -91,15 +92,15 @@ def any_possible(scene: Scene) -> bool:
 
 
 def refusal(scene: Scene, rigid: bool, terms: Terms) -> str:
-    """Say why contacts of a scene are not told; nothing if they are."""
+    """Return the reason why the contacts of a scene cannot be reported; empty if they can."""
     if not any_possible(scene):
         return ""
     if terms.memory is None:
-        return "contacts are told of methods that pass nodes; take verlet, and Contact, not PaperContact"
+        return "contacts need a method with nodes: use verlet, and Contact in place of PaperContact"
     if scene.surfaces and rigid:
-        return "contacts of rigid bodies with surfaces are not told; take dynamics='springs'"
+        return "contacts of rigid bodies with surfaces are not available; use dynamics='springs'"
     if scene.surfaces and len(scene.bodies) > 1 and terms.collisions is None:
-        return "contacts of several bodies with surfaces are told if they collide; give the scene collisions"
+        return "contacts of several bodies with surfaces need bodies that collide; give the scene collisions"
     return ""
 
 

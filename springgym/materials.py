@@ -148,7 +148,7 @@ class Material:
 
 
 def _described(sources: str, **others: str) -> Mapping[str, str]:
-    """Sources by figure: one for all, and others by name."""
+    """Return sources by figure: one for all, and others by name."""
     names = ("young", "poisson", "density", "loss")
     return dict.fromkeys(names, sources) | others
 

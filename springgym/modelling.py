@@ -78,7 +78,7 @@ class Need(NamedTuple):
 
     @property
     def cheapest(self) -> Model:
-        """The cheapest whose error is at most the one wanted.
+        """Return the cheapest model whose error is at most the wanted one.
 
         Raises
         ------
@@ -92,7 +92,7 @@ class Need(NamedTuple):
 
 
 def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), duration: float = 1.0) -> Need:
-    """The models of a top in slow steady precession, each with its measured error and cost.
+    """Model a top in slow steady precession in several ways, each with its measured error and cost.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
 
 
 def _asked(plan: Plan) -> Steady:
-    """The precession of the top of a plan."""
+    """Return the precession of the top of a plan."""
     scene = plan.scene
     if len(scene.bodies) > 1:
         raise ValueError(f"scene {plan.name!r} has {len(scene.bodies)} bodies; it must have one, a heavy top")
@@ -152,7 +152,7 @@ def _asked(plan: Plan) -> Steady:
 
 
 def _turning(scene: Scene) -> tuple[float, float]:
-    """Tilt of the axis [rad] and ω along it [rad/s] that a scene starts with."""
+    """Return the tilt of the axis [rad] and ω along it [rad/s] that a scene starts with."""
     x, body = scene.positions, scene.body
     axis = axes(x, body.markers)[:, 2]
     r = x - x[scene.pivot]
@@ -163,7 +163,7 @@ def _turning(scene: Scene) -> tuple[float, float]:
 
 
 def _steady(body: Body, scene: Scene, tilt: float, spin: float) -> Steady:
-    """The precession of a body in place of that of a scene."""
+    """Put the precession of a body in place of that of a scene."""
     pull = scene.gravity or (0.0, 0.0, 0.0)
     rigid = steady_precession(heavy_top(body, scene.pinned, pull), tilt, spin)[0]
     return Steady(tilt, spin, float(rigid), precession_gap(body, scene.pinned, pull, tilt, spin))
@@ -178,7 +178,7 @@ def _precessing(
     integrator: str = "verlet",
     step: float | None = None,
 ) -> tuple[float, Simulator]:
-    """Mean precession [rad/s] of a body that starts at the rate of the rigid top, and a simulator of it."""
+    """Return a body's mean precession [rad/s] from a start at the rigid top's rate, and its simulator."""
     begun = start(
         body,
         tilt=steady.tilt,
@@ -198,7 +198,7 @@ def _precessing(
 
 
 def _softest(scene: Scene, steady: Steady, wanted: float) -> float:
-    """The factor by which a top may be made softer to precess within a share of the real one."""
+    """Return the factor by which a top may be made softer to precess within a share of the real one."""
     most = min(abs(steady.gap) + 0.95 * wanted, SOFTEST)  # the rest is for the steps
     factor = most / abs(steady.gap)
     for _ in range(3):  # the gap grows a little faster than the factor
@@ -261,7 +261,7 @@ def real_top(material: Material | str, duration: float = 1.0) -> RealTop:
 
 
 def _cost(simulator: Simulator, steps: int) -> float:
-    """Computing time of a simulated second [s]: the best of three, without compiling."""
+    """Return the computing time of a simulated second [s]: the best of three, without compiling."""
     simulator.advance(1)
     costs = []
     for _ in range(3):
@@ -272,7 +272,7 @@ def _cost(simulator: Simulator, steps: int) -> float:
 
 
 def table_of_tops(materials: Iterable[str]) -> Iterator[str]:
-    """Lines of a table of `RealTop`, in Markdown."""
+    """Return lines of a table of `RealTop`, in Markdown."""
     heads = ("", "g", "lowest Hz", "step s", "dI₃/I₃", "gap", "predicted", "of the solid's", "alone", "batch")
     yield f"| {' | '.join(heads)} |"
     yield "|---" * len(heads) + "|"

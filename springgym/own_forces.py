@@ -109,7 +109,7 @@ def _checked(name: str, force: object, count: int) -> Force:
 
 
 def _particles(name: str, value: object, count: int) -> int | np.ndarray:
-    """A particle as an int, or several as an array of int64."""
+    """Return a particle as an int, or several as an array of int64."""
     if isinstance(value, (np.ndarray, list, tuple)):
         return read_only(whole_array(name, value, (None,), high=count - 1))
     return whole(name, value, high=count - 1)

@@ -52,7 +52,7 @@ class Parameter(NamedTuple):
 
 
 def _of(term: object, name: str) -> Any:
-    """An array of a term; None if the scene has no such term."""
+    """Return an array of a term; None if the scene has no such term."""
     return None if term is None else getattr(term, name)
 
 
@@ -175,7 +175,7 @@ def surfaces_of(surfaces: tuple[Surface, ...]) -> Surfaces:
 
 
 def _packed(part: Scene, scene: Scene, shared: Terms, twin: bool, options: Options) -> Packed:
-    """A body of a scene by itself; it has each kind of term that any body of the scene has."""
+    """Pack a body of a scene by itself, with each kind of term that any body of the scene has."""
     body, parameter = part.body, options.parameter
     # the dampers of a rope act on its motion, not on vibrations alone: their order is its accuracy
     count = len(body.masses)
@@ -386,7 +386,7 @@ def pack_outlines(scene: Scene) -> Outlines:
 
 
 def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
-    """The actuators of a body: idle ones of the kinds that it has not, but others of the scene have."""
+    """Pack the actuators of a body, and idle ones of the kinds that only other bodies of the scene have."""
     terms: dict[str, Any] = {}
     markers = np.array(part.body.markers, np.uint32)
     if any(placed.wrench for placed in scene.bodies):
@@ -402,7 +402,7 @@ def _actuators(part: Scene, scene: Scene, blocks: Callable[..., np.ndarray]) -> 
 
 
 def _asymmetric(twin: tuple[Any, ...], parts: list[Packed], options: Options) -> tuple[Any, ...]:
-    """A rigid body with an asymmetry, be it 0, where another body has one."""
+    """Return a rigid body with an asymmetry, even if it is 0, where another body has one."""
     body, asymmetry = twin
     if asymmetry is None and any(part.twin[1] is not None for part in parts):
         asymmetry = options.parameter({"masses"}, np.zeros(1))
@@ -412,7 +412,10 @@ def _asymmetric(twin: tuple[Any, ...], parts: list[Packed], options: Options) ->
 def decays(
     part: Scene, order: np.ndarray, time: float, damping: np.ndarray, masses: np.ndarray
 ) -> tuple[Decay, Decay]:
-    """In half of a time [s] and in all of it, for damping (…, S) in the body's order and masses (…, N)."""
+    """Return the decays in half of a time [s] and in all of it.
+
+    Damping (…, S) is in the order of the body's springs, masses are (…, N).
+    """
     inverse = part.free / masses
     first, second = part.body.springs[order].T
     given = (damping[..., order], inverse[..., first], inverse[..., second])

@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     print(f"{len(entries)} entries, {size / 1e6:.1f} MB, in {folder}")
     told = " ".join(f"{name}={value}" for name, value in settings.items() if value != "host")
     if told:
-        print(f"Processes find them that are told {told}")
+        print(f"Programs find them with {told} in their environment")
     return 0
 
 

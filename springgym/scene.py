@@ -299,7 +299,7 @@ class Scene(ReadOnly):
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """Plain data, by name, that decide how the scene moves, without its start: see
+        """Return plain data by name that decide how the scene moves, without its start: see
         `springgym.identity`."""
         met = self.meetings
         made: dict[str, Any] = {

@@ -15,7 +15,7 @@ from springgym.cli import INTERRUPTED, whole_file
 from springgym.integrators import METHODS
 from springgym.scenes.checks import NOT_COVERED, Check, check, fitting
 from springgym.scenes.plan import LEAST, Plan
-from springgym.scenes.reading import load
+from springgym.scenes.reading import document, load
 from springgym.scenes.reading import names as scene_names
 from springgym.scenes.recording import Recording, record
 from springgym.simulator import PAPER_METHOD
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     """Do what the arguments ask for; the exit status."""
     if args.list:
         for name in scene_names():
-            print(f"{name:20} {load(name).title}")
+            print(f"{name:20} {document(name).at(('title',))}")  # read, not built: that takes a second each
         return 0
     if args.scene is None:
         raise ValueError("no scene is given: name one of springgym simulate --list, or a YAML file")
@@ -106,7 +106,7 @@ def _check_files(args: argparse.Namespace) -> None:
 
 
 def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
-    """The plan with what the options change."""
+    """Return the plan with the changes of the options."""
     for option in ("duration", "step"):
         if (seconds := getattr(args, option)) is not None and not LEAST[option] <= seconds < np.inf:
             raise ValueError(f"--{option} {seconds:g}: it must be at least {LEAST[option]:g} s, and finite")
@@ -120,7 +120,7 @@ def _changed(plan: Plan, args: argparse.Namespace) -> Plan:
 
 
 def _bar(name: str) -> Callable[[Iterable[int]], Iterable[int]]:
-    """A progress bar, if it takes longer than a second and someone is looking."""
+    """Make a progress bar for what takes longer than a second while someone is looking."""
 
     def wrap(items: Iterable[int]) -> Iterable[int]:
         from tqdm import tqdm
@@ -229,7 +229,7 @@ def _report(recording: Recording, whole: float) -> int:
 
 
 def table(checks: list[Check], otherwise: str = "FAILED") -> str:
-    """Checks as lines of text; differences are relative, or absolute where theory says 0.
+    """Return checks as lines of text; differences are relative, or absolute where theory says 0.
 
     What theory leaves out is told where it is more than the tolerance: then it does not cover the run. What
     else does not pass is followed by ``otherwise``.

@@ -121,7 +121,7 @@ class Simulator:
     ----------
     scene
         The scene to simulate.
-        dynamics
+    dynamics
         "springs", or "rigid" for the same particles as one rigid body.
     integrator
         Name of the method, see `springgym.integrators.METHODS`, or `springgym.rigid.METHODS` for rigid
@@ -313,7 +313,7 @@ class Simulator:
 
     @cached_property
     def _phase(self) -> Phase:
-        """Positions, velocities and ledger as kernels take them."""
+        """Return positions, velocities and ledger as kernels take them."""
         slices = self.scene.slices
         if len(slices) == 1:
             return Phase(self._x, self._v, self._ledger)
@@ -324,12 +324,12 @@ class Simulator:
 
     @cached_property
     def _clock(self) -> Clock:
-        """The clock of the copies as kernels take it."""
+        """Return the clock of the copies as kernels take it."""
         return Clock(self.time, self.step, self.width)
 
     @cached_property
     def _moving(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities by copies, to be set."""
+        """Return positions and velocities by copies, to be set."""
         return by_copies(self._x), by_copies(self._v)
 
     @cached_property
@@ -345,7 +345,7 @@ class Simulator:
 
     @cached_property
     def _acting(self) -> tuple[object, ...]:
-        """The scene as kernels take it."""
+        """Return the scene as kernels take it."""
         return (*self._twin, self._terms) if self._twin else self._terms
 
     def _actuated(self) -> dict[str, tuple[tuple[int, ...], list[tuple[np.ndarray, slice]]]]:
@@ -429,7 +429,7 @@ class Simulator:
             self.scene.check_start(np.concatenate(settled, axis=1), v, index)
 
     def _index(self, copies: ArrayLike | None) -> np.ndarray:
-        """Indices (k,) of copies, checked."""
+        """Return indices (k,) of copies, checked."""
         return (
             np.arange(self.copies)
             if copies is None
@@ -445,13 +445,13 @@ class Simulator:
         low: float = -HUGE,
         high: float = HUGE,
     ) -> np.ndarray:
-        """A value for each of some copies, (k, *shape), given so or as one for all."""
+        """Return a value for each of some copies, (k, *shape), given so or as one for all."""
         rows = (len(index), *shape)
         given = checks.array(name, value, rows, shape, low=low, high=high)
         return given if given.shape == rows else np.broadcast_to(given, rows)
 
     def _settle(self, index: np.ndarray) -> None:
-        """In rigid dynamics, move some copies to the rigid shape; their momenta stay."""
+        """Move some copies to the rigid shape, in rigid dynamics; their momenta stay."""
         if not self._kind.settled:
             return
         width = numbers(self._x).shape[-1]
@@ -481,7 +481,7 @@ class Simulator:
             Which.
         values
             ``masses`` (k, N), ``stiffness``, ``damping``, ``lengths`` (k, S), ``gravity`` (k, 3),
-            ``friction``, ``restitution`` (at the contact's impact speed) (k,) and ``strength`` (k,), or
+            ``friction``, ``restitution`` (k,) and ``strength`` (k,), or
             (k, bodies) for several bodies. Without the k, a value holds for all of these copies. N and S
             count the particles and springs of all bodies, one body after another. Friction and restitution
             concern the surfaces, and bodies that collide by the scene's contact. Strength concerns the
@@ -691,7 +691,7 @@ class Simulator:
         self._meet(np.arange(self.copies))
 
     def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Names and arrays of all that changes: what moves, what actuators do, and what was varied."""
+        """Return names and arrays of all that changes: what moves, what actuators do, and what was varied."""
         yield from (("x", self._x), ("v", self._v), ("time", self.time))
         if self._ledger is not None:
             yield "ledger", self._ledger
@@ -975,7 +975,7 @@ class Simulator:
                 self._run(0, first, last, 0, settles=False, reads=True)
 
     def _block_ranges(self, copies: np.ndarray) -> list[tuple[int, int]]:
-        """Ranges of blocks that together hold the copies and no other block."""
+        """Return ranges of blocks that together hold the copies and no other block."""
         ranges: list[tuple[int, int]] = []
         for block in sorted(set((copies // self.width).tolist())):
             first = ranges.pop()[0] if ranges and ranges[-1][1] == block else block
@@ -1020,8 +1020,7 @@ class Simulator:
             raise
 
     def _calls(self, first: int, last: int, steps: int) -> Iterator[tuple[int, int, int, bool]]:
-        """The compiled calls that take blocks ``first`` to ``last`` further: first and last block, how many
-        steps, and whether these are the last."""
+        """Yield the calls that advance blocks: first and last block, steps, and whether it is the last."""
         busy = max(self._busy, 1)
         if (last - first) * steps * busy <= AT_ONCE:
             yield first, last, steps, True
@@ -1110,7 +1109,7 @@ def _tell(what: str) -> None:
 
 @lru_cache(maxsize=8)
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
-    """Helper threads of this process; a forked child, being another process, makes its own."""
+    """Return helper threads of this process; a forked child, being another process, makes its own."""
     return ThreadPoolExecutor(threads, thread_name_prefix="springgym")
 
 
@@ -1125,7 +1124,7 @@ def _await(lock: Lock) -> None:
 
 
 def _checked_names(varying: object) -> frozenset[str]:
-    """Names out of `PARAMETERS`."""
+    """Return names out of `PARAMETERS`."""
     if isinstance(varying, str) or not isinstance(varying, (Set, Sequence, Mapping)):
         raise TypeError(
             f"varying is {checks.shown(varying)}; it must hold names from {', '.join(PARAMETERS)}"
@@ -1134,7 +1133,7 @@ def _checked_names(varying: object) -> frozenset[str]:
 
 
 def _checked_dtype(dtype: Any) -> np.dtype:
-    """The dtype, float64 or float32."""
+    """Return the dtype, float64 or float32."""
     try:
         given = np.dtype(dtype)
     except Exception:  # whatever a foreign class raises
@@ -1165,7 +1164,7 @@ def copies_in(state: Mapping[str, Any], wanted: int) -> int:
 
 
 def _layout(array: np.ndarray, copies: int) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and type of an array as of `Simulator._changing`, were there so many copies."""
+    """Return the shape and type of an array as of `Simulator._changing`, were there so many copies."""
     if not array.dtype.names:
         return (copies,), array.dtype
     return block_layout(copies, array.shape[1:], numbers(array).dtype)

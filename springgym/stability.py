@@ -74,7 +74,7 @@ def _decay_rate(part: Scene) -> float:
 
 
 def _weighted(part: Scene, constants: np.ndarray) -> np.ndarray:
-    """M^(−1/2) A M^(−1/2) of a body, with A = K or C by the constants (S,) of its springs or dampers."""
+    """Return M^(−1/2) A M^(−1/2) of a body, A = K or C by the constants (S,) of its springs or dampers."""
     body = part.body.with_(stiffness=np.maximum(constants, TINY))
     _, jacobian = spring_force_and_jacobian(body, body.positions)
     weight = 1 / np.sqrt(body.masses)
@@ -189,7 +189,7 @@ def cycles_harmless(of: Vibrations, step: float, every: int) -> bool:
 
 
 def _turned(angle: np.ndarray) -> np.ndarray:
-    """Rotations (n, 2, 2) by angles (n,) [rad]."""
+    """Return rotations (n, 2, 2) by angles (n,) [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     return np.moveaxis(np.array([[c, s], [-s, c]]), -1, 0)
 

@@ -37,7 +37,7 @@ class Tree(NamedTuple):
     where: dict[tuple[str, ...], str]
 
     def at(self, path: tuple[str, ...]) -> Any:
-        """The value at a path."""
+        """Return the value at a path."""
         value = self.value
         for key in path:
             value = value[int(key)] if isinstance(value, list) else value[key]
@@ -141,7 +141,7 @@ def parse_yaml(text: str, source: str) -> Tree:
 
 
 def changed(tree: Tree, changes: Mapping[tuple[str, ...], object], source: str = "a change") -> Tree:
-    """A document with the values at some paths replaced, or added where their mapping exists or is new.
+    """Return a document with other values at some paths, added where their mapping exists or is new.
 
     Raises
     ------
@@ -240,7 +240,7 @@ def build(
 
 
 def fit(kind: object, tree: Tree, path: tuple[str, ...]) -> Any:
-    """The value at a path, if it is of a kind: a type annotation.
+    """Return the value at a path, if it is of a kind: a type annotation.
 
     Raises
     ------
@@ -330,7 +330,7 @@ def _described(kind: object) -> str:
 
 
 def suggestion(key: str, known: Iterable[str]) -> str:
-    """The end of a message about an unknown key: what may have been meant, or all there is."""
+    """Return the end of a message about an unknown key: a similar name, or all names."""
     names = list(known)
     close = difflib.get_close_matches(key, names, n=1)
     return f"; did you mean {close[0]!r}?" if close else f"; known keys: {', '.join(names)}"

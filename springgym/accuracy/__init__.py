@@ -93,7 +93,7 @@ def _report_so_far(path: Path) -> dict[str, Any]:
 
 
 def conditions() -> dict[str, Any]:
-    """Date, processor, versions, and digests of the code of what was measured."""
+    """Return date, processor, versions, and digests of the code of what was measured."""
     versions = {"python": platform.python_version()}
     for package in ("springgym", "numpy", "numba", "scipy", "mujoco"):
         try:
@@ -111,7 +111,7 @@ def conditions() -> dict[str, Any]:
 
 
 def processor() -> str:
-    """The model of the processor."""
+    """Return the model of the processor."""
     info = Path("/proc/cpuinfo")
     if info.exists():
         for line in info.read_text().splitlines():
@@ -149,7 +149,7 @@ def summary(name: str, result: dict[str, Any]) -> list[str]:
 
 
 def table(report: dict[str, Any]) -> str:
-    """The cheapest method of each problem at each tolerance, and how much dearer verlet is, in Markdown."""
+    """Write the cheapest method of each problem at each tolerance as Markdown, and how much verlet costs."""
     heads = " | ".join(f"{tolerance:.0e}" for tolerance in TOLERANCES)
     lines = [f"| problem | {heads} |", "|---" * (1 + len(TOLERANCES)) + "|"]
     for name in PROBLEMS:
@@ -172,7 +172,7 @@ def table(report: dict[str, Any]) -> str:
 
 
 def told(row: dict[str, Any] | None) -> str:
-    """A row in words."""
+    """Describe a row in words."""
     if row is None:
         return "none"
     low, high = row["cost_quartiles"]

@@ -82,7 +82,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def plain(figure: Figure, left: float, bottom: float, width: float, height: float, **options: Any) -> Axes:
-    """Axes at (left, bottom, width, height) without a frame."""
+    """Return axes at (left, bottom, width, height) without a frame."""
     axes = figure.add_axes((left, bottom, width, height))
     axes.set(**options)
     axes.spines[["top", "right"]].set_visible(False)
@@ -128,7 +128,7 @@ def _methods(result: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
 
 
 def _work_precision(figure: Figure, result: dict[str, Any]) -> None:
-    """Error over cost; steps that fail as crosses on the top edge; the default starred, the model dashed."""
+    """Draw error over cost: failed steps as crosses at the top, the default starred, the model dashed."""
     per_period = "period" in result["kind"] or "consistency" in result["kind"]
     axes = plain(
         figure,
@@ -188,7 +188,7 @@ def _work_precision(figure: Figure, result: dict[str, Any]) -> None:
 
 
 def _spin_down(figure: Figure, result: dict[str, Any]) -> None:
-    """The spin that implicit methods leave, a panel for each step; what flies off is cut, and named so."""
+    """Draw the spin that implicit methods leave, a panel for each step; cut and name those that fly off."""
     steps = sorted({curve["step"] for curve in result["curves"]})
     for n, step in enumerate(steps):
         axes = plain(

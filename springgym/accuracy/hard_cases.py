@@ -73,7 +73,7 @@ def case(
 
 
 def forced(scene: Scene, step: float) -> Simulator:
-    """A simulator of any step, past the check of the stability limit."""
+    """Make a simulator of any step, without the check of the stability limit."""
     made = Simulator(scene)
     vars(made).update(step=step, _control=step)
     return made
@@ -101,13 +101,13 @@ def drag(simulator: Simulator, share: float) -> None:
 
 
 def tilt(simulator: Simulator) -> float:
-    """Angle [rad] of the third axis of copy 0 from the upright."""
+    """Return the angle [rad] of the third axis of copy 0 from the upright."""
     x, y, z = simulator.measure().axis[0]
     return math.atan2(math.hypot(x, y), z)
 
 
 def fitted_power(x: ArrayLike, y: ArrayLike) -> float:
-    """p of y ∝ xᵖ."""
+    """Return the power p of y ∝ xᵖ."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
@@ -152,7 +152,7 @@ def stability_limit(broken: bool) -> Outcome:
 
 
 def swung_cube(stiffness: float, seconds: float = 1.0, longer: float = 0.0) -> tuple[float, float]:
-    """Gap [m] of a cube swinging from 2 rad to the rigid one, and its strain."""
+    """Return the gap [m] of a cube swinging from 2 rad to the rigid one, and its strain."""
     body = cube(stiffness=stiffness, damping=0.0)
     at = theory.pendulum.cube_on_vertex(1.0, 1.0)
     theta, _ = theory.pendulum.motion(at.i1, at.mgl, 2.0, 0.0, np.array([seconds]))
@@ -202,14 +202,14 @@ def heavy_rope(broken: bool) -> Outcome:
 
 
 def plucked_cube(damping: float) -> Simulator:
-    """A free cube, blown up by 1 %, with a step of a tenth of the limit."""
+    """Make a free cube that is blown up by 1 %, with a step of a tenth of the limit."""
     body = cube(damping=damping)
     scene = Scene(body, 1.01 * body.positions, gravity=NONE)
     return Simulator(scene, step=Simulator(scene).largest_step / 10)
 
 
 def energies(simulator: Simulator, samples: int, every: int = 1) -> np.ndarray:
-    """Energy of copy 0 [J] at the start and after each of so many advances."""
+    """Return the energy of copy 0 [J] at the start and after each of so many advances."""
     values = [simulator.measure().energy[0]]
     for _ in range(samples):
         simulator.advance(every, check=False)
@@ -395,7 +395,7 @@ def squeezed(broken: bool) -> Outcome:
 
 
 def contact_simulator(scene: Scene, broken: bool) -> Simulator:
-    """The default method, or the paper's: a force that is sampled, and a clamp."""
+    """Make a simulator of the default method, or of the paper's: a force that is sampled, and a clamp."""
     return Simulator.paper(scene) if broken else Simulator(scene)
 
 
@@ -475,7 +475,7 @@ def hundred_bounces(broken: bool) -> Outcome:
 
 
 def pair(damping: float) -> Body:
-    """Two particles side by side that bounce as one."""
+    """Make two particles side by side that bounce as one."""
     x, one = np.array([[0.0, 0, 0], [1, 0, 0]]), np.ones(1)
     return Body("pair", x, np.ones(2), np.array([(0, 1)]), 100 * one, damping * one, floppy=True)
 
@@ -504,7 +504,7 @@ def restitution(broken: bool) -> Outcome:
 
 
 def resting_cube(angle: float, friction: float, gravity: tuple[float, float, float] = GRAVITY) -> Simulator:
-    """A cube that lies on a slope that rises towards x, after 2 s."""
+    """Return a cube after 2 s on a slope that rises towards x."""
     body = cube(damping=30.0)
     normal = np.array([-math.sin(angle), 0.0, math.cos(angle)])
     contact = Contact(friction=friction, restitution=0.3, strength=0.05, reach=0.02)
@@ -585,7 +585,7 @@ def rings(broken: bool) -> Outcome:
 
 
 def thrown_cube(metres_away: float, dtype: DTypeLike) -> np.ndarray:
-    """Positions (8, 3) of a spinning cube after 1 s [m], about where it started."""
+    """Return positions (8, 3) of a spinning cube after 1 s [m], about where it started."""
     body = cube(damping=0.0)
     began = start(body, omega=(1.0, 3.0, 2.0), position=(metres_away, 0.0, 0.0))
     with warnings.catch_warnings():
@@ -648,14 +648,14 @@ def wild_actions(broken: bool) -> Outcome:
 
 
 def starts(copies: int) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities (copies, 8, 3) of cubes that spin at random."""
+    """Return positions and velocities (copies, 8, 3) of cubes that spin at random."""
     random = np.random.default_rng(4)
     began = [start(cube(damping=0.0), omega=random.normal(0, 3, 3).tolist()) for _ in range(copies)]
     return np.array([s.positions for s in began]), np.array([s.velocities for s in began])
 
 
 def moved_batch(copies: int, positions: np.ndarray, velocities: np.ndarray, threads: int = 1) -> np.ndarray:
-    """Positions and velocities (copies, 2, 8, 3) after 4000 steps, the odd copies started anew at half."""
+    """Return positions and velocities (copies, 2, 8, 3) after 4000 steps; odd copies start anew at half."""
     scene = Scene(cube(damping=0.0), gravity=NONE)
     simulator = Simulator(scene, copies=copies, threads=threads)
     simulator.place(positions, velocities)
@@ -799,14 +799,14 @@ CORNER = rotation((0, 1, 0), math.atan(math.sqrt(0.5))) @ EDGE_UP
 
 
 def two_cubes(copies: int) -> Simulator:
-    """Undamped cubes of 1 m that collide without loss, far apart."""
+    """Return undamped cubes of 1 m that collide without loss, far apart."""
     body = cube(damping=0.0)
     bodies = (Placed(body, name="left"), Placed(body, np.add(body.positions, (4.0, 0.0, 0.0)), name="right"))
     return Simulator(Scene(bodies=bodies, gravity=NONE), copies=copies)
 
 
 def momenta(simulator: Simulator) -> np.ndarray:
-    """Momentum and angular momentum about the origin, (copies, 6)."""
+    """Return momentum and angular momentum about the origin, (copies, 6)."""
     m, x, v = simulator.scene.masses[:, None], simulator.positions, simulator.velocities
     return np.concatenate([(m * v).sum(axis=1), (m * np.cross(x, v)).sum(axis=1)], axis=1)
 
@@ -830,7 +830,7 @@ def leave_out(simulator: Simulator, *kinds: int) -> None:
 
 
 def thrown(rows: list[tuple[np.ndarray, np.ndarray, tuple[float, float]]], speed: float) -> Simulator:
-    """Cubes turned in ways and offset across x, 3 cm apart, that approach each other along x."""
+    """Return cubes turned in ways and offset across x, 3 cm apart, that approach each other along x."""
     simulator = two_cubes(len(rows))
     body = simulator.scene.bodies[0].body
     x = np.zeros((len(rows), 16, 3))

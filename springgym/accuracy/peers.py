@@ -29,7 +29,7 @@ LONGEST_PIECE = 1e-2
 
 
 def mujoco_model(scene: Scene, integrator: str, step: float) -> mujoco.MjModel:
-    """The scene's particles on slide joints, its springs and dampers as spatial tendons."""
+    """Make the scene in MuJoCo: particles on slide joints, springs and dampers as spatial tendons."""
     import mujoco
 
     def numbers(values: Iterable[float]) -> str:
@@ -70,7 +70,7 @@ EDGE = {"RK4": 2.8, "Euler": 1.98, "implicitfast": 1.98}
 
 
 def mujoco_rungs(problem: Problem, scene: Scene) -> list[Rung]:
-    """MuJoCo's integrators over a ladder of steps; none if it is not installed."""
+    """Time MuJoCo's integrators over a ladder of steps; none if it is not installed."""
     if importlib.util.find_spec("mujoco") is None:
         return []
     import mujoco
@@ -123,7 +123,7 @@ def mujoco_rungs(problem: Problem, scene: Scene) -> list[Rung]:
 
 
 def derivative(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
-    """d/dt of positions and velocities, flat, in NumPy; of surfaces, smooth planes."""
+    """Return d/dt of positions and velocities, flat, in NumPy; surfaces are smooth planes."""
     body, free = scene.body, scene.free
     gravity = np.array(scene.gravity or (0, 0, 0))
     first, second = body.springs.T
@@ -149,7 +149,7 @@ def derivative(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
 
 
 def jacobian(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
-    """Derivative of `derivative` by the state; the dampers' along their springs alone."""
+    """Return the derivative of `derivative` by the state; the dampers' along their springs alone."""
     body, count = scene.body, 3 * len(scene.body.masses)
     weight = np.repeat(scene.free / body.masses, 3)[:, None]
     dampers = body.with_(stiffness=np.maximum(body.damping, TINY))
@@ -167,7 +167,7 @@ def jacobian(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
 
 
 def scipy_rungs(problem: Problem, scene: Scene) -> list[Rung]:
-    """SciPy's DOP853 and Radau over a ladder of tolerances; none if it is not installed."""
+    """Time SciPy's DOP853 and Radau over a ladder of tolerances; none if it is not installed."""
     if importlib.util.find_spec("scipy") is None:
         return []
     from scipy.integrate import solve_ivp

@@ -31,7 +31,7 @@ class Problem(NamedTuple):
     """where the motion is chaotic, the control period [s] over which methods are compared"""
 
     def methods(self) -> list[str]:
-        """Those that make sense in it."""
+        """Return the methods that make sense in it."""
         scene = self.scene(self.stiffness)
         return [name for name in METHODS if _makes_sense(name, scene)]
 

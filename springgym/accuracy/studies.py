@@ -117,7 +117,7 @@ def _cost(row: dict[str, Any]) -> float:
 
 
 def _crossing(rows: list[dict[str, Any]]) -> float | None:
-    """The stiffness at which the costs are equal, between powers of ten; None if they never are."""
+    """Return the stiffness at which the costs are equal, between powers of ten; None if they never are."""
     known = [row for row in rows if row["explicit"] and row["implicit"]]
     ratio = [math.log(row["explicit"]["cost"] / row["implicit"]["cost"]) for row in known]
     for n in range(1, len(known)):
@@ -177,7 +177,7 @@ def _rigid_rung(scene: Scene, name: str, count: int) -> Rung:
 
 
 def _mujoco_top(frame: np.ndarray, omega: np.ndarray, shape: np.ndarray, quick: bool) -> list[Rung]:
-    """The top as one rigid body on a ball joint; ``omega`` (3,) in body axes. None without MuJoCo."""
+    """Make the top one rigid body on a ball joint; ``omega`` (3,) in body axes. None without MuJoCo."""
     if importlib.util.find_spec("mujoco") is None:
         return []
     import mujoco

@@ -67,13 +67,13 @@ def ladder(problem: Problem, scene: Scene, quick: bool) -> list[Rung]:
 
 
 def edge(problem: Problem, scene: Scene, name: str) -> int:
-    """The fewest steps that a method can take: 2 % within its stability limit, 16 if it has none."""
+    """Return the fewest steps that a method can take: 2 % within its stability limit, 16 if it has none."""
     limit = min(0.98 * largest_step(scene, integrator(name)), problem.seconds / 16)
     return SAMPLES * math.ceil(problem.seconds / limit / SAMPLES)
 
 
 def default_count(problem: Problem, scene: Scene) -> int:
-    """Steps of the default method at its automatic step."""
+    """Return the steps of the default method at its automatic step."""
     step = automatic_step(scene, integrator("verlet"))
     return SAMPLES * math.ceil(problem.seconds / step / SAMPLES)
 
@@ -118,7 +118,7 @@ def own_rung(
 
 
 def advance_and_sample(simulator: Simulator, count: int) -> np.ndarray:
-    """Positions (samples, N, 3) [m] on the way through ``count`` steps."""
+    """Return positions (samples, N, 3) [m] on the way through ``count`` steps."""
     positions = []
     for _ in range(SAMPLES):
         simulator.advance(count // SAMPLES, check=False)
@@ -130,7 +130,7 @@ def advance_and_sample(simulator: Simulator, count: int) -> np.ndarray:
 
 
 def reference(problem: Problem, scene: Scene, quick: bool = False) -> tuple[np.ndarray, float, str]:
-    """Positions (samples, N, 3) [m], how far a method of another kind is from them, and the methods."""
+    """Return positions (samples, N, 3) [m], their distance from another method's, and both methods."""
     if scene.surfaces:  # one method meets surfaces: its own limit, extrapolated
         first = 64 * default_count(problem, scene)
         coarse, fine = (
@@ -152,7 +152,7 @@ def reference(problem: Problem, scene: Scene, quick: bool = False) -> tuple[np.n
 
 
 def model_error(problem: Problem) -> dict[str, Any]:
-    """Distance of the springs from rigid theory at the end, at k, 2k and 4k, and the power of k."""
+    """Return the springs' distance from rigid theory at the end, at k, 2k and 4k, and the power of k."""
     assert problem.rigid is not None
     rigid = problem.rigid(problem.seconds)
     factors, gaps = (1, 2, 4), []
@@ -169,7 +169,7 @@ def model_error(problem: Problem) -> dict[str, Any]:
 
 
 def consistency(problem: Problem, scene: Scene, quick: bool) -> list[dict[str, Any]]:
-    """Error over one control period by steps, each from the same states along a run."""
+    """Return the error over one control period by steps, each from the same states along a run."""
     assert problem.period is not None
     method = integrator("verlet")
     first = math.ceil(problem.period / (0.98 * largest_step(scene, method)))
@@ -227,7 +227,7 @@ def _row(method: str, step: float, error: float, evaluations: float, costs: list
 
 
 def rows_of(rungs: list[Rung], exact: np.ndarray, scene: Scene, runs: int) -> list[dict[str, Any]]:
-    """Error and cost of each rung; their timed runs take turns."""
+    """Return the error and cost of each rung; their timed runs take turns."""
     ran = []
     for rung in rungs:
         positions, evaluations, wall = rung.run()
@@ -287,7 +287,7 @@ def measure(name: str, quick: bool = False, peers: bool = True) -> dict[str, Any
 
 
 def cheapest(result: dict[str, Any], tolerance: float, among: str = "") -> dict[str, Any] | None:
-    """The cheapest row with an error of at most ``tolerance``, or None; of one method, if it is named."""
+    """Return the cheapest row with an error of at most ``tolerance``, or None; of one method, if named."""
     rows = [
         row
         for row in result["rows"]

@@ -80,7 +80,7 @@ def _cases(env_id: str, stack: ExitStack) -> Iterator[Case]:
 
 
 def _made(env_id: str) -> gym.Env[Any, Any]:
-    """An environment, also in another process, which finds it by importing this module."""
+    """Make an environment, also in another process, which finds it by importing this module."""
     return gym.make(env_id)
 
 
@@ -140,7 +140,7 @@ def _compiled_alone(env_id: str, copies: int, facts: Mapping[str, Any]) -> Case:
 
 
 def _collecting(envs: VecEnv) -> Callable[[], object]:
-    """A rollout of Stable-Baselines3's PPO: policy, environments and buffer, without learning."""
+    """Time a rollout of Stable-Baselines3's PPO: policy, environments and buffer, without learning."""
     import torch
     from stable_baselines3 import PPO
 

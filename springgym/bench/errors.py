@@ -66,7 +66,7 @@ def step_errors(
     every: int = EVERY,
     **options: Any,
 ) -> StepErrors:
-    """The errors of an environment's control periods; ``options`` are those of the environment.
+    """Return the errors of an environment's control periods; ``options`` are those of the environment.
 
     Each that counts is repeated by the references from the same state, with the same action.
     """
@@ -101,7 +101,7 @@ def step_errors(
 
 
 def measured_so() -> Iterator[tuple[str, dict[str, str]]]:
-    """Each environment as it is, the first also in other ways, and rigid bodies on a floor."""
+    """Return each environment as it is, the first one in other ways too, and rigid bodies on a floor."""
     for row in ENVIRONMENTS:
         yield row.id, {}
         if row is ENVIRONMENTS[0]:

@@ -28,7 +28,7 @@ def draw(report: dict[str, Any], path: Path) -> None:
 
 
 def _peers(axes: Axes, rows: list[dict[str, Any]]) -> None:
-    """A line for each program: a ring for one copy, a dot for the best batch, and the error of the step."""
+    """Draw a line for each program: a ring for one copy, a dot for the best batch, and the step's error."""
     best: dict[str, dict[bool, dict[str, Any]]] = {}
     for row in rows:
         kinds = best.setdefault(row["program"], {})
@@ -64,7 +64,7 @@ def _peers(axes: Axes, rows: list[dict[str, Any]]) -> None:
 
 
 def _short(speed: float) -> str:
-    """A speed in three figures: 4.95 M, 197 k."""
+    """Write a speed in three figures: 4.95 M, 197 k."""
     return f"{speed / 1e6:.3g} M" if speed >= 1e6 else f"{speed / 1e3:.3g} k"
 
 

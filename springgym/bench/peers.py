@@ -46,7 +46,7 @@ FLAGS = ("-std=c++17", "-O3", "-march=native", "-ffast-math", "-mprefer-vector-w
 def _reference(
     compiler: str, precision: str, registers: int, particles: int, springs: int
 ) -> Callable[..., object]:
-    """The hand-written reference, compiled for blocks of so many vector registers of 64 bytes."""
+    """Compile the hand-written reference for blocks of so many vector registers of 64 bytes."""
     real = "double" if precision == "float64" else "float"
     sizes = {"REAL": real, "REGISTERS": registers, "PARTICLES": particles, "SPRINGS": springs}
     with tempfile.TemporaryDirectory() as folder:
@@ -92,7 +92,7 @@ def cpp(
 def _cpp(
     compiler: str, scene: Scene, step: float, copies: int, precision: str, method: str, registers: int
 ) -> Peer:
-    """The same in blocks of so many registers; 0 for a single copy."""
+    """Measure the reference in blocks of so many registers; 0 stands for a single copy."""
     body, dtype = scene.body, np.dtype(precision)
     particles, springs = len(body.masses), len(body.springs)
     compiled = _reference(compiler, precision, registers, particles, springs)

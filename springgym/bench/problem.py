@@ -21,7 +21,7 @@ WORK = 16e6
 
 @cache
 def paper_top(damping: float = 0.0, ring: int = 12) -> Scene:
-    """The paper's top on its tip, tilted and spinning at 50 rad/s."""
+    """Make the paper's top on its tip, tilted and spinning at 50 rad/s."""
     body = top(ring=ring, damping=damping)
     tip = body.parts["tip"]
     return Scene(body, *start(body, tilt=0.3, spin=50.0, pinned=tip), pinned=tip)
@@ -53,7 +53,7 @@ def stepping(
 
 
 def error(scene: Scene, dynamics: str = "springs", **options: Any) -> dict[str, float]:
-    """The step of a simulator [ms], and its `rms_distance` from the exact motion after some 1 s."""
+    """Return the step of a simulator [ms], and its `rms_distance` from the exact motion after some 1 s."""
     simulator = Simulator(scene, dynamics=dynamics, ledger=False, **options)
     steps = round(1 / simulator.step)
     simulator.advance(steps)

@@ -22,7 +22,7 @@ def ratios(report: Mapping[str, Any]) -> dict[str, float]:
 
 
 def speed(report: Mapping[str, Any], section: str, **which: object) -> float | None:
-    """The median of the row that is ``which``, or None."""
+    """Return the median of the row that is ``which``, or None."""
     for row in report.get(section, {}).get("rows", ()):
         if all(row.get(name) == value for name, value in which.items()):
             return float(row["median"])
@@ -30,7 +30,7 @@ def speed(report: Mapping[str, Any], section: str, **which: object) -> float | N
 
 
 def _against_reference(report: Mapping[str, Any]) -> dict[str, float]:
-    """Each method against the same in C++; with dampers, against the fastest of those that err no more."""
+    """Divide each method by the same in C++; with dampers, by the fastest of those that err no more."""
     rows = report.get("peers", {}).get("rows", ())
     found = {}
     for own in rows:
@@ -54,7 +54,7 @@ def _against_reference(report: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _wanted() -> dict[str, tuple[str, dict[str, Any], dict[str, Any]]]:
-    """By name: a section, and what is divided by what in it."""
+    """Return, by name, a section and which of its numbers are divided."""
     wanted: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {}
     for name, program, peer, copies in (
         ("single rk4 / MuJoCo RK4, same springs and step", "springgym rk4", "MuJoCo RK4", 1),
@@ -78,7 +78,7 @@ def _wanted() -> dict[str, tuple[str, dict[str, Any], dict[str, Any]]]:
 
 
 def _equal_error(report: Mapping[str, Any]) -> dict[str, float]:
-    """The default against the fastest of MuJoCo's integrators."""
+    """Divide the default method by the fastest of MuJoCo's integrators."""
     rows = report.get("equal-error", {}).get("rows", ())
     others = [row["median"] for row in rows if row["program"].startswith("MuJoCo")]
     return {
@@ -104,7 +104,7 @@ def _outside(report: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _linear(report: Mapping[str, Any]) -> dict[str, float]:
-    """The largest ring, and number of copies, up to which a spring costs at most 1.25 times the least."""
+    """Return the largest ring, and number of copies, where a spring costs at most 1.25 times the least."""
     rows = report.get("sizes", {}).get("rows", ())
     found = {}
     for axis, rest, name in (

@@ -174,7 +174,7 @@ class Body(ReadOnly):
             )
 
     def _distances(self) -> np.ndarray:
-        """Distances [m] (S,) of the springs' ends in the unstretched shape."""
+        """Return distances [m] (S,) of the springs' ends in the unstretched shape."""
         first, second = self.springs.T
         return np.linalg.norm(self.positions[second] - self.positions[first], axis=1)
 

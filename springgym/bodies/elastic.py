@@ -52,7 +52,7 @@ class Elastic(ReadOnly):
 
     @property
     def damping_ratio(self) -> float:
-        """ζ of the lowest vibration of the springs. At a frequency ω it is larger by ω/ω₁."""
+        """Return ζ of the lowest vibration of the springs. At a frequency ω it is larger by ω/ω₁."""
         return self.material.loss / 2 * self.frequency_ratio
 
     def __repr__(self) -> str:
@@ -67,7 +67,7 @@ class Elastic(ReadOnly):
 
 
 def _ratio(value: float) -> str:
-    """A ratio near 1 to four digits, or to as many as tell it from 1."""
+    """Write a ratio near 1 to four digits, or to as many as tell it from 1."""
     return f"{value:.4f}" if abs(value - 1) >= 5e-5 else "1"
 
 

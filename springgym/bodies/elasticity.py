@@ -8,7 +8,7 @@ from springgym.bodies.body import Body, assembled
 
 
 def spring_force_and_jacobian(body: Body, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Spring forces (N, 3) [N] and their derivative ∂F/∂x (3N, 3N) [N/m] at positions ``x``."""
+    """Return spring forces (N, 3) [N] and their derivative ∂F/∂x (3N, 3N) [N/m] at positions ``x``."""
     along, length, tension = _pulls(body.springs, body.stiffness, body.lengths, x)
     outer = along[:, :, None] * along[:, None, :]
     across = (tension / length)[:, None, None] * (np.eye(3) - outer)
@@ -19,7 +19,7 @@ def spring_force_and_jacobian(body: Body, x: np.ndarray) -> tuple[np.ndarray, np
 def spring_forces(
     springs: np.ndarray, stiffness: np.ndarray, lengths: np.ndarray, x: np.ndarray
 ) -> np.ndarray:
-    """Spring forces (k, N, 3) [N] on copies at positions ``x``, with stiffness and lengths (k, S) of each."""
+    """Return spring forces (k, N, 3) [N] on copies at positions ``x``, for stiffness and lengths (k, S)."""
     along, _, tension = _pulls(springs, stiffness, lengths, x)
     return _added(springs, tension, along, x)
 
@@ -27,7 +27,7 @@ def spring_forces(
 def _pulls(
     springs: np.ndarray, stiffness: np.ndarray, lengths: np.ndarray, x: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors (…, S, 3), lengths and tensions (…, S)."""
+    """Return unit vectors (…, S, 3), lengths and tensions (…, S)."""
     first, second = springs.T
     apart = x[..., second, :] - x[..., first, :]
     length = np.linalg.norm(apart, axis=-1)
@@ -35,7 +35,7 @@ def _pulls(
 
 
 def _added(springs: np.ndarray, tension: np.ndarray, along: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Forces (…, N, 3) of springs on their ends."""
+    """Return forces (…, N, 3) of springs on their ends."""
     pull = np.moveaxis(tension[..., None] * along, -2, 0)
     force = np.zeros_like(np.moveaxis(x, -2, 0))
     np.add.at(force, springs[:, 0], pull)

@@ -129,12 +129,12 @@ def stretched_shapes(
 
 
 def _skews(vectors: np.ndarray) -> np.ndarray:
-    """The matrices of u × … for vectors (n, 3), one below the other: (3 n, 3)."""
+    """Return the matrices of u × … for vectors (n, 3), one below the other: (3 n, 3)."""
     return np.cross(vectors[:, None, :], np.eye(3)).transpose(0, 2, 1).reshape(-1, 3)
 
 
 def _kernel(matrix: np.ndarray) -> np.ndarray:
-    """Orthonormal columns that span what a matrix maps to zero."""
+    """Return orthonormal columns that span what a matrix maps to zero."""
     _, sizes, rows = np.linalg.svd(matrix)
     rank = int(np.sum(sizes > 1e-9 * sizes.max(initial=0.0)))
     return rows[rank:].T

@@ -288,7 +288,7 @@ def _edges(face: tuple[int, ...]) -> list[tuple[int, int]]:
 
 
 def _spanning(r: np.ndarray, order: np.ndarray, tiny: float) -> tuple[int, ...]:
-    """Four points that are not in a plane."""
+    """Return four points that are not in a plane."""
     chosen = [int(order[0])]
     rest = r - r[chosen[0]]
     for _ in range(3):
@@ -343,7 +343,7 @@ def _around_centre(
     stiffness: float,
     damping: float,
 ) -> Body:
-    """Vertices with the springs of their triangles, and a centre, the last particle, joined to all."""
+    """Return vertices with the springs of their triangles, and a centre, the last particle, joined to all."""
     last = len(vertices)
     positions = np.vstack([vertices, centre])
     springs = np.vstack([edges_of(triangles), [(last, n) for n in range(last)]])
@@ -368,7 +368,7 @@ def _shell(
     stiffness: float,
     damping: float,
 ) -> Body:
-    """Vertices with the springs of their triangles, each joined to the one farthest from it."""
+    """Return vertices with the springs of their triangles, each joined to the one farthest from it."""
     farthest = np.argmax(np.linalg.norm(vertices[:, None] - vertices, axis=2), axis=1)
     across = np.column_stack([np.arange(len(vertices)), farthest])
     springs = np.unique(np.sort(np.vstack([edges_of(triangles), across]), axis=1), axis=0)

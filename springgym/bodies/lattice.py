@@ -61,7 +61,7 @@ def lattice(sides: Sequence[float], counts: Sequence[int]) -> tuple[Network, np.
 
 
 def _weights(cells: int) -> np.ndarray:
-    """Shares of a rod's mass at the ends of its cells, (cells + 1,), with its moments up to the second."""
+    """Return shares of a rod's mass at its cells' ends, (cells + 1,), with its moments up to the second."""
     weights = np.ones(cells + 1)
     weights[[0, -1]] = 0.5
     moved = cells / (12 * (cells - 1))

@@ -37,7 +37,7 @@ class Network(NamedTuple):
 
 
 def moment_masses(positions: np.ndarray, rule: Rule) -> np.ndarray | None:
-    """Positive masses (N,) with the volume, centre and second moments of a solid; None if there are none.
+    """Find positive masses (N,) with a solid's volume, centre and second moments; None if none have them.
 
     Of all such masses those with the largest product: the least uneven. With the ten conditions A m = b the
     maximum of Σ ln m is m = 1/(Aᵀλ), where λ minimises the convex function bᵀλ − Σ ln Aᵀλ, found by Newton's
@@ -77,7 +77,7 @@ def second_moments(network: Network) -> np.ndarray:
 
 
 def orbits(network: Network, symmetries: Sequence[np.ndarray]) -> np.ndarray:
-    """Numbers (S,) of groups of springs that symmetries of the body map onto one another.
+    """Return numbers (S,) of groups of springs that symmetries of the body map onto one another.
 
     Orthogonal matrices that do not map particles to particles and springs to springs are left out.
     """
@@ -118,7 +118,7 @@ class Response(NamedTuple):
 
 
 def response(network: Network, stiffness: np.ndarray, axes: np.ndarray) -> Response:
-    """Vibrations of a network, and its growth under spin about some axes, columns (3, 3)."""
+    """Return vibrations of a network, and its growth under spin about some axes, columns (3, 3)."""
     positions, masses, springs = network
     root = np.sqrt(np.repeat(masses, 3))
     squares, modes, elongation = _modes(network, stiffness, 6)
@@ -135,7 +135,7 @@ def response(network: Network, stiffness: np.ndarray, axes: np.ndarray) -> Respo
 
 
 def _modes(network: Network, stiffness: np.ndarray, rigid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """ω² (q,), ascending, modes √m u (3N, q) of unit length, and what they do to springs (S, q).
+    """Return ω² (q,), ascending, modes √m u (3N, q) of unit length, and what they do to springs (S, q).
 
     As many as there are rigid motions are left out: they come first, at 0.
     """
@@ -148,7 +148,7 @@ def _modes(network: Network, stiffness: np.ndarray, rigid: int) -> tuple[np.ndar
 
 
 def bars(network: Network) -> np.ndarray:
-    """Stiffnesses (S,) of bars of equal section, k ~ 1/L, with Σ k L² = 6 E V: of the right size."""
+    """Return stiffnesses (S,) of bars of equal section, k ~ 1/L, with Σ k L² = 6 E V: of the right size."""
     ends = network.positions[network.springs]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     return np.asarray(6 * network.masses.sum() / lengths.sum() / lengths)
@@ -163,7 +163,7 @@ def calibrated(
     begin: np.ndarray,
     reluctance: np.ndarray | float = 1.0,
 ) -> np.ndarray:
-    """Stiffnesses (S,) that give a network the lowest frequency and the growth under spin of a solid.
+    """Return stiffnesses (S,) that give a network the lowest frequency and the growth under spin of a solid.
 
     Groups of springs change by the smallest shares that meet the linearised conditions, a step after the
     other: ln ω_q = ln ω₁ for the lowest mode and for all below ω₁, with ∂ ln ω_q²/∂ ln k = k e²/ω_q², and

@@ -108,13 +108,13 @@ def precession_gap(
     pull = -float(np.asarray(gravity)[2])
 
     def shape(turn: float, omega: np.ndarray) -> np.ndarray:
-        """Positions from the pin, in those axes, of the top turned by an angle about its own."""
+        """Return positions from the pin, in those axes, of the top turned by an angle about its own."""
         placed = rotation((0, 0, 1), turn) @ own.T
         x = relative_equilibrium(body, placed.T @ omega, (pin,), -pull * placed.T @ up)
         return np.asarray((x - x[pin]) @ placed.T)
 
     def balance(rate: float, relative: float) -> tuple[float, float]:
-        """Ω that the moment of the weight gives, and ω₃, for an assumed Ω and spin relative to the tilt."""
+        """Return Ω that the moment of the weight gives, and ω₃, for an assumed Ω and spin about the tilt."""
         omega = rate * up + np.array([0.0, 0.0, relative])
         torque, momentum, spun = np.zeros(3), np.zeros(3), 0.0
         for turn in 2 * np.pi * np.arange(TURNS) / TURNS + 0.1:

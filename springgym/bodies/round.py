@@ -81,8 +81,8 @@ class Round(ReadOnly):
             )
         if least < (1 - 1e-9) * EDGE**2 * float(np.linalg.eigvalsh(matrix)[-1]):
             raise ValueError(
-                f"matrix of a round feature makes it flatter than {EDGE:g} of its largest semi-axis; what is "
-                "flatter has no lowest point when it lies flat"
+                f"matrix of a round feature makes it flatter than {EDGE:g} of its largest semi-axis; a "
+                "flatter one has no lowest point when it lies flat"
             )
         self.keep("matrix", matrix)
         self.keep("centre", array("centre of a round feature", self.centre, (3,)))
@@ -91,7 +91,7 @@ class Round(ReadOnly):
 
     @property
     def extent(self) -> float:
-        """Largest semi-axis [m]."""
+        """Return the largest semi-axis [m]."""
         return float(np.sqrt(np.linalg.eigvalsh(self.matrix)[-1]))
 
     def carriers(self, count: int, what: str = "particles of a round feature") -> np.ndarray:

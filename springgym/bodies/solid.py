@@ -147,7 +147,7 @@ def solid_top(
 
 @lru_cache(maxsize=64)
 def _unit_top(ratio: float, ring: int, tensor: Tensor) -> Unit:
-    """A cone of height 1 and this radius."""
+    """Make a cone of height 1 and this radius."""
     angle = 2 * math.pi * np.arange(ring) / ring
     heart, tip = ring, ring + 1
     positions = np.zeros((ring + 2, 3))
@@ -237,7 +237,7 @@ def solid_box(
 
 @lru_cache(maxsize=64)
 def _unit_box(sides: tuple[float, ...], counts: tuple[int, ...], tensor: Tensor) -> Unit:
-    """A box of cells with a particle at each corner and centre."""
+    """Make a box of cells with a particle at each corner and centre."""
     cell = np.array(sides) / counts
     corners, centres = grid(sides, counts), grid(sides - cell, np.array(counts) - 1)
     positions = np.vstack([corners, centres])
@@ -259,7 +259,7 @@ def _unit_box(sides: tuple[float, ...], counts: tuple[int, ...], tensor: Tensor)
 
 @lru_cache(maxsize=64)
 def _unit_lattice(sides: tuple[float, ...], counts: tuple[int, ...]) -> Unit:
-    """A box of cells with edges and face diagonals, see `lattice`."""
+    """Make a box of cells with edges and face diagonals, see `lattice`."""
     network, stiffness = lattice(sides, counts)
     tensor = tuple(theory.isotropic(1.0, 0.25).ravel())
     solid = theory.elastic_solid(theory.box_rule(sides), 1.0, np.reshape(tensor, (3,) * 4))
@@ -353,7 +353,7 @@ def _polyhedron(
 def _unit_polyhedron(
     points: tuple[tuple[float, ...], ...], faces: tuple[tuple[int, ...], ...], tensor: Tensor
 ) -> tuple[Unit, np.ndarray]:
-    """The unit with the fewest particles that meets the solid, and the triangles of its surface."""
+    """Return the unit with the fewest particles that meets the solid, and the triangles of its surface."""
     vertices, triangles = np.array(points), np.array(faces)
     rule = theory.polyhedron_rule(vertices, triangles, theory.DEGREE if len(faces) <= FINE else 6)
     centre = rule.weights @ rule.points / rule.weights.sum()
@@ -388,7 +388,7 @@ def _unit_polyhedron(
 
 
 def _subdivided(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A surface with the middles of its edges as further vertices: four triangles of each."""
+    """Divide each triangle of a surface into four, with the middles of its edges as further vertices."""
     edges = edges_of(triangles)
     middle = {pair: len(vertices) + n for n, pair in enumerate(map(tuple, edges.tolist()))}
     finer = []
@@ -496,7 +496,7 @@ def _solved(
     reluctance: np.ndarray | float = 1.0,
     marks: ArrayLike = (),
 ) -> Unit:
-    """A network with calibrated springs; see `calibrated` and `springgym.theory.solid.elastic_solid`."""
+    """Calibrate the springs of a network; see `calibrated`, `springgym.theory.solid.elastic_solid`."""
     second = second_moments(network)
     axes = np.eye(3)
     if np.abs(second - np.diag(np.diag(second))).max() > 1e-9 * np.trace(second):
@@ -527,7 +527,7 @@ def _body(
     precession_ratio: float | None = None,
     **named: Any,
 ) -> Body:
-    """The body of a unit whose length 1 is ``size`` [m], moved to ``at``; ``named`` are fields of `Body`."""
+    """Make the body of a unit whose length 1 is ``size`` [m], at ``at``; ``named`` are fields of `Body`."""
     solid, scale = unit.solid, material.density * size**3
     frequency = float(solid.frequencies[0]) * math.sqrt(material.young / material.density) / size
     stiffness = unit.stiffness * material.young * size

@@ -27,13 +27,13 @@ def is_closed(triangles: np.ndarray) -> bool:
 
 
 def same_sense(triangles: np.ndarray) -> np.ndarray:
-    """Edges (E, 2) that two triangles run along in the same sense: one of the two is the wrong way round."""
+    """Return edges (E, 2) along which two triangles run in the same sense: one of them is turned over."""
     runs, times = np.unique(_runs(triangles), axis=0, return_counts=True)
     return runs[times > 1]
 
 
 def shells(triangles: np.ndarray) -> list[np.ndarray]:
-    """A surface as the pieces (T, 3) that no edge joins."""
+    """Split a surface into pieces (T, 3) that share no edge."""
     edges, belongs = np.unique(np.sort(_runs(triangles), axis=1), axis=0, return_inverse=True)
     first, second, third = belongs.reshape(3, -1)
     joined = np.concatenate([np.column_stack([first, second]), np.column_stack([second, third])])
@@ -93,19 +93,19 @@ def volume(positions: np.ndarray, triangles: np.ndarray) -> float:
 
 
 def normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Unit normals (T, 3); zero for a triangle without an area."""
+    """Return unit normals (T, 3); zero for a triangle without an area."""
     a, b, c = positions[triangles].transpose(1, 0, 2)
     across = np.cross(b - a, c - a)
     return across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
 
 
 def all_edges(triangles: np.ndarray) -> np.ndarray:
-    """The edges of triangles (T, 3) as pairs of particles (E, 2), each once."""
+    """Return the edges of triangles (T, 3) as pairs of particles (E, 2), each once."""
     return np.unique(np.sort(_runs(triangles), axis=1), axis=0)
 
 
 def sharp_edges(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The convex edges (E, 2) of a closed surface whose faces turn by more than `SHARP`."""
+    """Return the convex edges (E, 2) of a closed surface whose faces turn by more than `SHARP`."""
     owner: dict[tuple[int, int], tuple[int, int]] = {}
     for t, (a, b, c) in enumerate(triangles.tolist()):
         owner |= {(a, b): (t, c), (b, c): (t, a), (c, a): (t, b)}
@@ -159,7 +159,7 @@ def _along(
 
 
 def _runs(triangles: np.ndarray) -> np.ndarray:
-    """The edges of triangles (T, 3) in the sense that they run along them, (3 T, 2)."""
+    """Return the edges of triangles (T, 3) in the sense that they run along them, (3 T, 2)."""
     return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
 
 

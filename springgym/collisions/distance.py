@@ -22,14 +22,14 @@ def _share(along: np.ndarray, square: np.ndarray) -> np.ndarray:
 
 
 def point_segment(points: np.ndarray, segments: np.ndarray) -> np.ndarray:
-    """Distances (k, P, S) [m]."""
+    """Return distances (k, P, S) [m]."""
     start, way = segments[:, None, :, 0], (segments[:, :, 1] - segments[:, :, 0])[:, None]
     r = points[:, :, None] - start
     return np.linalg.norm(r - _share(_dot(r, way), _dot(way, way))[..., None] * way, axis=-1)
 
 
 def point_surface(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Distances (k, P) from the surface of a solid [m], negative inside: where it fills all directions."""
+    """Return distances (k, P) from the surface of a solid [m], negative inside."""
     a = triangles[:, None, :, 0]
     u, w = triangles[:, None, :, 1] - a, triangles[:, None, :, 2] - a
     r = points[:, :, None] - a
@@ -48,7 +48,7 @@ def point_surface(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def segment_segment(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Distances (k, S, Z) [m] of segments (k, S, 2, 3) and (k, Z, 2, 3)."""
+    """Return distances (k, S, Z) [m] of segments (k, S, 2, 3) and (k, Z, 2, 3)."""
     ends = [point_segment(first[:, :, n], second) for n in (0, 1)]
     ends += [np.swapaxes(point_segment(second[:, :, n], first), 1, 2) for n in (0, 1)]
     p, q = first[:, :, None, 0], second[:, None, :, 0]

@@ -163,7 +163,7 @@ def _refuse(found: list[Found], names: tuple[str, str], reach: float, of: str) -
     raise ValueError(
         f"bodies {names[0]!r} and {names[1]!r} start {where}{of}, by "
         f"{what} {'–'.join(map(str, feature))} of {names[kind.own]!r}; "
-        f"they must be at least {NEAREST * reach:g} m apart, and are free of each other from {reach:g} m. "
+        f"they must be at least {NEAREST * reach:g} m apart; their contact ends at {reach:g} m. "
         "Move one, or say collisions=None to let bodies pass through each other"
     )
 

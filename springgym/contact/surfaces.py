@@ -51,7 +51,7 @@ class Surfaces(NamedTuple):
 
 @compiled
 def coefficient(of: Numbers, none: Number) -> Number:
-    """The one number of friction or loss, or ``none`` if the scene has no such thing."""
+    """Return the one number of friction or loss, or ``none`` if the scene has no such thing."""
     if of is not None:
         none = none + load(of, 0)
     return none

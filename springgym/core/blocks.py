@@ -20,7 +20,7 @@ CACHE_LINE = 64
 
 
 def block_array(copies: int, shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
-    """Zeros of shape (blocks, *shape), each element a number for every copy of the block.
+    """Return zeros of shape (blocks, *shape), each element a number for every copy of the block.
 
     One copy makes a block of width 1; more make blocks of `WIDTH`, the last one padded.
     """
@@ -30,14 +30,14 @@ def block_array(copies: int, shape: tuple[int, ...], dtype: DTypeLike) -> np.nda
 def block_layout(
     copies: int, shape: tuple[int, ...], dtype: DTypeLike
 ) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and type of a block array, see `block_array`."""
+    """Return the shape and type of a block array, see `block_array`."""
     dtype = np.dtype(dtype)
     width = 1 if copies == 1 else WIDTH[dtype]
     return (-(-copies // width), *shape), block_dtype(dtype, width)
 
 
 def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
-    """Zeros that start at a cache line, so that no block of a full width straddles two."""
+    """Return zeros that start at a cache line, so that no block of a full width straddles two."""
     dtype = np.dtype(dtype)
     size = math.prod(shape) * dtype.itemsize
     raw = np.zeros(size + CACHE_LINE, np.uint8)
@@ -46,18 +46,18 @@ def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> np.ndarray:
 
 
 def numbers(array: np.ndarray) -> np.ndarray:
-    """View of a block array as plain numbers of shape (blocks, *shape, width)."""
+    """Return a view of a block array as plain numbers of shape (blocks, *shape, width)."""
     return array["lanes"]
 
 
 def by_copies(array: np.ndarray) -> np.ndarray:
-    """View of a block array as plain numbers of shape (blocks, width, *shape)."""
+    """Return a view of a block array as plain numbers of shape (blocks, width, *shape)."""
     lanes = numbers(array)
     return lanes.transpose(0, lanes.ndim - 1, *range(1, lanes.ndim - 1))
 
 
 def to_copies(array: np.ndarray, copies: int) -> np.ndarray:
-    """The values of a block array, copied to shape (copies, *shape)."""
+    """Return the values of a block array, copied to shape (copies, *shape)."""
     lanes = by_copies(array)
     rows = lanes.reshape(-1, *lanes.shape[2:])
     return np.array(rows[:copies], order="C")
@@ -71,14 +71,14 @@ def set_copies(array: np.ndarray, index: np.ndarray, values: ArrayLike) -> None:
 
 
 def get_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """The values (k, *shape) of the copies ``index`` (k,) of a block array, copied."""
+    """Return the values (k, *shape) of the copies ``index`` (k,) of a block array, copied."""
     lanes = by_copies(array)
     width = lanes.shape[1]
     return lanes[index // width, index % width]
 
 
 def chosen_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """A block array of nothing but the copies ``index`` (k,) of one; the last of them pads it."""
+    """Return a block array of nothing but the copies ``index`` (k,) of one; the last of them pads it."""
     chosen = block_array(len(index), array.shape[1:], numbers(array).dtype)
     blocks, width = chosen.shape[0], numbers(chosen).shape[-1]
     padded = np.append(index, np.repeat(index[-1:], blocks * width - len(index)))
@@ -87,7 +87,7 @@ def chosen_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
 
 
 def copy_views(array: np.ndarray, copies: int) -> list[tuple[np.ndarray, slice]]:
-    """Views of the copies in a block array, and which these are: in full blocks, and the rest in the last."""
+    """Return views of the copies in a block array with their numbers: full blocks, then the last one."""
     lanes = by_copies(array)
     full, rest = divmod(copies, lanes.shape[1])
     views = [(lanes[:full], slice(copies - rest)), (lanes[full:, :rest], slice(copies - rest, copies))]

@@ -487,7 +487,7 @@ class DigestKeyedCache:
         """Nothing is ever out of date."""
 
     def load_overload(self, sig: Asked, target_context: CPUContext) -> CompileResult | None:
-        """The compiled function of a signature, if there is an entry of it."""
+        """Return the compiled function of a signature, if there is an entry of it."""
         found = self._load(sig, target_context)
         if found is None:
             LOGGER.info("compile %s.%s", self._function.__module__, self._function.__qualname__)
@@ -543,7 +543,7 @@ class DigestKeyedCache:
             pass  # a read-only or full disk costs a compilation, not the program
 
     def _path(self, sig: Asked, codegen: JITCPUCodegen) -> Path | None:
-        """The entry's file; None if there is no digest to name it by, or no folder."""
+        """Return the entry's file; None if there is no digest to name it by, or no folder."""
         folder, function = cache_directory(), self._function
         if folder is None:
             return None

@@ -94,7 +94,7 @@ def as_lanes(context, builder, value, given: types.Type, lanes: Lanes):
 
 
 def _common(arguments: tuple[types.Type, ...]):
-    """The one `Lanes` type among arguments that are lanes or numbers; None if there is not just one."""
+    """Return the only `Lanes` type among arguments that are lanes or numbers; None unless there is one."""
     found = {a for a in arguments if isinstance(a, Lanes)}
     if len(found) != 1 or not all(isinstance(a, (Lanes, types.Number)) for a in arguments):
         return None
@@ -257,7 +257,7 @@ def inverse_sqrt(typingctx, value):
 
 @intrinsic
 def nearest(typingctx, value):
-    """The nearest whole number in each lane."""
+    """Round to the nearest whole number in each lane."""
 
     def codegen(context, builder, sig, args):
         return _call(builder, "rint", args[0])
@@ -354,7 +354,7 @@ class _Array(NamedTuple):
 
 
 def _unpacked(context, builder, array_type, value) -> _Array:
-    """The fields of an array."""
+    """Load the fields of an array."""
     field = context.data_model_manager[array_type].get_field_position
 
     def axes(name: str) -> list[Any]:
@@ -367,7 +367,7 @@ def _unpacked(context, builder, array_type, value) -> _Array:
 
 
 def _packed(context, builder, array_type, array: _Array):
-    """The array of these fields."""
+    """Make an array of these fields."""
     field = context.data_model_manager[array_type].get_field_position
     value = ir.Constant(context.get_value_type(array_type), ir.Undefined)
     count = array.itemsize.type(1)
@@ -471,7 +471,7 @@ def store(typingctx, array, index, value):
 
 
 def _in_all(builder, value, like):
-    """A whole number in every lane of one ``like`` it, or as it is."""
+    """Put a whole number into every lane of a value like ``like``, or leave it as it is."""
     if not isinstance(like.type, ir.VectorType):
         return value
     zeros = ir.Constant(ir.VectorType(ir.IntType(32), like.type.count), [0] * like.type.count)
@@ -552,7 +552,7 @@ def _gathered(builder, data, offset, number: types.Float):
 
 
 def _rows_of(array, index):
-    """The `Lanes` type of an index that differs by copy; None if it is none."""
+    """Return the `Lanes` type of an index that differs by copy; None if it is none."""
     lanes = index[0] if isinstance(index, types.BaseTuple) else index
     fits = isinstance(lanes, Lanes) and array.ndim == (2 if lanes is not index else 1)
     element = _element(array)
@@ -650,7 +650,7 @@ def store_each(typingctx, array, index, value):
 
 
 def _one_block(term: types.Type) -> types.Type:
-    """The type `at` gives for a term."""
+    """Return the type `at` gives for a term."""
     if isinstance(term, types.Array) and isinstance(term.dtype, types.Record):
         return term.copy(ndim=term.ndim - 1)
     if isinstance(term, types.BaseTuple):
@@ -699,7 +699,7 @@ def _is_one_of(kind: type, term: types.Type) -> bool:
 
 
 def _of_body_type(term: types.Type) -> types.Type:
-    """The type `of_body` gives for a term."""
+    """Return the type `of_body` gives for a term."""
     if _is_one_of(Ragged, term):
         return term[0]
     if _is_one_of(Each, term):
@@ -712,7 +712,7 @@ def _of_body_type(term: types.Type) -> types.Type:
 
 
 def _item(context, builder, array_type, value, n):
-    """A number of a one-dimensional array."""
+    """Read a number of a one-dimensional array."""
     array = _unpacked(context, builder, array_type, value)
     check_index(context, builder, n, array.shape[0])
     return context.unpack_value(builder, array_type.dtype, builder.gep(array.data, [n]))
@@ -764,11 +764,11 @@ def bodies_of(typingctx, term):
 
 @compiled
 def maximum(a: Number, b: Number):
-    """The larger of two in each lane."""
+    """Return the larger one of two in each lane."""
     return select(a > b, a, b)
 
 
 @compiled
 def minimum(a: Number, b: Number):
-    """The smaller of two in each lane."""
+    """Return the smaller one of two in each lane."""
     return select(a < b, a, b)

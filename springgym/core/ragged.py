@@ -16,7 +16,7 @@ from springgym.core.kinds import Each, Nested, Ragged
 
 
 def stacked(terms: Sequence[Nested], blocks: bool = True) -> Nested:
-    """Nested tuples of the same form, one for each body, as one of `Ragged` and `Each`.
+    """Stack nested tuples of the same form, one for each body, into one of `Ragged` and `Each`.
 
     Parameters
     ----------

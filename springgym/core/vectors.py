@@ -17,13 +17,13 @@ ROUND_OFF = 1e-13 / 2.0**-52  # a share lost by rounding, or less, in units of `
 
 @compiled
 def row(array: Numbers, i: int) -> Vector:
-    """``array[i]`` of an array (rows, 3), as a vector."""
+    """Return ``array[i]`` of an array (rows, 3), as a vector."""
     return vec(load(array, (i, 0)), load(array, (i, 1)), load(array, (i, 2)))
 
 
 @compiled
 def set_row(array: Numbers, i: int, u: Vector) -> None:
-    """``array[i] = u``."""
+    """Set ``array[i] = u``."""
     store(array, (i, 0), u[0])
     store(array, (i, 1), u[1])
     store(array, (i, 2), u[2])
@@ -31,13 +31,13 @@ def set_row(array: Numbers, i: int, u: Vector) -> None:
 
 @compiled
 def row_each(array: Numbers, i: Number) -> Vector:
-    """``array[i]`` of an array (rows, 3) where each copy has a row of its own."""
+    """Return ``array[i]`` of an array (rows, 3) where each copy has a row of its own."""
     return vec(load_each(array, (i, 0)), load_each(array, (i, 1)), load_each(array, (i, 2)))
 
 
 @compiled
 def set_row_each(array: Numbers, i: Number, u: Vector) -> None:
-    """``array[i] = u`` where each copy has a row of its own."""
+    """Set ``array[i] = u`` where each copy has a row of its own."""
     store_each(array, (i, 0), u[0])
     store_each(array, (i, 1), u[1])
     store_each(array, (i, 2), u[2])
@@ -45,7 +45,7 @@ def set_row_each(array: Numbers, i: Number, u: Vector) -> None:
 
 @compiled
 def add_row(array: Numbers, i: int, u: Vector) -> None:
-    """``array[i] += u``."""
+    """Add a vector to a row: ``array[i] += u``."""
     store(array, (i, 0), load(array, (i, 0)) + u[0])
     store(array, (i, 1), load(array, (i, 1)) + u[1])
     store(array, (i, 2), load(array, (i, 2)) + u[2])
@@ -53,19 +53,19 @@ def add_row(array: Numbers, i: int, u: Vector) -> None:
 
 @compiled
 def add_scaled(array: Rows, i: int, s: Number, u: Vector) -> None:
-    """``array[i] += s u``, rounded once."""
+    """Add a scaled vector to a row, ``array[i] += s u``, rounded once."""
     set_row(array, i, plus_scaled(row(array, i), s, u))
 
 
 @compiled
 def plus_scaled(w: Vector, s: Number, u: Vector) -> Vector:
-    """w + s u, rounded once."""
+    """Return w + s u, rounded once."""
     return vec(multiply_add(s, u[0], w[0]), multiply_add(s, u[1], w[1]), multiply_add(s, u[2], w[2]))
 
 
 @compiled
 def vector(array: Numbers) -> Vector:
-    """The three numbers of an array (3,), as a vector."""
+    """Return the three numbers of an array (3,) as a vector."""
     return vec(load(array, 0), load(array, 1), load(array, 2))
 
 
@@ -81,7 +81,7 @@ def cross(u: Vector, w: Vector) -> Vector:
 
 @compiled
 def choose(mask: Mask, u: Vector, w: Vector) -> Vector:
-    """``u`` in the lanes where the mask holds, ``w`` in the others."""
+    """Return ``u`` in the lanes where the mask holds, and ``w`` in the others."""
     return vec(select(mask, u[0], w[0]), select(mask, u[1], w[1]), select(mask, u[2], w[2]))
 
 
@@ -92,7 +92,7 @@ def unit(u: Vector) -> Vector:
 
 @compiled
 def triad(x: Rows, markers: np.ndarray) -> tuple[Vector, Vector, Vector]:
-    """Right-handed unit vectors (e1, e2, e3) that turn with the body.
+    """Return right-handed unit vectors (e1, e2, e3) that turn with the body.
 
     ``markers`` names three particles: e3 points from the first to the second, e1 from the first towards
     the third as far as that is perpendicular to e3.
@@ -106,7 +106,7 @@ def triad(x: Rows, markers: np.ndarray) -> tuple[Vector, Vector, Vector]:
 
 @compiled
 def mass_centre(x: Rows, mass: Numbers) -> Vector:
-    """Centre of mass of the positions (or, given velocities, its velocity)."""
+    """Return the centre of mass of the positions (or, given velocities, its velocity)."""
     total = load(mass, 0)
     first = total * row(x, 0)
     for i in range(1, mass.size):
@@ -117,7 +117,7 @@ def mass_centre(x: Rows, mass: Numbers) -> Vector:
 
 @compiled
 def angular_momentum(x: Rows, v: Rows, mass: Numbers, about: Vector) -> Vector:
-    """Σ m (x − about) × v."""
+    """Return Σ m (x − about) × v."""
     total = load(mass, 0) * cross(row(x, 0) - about, row(v, 0))
     for i in range(1, mass.size):
         moment = cross(row(x, i) - about, row(v, i))
@@ -127,7 +127,7 @@ def angular_momentum(x: Rows, v: Rows, mass: Numbers, about: Vector) -> Vector:
 
 @compiled
 def inertia(x: Rows, mass: Numbers, about: Vector) -> Tensor:
-    """Inertia tensor Σ m (r² 1 − r rᵀ) about a point: (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)."""
+    """Return the inertia tensor Σ m (r² 1 − r rᵀ) about a point: (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)."""
     r = row(x, 0) - about
     m = load(mass, 0)
     xx, yy, zz = m * r[0] * r[0], m * r[1] * r[1], m * r[2] * r[2]
@@ -152,7 +152,7 @@ def cofactors(tensor: Tensor) -> tuple[Vector, Vector, Vector, Number]:
 
 @compiled
 def solve_symmetric(tensor: Tensor, b: Vector) -> Vector:
-    """Solution of A u = b for the inertia A (xx, yy, zz, xy, xz, yz) of particles, by cofactors.
+    """Return the solution of A u = b for the inertia A (xx, yy, zz, xy, xz, yz) of particles, by cofactors.
 
     Of particles on a line n, A = λ (1 − n nᵀ) is singular: the smallest solution, b/λ without its part along
     n; in a point, zero.
@@ -183,7 +183,7 @@ def inverse_symmetric(tensor: Tensor) -> tuple[Vector, Vector]:
 
 @compiled
 def multiplied(diagonal: Vector, across: Vector, b: Vector) -> Vector:
-    """A symmetric tensor, xx, yy, zz and xy, xz, yz, times a vector."""
+    """Multiply a symmetric tensor, xx, yy, zz and xy, xz, yz, by a vector."""
     return vec(
         dot(vec(diagonal[0], across[0], across[1]), b),
         dot(vec(across[0], diagonal[1], across[2]), b),

@@ -134,7 +134,7 @@ def load_policy(
 
 
 def _reach_of_statistics(path: Path, mean: np.ndarray, variance: np.ndarray, limits: np.ndarray) -> float:
-    """The largest number that comes out of the normalisation."""
+    """Return the largest number that comes out of the normalisation."""
     epsilon, largest = limits.tolist()
     if not (variance >= 0).all() or not epsilon > 0 or not 0 < largest < MOST:
         raise ValueError(
@@ -164,7 +164,7 @@ def _check_reach(
 def _layers(
     network: Network, observation_space: spaces.Box, action_space: spaces.Box
 ) -> list[tuple[str, str, tuple[int, ...]]]:
-    """Names of weight and bias of each layer, and the shape of the weight."""
+    """Return names of weight and bias of each layer, and the shape of the weight."""
     hidden, last = LAYERS[network.algo]
     names = [f"{hidden}.{2 * n}" for n in range(len(network.net_arch))]  # activations stand between
     sizes = [int(np.prod(observation_space.shape)), *network.net_arch, int(np.prod(action_space.shape))]
@@ -175,7 +175,7 @@ def _layers(
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a file; it may be anything."""
+    """Read the arrays of a file, which may be anything."""
     try:
         with zipfile.ZipFile(path) as archive:
             size = sum(member.file_size for member in archive.infolist())

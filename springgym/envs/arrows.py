@@ -12,7 +12,7 @@ ARC = 3.0
 
 
 def torque_arrow(about: Point, torque: np.ndarray, radius: float) -> Arrow:
-    """An arrow around a point for a torque (3,), as a share of the largest; its radius is in m."""
+    """Make an arrow around a point for a torque (3,), a share of the largest one; its radius is in m."""
     return Arrow(about, ARC * radius * torque, RED, radius)
 
 

@@ -85,7 +85,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 @kernel
 def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
-    """The place goes on along its circle: x, y, z, its velocity x, y, and its angular velocity."""
+    """Move the place along its circle: x, y, z, its velocity x, y, and its angular velocity."""
     for c in range(goal.shape[0]):
         turn = goal[c, 5] * PERIOD
         cosine, sine = math.cos(turn), math.sin(turn)
@@ -142,7 +142,7 @@ class SpringBalance(Task):
         )
 
     def _height(self, factors: Mapping[str, float]) -> float:
-        """Height of the ball's lowest point above the plate that carries it [m]."""
+        """Return the height of the ball's lowest point above the plate that carries it [m]."""
         weight = -GRAVITY[2] * factors.get("gravity", 1.0) * factors.get("masses", 1.0) * BALL_MASS
         return rest_height(weight, STRENGTH, REACH)
 

@@ -121,7 +121,7 @@ class _Common(Stateful):
             )
 
     def _checked(self, action: object, shape: tuple[int, ...] | None) -> np.ndarray:
-        """The action as numbers.
+        """Return the action as numbers.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class _Common(Stateful):
         return given
 
     def _always(self, copies: int | slice | np.ndarray) -> dict[str, Any]:
-        """Arrays (k,) of what ``info`` reports for some copies of whatever task."""
+        """Return arrays (k,) of what ``info`` reports for some copies of whatever task."""
         episodes, task, m = self.episodes, self.episodes.task, self.episodes.measures
         always: dict[str, Any] = {
             "is_success": episodes.held[copies] >= task.hold,
@@ -625,7 +625,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         self._show_new(own)
 
     def _some(self, copies: ArrayLike | None) -> np.ndarray:
-        """Indices (k,) of copies, checked; all if None."""
+        """Return indices (k,) of copies, checked; all if None."""
         if copies is None:
             return np.arange(self.num_envs)
         own = indices("copies", copies, self.num_envs, once=True)
@@ -724,7 +724,7 @@ def _own(env: object) -> Any:
 
 
 def _named(own: object, copies: ArrayLike | None) -> tuple[ArrayLike, ...]:
-    """The argument that names copies of a native batch; none if none are named."""
+    """Return the argument that names copies of a native batch; None if none are named."""
     if copies is not None and not isinstance(own, SpringVectorEnv):
         raise TypeError(
             f"copies is {shown(copies)}; leave it out: only a native batch of gymnasium.make_vec has "
@@ -751,7 +751,7 @@ LAST = {"MT19937": ("pos", 624), "Philox": ("buffer_pos", 4)}
 
 
 def _generator(name: str, state: Any) -> np.random.Generator:
-    """A generator in the state that one had; ``name`` is what errors call it."""
+    """Make a generator in the state that another one had; errors call it ``name``."""
     try:
         kind = state["bit_generator"]
         if not issubclass(getattr(np.random, kind), np.random.BitGenerator):
@@ -799,7 +799,7 @@ def frame_rate(task: Task | type[Task]) -> float:
 
 
 def _seed(name: str, seed: object) -> int | None:
-    """A seed as an int, however long: those that Gymnasium draws have 128 bits."""
+    """Return a seed as an int, however long it is: seeds that Gymnasium draws have 128 bits."""
     if seed is None:
         return None
     must = f"{name} is {shown(seed)}; it must be a whole number, at least 0, or None"
@@ -824,12 +824,12 @@ def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> 
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The same with plain Python numbers."""
+    """Return the same with plain Python numbers."""
     return {k: _plain(v) if isinstance(v, dict) else v.item() for k, v in values.items()}
 
 
 def _written(value: object) -> Any:
-    """An argument in the words and numbers that JSON has for it; what it has none for stays."""
+    """Write an argument in the words and numbers of JSON; leave what JSON has no word for."""
     if isinstance(value, Mapping):
         return {str(key): _written(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

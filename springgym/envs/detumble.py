@@ -40,7 +40,7 @@ FASTEST = 12.0  # angular velocity an episode can be asked to start with [rad/s]
 
 @compiled
 def in_body(m: Measures, c: int, u: Vector, axis: int) -> float:
-    """Component of a world vector (3,) along the body's first, second or third axis."""
+    """Return the component of a world vector (3,) along the body's first, second or third axis."""
     e1, e3 = m.side[c], m.axis[c]
     if axis == 0:
         return u[0] * e1[0] + u[1] * e1[1] + u[2] * e1[2]

@@ -59,7 +59,7 @@ def tilt_of(m: Measures, c: int, body: int) -> float:
 
 @compiled
 def away_of(m: Measures, c: int, body: int) -> float:
-    """Distance of a top's centre of mass from the middle [m]."""
+    """Return the distance of a top's centre of mass from the middle [m]."""
     return math.hypot(m.centre[c, body, 0], m.centre[c, body, 1])
 
 
@@ -84,7 +84,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
 
 @kernel
 def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
-    """In axes that are turned by half a turn for the second player, so that both see the same duel."""
+    """Observe in axes that are turned by half a turn for the second player: both see the same duel."""
     own = int(s.parameters[0])
     sign = 1.0 - 2.0 * own
     for c in range(observation.shape[0]):
@@ -161,7 +161,7 @@ class Script:
 
 
 def to_the_left(vectors: np.ndarray) -> np.ndarray:
-    """z × v of level vectors (n, 2)."""
+    """Return z × v of level vectors (n, 2)."""
     return np.stack([-vectors[:, 1], vectors[:, 0]], axis=1)
 
 
@@ -209,7 +209,7 @@ class SpringDuel(Task):
 
     @property
     def others(self) -> np.ndarray:
-        """`parameters` for the second player."""
+        """Return `parameters` for the second player."""
         return np.array([float(SECOND)])
 
     @cached_property
@@ -231,7 +231,7 @@ class SpringDuel(Task):
     def _standing(
         self, bearing: float, tilt: float, azimuth: float, spin: float, factors: Mapping[str, float]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities of a top that stands on its tip in the bowl."""
+        """Return positions and velocities of a top that stands on its tip in the bowl."""
         weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
         height = rest_height(weight, STRENGTH, REACH)
         away, height = above_bowl(BOWL, factors["scale"] * APART, height)
@@ -273,13 +273,13 @@ class SpringDuel(Task):
         return {"first.thrust": FORCE * np.pad(action, ((0, 0), (0, 1)))[:, None]}
 
     def seen_by_second(self, m: Measures, s: Situation) -> np.ndarray:
-        """The second player's compact observations (n, D)."""
+        """Return the second player's compact observations (n, D)."""
         seen = np.empty((len(s.x), sum(entry.size for entry in ENTRIES)), np.float32)
         compact(m, s._replace(parameters=self.others), seen)
         return np.clip(np.nan_to_num(seen), -BOUND, BOUND)
 
     def particles_of_second(self, rows: np.ndarray, s: Situation) -> np.ndarray:
-        """The second player's observations of particles (n, D)."""
+        """Return the second player's observations of particles (n, D)."""
         own = observing.columns(self.particles)
         count = len(self.body.masses)
         turned = np.where(own.entries[:, 1] < 2, -1.0, 1.0)

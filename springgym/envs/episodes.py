@@ -379,7 +379,7 @@ class Episodes:
         return self.task.actuate(actions) | others
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
-        """Outcome, end and observation of the copies from ``first`` to the one before ``last``."""
+        """Return the outcome, end and observation of the copies from ``first`` to the one before ``last``."""
         own = self._part(first, last)
         share = own.copies
         self._tick(self.time[share], float(self.task.period))
@@ -476,7 +476,7 @@ class Episodes:
     # --- Randomisation ----------------------------------------------------------------------------
 
     def _drawn(self, copy: int) -> dict[str, float]:
-        """The factors of a copy's episode."""
+        """Return the factors of a copy's episode."""
         return dict.fromkeys(RANDOMIZABLE, 1.0) | dict(zip(self.ranges, self.factors[copy], strict=True))
 
     def _vary(self, copies: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
@@ -581,7 +581,7 @@ class Episodes:
         return values
 
     def _named(self, out: np.ndarray) -> np.ndarray:
-        """View of outcomes (n, columns) as records (n,) with the names of `Task.outcome`."""
+        """Return a view of outcomes (n, columns) as records (n,) with the names of `Task.outcome`."""
         return out.view(self._names)[:, 0]
 
     def _use_kernels(self) -> None:
@@ -635,7 +635,7 @@ class Episodes:
 
 
 def _locked(array: np.ndarray) -> np.ndarray:
-    """A view that cannot be written to."""
+    """Return a view that cannot be written to."""
     view = array.view()
     view.flags.writeable = False
     return view
@@ -663,7 +663,7 @@ def _fastest(scene: Scene, kind: Dynamics) -> str:
 
 
 def _checked_limit(steps: int | None) -> int:
-    """A time limit; −1 if there is none."""
+    """Return a time limit; −1 without one."""
     if steps is None or (isinstance(steps, int) and steps == -1):
         return -1
     return checks.whole("max_episode_steps", steps, 1)

@@ -129,7 +129,7 @@ class SpringFreeTop(Task):
         )
 
     def _height(self, factors: Mapping[str, float]) -> float:
-        """Height of the tip above the surface when it carries the weight [m]."""
+        """Return the height of the tip above the surface when it carries the weight [m]."""
         weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * self.body.mass
         return rest_height(weight, self._strength, self._reach)
 

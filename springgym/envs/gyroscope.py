@@ -64,7 +64,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
 
 
 def turn_to(axis: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) that takes the vertical to a unit vector."""
+    """Return the rotation (3, 3) that takes the vertical to a unit vector."""
     azimuth, tilt = math.atan2(axis[1], axis[0]), angle_of.py_func(axis[2])
     return tilted(azimuth, tilt)
 

@@ -175,7 +175,7 @@ class SpringJuggle(Task):
 
     @cached_property
     def _shape(self) -> np.ndarray:
-        """The paddle's particles, its crown at the origin [m]."""
+        """Return the paddle's particles, its crown at the origin [m]."""
         return self.paddle.positions - self.paddle.positions[self.paddle.particle("crown")]
 
     @cached_property

@@ -16,21 +16,21 @@ if TYPE_CHECKING:
 
 @compiled
 def gaussian(value: float, margin: float, bound: float = 0.0) -> float:
-    """1 within ±``bound``, 0.1 at ``margin`` beyond: 0.1^(d²), d = max(|value| − bound, 0)/margin."""
+    """Return 1 within ±``bound``, 0.1 at ``margin`` beyond: 0.1^(d²), d = max(|value| − bound, 0)/margin."""
     d = max(abs(value) - bound, 0.0) / margin
     return 0.1 ** (d * d)
 
 
 @compiled
 def long_tail(value: float, margin: float, bound: float = 0.0) -> float:
-    """1 within ±``bound``, 0.1 at ``margin`` beyond, with a long tail: 1/(1 + 9d²)."""
+    """Return 1 within ±``bound``, 0.1 at ``margin`` beyond, with a long tail: 1/(1 + 9d²)."""
     d = max(abs(value) - bound, 0.0) / margin
     return 1.0 / (1.0 + 9.0 * d * d)
 
 
 @compiled
 def thrift(action: np.ndarray, c: int) -> float:
-    """1 − 0.1 mean(a²) of copy c: what of the reward the effort leaves."""
+    """Return 1 − 0.1 mean(a²) of copy c, the factor by which effort lowers the reward."""
     total = 0.0
     for n in range(action.shape[1]):
         total += action[c, n] ** 2
@@ -39,7 +39,7 @@ def thrift(action: np.ndarray, c: int) -> float:
 
 @compiled
 def spinning(m: Measures, c: int) -> tuple[float, float]:
-    """Angular velocity of copy c along its third axis, and its size across it [rad/s]."""
+    """Return the angular velocity of copy c along its third axis, and its size across it [rad/s]."""
     n, w = m.axis[c], m.angular_velocity[c]
     along = w[0] * n[0] + w[1] * n[1] + w[2] * n[2]
     return along, math.sqrt(max(w[0] ** 2 + w[1] ** 2 + w[2] ** 2 - along**2, 0.0))
@@ -47,13 +47,13 @@ def spinning(m: Measures, c: int) -> tuple[float, float]:
 
 @compiled
 def angle_of(cosine: float) -> float:
-    """The angle of a cosine that rounding may have brought beyond ±1 [rad]."""
+    """Return the angle of a cosine that rounding may have brought beyond ±1 [rad]."""
     return math.acos(min(max(cosine, -1.0), 1.0))
 
 
 @compiled
 def height_above(place: Vector, point: Vector, normal: Vector) -> float:
-    """Height of a point (3,) above the plane through ``place`` across ``normal`` [m]."""
+    """Return the height of a point (3,) above the plane through ``place`` across ``normal`` [m]."""
     height = 0.0
     for axis in range(3):
         height += (point[axis] - place[axis]) * normal[axis]

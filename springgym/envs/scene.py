@@ -325,7 +325,7 @@ class SceneTask(Task):
     def _begun(
         self, rng: Generator, options: Mapping[str, Any], goal_size: int | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Positions, velocities and goal that the user's function starts with, checked."""
+        """Return positions, velocities and goal that the user's function starts with, checked."""
         assert self._start is not None
         begun = self._start(rng, **options)
         if not isinstance(begun, (tuple, list)) or len(begun) not in (2, 3):
@@ -432,7 +432,7 @@ class SceneTask(Task):
         return instance("what marks gave", self._marks(self._named(m), s), Marks)
 
     def _acting(self, m: MeasuresOfBodies, s: Situation) -> list[Arrow]:
-        """Arrows of what the actions drive: at 1, those of forces are half as long as the largest body."""
+        """Return arrows of what actions drive: at 1, forces are half as long as the largest body."""
         arrows, reach = [], 0.5 * self._extent
         for name, (values,) in self.actuate(s.action[None]).items():
             n, kind = _named(self._scene, name)
@@ -460,7 +460,7 @@ def _loaded(scene: str | Path) -> Scene:
 
 
 def _function(name: str, value: object, *takes: str) -> Callable[..., Any]:
-    """A function, checked to be called with so many arguments."""
+    """Return a function after checking that it takes so many arguments."""
     if not callable(value):
         raise TypeError(f"{name} is {checks.shown(value)}; it must be a function")
     try:
@@ -477,12 +477,12 @@ def _function(name: str, value: object, *takes: str) -> Callable[..., Any]:
 
 
 def _given(name: str, value: object) -> Callable[..., Any] | None:
-    """A function of measures and situation, or None."""
+    """Return a function of measures and situation, or None."""
     return None if value is None else _function(name, value, "m", "s")
 
 
 def _defaulted(function: Callable[..., Any]) -> tuple[str, ...]:
-    """Names of the arguments that a function of one argument takes besides."""
+    """Return names of the arguments that a function of one argument takes besides."""
     try:
         _, *others = inspect.signature(function).parameters.values()
     except ValueError:
@@ -504,7 +504,7 @@ def _most(name: str, given: Most) -> np.ndarray:
 def _by_name(
     function: str, given: Mapping[str, Any], m: Measures, names: tuple[str, ...] | None
 ) -> dict[str, np.ndarray]:
-    """Numbers (n,) by name that a function gave; ``names`` are those that it gave first."""
+    """Return numbers (n,) by name that a function gave; ``names`` are those that it gave first."""
     for name in given:
         if not isinstance(name, str) or not name:
             raise TypeError(f"{function} gave an entry named {name!r}; a name must be a non-empty string")
@@ -564,12 +564,12 @@ def _of_shape(name: str, given: object, shape: tuple[int | None, ...], kinds: st
 
 
 def _extent(scene: Scene) -> float:
-    """The largest extent of a body [m]; 1 of single particles, which have none."""
+    """Return the largest extent of a body [m]; 1 for single particles, which have none."""
     return max(float(np.ptp(placed.body.positions, axis=0).max()) for placed in scene.bodies) or 1.0
 
 
 def _scaled(scene: Scene, values: np.ndarray, factor: float) -> np.ndarray:
-    """Positions or velocities (N, 3) of bodies that are larger by a factor, about pivot or centre of mass."""
+    """Scale positions or velocities (N, 3) of bodies by a factor, about pivot or centre of mass."""
     scaled = np.array(values)
     for placed, own in zip(scene.bodies, scene.slices, strict=True):
         u = values[own]
@@ -579,7 +579,7 @@ def _scaled(scene: Scene, values: np.ndarray, factor: float) -> np.ndarray:
 
 
 def _named(scene: Scene, name: str) -> tuple[int, str]:
-    """The body that an actuator acts on, and the kind of the actuator."""
+    """Return the body that an actuator acts on, and the kind of the actuator."""
     if len(scene.bodies) == 1:
         return 0, name
     body, _, kind = name.partition(".")
@@ -595,7 +595,7 @@ def _thrusters(scene: Scene, name: str) -> int:
 
 
 def _acted_on(scene: Scene, actuators: Mapping[str, Any]) -> Scene:
-    """The scene with the actuators that are named, a wrench added if need be."""
+    """Return the scene with the actuators that are named; add a wrench if it needs one."""
     if not actuators:
         raise ValueError("actuators is empty; actions must drive at least one actuator")
     bodies = list(scene.bodies)

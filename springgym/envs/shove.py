@@ -50,7 +50,7 @@ Level: TypeAlias = Sequence[float] | np.ndarray
 
 @compiled
 def heading_of(m: Measures, c: int, body: int) -> float:
-    """The angle of a body's first axis from the x axis [rad]."""
+    """Return the angle of a body's first axis from the x axis [rad]."""
     return math.atan2(m.side[c, body, 1], m.side[c, body, 0])
 
 
@@ -157,7 +157,7 @@ class SpringShove(Task):
     def _placed(
         self, pusher: Level, place: Level, heading: float, factors: Mapping[str, float]
     ) -> np.ndarray:
-        """Positions (9, 3) of pusher and box that lie on the floor [m]."""
+        """Return positions (9, 3) of pusher and box that lie on the floor [m]."""
         weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
         shape = factors["scale"] * self.box.positions @ rotation((0, 0, 1), heading).T
         shape[:, 2] += rest_height(weight / 4, STRENGTH, REACH) - shape[:, 2].min()

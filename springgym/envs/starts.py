@@ -74,7 +74,7 @@ def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
 
 
 def _turn(s: float, sine: float, c: float, cosine: float) -> list[list[float]]:
-    """The rows of a rotation about y, then z, from sine and cosine of the angle about z, and of the other."""
+    """Return a rotation about y, then z, from the sines of the angles about z and y, and their cosines."""
     return [[c * cosine, -s, c * sine], [s * cosine, c, s * sine], [-sine, 0 * c, cosine]]
 
 
@@ -140,5 +140,5 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 
 
 def _first_largest(sizes: np.ndarray) -> int:
-    """The first of those that are the largest but for rounding."""
+    """Return the first of the largest ones, as if rounding had not told them apart."""
     return int(np.argmax(sizes > (1 - EQUAL) * sizes.max()))

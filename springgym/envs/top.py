@@ -39,7 +39,7 @@ FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
 
 @compiled
 def tilt_of(m: Measures, c: int) -> float:
-    """Angle of the axis from the vertical [rad]."""
+    """Return the angle of the axis from the vertical [rad]."""
     return math.atan2(math.hypot(m.axis[c, 0], m.axis[c, 1]), m.axis[c, 2])
 
 

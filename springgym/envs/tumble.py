@@ -44,7 +44,7 @@ COLORS = (BLUE, ORANGE, IVORY, AMBER)
 
 @compiled
 def facing(x: np.ndarray, c: int, corner: int) -> tuple[float, float, float]:
-    """The outward unit normal of the face opposite to a corner."""
+    """Return the outward unit normal of the face opposite to a corner."""
     i, j, k = FACES[corner]
     ax, ay, az = x[c, j, 0] - x[c, i, 0], x[c, j, 1] - x[c, i, 1], x[c, j, 2] - x[c, i, 2]
     bx, by, bz = x[c, k, 0] - x[c, i, 0], x[c, k, 1] - x[c, i, 1], x[c, k, 2] - x[c, i, 2]
@@ -55,7 +55,7 @@ def facing(x: np.ndarray, c: int, corner: int) -> tuple[float, float, float]:
 
 @compiled
 def fastest(v: np.ndarray, c: int) -> float:
-    """The largest speed of a particle [m/s]."""
+    """Return the largest speed of a particle [m/s]."""
     largest = 0.0
     for i in range(v.shape[1]):
         largest = max(largest, v[c, i, 0] ** 2 + v[c, i, 1] ** 2 + v[c, i, 2] ** 2)

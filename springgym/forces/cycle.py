@@ -66,7 +66,7 @@ def cycle(every: int, particles: int, blocks: Callable[..., np.ndarray]) -> Cycl
 
 @compiled
 def place_in(phase: Number, cycle: Cycle) -> Number:
-    """The steps that each copy has taken of its cycle."""
+    """Return the steps that each copy has taken of its cycle."""
     return select(phase >= cycle.every, phase - cycle.every, phase)
 
 

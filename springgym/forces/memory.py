@@ -48,7 +48,7 @@ class Memory(NamedTuple):
 
 
 def memory(particles: int, actuated: bool, expects: bool, blocks: Callable[..., np.ndarray]) -> Memory:
-    """That of fresh copies of a body."""
+    """Return the memory of fresh copies of a body."""
     return Memory(
         arrived=blocks(particles, 3),
         place=blocks(particles, 3),

@@ -63,7 +63,10 @@ class Decay(NamedTuple):
 def decay(
     damping: np.ndarray, inverse_first: np.ndarray | float, inverse_second: np.ndarray | float, time: float
 ) -> Decay:
-    """With w = 1/m₁ + 1/m₂, the impulse is g = (1 − exp(−c w time)) / w and the loss g (1 − g w/2)."""
+    """Return the decays of dampers in a time [s].
+
+    With w = 1/m₁ + 1/m₂, the impulse is g = (1 − exp(−c w time)) / w and the loss g (1 − g w/2).
+    """
     w = inverse_first + inverse_second
     moving = w > 0  # between two pinned particles there is nothing to damp
     impulse = np.where(moving, -np.expm1(-damping * w * time) / np.where(moving, w, 1.0), 0.0)
@@ -72,7 +75,7 @@ def decay(
 
 
 def interleaved(springs: np.ndarray, particles: int) -> np.ndarray:
-    """An order of the springs (S, 2) in which neighbours share no particle, as far as there is one.
+    """Order springs (S, 2) so that neighbours share no particle, as far as possible.
 
     A spring waits for the springs before it that act on the same particles: dampers one after another take
     up to a third longer. Particles with many springs have theirs spread over the whole order.
@@ -150,7 +153,7 @@ def spring_energy(x: Rows, springs: Springs) -> tuple[Number, Number]:
 
 @compiled
 def longest_spring(x: Numbers, springs: Springs) -> Number:
-    """The largest L₀ [m]; 1 m without springs."""
+    """Return the largest L₀ [m]; 1 m without springs."""
     longest = 0.0 * load(x, (0, 0))
     if springs is None:
         return longest + 1.0
@@ -194,7 +197,7 @@ def pull_jacobian(
 
 @compiled
 def pull_on(x: Rows, particle: int, springs: Springs) -> Vector:
-    """The springs' force [N] on one particle."""
+    """Return the springs' force [N] on one particle."""
     total = 0.0 * row(x, particle)
     for s in range(springs.first.size):
         i, j = springs.first[s], springs.second[s]

@@ -25,7 +25,7 @@ def sixteenth_root(value: Number) -> Number:
 
 @compiled
 def next_step(tau: Number, error: Number, last_error: Number, rejections: Number) -> Number:
-    """The step after one of ``tau`` seconds, at least a fifth and at most five times as long.
+    """Return the step after one of ``tau`` seconds, at least a fifth and at most five times as long.
 
     It is no longer than the last where that, or the one before, was rejected: ``rejections`` of the two.
     """

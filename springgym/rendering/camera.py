@@ -57,7 +57,7 @@ class Camera:
         elevation: float = 0.3,
         fov: float = 0.5,
     ) -> Camera:
-        """Camera that just fits a sphere into the height of a picture.
+        """Return a camera that just fits a sphere into the height of a picture.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class Camera:
         return cls(tuple(middle + distance * np.array(away)), tuple(middle), fov)
 
     def keeping(self, points: ArrayLike, size: tuple[int, int], margin: float = 0.03) -> Camera:
-        """This camera if it sees all of some points, else one that looks at their middle from the same side.
+        """Return this camera if it sees all of some points, else one from the same side that does.
 
         It comes no nearer, and goes as far away as it takes to see them all. Points so far out that pictures
         would blur by rounding are let go.
@@ -123,7 +123,7 @@ class Camera:
         fov: float = 0.5,
         margin: float = 0.08,
     ) -> Camera:
-        """The nearest camera that sees all points in a picture.
+        """Return the nearest camera that sees all points in a picture.
 
         In axes right, up, forward, with t the tangent of half the angle of view, a point (a, b, c) is
         seen from the eye (α, β, γ) if |a − α| ≤ t (c − γ), and likewise for b. With
@@ -168,13 +168,13 @@ class Camera:
         return cls(tuple(across + near * basis[2]), tuple(across + middle * basis[2]), fov)
 
     def moved(self, way: ArrayLike) -> Camera:
-        """The camera moved by a way (3,), m."""
+        """Move the camera by a vector (3,), m."""
         return replace(
             self, eye=tuple(np.add(self.eye, way).tolist()), target=tuple(np.add(self.target, way).tolist())
         )
 
     def axes(self) -> NDArray[np.float64]:
-        """Unit vectors right, up and forward of the picture, as the rows of a (3, 3) array."""
+        """Return unit vectors right, up and forward of the picture, as the rows of a (3, 3) array."""
         forward = np.subtract(self.target, self.eye)
         forward /= np.linalg.norm(forward)
         right = np.array([forward[1], -forward[0], 0.0])  # forward x z
@@ -182,13 +182,13 @@ class Camera:
         return np.array([right, np.cross(right, forward), forward])
 
     def pixels_per_radian(self, height: float) -> float:
-        """Pixels per radian in the middle of a picture ``height`` pixels high."""
+        """Return the pixels per radian in the middle of a picture ``height`` pixels high."""
         return 0.5 * height / float(np.tan(0.5 * self.fov))
 
     def project(
         self, points: ArrayLike, size: tuple[int, int]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Image of points in a picture of ``size`` = (width, height) pixels.
+        """Project points into a picture of ``size`` = (width, height) pixels.
 
         With a = p - eye, s = pixels_per_radian(height): x = W/2 + s (a.right)/(a.forward),
         y = H/2 - s (a.up)/(a.forward).
@@ -212,7 +212,7 @@ class Camera:
         return np.array([0.5 * width, 0.5 * height]) + flat * [1.0, -1.0], depth
 
     def rays(self, size: tuple[int, int]) -> NDArray[np.float64]:
-        """Unit vectors from the eye through the middles of the pixels, (height, width, 3)."""
+        """Return unit vectors from the eye through the middles of the pixels, (height, width, 3)."""
         width, height = size
         x = (np.arange(width) + 0.5 - 0.5 * width) / self.pixels_per_radian(height)
         y = (np.arange(height) + 0.5 - 0.5 * height) / self.pixels_per_radian(height)

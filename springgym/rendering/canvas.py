@@ -22,7 +22,7 @@ _FAR = 16_000  # canvas pixels beyond which pygame's 16-bit polygons cannot go
 
 
 def import_pygame() -> Any:
-    """The pygame module with its fonts and anti-aliased shapes.
+    """Import pygame, with its fonts and anti-aliased shapes.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def import_pygame() -> Any:
 
 
 def lamp(camera: Camera) -> Array:
-    """Unit vector to the light: high up, over the viewer's left shoulder."""
+    """Return a unit vector to the light: high up, over the viewer's left shoulder."""
     right, _, forward = camera.axes()
     ahead = np.array([forward[0], forward[1], 0.0]) / np.hypot(forward[0], forward[1])
     light = np.array([0.0, 0.0, 1.0]) - 0.32 * right - 0.45 * ahead
@@ -46,7 +46,7 @@ def lamp(camera: Camera) -> Array:
 
 
 def shade(colors: ArrayLike, normals: Array, to_eye: Array, light: Array) -> NDArray[np.uint8]:
-    """Sky ambient, Lambert and a little Blinn-Phong gloss on unit vectors, all (..., 3)."""
+    """Compute the light on unit vectors, all (..., 3): sky, Lambert, and a little gloss (Blinn-Phong)."""
     half = light + to_eye
     half = half / np.linalg.norm(half, axis=-1, keepdims=True)
     ambient = _AMBIENT * (1.0 + 0.10 * normals[..., 2:])
@@ -81,13 +81,13 @@ class Canvas:
         self.keep()
 
     def image(self, points: ArrayLike) -> tuple[Array, Array]:
-        """Canvas pixels (..., 2) and depth (...) of world points; NaN where there is none."""
+        """Return canvas pixels (..., 2) and depth (...) of world points; NaN for points without an image."""
         pixels, depth = self.camera.project(points, self.size)
         pixels = np.where((np.abs(pixels) < _FAR).all(-1, keepdims=True), pixels, np.nan)
         return pixels, depth
 
     def pixels_per_meter(self, depth: ArrayLike) -> Array:
-        """Canvas pixels a metre across the view at a depth."""
+        """Return the canvas pixels a metre across the view at a depth."""
         return self.camera.pixels_per_radian(self.size[1]) / np.asarray(depth)
 
     def fill(self, colors: Array) -> None:
@@ -102,12 +102,12 @@ class Canvas:
         self._touched = self.pygame.Rect(0, 0, 0, 0)
 
     def wipe(self) -> None:
-        """Back to the background."""
+        """Go back to the background."""
         self._surface.blit(self._background, self._touched, self._touched)
         self._touched = self.pygame.Rect(0, 0, 0, 0)
 
     def picture(self) -> Any:
-        """The finished picture; only what was drawn on since `wipe` is averaged anew."""
+        """Return the finished picture; only what was drawn on since `wipe` is averaged anew."""
         self._picture.blit(self._small, (0, 0))
         n = OVERSAMPLE
         left, top = self._touched.left // n, self._touched.top // n
@@ -138,7 +138,7 @@ class Canvas:
             self.pygame.gfxdraw.filled_polygon(self._surface, corners, (*rgb, alpha))
 
     def strokes(self, segments: Array, widths: ArrayLike, color: ArrayLike, alphas: Array) -> None:
-        """Translucent segments (n, 2, 2) with round joints, not darker where they overlap.
+        """Draw translucent segments (n, 2, 2) with round joints, not darker where they overlap.
 
         ``widths`` are in pixels of the finished picture, ``alphas`` in 0..1; the last one wins.
         """
@@ -185,7 +185,7 @@ class Canvas:
         self.lay(self._layer, box[:2], box)
 
     def line(self, ends: Array, width: float, color: ArrayLike) -> None:
-        """A flat line between two pixels (2, 2), ``width`` canvas pixels wide."""
+        """Draw a flat line between two pixels (2, 2), ``width`` canvas pixels wide."""
         along = ends[1] - ends[0]
         side = np.array([-along[1], along[0]]) * (0.5 * width / max(float(np.hypot(*along)), 1e-9))
         self.polygon(np.concatenate([ends + side, (ends - side)[::-1]]), color)
@@ -199,7 +199,7 @@ class Canvas:
         caps: bool = True,
         alpha: int = 255,
     ) -> None:
-        """A round bar between two pixels (2, 2) at depths (2,), radius in m: lit, or flat if translucent."""
+        """Draw a round bar between pixels (2, 2) at depths (2,), radius in m: lit, or flat if translucent."""
         half = np.maximum(radius * self.pixels_per_meter(depth), 0.5 * OVERSAMPLE)
         along = ends[1] - ends[0]
         length = float(np.hypot(*along))
@@ -220,7 +220,7 @@ class Canvas:
     def ball(
         self, center: Array, depth: float, radius: float, color: ArrayLike, opacity: float = 1.0
     ) -> None:
-        """A lit ball about a pixel, radius in m."""
+        """Draw a lit ball about a pixel, radius in m."""
         pixels = radius * float(self.pixels_per_meter(depth))
         if pixels > max(self.size):
             return

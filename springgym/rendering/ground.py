@@ -34,7 +34,7 @@ class _Plane(NamedTuple):
     others: tuple[tuple[Array, Array], ...]  # points and normals of the other surfaces
 
     def fade(self, points: Array) -> Array:
-        """1 in the middle of the patch to 0 at its rim, and 0 behind any other surface."""
+        """Return 1 in the middle of the patch to 0 at its rim, and 0 behind any other surface."""
         distance = np.linalg.norm(points - self.foot, axis=-1) / self.reach
         seen = np.ones(distance.shape, dtype=bool)
         for point, normal in self.others:
@@ -64,7 +64,7 @@ def _planes(canvas: Canvas, scenery: Scenery) -> list[_Plane]:
 
 
 def paint_background(canvas: Canvas, scenery: Scenery) -> None:
-    """Sky and everything that neither moves nor hides the body."""
+    """Paint the sky and everything that neither moves nor hides the body."""
     width, height = canvas.picture_size
     rows = np.linspace(0.0, 1.0, height)[:, None, None] ** 1.3
     colors = np.broadcast_to(_SKY[0] + rows * (_SKY[1] - _SKY[0]), (height, width, 3))
@@ -95,13 +95,13 @@ def _cover(colors: Array, cover: Array, slope: ArrayLike) -> Array:
 
 
 def _fading_paths(canvas: Canvas, paths: list[Array], fade: Callable[[Array], Array]) -> None:
-    """Thin lines through the points (n, 3) of each path, as opaque as ``fade`` of their middles."""
+    """Draw thin lines through the points (n, 3) of each path, as opaque as ``fade`` of their middles."""
     ends = np.concatenate([np.stack([path[:-1], path[1:]], axis=1) for path in paths])
     canvas.strokes(canvas.image(ends)[0], 1.1, _GRID, fade(ends.mean(axis=1)))
 
 
 def _grid_spacing(extent: float) -> float:
-    """1, 2 or 5 times a power of ten, at most a sixth of ``extent``, m."""
+    """Return 1, 2 or 5 times a power of ten, at most a sixth of ``extent``, m."""
     power = 10.0 ** np.floor(np.log10(extent / 6.0))
     return float(max(k * power for k in (1.0, 2.0, 5.0) if k * power <= extent / 6.0))
 
@@ -149,7 +149,7 @@ def paint_ring(canvas: Canvas, center: ArrayLike, radius: float, occluders: Occl
 
 
 def paint_shadows(canvas: Canvas, look: Look, x: Array, scenery: Scenery) -> None:
-    """The shadow that the lamp casts on every surface that it lights."""
+    """Paint the shadow that the lamp casts on every surface that it lights."""
     light = canvas.light
     for plane in _planes(canvas, scenery):
         slope = float(light @ plane.normal)

@@ -32,7 +32,7 @@ GRAPHITE: Color = (110, 120, 138)
 def two_tone(
     count: int, blocks: int = 4, colors: tuple[Color, Color] = (BLUE, IVORY), odd: Color = AMBER
 ) -> NDArray[np.uint8]:
-    """Colours of ``count`` sectors in turn: ``blocks`` runs of alternating colour, the last one odd.
+    """Return colours of ``count`` sectors: ``blocks`` runs of alternating colour, the last one odd.
 
     Few wide runs let the eye follow a spin that turns by many narrow sectors between frames. The odd one
     tells which way: without it, four runs look the same after half a turn, and a spin by more than a
@@ -161,7 +161,7 @@ class Look:
 
     @property
     def particles(self) -> int:
-        """The least number of particles that the body must have."""
+        """Return the least number of particles that the body must have."""
         skin, triangles = np.asarray(self.skin), np.asarray(self.triangles)
         if skin.size:
             triangles = triangles[:0]
@@ -171,7 +171,7 @@ class Look:
         return max([0, *ends, len(np.asarray(self.radii)), traced, skin.shape[1] if skin.size else 0])
 
     def points(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """All points that are drawn (…, N + V, 3): the particles, and those of the skin behind them."""
+        """Return all points that are drawn (…, N + V, 3): the particles, then those of the skin."""
         skin = np.asarray(self.skin)
         if not skin.size:
             return positions
@@ -179,7 +179,7 @@ class Look:
 
     @cached_property
     def edges(self) -> NDArray[np.intp]:
-        """Rows (triangle, place of the edge's first corner in it, triangle across the edge).
+        """Return rows (triangle, place of the edge's first corner in it, triangle across the edge).
 
         An edge that only one triangle has is not listed.
         """
@@ -203,7 +203,7 @@ class Look:
 
 
 def together(looks: Sequence[Look], counts: Sequence[int], trace: int | None = None) -> Look:
-    """The look of several bodies, whose particles lie one body after another.
+    """Join the looks of several bodies, whose particles lie one body after another.
 
     Parameters
     ----------

@@ -148,7 +148,7 @@ class Renderer:
         self.reset()
 
     def _prepared_canvas(self) -> Canvas:
-        """A canvas that shows the background alone."""
+        """Return a canvas that shows the background alone."""
         if self._canvas is None or self._drawn_for != (self.camera, self.scenery):
             self._canvas = Canvas(self.size, self.camera)
             paint_background(self._canvas, self.scenery)
@@ -158,7 +158,7 @@ class Renderer:
         return self._canvas
 
     def _paint(self, x: Array, marks: Marks, strain: Array | None) -> Any:
-        """One picture, from back to front."""
+        """Paint one picture, from back to front."""
         canvas = self._prepared_canvas()
         for center, radius in marks.rings:
             paint_disk(canvas, center, radius)
@@ -191,7 +191,7 @@ class Renderer:
         canvas.strokes(segments, 1.2 + 1.8 * young, ORANGE, 0.95 * young**1.2 * opacity)
 
     def _write(self, picture: Any, marks: Marks, legend: bool) -> None:
-        """Text and legends, on the finished picture."""
+        """Write text and legends on the finished picture."""
         pygame = import_pygame()
         pygame.font.init()
         height = self.size[1]
@@ -236,7 +236,7 @@ class Renderer:
 
 
 def _curve(points: Array) -> Array:
-    """Points (CHORDS (n − 1) + 1, 3) on the smooth curve through points (n, 3) (Catmull and Rom's)."""
+    """Return points (CHORDS (n − 1) + 1, 3) on Catmull and Rom's smooth curve through points (n, 3)."""
     along = np.gradient(points, axis=0)
     t = (np.arange(CHORDS) / CHORDS)[:, None]
     start = (1 + 2 * t) * (1 - t) ** 2 * points[:-1, None] + t * (1 - t) ** 2 * along[:-1, None]

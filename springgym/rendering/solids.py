@@ -31,20 +31,20 @@ def paint_all(items: list[Item]) -> None:
 
 
 def strain_colors(strain: ArrayLike, scale: float) -> NDArray[np.uint8]:
-    """Blue for -scale, grey for 0, red for +scale; (S,) to (S, 3)."""
+    """Return blue for -scale, grey for 0, red for +scale; (S,) to (S, 3)."""
     x = np.nan_to_num(np.clip(np.asarray(strain, dtype=float) / scale, -1.0, 1.0))[:, None]
     return (NEUTRAL + np.abs(x) ** 0.8 * (np.where(x < 0.0, COLD, HOT) - NEUTRAL)).astype(np.uint8)
 
 
 def circle(center: ArrayLike, radius: float, corners: int, normal: ArrayLike = (0, 0, 1)) -> Array:
-    """Points of a circle, (corners, 3), anticlockwise about its unit normal."""
+    """Return points of a circle, (corners, 3), anticlockwise about its unit normal."""
     first, second = tangents(normal)
     angle = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)[:, None]
     return np.asarray(center) + radius * (np.cos(angle) * first + np.sin(angle) * second)
 
 
 def tangents(normal: ArrayLike) -> tuple[Array, Array]:
-    """Two unit vectors that make a right-handed triad with the unit vector ``normal``."""
+    """Return two unit vectors that make a right-handed triad with the unit vector ``normal``."""
     n = np.asarray(normal, dtype=float)
     seed = np.array([1.0, 0.0, 0.0]) if abs(n[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     first = seed - n * (seed @ n)
@@ -53,7 +53,7 @@ def tangents(normal: ArrayLike) -> tuple[Array, Array]:
 
 
 def opacities(look: Look, strain: Array | None) -> Array:
-    """Opacity (T,) of the triangles: where springs are shown, the surface is glass."""
+    """Return the opacity (T,) of the triangles: where springs are shown, the surface is glass."""
     whole = np.asarray(look.opacity)
     return whole if strain is None else np.minimum(whole, _GLASS)
 
@@ -61,7 +61,7 @@ def opacities(look: Look, strain: Array | None) -> Array:
 def body(
     canvas: Canvas, look: Look, x: Array, strain: Array | None, targets: Sequence[tuple[Point, float]] = ()
 ) -> list[Item]:
-    """Surface, bars, balls, and the springs if their strains are given; among them target balls."""
+    """Draw surface, bars, balls, and the springs if their strains are given; among them target balls."""
     opacity = opacities(look, strain)
     faces = x[np.asarray(look.triangles)]
     normal, _ = normals(faces)
@@ -131,7 +131,7 @@ def mesh(
     edges: NDArray[np.intp] | None = None,
     keys: Array | None = None,
 ) -> list[Item]:
-    """Lit triangles (T, 3, 3): the faces turned to the eye, and those that are two-sided, (T,) or all.
+    """Draw lit triangles (T, 3, 3): those that face the eye, and two-sided ones, (T,) or all.
 
     ``edges`` (`Look.edges`) are outlined where they are sharp or bound the silhouette. The faces are painted
     in the order of ``keys`` (T,), the largest first, in place of that of their middles.
@@ -164,14 +164,14 @@ def mesh(
 
 
 def normals(faces: Array) -> tuple[Array, Array]:
-    """Unit normals (T, 3) of faces (T, 3, 3), and twice their areas (T, 1): where that is 0, both are."""
+    """Return unit normals (T, 3) of faces (T, 3, 3) and twice their areas (T, 1); both may be 0."""
     normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     size = np.linalg.norm(normal, axis=1, keepdims=True)
     return normal / np.maximum(size, 1e-300), size
 
 
 def depths(canvas: Canvas, corners: Array, normal: Array, solids: NDArray[np.intp]) -> Array:
-    """Depths (T,) by which faces (T, 3, 3) are painted: those of their middles, if they are of one solid.
+    """Return the depths (T,) by which faces (T, 3, 3) are painted: those of their middles, for one solid.
 
     Of several ``solids`` (`Look.solids`) one is painted whole before the next: what lies on a large face may
     be farther than its middle.
@@ -210,7 +210,7 @@ def beneath(
 def one_by_one(
     solids: NDArray[np.intp], corners: Array, normal: Array, middle: Array, pixels: Array, eye: Array
 ) -> Array:
-    """Depths (T,) by which each solid is painted whole, those behind others first.
+    """Return depths (T,) by which each solid is painted whole, those behind others first.
 
     One of two that are apart is in front if a face of either parts them and the eye is on its side; where no
     face does, and where more than two hide each other in turn, the nearer one is.
@@ -263,7 +263,7 @@ def is_behind(
 
 
 def tube(canvas: Canvas, points: Array, radius: float, color: ArrayLike, opacity: Array) -> list[Item]:
-    """A round bar along points (n, 3), in pieces of their own opacity (n − 1,) and depth."""
+    """Draw a round bar along points (n, 3), in pieces of their own opacity (n − 1,) and depth."""
     pixels, depth = canvas.image(points)
     return [
         (far.mean(), partial(canvas.bar, ends, far, radius, color, False, round(255 * whole)))
@@ -278,7 +278,7 @@ def tube(canvas: Canvas, points: Array, radius: float, color: ArrayLike, opacity
 
 
 def rail(canvas: Canvas, start: ArrayLike, stop: ArrayLike, occluders: Occluders) -> list[Item]:
-    """A slender bar that belongs to the surroundings, where it is not hidden."""
+    """Draw a slender bar that belongs to the surroundings, where it is not hidden."""
     ends = np.asarray(start, dtype=float), np.asarray(stop, dtype=float)
     points = ends[0] + np.linspace(0.0, 1.0, 97)[:, None] * (ends[1] - ends[0])
     shown = 1.0 - occluders.hide(0.5 * (points[:-1] + points[1:]))
@@ -286,7 +286,7 @@ def rail(canvas: Canvas, start: ArrayLike, stop: ArrayLike, occluders: Occluders
 
 
 def dashes(canvas: Canvas, foot: ArrayLike, height: float, occluders: Occluders) -> list[Item]:
-    """A dashed line upwards, where it is not hidden."""
+    """Draw a dashed line upwards, where it is not hidden."""
     steps = np.linspace(0.0, height, 49)[:-1].reshape(-1, 2)  # start and end of each dash
     points = np.asarray(foot, dtype=float) + steps[..., None] * np.array([0.0, 0.0, 1.0])
     pixels, depth = canvas.image(points[~occluders.hide(points.mean(axis=1))])
@@ -298,7 +298,7 @@ def dashes(canvas: Canvas, foot: ArrayLike, height: float, occluders: Occluders)
 
 
 def arrow(canvas: Canvas, mark: Arrow, occluders: Occluders) -> list[Item]:
-    """A bar with a cone, pale where it is hidden; nothing if the vector is negligible in the picture."""
+    """Draw a bar with a cone, pale where it is hidden; nothing if the vector is negligible in the picture."""
     vector = np.asarray(mark.vector, dtype=float)
     length = float(np.linalg.norm(vector))
     if not length > 0.004 * canvas.extent:

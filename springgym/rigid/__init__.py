@@ -66,7 +66,7 @@ class Method(NamedTuple):
 
 
 def _method(name: str, order: int, limit: float, half: tuple[float, ...], citation: str) -> Method:
-    """The method with these stages up to the middle, which makes their sum 1, and mirrored behind it."""
+    """Make the method with these stages up to the middle, which makes their sum 1, and mirrored behind it."""
     stages = (*half, 1 - 2 * sum(half), *half[::-1])
     record = Integrator(
         name=name,
@@ -108,12 +108,12 @@ METHODS = {
 
 
 def default(scene: Scene) -> str:
-    """The method for a scene if none is named: that of fourth order, unless contact rules it out."""
+    """Return the method for a scene that names none: that of fourth order, unless contact rules it out."""
     return "verlet" if scene.surfaces or scene.meetings else "suzuki"
 
 
 def integrator(name: str) -> Integrator:
-    """The record of a method.
+    """Return the record of a method.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def advance_kernel(
 
 
 def largest_step(scene: Scene, method: Integrator) -> float:
-    """The stability limit of a method [s], by the fastest swing about the pin; infinite without one.
+    """Return the stability limit of a method [s], by the fastest swing about the pin; infinite without one.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def largest_step(scene: Scene, method: Integrator) -> float:
 
 
 def automatic_step(scene: Scene, method: Integrator, period: float | None = None) -> float:
-    """The step used when none is given [s]: by `TURN`, `LONGEST`, `LONGEST_TOUCHING` and `CLOSER`.
+    """Return the step used when none is given [s]: by `TURN`, `LONGEST`, `LONGEST_TOUCHING` and `CLOSER`.
 
     It is a whole part of ``period``.
 
@@ -177,7 +177,7 @@ def automatic_step(scene: Scene, method: Integrator, period: float | None = None
 def terms(
     scene: Scene, method: Integrator, varying: Collection[str], parameter: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[Rigid, np.ndarray | None]:
-    """The rigid body of a scene and its asymmetry, 1/I₂ − 1/I₁ (1,), as the kernel takes them.
+    """Return the rigid body of a scene and its asymmetry, 1/I₂ − 1/I₁ (1,), as the kernel takes them.
 
     Parameters
     ----------

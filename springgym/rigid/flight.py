@@ -57,7 +57,7 @@ def components(axes: Block, u: Vector) -> Vector:
 
 @compiled
 def turned(axes: Block, q: Vector) -> Block:
-    """The principal axes in world coordinates, given those where ``q`` is the identity."""
+    """Return the principal axes in world coordinates, given those where ``q`` is the identity."""
     return (
         combine(axes, turn(q, vec(1.0, 0.0, 0.0))),
         combine(axes, turn(q, vec(0.0, 1.0, 0.0))),
@@ -73,7 +73,7 @@ def angular_velocity(spin: Vector, rigid: Rigid) -> Vector:
 
 @compiled
 def twist_about_second(q: Vector, spin: Vector, tau: Number, asymmetry: Numbers) -> tuple[Vector, Vector]:
-    """The flow of ½(1/I₂ − 1/I₁) Π₂²."""
+    """Follow the flow of ½(1/I₂ − 1/I₁) Π₂²."""
     s, c = sine_cosine(0.5 * tau * load(asymmetry, 0) * spin[1])
     turned = (
         c * q[0] - s * q[2],
@@ -87,7 +87,7 @@ def twist_about_second(q: Vector, spin: Vector, tau: Number, asymmetry: Numbers)
 
 @compiled
 def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> tuple[Vector, Vector]:
-    """The free motion of a body whose first two moments are I₁."""
+    """Turn a free body whose first two moments are I₁."""
     slow = 1.0 / load(rigid.moments, 0)
     q = product(q, rotation_vector(spin, tau * slow))
     s, c = sine_cosine(0.5 * tau * (1.0 / load(rigid.moments, 2) - slow) * spin[2])
@@ -105,7 +105,7 @@ def turn_freely(q: Vector, spin: Vector, tau: Number, rigid: Rigid) -> tuple[Vec
 
 @compiled
 def fly(state: State, tau: Number, rigid: Rigid, asymmetry: Numbers) -> State:
-    """The state after ``tau`` seconds."""
+    """Return the state after ``tau`` seconds."""
     q, spin, position, velocity = state
     if asymmetry is not None:
         q, spin = twist_about_second(q, spin, 0.5 * tau, asymmetry)

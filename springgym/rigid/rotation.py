@@ -41,7 +41,7 @@ def sine_cosine(angle: Number) -> tuple[Number, Number]:
 
 @compiled
 def product(p: Vector, q: Vector) -> Vector:
-    """The rotation q, then p."""
+    """Return the rotation q, followed by p."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
         p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
@@ -58,7 +58,7 @@ def normalised(q: Vector) -> Vector:
 
 @compiled
 def turn(q: Vector, u: Vector) -> Vector:
-    """A vector in world coordinates from body coordinates: u + 2 w a × u + 2 a × (a × u), q = (w, a)."""
+    """Turn a vector from body to world coordinates: u + 2 w a × u + 2 a × (a × u), q = (w, a)."""
     axis = vec(q[1], q[2], q[3])
     across = 2.0 * cross(axis, u)
     return u + (q[0] * across + cross(axis, across))
@@ -66,13 +66,13 @@ def turn(q: Vector, u: Vector) -> Vector:
 
 @compiled
 def turn_back(q: Vector, u: Vector) -> Vector:
-    """A vector in body coordinates from world coordinates."""
+    """Turn a vector from world to body coordinates."""
     return turn((q[0], -q[1], -q[2], -q[3]), u)
 
 
 @compiled
 def rotation_vector(u: Vector, scale: Number) -> Vector:
-    """The rotation about ``u`` by the angle ``scale`` × |u|."""
+    """Return the rotation about ``u`` by the angle ``scale`` × |u|."""
     size = sqrt(dot(u, u) + TINY)
     sine, cosine = sine_cosine((0.5 * scale) * size)
     s = sine / size

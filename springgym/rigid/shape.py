@@ -41,7 +41,7 @@ def turns(scene: Scene) -> bool:
 
 
 def principal_shape(scene: Scene, masses: np.ndarray | None = None) -> Shape:
-    """The unstretched particles of a scene's body in principal axes about its pin or centre of mass.
+    """Return the unstretched particles of a scene's body in principal axes about its pin or centre of mass.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def _check_rest(scene: Scene, method: Integrator) -> None:
     principal_shape(scene)
     for field in fields(scene):
         if field.name not in UNDERSTOOD and getattr(scene, field.name) != field.default:
-            raise ValueError(f"rigid dynamics knows nothing of {field.name}: leave it out of the scene")
+            raise ValueError(f"rigid dynamics does not support {field.name}: leave it out of the scene")
 
 
 def _rank(positions: np.ndarray) -> int:
@@ -210,7 +210,7 @@ def _rank(positions: np.ndarray) -> int:
 
 
 def highest_rate(scene: Scene) -> float:
-    """The fastest rate [rad/s] at which the start of a scene lets its rigid body change.
+    """Return the fastest rate [rad/s] at which the start of a scene lets its rigid body change.
 
     The larger of the angular speed that it starts with and √(M g d / I), I the smallest moment about the
     pin, d the distance of the centre of mass from it.

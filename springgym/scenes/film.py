@@ -248,7 +248,7 @@ def _balls(body: Body, size: float) -> dict[str, Any]:
 
 
 def _round(body: Body, size: float, color: Color) -> dict[str, Any]:
-    """As thick as others meet it."""
+    """Draw a body as thick as others meet it."""
     return {
         "bars": body.springs,
         "bar_radius": body.radius,
@@ -259,7 +259,7 @@ def _round(body: Body, size: float, color: Color) -> dict[str, Any]:
 
 
 def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
-    """As its round features, in octants of two colours, one of them odd: they show how it turns."""
+    """Draw round features in octants of two colours, one of them odd, which show how the body turns."""
     skins, triangles, colors, first = [], [], [], len(body.masses)
     for feature in body.rounds:
         squares, axes = np.linalg.eigh(feature.matrix)
@@ -281,7 +281,7 @@ def _rolling(body: Body, size: float, color: Color) -> dict[str, Any]:
 
 
 def _globe(upright: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (V, 3) of a unit sphere, its triangles (T, 3) and of each the octant (T,), 0 to 7.
+    """Return points (V, 3) of a unit sphere, its triangles (T, 3), and the octant (T,) of each, 0 to 7.
 
     If it is to be pressed flat, its rows lie ``upright`` at the rim, so that what is left is a coin.
     """
@@ -350,7 +350,7 @@ def _rope(body: Body, size: float) -> dict[str, Any]:
 
 
 def _face_colors(body: Body) -> np.ndarray:
-    """One colour for each flat face, those of opposite direction alike."""
+    """Choose one colour for each flat face, and the same for faces of opposite direction."""
     a, b, c = body.positions[body.triangles].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]

@@ -61,7 +61,7 @@ PREFIXES = (("k", 1e-3), ("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))
 
 
 def draw(recording: Recording) -> Figure:
-    """The figure of a recording; save it with its ``savefig``.
+    """Draw the figure of a recording; save it with its ``savefig``.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def _picture(
     title: str,
     until: int | None = None,
 ) -> Axes:
-    """The body at some moments, with the path of the traced particle and that of the centre of mass.
+    """Draw the body at some moments, with the path of the traced particle and that of the centre of mass.
 
     ``size`` is that of the picture in inches.
     """
@@ -124,7 +124,7 @@ def _picture(
 
 
 def _part(recording: Recording) -> str:
-    """The name of the traced particle."""
+    """Return the name of the traced particle."""
     scene, trace = recording.plan.scene, recording.plan.trace
     for placed, own in zip(scene.bodies, scene.slices, strict=True):
         for name, particles in placed.body.parts.items():
@@ -136,7 +136,7 @@ def _part(recording: Recording) -> str:
 def _path_in(
     axes: Axes, camera: Camera, pixels: tuple[int, int], path: np.ndarray, color: str, name: str
 ) -> None:
-    """A path (T, 3) over a picture, named in its legend."""
+    """Draw a path (T, 3) over a picture, and name it in its legend."""
     spots, _ = camera.project(path, pixels)
     axes.plot(*spots.T, color="w", linewidth=2.4, alpha=0.6)
     axes.plot(*spots.T, color=color, linewidth=1.2, label=name)
@@ -146,7 +146,7 @@ def _path_in(
 def _clock(
     axes: Axes, recording: Recording, moments: Sequence[int], camera: Camera, pixels: tuple[int, int]
 ) -> None:
-    """The time over each pose that has room for it."""
+    """Write the time over each pose that has room for it."""
     taken: list[np.ndarray] = []
     order = [moments[-1], *moments[:-1]]
     for moment in order:
@@ -166,7 +166,7 @@ def _clock(
 
 
 def _ruler(axes: Axes, camera: Camera, pixels: tuple[int, int], recording: Recording) -> None:
-    """A length, as it is seen in the middle of the picture."""
+    """Draw a length as it is seen in the middle of the picture."""
     distance = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
     a_metre = camera.pixels_per_radian(pixels[1]) / distance
     most = 0.25 * pixels[0] / a_metre
@@ -193,7 +193,7 @@ def _panel(figure: Figure, place: SubplotSpec, title: str, across: str, up: str,
 
 
 def _scaled(unit: str, *values: np.ndarray) -> tuple[str, float]:
-    """A unit with the prefix that suits values, and the factor that goes with it."""
+    """Return a unit with the prefix that suits values, and the factor that goes with it."""
     largest = max(float(np.abs(v).max()) for v in values)
     if (unit.startswith("m") and largest >= 0.02) or 0.05 <= largest < 3000 or not largest:
         return unit, 1.0
@@ -202,7 +202,7 @@ def _scaled(unit: str, *values: np.ndarray) -> tuple[str, float]:
 
 
 def _named(axes: Axes, x: float, y: float, text: str, color: str, **options: Any) -> None:
-    """The name of a curve beside its end."""
+    """Write the name of a curve beside its end."""
     axes.annotate(
         text,
         (x, y),
@@ -263,7 +263,7 @@ def _energies(recording: Recording, figure: Figure, place: SubplotSpec, change: 
 
 
 def _path(recording: Recording) -> np.ndarray:
-    """Path of the traced particle, or of the centre of mass, from the pin if there is one, (T, 3)."""
+    """Return the path (T, 3) of the traced particle, or of the centre of mass, from the pin if any."""
     plan = recording.plan
     path = recording.measures.centre if plan.trace is None else recording.positions[:, plan.trace]
     if plan.scene.pinned:
@@ -279,7 +279,7 @@ def _square(axes: Axes) -> None:
 
 
 def top(recording: Recording, figure: Figure) -> None:
-    """The crown's trace in space and from above, beside the rigid twin's; the tilt; the energies."""
+    """Draw the crown's trace in space and from above, beside the rigid twin's; the tilt; the energies."""
     path, twin, pinned = _path(recording), rigid_twin(recording), bool(recording.plan.scene.pinned)
     grid = figure.add_gridspec(2, 3, width_ratios=(1.25, 1.15, 1.15))
     end = len(recording.times) - 1
@@ -309,7 +309,7 @@ def _tilt(recording: Recording) -> np.ndarray:
 
 
 def pendulum(recording: Recording, figure: Figure) -> None:
-    """The swing in space and from above; in time, beside the rigid twin's; the energies."""
+    """Draw the swing in space and from above; in time, beside the rigid twin's; the energies."""
     path, twin = _path(recording), rigid_twin(recording)
     sideways = path[np.argmax(np.hypot(path[:, 0], path[:, 1])), :2]
     sideways = sideways / (np.linalg.norm(sideways) or 1.0)
@@ -334,7 +334,7 @@ def _angle(path: np.ndarray, sideways: np.ndarray) -> np.ndarray:
 
 
 def rope(recording: Recording, figure: Figure) -> None:
-    """The rope at some moments; its length and its end in time; the energies."""
+    """Draw the rope at some moments; its length and its end in time; the energies."""
     x, t = recording.positions, recording.times
     lengths = np.linalg.norm(np.diff(x, axis=1), axis=2).sum(axis=1)
     rest = float(recording.plan.scene.body.lengths.sum())
@@ -358,7 +358,7 @@ def rope(recording: Recording, figure: Figure) -> None:
 
 
 def _stretched(recording: Recording, axes: Axes) -> None:
-    """A rope that hardly moves sideways, at quarters of a second, later ones darker."""
+    """Draw a rope that hardly moves sideways, at quarters of a second, later ones darker."""
     x, t = recording.positions, recording.times
     shapes = x[:: max(1, round(0.25 / (t[1] - t[0])))][:24]
     for n, shape in enumerate(shapes):
@@ -369,7 +369,7 @@ def _stretched(recording: Recording, axes: Axes) -> None:
 
 
 def drop(recording: Recording, figure: Figure) -> None:
-    """The body at some moments; heights and energies in time."""
+    """Draw the body at some moments; heights and energies in time."""
     x, t, m = recording.positions, recording.times, recording.measures
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.05))
     calm = int(np.argmax(m.energy < m.energy[-1] + 0.02 * (m.energy[0] - m.energy[-1]))) or len(t) - 1
@@ -385,7 +385,7 @@ def drop(recording: Recording, figure: Figure) -> None:
 
 
 def slide(recording: Recording, figure: Figure) -> None:
-    """The body at some moments; way and speed of its centre of mass; the energies."""
+    """Draw the body at some moments; way and speed of its centre of mass; the energies."""
     t, m = recording.times, recording.measures
     way = np.linalg.norm(m.centre - m.centre[0], axis=1)
     # by the way it makes: where friction holds it, half a step's pull is left in its velocity
@@ -404,7 +404,7 @@ def slide(recording: Recording, figure: Figure) -> None:
 
 
 def rotation(recording: Recording, figure: Figure) -> None:
-    """Angular velocity in the body's axes, beside the rigid twin's; a particle's path; the energies."""
+    """Draw the angular velocity in the body's axes, with the twin's; a particle's path; the energies."""
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.4))
     end = len(recording.times) - 1
     _picture(recording, figure, grid[:, 0], (4.4, 5.2), [end], f"at {recording.times[-1]:g} s")
@@ -422,8 +422,8 @@ def rotation(recording: Recording, figure: Figure) -> None:
 
 
 def bodies(recording: Recording, figure: Figure) -> None:
-    """The bodies at the end; the height of each one's centre of mass, how fast each turns, the energies; of
-    those that collide, what they gave each other.
+    """Draw the bodies at the end; in time, the heights of their centres of mass, their rates of rotation, the
+    energies and, if they collide, what they gave each other.
     """
     t, scene, met = recording.times, recording.plan.scene, recording.plan.scene.meetings
     grid = figure.add_gridspec(4 if met else 3, 2, width_ratios=(1, 1.05))
@@ -449,7 +449,7 @@ def bodies(recording: Recording, figure: Figure) -> None:
 
 
 def ringing(recording: Recording, figure: Figure) -> None:
-    """A chord of the body, from the traced particle to that farthest from it, in time; the energies.
+    """Draw a chord of the body, from the traced particle to the farthest one, in time; the energies.
 
     Of a solid, dashed, what its loss factor η leaves of the swings: e^(−η ω₁ t/2) of the first.
     """
@@ -478,7 +478,7 @@ def _straight(recording: Recording) -> bool:
 
 
 def _turning(recording: Recording) -> np.ndarray:
-    """Angular velocity along the body's triad, (T, 3); along the world's if the body's is a line."""
+    """Return the angular velocity along the body's triad, (T, 3); along the world's without one."""
     m = recording.measures
     if _straight(recording):
         return m.angular_velocity

@@ -88,7 +88,7 @@ def document(scene: str) -> Tree:
 
 @contextmanager
 def _file(scene: str) -> Iterator[Path]:
-    """The file of a scene."""
+    """Return the file of a scene."""
     if scene in names():
         with resources.as_file(_folder() / f"{scene}.yaml") as path:
             yield path
@@ -196,7 +196,7 @@ def _known_checks(tree: Tree, path: tuple[str, ...], checks: Sequence[str]) -> N
 
 
 def _traced(tree: Tree, scene: Scene, trace: str | int | None) -> int | None:
-    """The particle whose path is drawn; of several bodies it is named "body.part"."""
+    """Return the particle whose path is drawn; of several bodies it is named "body.part"."""
     if trace is None:
         return None
     number, part = 0, trace
@@ -229,7 +229,7 @@ def _bodies(
     pinned: Sequence[str | int],
     start: object,
 ) -> list[_Standing]:
-    """The one body of a file, or several by their names."""
+    """Read the one body of a file, or several by their names."""
     if bodies is None:
         if body is None:
             raise YamlError(f"{tree.where[()]}: the file lacks body")
@@ -261,7 +261,7 @@ def _standing(
     start: object = None,
     checks: Sequence[str] = (),
 ) -> _Standing:
-    """A body with its pins and its start, which a file says at ``path``."""
+    """Read a body with its pins and its start at ``path`` of a file."""
     made = _body(tree, (*path, "body"))
     given: dict[str, Any] = {
         "body": made,
@@ -299,7 +299,7 @@ def _net(
     markers: tuple[int, int, int] | None = None,
     floppy: bool = False,
 ) -> Body:
-    """A body given particle by particle and spring by spring, see `Body`."""
+    """Read a body given particle by particle and spring by spring, see `Body`."""
     return Body(
         "net",
         np.array(positions),
@@ -323,14 +323,14 @@ def _mesh(
     stiffness: float = 1e5,
     damping: float = 10.0,
 ) -> Body:
-    """Arguments of `springgym.bodies.from_mesh`; ``file`` is relative to the scene file."""
+    """Return arguments of `springgym.bodies.from_mesh`; ``file`` is relative to the scene file."""
     return from_mesh(folder / file, mass, by, scale, stiffness, damping)
 
 
 def _solid_mesh(
     folder: Path, file: str, material: Material | str, scale: float = 1.0, softened: float = 1.0
 ) -> Body:
-    """Arguments of `springgym.bodies.solid_mesh`; ``file`` is relative to the scene file."""
+    """Return arguments of `springgym.bodies.solid_mesh`; ``file`` is relative to the scene file."""
     return solid_mesh(folder / file, material, scale, softened)
 
 
@@ -357,7 +357,7 @@ KINDS: dict[str, Callable[..., Body]] = {
 
 
 def _body(tree: Tree, path: tuple[str, ...]) -> Body:
-    """The body at a path: its ``kind``, and the arguments of the function that makes it."""
+    """Read the body at a path: its ``kind``, and the arguments of the function that makes it."""
     entries, place = tree.at(path), tree.where[path]
     if not isinstance(entries, dict) or not isinstance(entries.get("kind"), str):
         raise YamlError(f"{place}: {'.'.join(path)} must be a mapping with a kind")
@@ -377,7 +377,7 @@ def _body(tree: Tree, path: tuple[str, ...]) -> Body:
 
 
 def _part(tree: Tree, path: tuple[str, ...]) -> Body:
-    """A part of a union: a body with a ``name``, moved to ``at``."""
+    """Read a part of a union: a body with a ``name``, moved to ``at``."""
 
     def placed(name: str, at: Vector = (0.0, 0.0, 0.0)) -> Body:
         return body.with_(name=name, positions=body.positions + np.array(at))
@@ -388,7 +388,7 @@ def _part(tree: Tree, path: tuple[str, ...]) -> Body:
 
 
 def _particles(tree: Tree, path: tuple[str, ...], body: Body, given: Sequence[str | int]) -> tuple[int, ...]:
-    """Particles by number or by the name of a part."""
+    """Return particles by number or by the name of a part."""
     found: list[int] = []
     for item in given:
         if isinstance(item, str) and item not in body.parts:
@@ -428,7 +428,7 @@ def _met(
     reach: float | None = None,
     paper_damping: float = 0.0,
 ) -> tuple[Contact, PaperContact]:
-    """Contact by default and by the paper's method, whose c_N is ``paper_damping`` [kg/s]."""
+    """Return the contact by default and by the paper's method, whose c_N is ``paper_damping`` [kg/s]."""
     return (
         Contact(friction, restitution, strength, reach),
         PaperContact(friction, paper_damping, strength, reach),
@@ -535,7 +535,7 @@ def _lifted(
     contact: Contact,
     height: float | Literal["rest"],
 ) -> np.ndarray:
-    """Positions moved along the normal of a plane to a height of the lowest particle."""
+    """Return positions moved along the normal of a plane to a height of the lowest particle."""
     if not isinstance(surface, Plane):
         raise ValueError("height needs a plane; give a position above other surfaces")
     found = heights(body, positions, surface)
@@ -552,7 +552,7 @@ def _lifted(
 
 
 def _hung(body: Body, first: np.ndarray, last: np.ndarray, gravity: Vector) -> np.ndarray:
-    """A rope hanging between its ends."""
+    """Hang a rope between its ends."""
     if body.name != "rope" or any(gravity[:2]) or not gravity[2] < -1e-9:
         raise ValueError("end needs a rope, and gravity straight down")
     across = (last - first) * (1, 1, 0)

@@ -1,4 +1,4 @@
-"""Say how a body meets surfaces, and which surfaces can be together. Frozen data, checked once."""
+"""The contact of bodies, and checks of surfaces that a scene combines. Frozen data, checked once."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ stays a tenth of Δ away."""
 
 @dataclass(frozen=True)
 class Contact:
-    """Describe how bodies meet surfaces: by a barrier that keeps energy, see `springgym.contact.surfaces`.
+    """The contact of bodies with surfaces and each other: a barrier that conserves energy, and friction.
 
     Parameters
     ----------
     friction
         μ, static and kinetic; 0 for ice. With ``kinetic`` it is the static one.
     restitution
-        Rebound speed over impact speed, 0 … 1, at every speed above `springgym.contact.law.SLOW`; what is
-        slower comes to rest.
+        Rebound speed over impact speed, 0 … 1, at every speed above `springgym.contact.law.SLOW`. Slower
+        bodies come to rest.
     strength, reach
         c [N·m²] and Δ [m]. By default Δ is `REACH` of `Body.swept`, and c is `derived_strength`.
     kinetic, stribeck
@@ -52,7 +52,7 @@ class Contact:
     Raises
     ------
     ValueError
-        Naming the value that makes no sense.
+        If a value is out of bounds; the message names it.
     """
 
     friction: float = 0.0
@@ -82,7 +82,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class PaperContact:
-    """Describe the paper's contact with surfaces, see `springgym.forces.paper_contact`; for rk4 only.
+    """The paper's contact with surfaces, see `springgym.forces.paper_contact`; for rk4 only.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def restitution_at_most(speed: float, faithful: float) -> float:
 
 
 def scales(contact: Contact | PaperContact, body: Body) -> tuple[float, float]:
-    """c [N·m²] and Δ [m] for a body, see `Contact`.
+    """Return c [N·m²] and Δ [m] for a body, see `Contact`.
 
     Raises
     ------
@@ -212,7 +212,7 @@ def coupled(surfaces: tuple[Surface, ...]) -> bool:
 
 
 def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
-    """Refuse what contact cannot do.
+    """Refuse surfaces between which contact cannot be computed.
 
     Raises
     ------
@@ -227,14 +227,14 @@ def check_surfaces(surfaces: tuple[Surface, ...], reach: float) -> None:
             gap = -(first.offset + second.offset)
             if gap < 4 * reach:
                 raise ValueError(
-                    f"surfaces {i} and {j} face each other {gap:g} m apart; they reach {reach:g} m, "
-                    f"so that they must be at least {4 * reach:g} m apart"
+                    f"surfaces {i} and {j} face each other {gap:g} m apart; because each of them reaches "
+                    f"{reach:g} m, they must be at least {4 * reach:g} m apart"
                 )
         elif dot < -1e-9:
             angle = 180 - math.degrees(math.acos(max(-1.0, dot)))
             raise ValueError(
                 f"surfaces {i} and {j} meet at {angle:.3g}°; they must meet at 90° or more, "
-                "as a sharper notch could be pierced"
+                "because particles could pass through a sharper notch"
             )
 
 
@@ -264,16 +264,16 @@ def check_heights(
     free : (N,)
         The particles that surfaces act on: those that are not pinned.
     body
-        Heights count from the skin of its balls or rods, and are of its round features if it has some.
+        Heights are those of its round features if it has any, else those of the skin of its balls or rods.
     copies : (k,), optional
-        What the copies are called.
+        Numbers of the copies in messages.
     owner
-        What is said behind the particle's number: " of" its body, if there are several.
+        Text behind the particle's number in messages: " of" its body, if there are several.
 
     Raises
     ------
     ValueError
-        Naming the particle or feature, the copy if there are several, and the surface.
+        If a start is refused; the message names the particle or feature, the copy and the surface.
     """
     what, acts = ("round feature", np.array(True)) if body.rounds else ("particle", free)
     for n, surface in enumerate(surfaces):
@@ -286,5 +286,5 @@ def check_heights(
             where = f"{-h:g} m behind" if h < 0 else f"only {h:g} m above"
             raise ValueError(
                 f"{what} {part}{owner}{of} starts {where} surface {n}, {surface}; it must be at least "
-                f"{NEAREST * reach:g} m above, and is free of its force from {reach:g} m"
+                f"{NEAREST * reach:g} m above; the surface's force ends at {reach:g} m"
             )

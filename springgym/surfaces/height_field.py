@@ -186,7 +186,7 @@ class HeightField(Surface):
 
     @cached_property
     def coefficients(self) -> np.ndarray:
-        """Coefficients of the B-splines [m], (m + 2, n + 2)."""
+        """Return the coefficients of the B-splines [m], (m + 2, n + 2)."""
         return _coefficients(_coefficients(np.array(self.heights)).T).T
 
     @property

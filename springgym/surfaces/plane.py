@@ -65,7 +65,7 @@ class Plane(Surface):
 
     @cached_property
     def _across(self) -> np.ndarray:
-        """The normal as an array."""
+        """Return the normal as an array."""
         return read_only(self.normal)
 
     @classmethod

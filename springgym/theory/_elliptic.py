@@ -24,14 +24,14 @@ class Jacobi(NamedTuple):
 
 
 def complete_k(m1: float) -> float:
-    """Complete elliptic integral K; infinite at m1 = 0."""
+    """Return the complete elliptic integral K; infinite at m1 = 0."""
     from scipy.special import ellipkm1
 
     return float(ellipkm1(m1))
 
 
 def incomplete_f(sine: float, cosine: float, m1: float) -> float:
-    """F(x | m) of tan x = sine / cosine, cosine >= 0, by Carlson's R_F (DLMF 19.25.5)."""
+    """Return F(x | m) of tan x = sine / cosine, cosine >= 0, by Carlson's R_F (DLMF 19.25.5)."""
     from scipy.special import elliprf
 
     size = math.hypot(sine, cosine)
@@ -40,7 +40,7 @@ def incomplete_f(sine: float, cosine: float, m1: float) -> float:
 
 
 def jacobi(u: Floats, m1: float) -> Jacobi:
-    """sn, cn, dn of u, first reduced to |r| <= K so that turns do not cost accuracy.
+    """Return sn, cn, dn of u, first reduced to |r| <= K so that turns do not cost accuracy.
 
     For m1 >= 0.1 by SciPy; below it as sums over poles, dn = (pi/2K') sum sech(pi (r - 2nK)/2K')
     and likewise cn and sn with alternating signs of sech and tanh (DLMF 22.12 through Jacobi's
@@ -66,7 +66,7 @@ def jacobi(u: Floats, m1: float) -> Jacobi:
 
 
 def third_kind(functions: Jacobi, m1: float, p: float, q: float) -> Floats:
-    """Integral from 0 to u of du / (p cn^2 u + q sn^2 u), for p, q > 0.
+    """Return the integral from 0 to u of du / (p cn^2 u + q sn^2 u), for p, q > 0.
 
     It is Pi(n; am u | m) / p with n = 1 - q/p, by Carlson's R_F and R_J (DLMF 19.25.14). For
     p < q it is taken from the other end, K - u, where sn -> cn/dn and cn -> sqrt(m1) sn/dn, so

@@ -15,7 +15,7 @@ from springgym.theory.frames import Floats
 
 
 def force(height: ArrayLike, strength: float, reach: float) -> Floats:
-    """F(h) = c/h^2 - c/Delta^2 for 0 < h < Delta, else 0, N (paper, eq 8).
+    """Return F(h) = c/h^2 - c/Delta^2 for 0 < h < Delta, else 0, N (paper, eq 8).
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def force(height: ArrayLike, strength: float, reach: float) -> Floats:
 
 
 def energy(height: ArrayLike, strength: float, reach: float) -> Floats:
-    """U(h) = c (Delta - h)^2 / (h Delta^2) for 0 < h < Delta, else 0, J; F = -dU/dh.
+    """Return U(h) = c (Delta - h)^2 / (h Delta^2) for 0 < h < Delta, else 0, J; F = -dU/dh.
 
     Parameters as for `force`.
     """
@@ -38,7 +38,7 @@ def energy(height: ArrayLike, strength: float, reach: float) -> Floats:
 
 
 def rest_height(weight: float, strength: float, reach: float) -> float:
-    """Height where the floor carries a weight, Delta / sqrt(1 + m g Delta^2 / c), m.
+    """Return the height where the floor carries a weight, Delta / sqrt(1 + m g Delta^2 / c), m.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def rest_height(weight: float, strength: float, reach: float) -> float:
 
 
 def turning_point(energy: float, strength: float, reach: float, weight: float = 0.0) -> float:
-    """Lowest height of a particle of a given energy, m.
+    """Return the lowest height of a particle of a given energy, m.
 
     Without weight, h/Delta = 1 + s/2 - sqrt(s + s^2/4), s = E Delta / c. With weight, the smaller
     root of (c/Delta^2 + m g) h^2 - (2 c/Delta + E) h + c = 0, which is U(h) + m g h = E.
@@ -70,7 +70,7 @@ def turning_point(energy: float, strength: float, reach: float, weight: float = 
 
 
 def apex(energy: float, strength: float, reach: float, weight: float) -> float:
-    """Greatest height, E / m g above the floor's reach, m: without loss each bounce returns to it.
+    """Return the greatest height, E / m g above the floor's reach, m: without loss each bounce returns to it.
 
     Parameters as for `turning_point`; a particle that never leaves the floor's reach turns at the
     larger root of the same quadratic.
@@ -85,7 +85,7 @@ def _stiff(strength: float, reach: float, weight: float) -> float:
 
 
 def _larger_root(energy: float, strength: float, reach: float, weight: float) -> float:
-    """Larger root of U(h) + m g h = E, as a quadratic in h; the roots' product is c / _stiff."""
+    """Return the larger root of U(h) + m g h = E, as a quadratic in h; the roots' product is c / _stiff."""
     stiff, half = _stiff(strength, reach, weight), strength / reach + energy / 2
     # half^2 - stiff c, without the cancellation of c^2 / Delta^2
     square = energy**2 / 4 + strength * (energy / reach - weight)
@@ -96,7 +96,7 @@ def _larger_root(energy: float, strength: float, reach: float, weight: float) ->
 
 
 def rebound(speed: float, restitution: float, slow: float) -> float:
-    """Rebound speed over impact speed v of the force F(h) (1 - beta h_dot / sqrt(h_dot^2 + w^2)).
+    """Return rebound over impact speed v of the force F(h) (1 - beta h_dot / sqrt(h_dot^2 + w^2)).
 
     With beta = (1 - e^2)/(1 + e^2): e for v well above w, less for slower impacts, without weight and for any
     barrier F.
@@ -139,12 +139,12 @@ def _sums(values: Floats, places: Floats) -> Floats:
 
 
 def stopping_distance(speed: float, friction: float, gravity: float = 9.81) -> float:
-    """Distance a particle slides on a level floor, v^2 / (2 mu g), m (Coulomb friction)."""
+    """Return the distance a particle slides on a level floor, v^2 / (2 mu g), m (Coulomb friction)."""
     return speed**2 / (2 * friction * gravity)
 
 
 def slope_acceleration(angle: float, friction: float, gravity: float = 9.81) -> float:
-    """Acceleration of a particle sliding down a slope, g (sin a - mu cos a), m/s^2.
+    """Return the acceleration of a particle sliding down a slope, g (sin a - mu cos a), m/s^2.
 
     Negative where it slows down; `holds` says whether it then stays. Angle in rad.
     """

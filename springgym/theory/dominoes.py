@@ -25,7 +25,7 @@ POINTS = 60
 
 
 def leaning(angle: float, count: int, height: float, thickness: float, space: float) -> tuple[Floats, Floats]:
-    """Angles θᵢ [rad] of `count` dominoes, from the foremost back, and their rates dθᵢ/dθ, each (count,)."""
+    """Return angles θᵢ [rad] of `count` dominoes, from the foremost back, and rates dθᵢ/dθ, each (count,)."""
     pitch = space + thickness
     angles, rates = np.zeros(count), np.ones(count)
     angles[0] = angle
@@ -46,7 +46,7 @@ def impacts(
     start: float,
     gravity: float = 9.81,
 ) -> Floats:
-    """Times at which each of `count` dominoes behind the first is hit, s, shape (count,).
+    """Return times at which each of `count` dominoes behind the first is hit, s, shape (count,).
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def impacts(
 def speed(
     height: float, thickness: float, space: float, inertia: float, gravity: float = 9.81, count: int = 60
 ) -> float:
-    """Speed of the wave far from its start, m/s, see `impacts`."""
+    """Return the speed of the wave far from its start, m/s, see `impacts`."""
     start = 3.0 * math.sqrt(gravity / height)
     times = impacts(count, height, thickness, space, inertia, start, gravity)
     return (space + thickness) / float(times[-1] - times[-2])

@@ -9,7 +9,7 @@ Floats = NDArray[np.float64]
 
 
 def euler_zxz(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Floats:
-    """Frame of the Euler angles of Goldstein: R = Rz(phi) Rx(theta) Rz(psi).
+    """Return the frame of Goldstein's Euler angles: R = Rz(phi) Rx(theta) Rz(psi).
 
     The body's third axis is R e_z = (sin theta sin phi, -sin theta cos phi, cos theta); it tilts
     towards +x for phi = pi/2.
@@ -39,7 +39,7 @@ def euler_zxz(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Floats:
 
 
 def carry(frame: ArrayLike, omega_world: ArrayLike, points: ArrayLike) -> tuple[Floats, Floats]:
-    """Positions and velocities of particles fixed in a turning frame: x = R r, v = omega x (R r).
+    """Return positions and velocities of particles fixed in a turning frame: x = R r, v = omega x (R r).
 
     Parameters
     ----------

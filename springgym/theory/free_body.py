@@ -34,7 +34,7 @@ class FreeMotion(NamedTuple):
 
 
 def corner_box_inertia(mass: float, edges: ArrayLike) -> Floats:
-    """Eight equal corner masses: I_x = M (b^2 + c^2)/4 and cyclic, kg m^2.
+    """Return the inertia of eight equal corner masses: I_x = M (b^2 + c^2)/4 and cyclic, kg m^2.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class _Circulation:
 
 
 def _circulation(inertia: Floats, omega: Floats) -> _Circulation | None:
-    """Constants of the Jacobi solution; None for a steady spin (omega parallel to I omega).
+    """Return constants of the Jacobi solution; None for a steady spin (omega parallel to I omega).
 
     With c the axis circulated about, D_j = L^2 - 2 T I_j:
     rate^2 = (I_c - I_b) D_a / (I_a I_b I_c), 1 - k^2 = (I_c - I_a) D_b / ((I_c - I_b) D_a).
@@ -137,7 +137,7 @@ def flip_interval(inertia: ArrayLike, omega: ArrayLike) -> float:
 
 
 def motion(inertia: ArrayLike, omega: ArrayLike, t: ArrayLike, frame: ArrayLike | None = None) -> FreeMotion:
-    """Exact motion: Jacobi functions for omega, an integral of the third kind for the frame.
+    """Return the exact motion: Jacobi functions for omega, an integral of the third kind for the frame.
 
     About axis c (the major axis where L^2 > 2 T I2, else the minor one), with Euler angles about
     the fixed L:  cos(theta) = I_c w_c / L, tan(psi) = I_a w_a / (I_b w_b) and
@@ -194,7 +194,7 @@ def motion(inertia: ArrayLike, omega: ArrayLike, t: ArrayLike, frame: ArrayLike 
 
 
 def _wound(solution: _Circulation, p: float, q: float, now: Jacobi, phase: Floats) -> Floats:
-    """Integral of du / (p cn^2 + q sn^2) from `start` to `start` + phase, where the functions are `now`.
+    """Return the integral of du / (p cn^2 + q sn^2) from `start` to `start` + phase.
 
     Two integrals from 0 would cancel over a small phase; there it is Gauss's quadrature, whose error is
     below round-off while the nearest pole, about sqrt(p/q) or sqrt(q/p) off, is ten times as far.
@@ -218,7 +218,7 @@ def _checked(inertia: ArrayLike, omega: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def _steady(omega: Floats, t: Floats, first: Floats) -> FreeMotion:
-    """Uniform rotation by Rodrigues' formula."""
+    """Return a uniform rotation by Rodrigues' formula."""
     speed = float(np.linalg.norm(omega))
     x, y, z = omega / speed if speed else omega
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -13,7 +13,7 @@ from springgym.theory.frames import Floats
 def damped(
     mass: float, damping: float, stiffness: float, x: float, v: float, t: ArrayLike
 ) -> tuple[Floats, Floats]:
-    """Exact solution of m x_ddot + c x_dot + k x = 0 from (x, v) at time 0, for any c >= 0.
+    """Return the exact solution of m x_ddot + c x_dot + k x = 0 from (x, v) at time 0, for any c >= 0.
 
     With g = c/2m, w0^2 = k/m: below critical damping x = e^{-gt} [x0 cos(wt) + (v0 + g x0)
     sin(wt)/w], w^2 = w0^2 - g^2; above it x = x0 e^{-r1 t} + (v0 + r1 x0) (e^{-r1 t} - e^{-r2 t})
@@ -58,7 +58,7 @@ def damped(
 
 
 def spun_pair_length(mass: float, stiffness: float, rest_length: float, omega: float) -> float:
-    """Length of two equal masses on a spring in steady spin, L = L0 / (1 - m Omega^2 / 2k), m.
+    """Return the length of two equal masses on a spring in steady spin, L = L0 / (1 - m Omega^2 / 2k), m.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def spun_pair_length(mass: float, stiffness: float, rest_length: float, omega: f
 
 
 def spun_pair(mass: float, stiffness: float, rest_length: float, momentum: float) -> tuple[float, float]:
-    """Length, m, and spin, rad/s, at which two equal masses on a spring settle by their angular momentum.
+    """Return length, m, and spin, rad/s, at which two equal masses on a spring settle.
 
     m Omega L^2 / 2 is the momentum; L and Omega from `spun_pair_length` by bisection, since the momentum
     grows with the spin.
@@ -100,7 +100,7 @@ def spun_pair(mass: float, stiffness: float, rest_length: float, momentum: float
 
 
 def implicit_euler_spin(omega: float, step: float, t: ArrayLike) -> Floats:
-    """Spin that implicit Euler leaves of a body, Omega0 / sqrt(1 + 2 h Omega0^2 t), rad/s.
+    """Return the spin that implicit Euler leaves of a body, Omega0 / sqrt(1 + 2 h Omega0^2 t), rad/s.
 
     One step of size h keeps x1 x v1 = x0 x v1, hence Omega0 = Omega1 (1 + h^2 Omega1^2) at fixed
     radius, whatever the stiffness; to first order in h that is dOmega/dt = -h Omega^3.

@@ -33,7 +33,7 @@ class CornerCube:
 
 
 def cube_on_vertex(mass: float, edge: float, gravity: float = 9.81) -> CornerCube:
-    """I3 = M b^2/2, I1 = M b^2/2 + M l^2 = 5 M b^2/4, l = sqrt(3) b/2.
+    """Return the cube's I3 = M b^2/2 and I1 = M b^2/2 + M l^2 = 5 M b^2/4, l = sqrt(3) b/2.
 
     Parameters
     ----------
@@ -53,12 +53,12 @@ def cube_on_vertex(mass: float, edge: float, gravity: float = 9.81) -> CornerCub
 
 
 def small_period(inertia: float, mgl: float) -> float:
-    """Period of small swings, T0 = 2 pi sqrt(I / Mgl), s; inertia about the pivot, kg m^2."""
+    """Return the period of small swings, T0 = 2 pi sqrt(I / Mgl), s; inertia about the pivot, kg m^2."""
     return 2 * math.pi * math.sqrt(inertia / mgl)
 
 
 def period(inertia: float, mgl: float, amplitude: float) -> float:
-    """Period of swings of an amplitude below pi, T = T0 (2/pi) K(sin(amplitude/2)), s.
+    """Return the period of swings of an amplitude below pi, T = T0 (2/pi) K(sin(amplitude/2)), s.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def period(inertia: float, mgl: float, amplitude: float) -> float:
 
 
 def motion(inertia: float, mgl: float, theta: float, theta_dot: float, t: ArrayLike) -> tuple[Floats, Floats]:
-    """Exact angle and rate from (theta, theta_dot) at time 0, swinging or going round.
+    """Return the exact angle and rate from (theta, theta_dot) at time 0, swinging or going round.
 
     With w = sqrt(Mgl/I) and k^2 = sin^2(theta0/2) + (theta_dot0 / 2w)^2:
 

@@ -11,7 +11,7 @@ from springgym.theory.frames import Floats
 
 
 def acceleration(angle: float, moment: float, gravity: float = 9.81) -> float:
-    """Acceleration of a ball that rolls down a slope, g sin a / (1 + I/(m r^2)), m/s^2.
+    """Return the acceleration of a ball that rolls down a slope, g sin a / (1 + I/(m r^2)), m/s^2.
 
     Parameters
     ----------
@@ -26,14 +26,14 @@ def acceleration(angle: float, moment: float, gravity: float = 9.81) -> float:
 
 
 def needed_friction(angle: float, moment: float) -> float:
-    """Least coefficient of friction by which a ball rolls down a slope, tan a / (1 + m r^2/I)."""
+    """Return the least coefficient of friction by which a ball rolls down a slope, tan a / (1 + m r^2/I)."""
     return math.tan(angle) * moment / (1 + moment)
 
 
 def after_skidding(
     speed: float, moment: float, friction: float, gravity: float = 9.81
 ) -> tuple[float, float]:
-    """Speed at which a ball rolls that was thrown along a floor without spin, v / (1 + I/(m r^2)), and when.
+    """Return speed and time at which a ball thrown without spin rolls, v / (1 + I/(m r^2)).
 
     It skids for (v I/(m r^2)) / (mu g (1 + I/(m r^2))). Of a solid ball 5/7 v is left, whatever friction is,
     which acts through the line on which it touches and keeps the angular momentum about it.
@@ -69,7 +69,7 @@ def disk_rate(angle: float, radius: float, across: float, gravity: float = 9.81)
 
 
 def jellett(angular_momentum: ArrayLike, axis: ArrayLike, radius: float, offset: float) -> Floats:
-    """Jellett's constant of a tippe-top, L . (r z - a e), kg m^3/s: friction at its foot does not change it.
+    """Return Jellett's constant of a tippe-top, L . (r z - a e), kg m^3/s, which friction does not change.
 
     r z - a e is the arm from the point that touches to the centre of mass, of a sphere whose centre lies a e
     from it. All forces act at that point, so that dL/dt has no part along the arm; and L . d(arm)/dt is
@@ -99,7 +99,7 @@ def rolling_ellipsoid(
     gravity: float = 9.81,
     steps: int = 10,
 ) -> tuple[Floats, Floats]:
-    """Rotation of a rigid ellipsoid that rolls on a level floor without slipping and without loss.
+    """Return the rotation of a rigid ellipsoid that rolls on a level floor without slipping and without loss.
 
     With rho from the centre of mass to the point that touches and J = I/m + rho^2 1 - rho rho^T,
     J dw/dt = -w x (I/m) w + rho x (g z - w x d rho/dt): angular momentum about the point that touches

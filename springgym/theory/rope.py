@@ -37,7 +37,7 @@ class Catenary(NamedTuple):
 
 
 def tensions(masses: ArrayLike, gravity: float = 9.81) -> Floats:
-    """Tension at rest, T_i = g (mass below spring i), N, shape (N,).
+    """Return the tension at rest, T_i = g (mass below spring i), N, shape (N,).
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def tensions(masses: ArrayLike, gravity: float = 9.81) -> Floats:
 def stretched_lengths(
     masses: ArrayLike, rest_length: ArrayLike, stiffness: ArrayLike, gravity: float = 9.81
 ) -> Floats:
-    """Length at rest of the hanging springs, l_i = L0_i + T_i / k_i, m, shape (N,).
+    """Return the length at rest of the hanging springs, l_i = L0_i + T_i / k_i, m, shape (N,).
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def stretched_lengths(
 def swing_modes(
     masses: ArrayLike, rest_length: ArrayLike, stiffness: ArrayLike, gravity: float = 9.81
 ) -> Modes:
-    """Small sideways modes of the hanging rope: M x_ddot = -K x, K of the springs T_i / l_i.
+    """Return small sideways modes of the hanging rope: M x_ddot = -K x, K of the springs T_i / l_i.
 
     Each occurs twice, once a horizontal direction. Parameters as for `stretched_lengths`.
 
@@ -77,7 +77,7 @@ def swing_modes(
 
 
 def bounce_modes(masses: ArrayLike, stiffness: ArrayLike) -> Modes:
-    """Vertical modes of the hanging rope, M z_ddot = -K z with K of the springs k_i.
+    """Return vertical modes of the hanging rope, M z_ddot = -K z with K of the springs k_i.
 
     Exact at any amplitude while all springs stay along the vertical.
 
@@ -94,7 +94,7 @@ def bounce_modes(masses: ArrayLike, stiffness: ArrayLike) -> Modes:
 
 
 def bounce_frequency_estimate(springs: int, stiffness: float, end_mass: float) -> float:
-    """Lowest bounce of light beads under a heavy end, about sqrt(k / (N m_end)), rad/s.
+    """Return the lowest bounce of light beads under a heavy end, about sqrt(k / (N m_end)), rad/s.
 
     Springs in series; too high by about (mass of the beads)/(6 m_end) of itself.
     """
@@ -102,7 +102,7 @@ def bounce_frequency_estimate(springs: int, stiffness: float, end_mass: float) -
 
 
 def _chain_modes(masses: ArrayLike, stiffness: Floats) -> Modes:
-    """Modes of masses in line from a wall: K_ii = k_i + k_{i+1}, K_{i,i+1} = -k_{i+1}."""
+    """Return modes of masses in line from a wall: K_ii = k_i + k_{i+1}, K_{i,i+1} = -k_{i+1}."""
     root = np.sqrt(np.asarray(masses, float))
     matrix = np.diag(stiffness + np.append(stiffness[1:], 0.0))
     matrix -= np.diag(stiffness[1:], 1) + np.diag(stiffness[1:], -1)
@@ -118,7 +118,7 @@ def catenary(
     stiffness: ArrayLike,
     gravity: float = 9.81,
 ) -> Catenary:
-    """Rope of N springs between two supports, N - 1 beads hanging: the discrete catenary.
+    """Return the discrete catenary: a rope of N springs and N - 1 beads hanging between two supports.
 
     Spring i has tension T_i = sqrt(H^2 + V_i^2), V_i = V_0 + g (masses left of it), length
     l_i = L0_i + T_i / k_i and direction (H, V_i) / T_i. The height reached rises with V_0 and the
@@ -161,7 +161,7 @@ def catenary(
         return float(brentq(gap, low, high, xtol=1e-16 * high, rtol=1e-15, maxiter=1000))
 
     def lift(across: float) -> float:
-        """V_0 that reaches the right height under a given H."""
+        """Return V_0 that reaches the right height under a given H."""
 
         def gap(up: float) -> float:
             return float(edges(across, up)[0][:, 1].sum()) - rise
@@ -203,7 +203,7 @@ def cable_stretch(
 
 
 def cable_bounce(load: float, mass: float, young: float, section: float, length: float) -> float:
-    """Lowest frequency of a hanging cable with a load along itself, rad/s: x tan x = m / M.
+    """Return the lowest frequency of a hanging cable with a load along itself, rad/s: x tan x = m / M.
 
     The wave equation with u(0) = 0 and M u_tt = -E A u_x at the end, x = omega L / c,
     c^2 = E A L / m; Newton's method from x = sqrt(m / (M + m / 3)), Rayleigh's estimate.

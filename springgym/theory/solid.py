@@ -66,7 +66,7 @@ class ElasticSolid(NamedTuple):
 
     @property
     def inertia(self) -> Floats:
-        """Inertia tensor about the centre, shape (3, 3), kg m^2."""
+        """Return the inertia tensor about the centre, shape (3, 3), kg m^2."""
         return np.asarray(np.trace(self.second) * np.eye(3) - self.second)
 
 
@@ -74,7 +74,7 @@ class ElasticSolid(NamedTuple):
 
 
 def isotropic(young: float, poisson: float) -> Floats:
-    """Elasticity tensor C of stress = C strain, shape (3, 3, 3, 3), Pa.
+    """Return the elasticity tensor C of stress = C strain, shape (3, 3, 3, 3), Pa.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
 def orthotropic(young: ArrayLike, poisson: ArrayLike, shear: ArrayLike) -> Floats:
-    """Elasticity tensor of a material with three planes of symmetry, shape (3, 3, 3, 3), Pa.
+    """Return the elasticity tensor of a material with three planes of symmetry, shape (3, 3, 3, 3), Pa.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def orthotropic(young: ArrayLike, poisson: ArrayLike, shear: ArrayLike) -> Float
 
 
 def box_rule(sides: ArrayLike, degree: int = DEGREE) -> Rule:
-    """A box about the origin with these sides, shape (3,), m."""
+    """Return the rule of a box about the origin with these sides, shape (3,), m."""
     t, w = legendre.leggauss(degree + 1)
     half = np.asarray(sides, float) / 2
     grid = np.meshgrid(*(h * t for h in half), indexing="ij")
@@ -143,17 +143,17 @@ def box_rule(sides: ArrayLike, degree: int = DEGREE) -> Rule:
 
 
 def cone_rule(radius: float, height: float, degree: int = DEGREE) -> Rule:
-    """A circular cone on its tip at the origin, opening along z, m."""
+    """Return the rule of a circular cone on its tip at the origin, opening along z, m."""
     return _revolved(lambda z: radius * z / height, height, degree)
 
 
 def cylinder_rule(radius: float, height: float, degree: int = DEGREE) -> Rule:
-    """A cylinder about z between z = 0 and its height, m."""
+    """Return the rule of a cylinder about z between z = 0 and its height, m."""
     return _revolved(lambda z: np.full_like(z, radius), height, degree)
 
 
 def _revolved(profile: Callable[[Floats], Floats], height: float, degree: int) -> Rule:
-    """A solid of revolution about z from z = 0 to its height, of radius profile(z), linear in z."""
+    """Return the rule of a solid about z from z = 0 to its height, of radius profile(z), linear in z."""
     t, w = legendre.leggauss(degree + 2)
     share, weight = (t + 1) / 2, w / 2
     turns = 2 * degree + 1
@@ -166,7 +166,7 @@ def _revolved(profile: Callable[[Floats], Floats], height: float, degree: int) -
 
 
 def ball_rule(radius: float, degree: int = DEGREE) -> Rule:
-    """A ball about the origin, m."""
+    """Return the rule of a ball about the origin, m."""
     t, w = legendre.leggauss(degree + 2)
     share, weight = (t + 1) / 2, w / 2
     turns = 2 * degree + 1
@@ -214,7 +214,7 @@ def elastic_solid(
     axes: ArrayLike | None = None,
     marks: ArrayLike = (),
 ) -> ElasticSolid:
-    """Mass, inertia, frequencies and spin stretch of a free elastic solid.
+    """Compute mass, inertia, frequencies and spin stretch of a free elastic solid.
 
     Polynomials are of the rule's degree, 8 having 495 unknowns, in coordinates along the principal
     axes: in others, those of a flat solid that lies aslant could hardly be told from each other.
@@ -268,7 +268,7 @@ def elastic_solid(
 
 
 def _blocks(matrix: Floats) -> list[NDArray[np.intp]]:
-    """Unknowns that a symmetric matrix couples: those of one parity, if the solid is symmetric."""
+    """Return unknowns that a symmetric matrix couples: those of one parity, if the solid is symmetric."""
     coupled = np.abs(matrix) > 1e-13 * np.abs(matrix).max()
     np.fill_diagonal(coupled, True)
     label = np.arange(len(matrix))

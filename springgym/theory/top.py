@@ -119,7 +119,7 @@ class TopMotion(NamedTuple):
 
 
 def cone_top_inertia(mass: float, radius: float, height: float, gravity: float = 9.81) -> HeavyTop:
-    """Top of McDonald's paper about its tip: I3 = M r^2/2, I1 = M (3 h^2/4 + r^2/4), Mgl = 3/4 Mgh.
+    """Return the paper's top about its tip: I3 = M r^2/2, I1 = M (3 h^2/4 + r^2/4), Mgl = 3/4 Mgh.
 
     A ring of total mass M/2 and radius r (m) at `height` h (m) above the fixed tip of mass M/4,
     and a crown of mass M/4 at height h, with M in kg and gravity in m/s^2. The ring needs three
@@ -136,7 +136,7 @@ def cone_top_inertia(mass: float, radius: float, height: float, gravity: float =
 
 
 def constants(top: HeavyTop, state: TopState) -> Constants:
-    """Constants a, b, alpha, beta of f(u) (Goldstein section 5.7)."""
+    """Return constants a, b, alpha, beta of f(u) (Goldstein section 5.7)."""
     u, sin2 = math.cos(state.theta), math.sin(state.theta) ** 2
     a, beta = top.i3 * state.omega3 / top.i1, 2 * top.mgl / top.i1
     return Constants(
@@ -148,13 +148,13 @@ def constants(top: HeavyTop, state: TopState) -> Constants:
 
 
 def cubic(u: ArrayLike, of: Constants) -> Floats:
-    """f(u) = (1 - u^2)(alpha - beta u) - (b - a u)^2 = u_dot^2, 1/s^2 (Goldstein section 5.7)."""
+    """Return f(u) = (1 - u^2)(alpha - beta u) - (b - a u)^2 = u_dot^2, 1/s^2 (Goldstein section 5.7)."""
     u = np.asarray(u, float)
     return (1 - u**2) * (of.alpha - of.beta * u) - (of.b - of.a * u) ** 2
 
 
 def effective_potential(theta: ArrayLike, top: HeavyTop, state: TopState) -> Floats:
-    """V(theta) = I1 (b - a cos theta)^2 / (2 sin^2 theta) + Mgl cos theta, J.
+    """Return V(theta) = I1 (b - a cos theta)^2 / (2 sin^2 theta) + Mgl cos theta, J.
 
     I1 theta_dot^2 / 2 + V(theta) is constant. `state` gives the constants a and b; theta in rad
     must not be a multiple of pi. Source: Goldstein section 5.7.
@@ -180,7 +180,7 @@ class _Roots(NamedTuple):
 
 
 def _roots(top: HeavyTop, state: TopState) -> _Roots:
-    """Roots from f expanded about u0, whose coefficients are known without cancellation.
+    """Return roots from f expanded about u0, whose coefficients are known without cancellation.
 
     f(u0 + x) = c0 + c1 x + c2 x^2 + beta x^3. The largest root x3 comes by Newton's method from
     above (monotone), the other two from x^2 + p x + q with q <= 0. The identities
@@ -226,7 +226,7 @@ def _roots(top: HeavyTop, state: TopState) -> _Roots:
 
 
 def turning_points(top: HeavyTop, state: TopState) -> tuple[float, float, float]:
-    """Roots u1 <= u2 <= u3 of f(u): the axis swings between arccos(u1) and arccos(u2).
+    """Return roots u1 <= u2 <= u3 of f(u): the axis swings between arccos(u1) and arccos(u2).
 
     Returns
     -------
@@ -241,7 +241,7 @@ def turning_points(top: HeavyTop, state: TopState) -> tuple[float, float, float]
 
 
 def steady_precession(top: HeavyTop, theta: float, omega3: float) -> tuple[float, float]:
-    """Both rates of steady precession: I1 cos(theta) W^2 - I3 omega3 W + Mgl = 0.
+    """Return both rates of steady precession: I1 cos(theta) W^2 - I3 omega3 W + Mgl = 0.
 
     W = [I3 omega3 +- sqrt(I3^2 omega3^2 - 4 I1 Mgl cos theta)] / (2 I1 cos theta)
 
@@ -276,7 +276,7 @@ def steady_precession(top: HeavyTop, theta: float, omega3: float) -> tuple[float
 
 
 def nutation_frequency(top: HeavyTop, theta: float, precession: float) -> float:
-    """Angular frequency of small nutation about a steady precession W, rad/s.
+    """Return the angular frequency of small nutation about a steady precession W, rad/s.
 
     omega_n^2 = [(Mgl)^2 - 2 I1 Mgl W^2 cos(theta) + I1^2 W^4] / (I1 W)^2
 
@@ -293,12 +293,12 @@ def nutation_frequency(top: HeavyTop, theta: float, precession: float) -> float:
 
 
 def fast_nutation_frequency(top: HeavyTop, omega3: float) -> float:
-    """Nutation of a fast top, I3 omega3 / I1, rad/s (Goldstein section 5.7)."""
+    """Return the nutation of a fast top, I3 omega3 / I1, rad/s (Goldstein section 5.7)."""
     return top.i3 * abs(omega3) / top.i1
 
 
 def nutation_period(top: HeavyTop, state: TopState) -> float:
-    """Period of the tilt, T = 4 K(k) / sqrt(beta (u3 - u1)), k^2 = (u2 - u1)/(u3 - u1), s.
+    """Return the period of the tilt, T = 4 K(k) / sqrt(beta (u3 - u1)), k^2 = (u2 - u1)/(u3 - u1), s.
 
     Infinite on the separatrix (an axis that creeps to the upright) and for an axis balanced
     upright below the sleeping threshold; at a steady precession, the period of small nutation.
@@ -313,7 +313,7 @@ def nutation_period(top: HeavyTop, state: TopState) -> float:
 
 
 def sleeping_threshold(top: HeavyTop) -> float:
-    """Spin above which the upright top is stable, omega3 = 2 sqrt(Mgl I1) / I3, rad/s.
+    """Return the spin above which the upright top is stable, omega3 = 2 sqrt(Mgl I1) / I3, rad/s.
 
     For the cone top omega3^2 = 3 g h (3 h^2 + r^2) / r^4. Source: Goldstein section 5.7;
     Landau & Lifshitz section 35, problem 2.
@@ -322,7 +322,7 @@ def sleeping_threshold(top: HeavyTop) -> float:
 
 
 def motion(top: HeavyTop, state: TopState, t: ArrayLike) -> TopMotion:
-    """Exact motion from `state` at time 0, in Jacobi functions and integrals of the third kind.
+    """Return the exact motion from `state` at time 0, in Jacobi functions and integrals of the third kind.
 
     u(t) = u1 + (u2 - u1) sn^2(w), w = w0 + t sqrt(beta (u3 - u1))/2
     phi_dot = [(b - a)/(1 - u) + (b + a)/(1 + u)] / 2

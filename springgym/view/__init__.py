@@ -121,14 +121,14 @@ def _is_environment(what: str) -> bool:
 
 
 def scenes(first: str) -> Subject:
-    """A scene by name or file and, to choose from, those that come with the package."""
+    """Offer a scene by name or file and, to choose from, those that come with the package."""
     load(first)  # says what is wrong with the name
     others = [name for name in names() if name != first]
     return Subject("scene", [first, *others], simulated, knobs)
 
 
 def simulated(scene: str, changes: Changes) -> Motion:
-    """A scene with some numbers of its file changed, simulated.
+    """Simulate a scene with some numbers of its file changed.
 
     A step that the file gives is kept where it is small enough for what has become of the body.
     """
@@ -210,12 +210,12 @@ def _check_saved(path: Path) -> None:
 
 
 def _server(port: int) -> ViserServer:
-    """A server that pages of this machine alone reach."""
+    """Start a server that pages of this machine alone reach."""
     return _served(port, None)[0]
 
 
 def _served(port: int, address: str | None) -> tuple[ViserServer, str]:
-    """A server and where a browser finds it, see `springgym.view.door`."""
+    """Start a server, and return where a browser finds it, see `springgym.view.door`."""
     try:
         import viser
     except ImportError as error:

@@ -23,7 +23,7 @@ SEEDS = 20
 
 
 def episodes(agent: Agent, first: int) -> Subject:
-    """Episodes of an agent from consecutive seeds."""
+    """Offer episodes of an agent from consecutive seeds."""
     names = [f"seed {first + n}" for n in range(SEEDS)]
 
     def make(name: str, changes: Changes) -> Motion:
@@ -33,7 +33,7 @@ def episodes(agent: Agent, first: int) -> Subject:
 
 
 def find_agent(agent: str | None, env_id: str) -> Agent:
-    """An agent by name.
+    """Find an agent by name.
 
     Parameters
     ----------
@@ -55,14 +55,12 @@ def find_agent(agent: str | None, env_id: str) -> Agent:
         return Agent("random actions", env_id, {}, _random)
     if agent == "classical":
         raise ValueError(
-            "classical control is not in the view but in the scripts: "
-            f"springgym watch classical --env {env_id} --browser  shows it"
+            "springgym view does not show classical control; use "
+            f"springgym watch classical --env {env_id} --browser"
         )
     found = load_agent(agent)
     if ":" in found.env_id and found.env_id != env_id:
-        raise ValueError(
-            f"{agent} asks for a module to be imported; if that is to be, name {found.env_id}, too"
-        )
+        raise ValueError(f"{agent} names a module to import; to allow this, name {found.env_id}, too")
     return found
 
 
@@ -80,7 +78,7 @@ ACTUATORS = ("terms.wrench.", "terms.thrust.", "terms.drive.")
 
 
 def played(agent: Agent, seed: int) -> Motion:
-    """One episode of an agent."""
+    """Play one episode of an agent."""
     try:
         env = gym.make(agent.env_id, **agent.env_kwargs)
     except gym.error.Error as error:

@@ -35,14 +35,14 @@ class Knob(NamedTuple):
         return math.log10(self.value) if self.exponent else self.value
 
     def number(self, shown: float) -> float:
-        """The number for a place of the slider."""
+        """Return the number for a place of the slider."""
         if shown == self.start:
             return self.value
         return 10.0**shown if self.exponent else shown
 
 
 def _linear(unit: str, low: float, high: float, step: float) -> Callable[..., Knob]:
-    """A slider between bounds, or to twice what the file has where that is beyond."""
+    """Make a slider between bounds, or to twice the number in the file if that is larger."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob:
         label = f"{path[-1].replace('_', ' ')} {unit}".strip()
@@ -52,7 +52,7 @@ def _linear(unit: str, low: float, high: float, step: float) -> Callable[..., Kn
 
 
 def _share(unit: str) -> Callable[..., Knob | None]:
-    """A slider to four times what the file has; none if that is nothing."""
+    """Make a slider up to four times the number in the file; None if that is 0."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob | None:
         if value <= 0:
@@ -65,7 +65,7 @@ def _share(unit: str) -> Callable[..., Knob | None]:
 
 
 def _decades(unit: str) -> Callable[..., Knob | None]:
-    """A slider on the logarithm, from a hundredth to ten times what the file has; none if that is nothing."""
+    """Make a logarithmic slider from a hundredth to ten times the number in the file; None if that is 0."""
 
     def knob(path: tuple[str, ...], value: float) -> Knob | None:
         if value <= 0:
@@ -102,7 +102,7 @@ KNOBS: dict[str, dict[str, Callable[..., Knob | None]]] = {
 
 
 def knobs(scene: str) -> list[Knob]:
-    """The sliders of a scene, see `springgym.scenes.load` for what names one."""
+    """Return the sliders of a scene, see `springgym.scenes.load` for what names one."""
     return list(_found(document(scene).value))
 
 
@@ -144,7 +144,7 @@ def _section(
 
 
 def _numbers(make: Callable[..., Any]) -> dict[str, float]:
-    """Arguments of a function whose defaults are numbers."""
+    """Return arguments of a function whose defaults are numbers."""
     return {
         name: parameter.default
         for name, parameter in inspect.signature(make).parameters.items()

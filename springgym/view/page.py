@@ -139,7 +139,7 @@ class Page:
             self._frame += 1
 
     def _tell_patience(self, now: float) -> None:
-        """Say that a motion is being made, once that has taken some time."""
+        """Say that a motion is being made, if it takes long."""
         with self._lock:
             if self._begun is not None and now - self._begun > PATIENCE:
                 self._say("simulating …")
@@ -446,7 +446,7 @@ class Page:
                     setattr(self._plot, name, value)
 
     def _pointer(self) -> np.ndarray:
-        """A curve that rises from the bottom to the top of the graph at the present, and is not elsewhere."""
+        """Return a curve that rises from bottom to top of the graph at the present, and is NaN elsewhere."""
         values = np.full(len(self._sampled), np.nan)
         n = int(np.clip(np.searchsorted(self._sampled, self.time), 1, len(values) - 1))
         values[n - 1 : n + 1] = self._range
@@ -493,12 +493,12 @@ def key(motion: Motion, ticks: Collection[str], strain: float) -> str:
 
 
 def fraction(speed: float) -> str:
-    """A speed as a choice: "1/8", "1", "2"."""
+    """Write a speed as a choice: "1/8", "1", "2"."""
     return str(Fraction(speed))
 
 
 def _unit(graph: str) -> str:
-    """The unit in the name of a graph."""
+    """Return the unit in the name of a graph."""
     if "[" not in graph:
         return ""
     unit = graph.split("[")[1].rstrip("]")

@@ -106,7 +106,7 @@ def start(arguments, **environment):
     )  # fmt: skip
 
 
-def until(condition, seconds=120.0):
+def until(condition, seconds=400.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end

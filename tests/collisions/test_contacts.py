@@ -151,7 +151,7 @@ def test_who_has_none_to_tell() -> None:
     lifted = Scene(CUBE, np.add(CUBE.positions, (0, 0, 2)), surfaces=(FLOOR,))
     paper = lifted.with_(contact=PaperContact())
     for simulator, text in (
-        (Simulator(paper, integrator="rk4", step=1e-4), "methods that pass nodes"),
+        (Simulator(paper, integrator="rk4", step=1e-4), "need a method with nodes"),
         (Simulator(lifted, dynamics="rigid"), "contacts of rigid bodies with surfaces"),
         (Simulator(tower(collisions=None)), "give the scene collisions"),
     ):

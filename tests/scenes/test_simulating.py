@@ -34,7 +34,9 @@ SHORT = ["simulate", "cube-pendulum", "--duration", "0.1"]
 # --- The command line -------------------------------------------------------------------------------
 
 
-def test_list_shows_every_scene(capsys):
+def test_list_shows_every_scene(capsys, monkeypatch):
+    """It builds none: some need packages that may be missing."""
+    monkeypatch.setattr("springgym.simulating.load", None)
     assert main(["simulate", "--list"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == names()

@@ -83,7 +83,7 @@ class Check(NamedTuple):
 def within(
     share: float, quantity: str, theory: float, measured: float, unit: str, doubt: float = 0.0
 ) -> Check:
-    """A check whose tolerance is a share of what theory says, and whose doubt is told as a share, too."""
+    """Make a check whose tolerance and doubt are shares of what theory says."""
     scale = abs(theory)
     return Check(quantity, theory, measured, share * scale, unit, doubt * scale)
 
@@ -112,13 +112,13 @@ def spread(of: Callable[..., float], *arguments: float, by: float) -> float:
 
 
 def turning_rate(recording: Recording) -> float:
-    """Largest |ω| of the run [rad/s]."""
+    """Return the largest |ω| of the run [rad/s]."""
     omega = np.linalg.norm(recording.measures.angular_velocity, axis=1)
     return float(np.nanmax(omega)) if np.isfinite(omega).any() else 0.0
 
 
 def crossings(times: np.ndarray, values: np.ndarray, rising: bool | None = None) -> np.ndarray:
-    """Times at which samples pass through zero, by cubics through four of them; none if there are fewer.
+    """Return times at which samples pass through zero, by cubics through four of them, if there are four.
 
     Parameters
     ----------
@@ -144,13 +144,13 @@ def crossings(times: np.ndarray, values: np.ndarray, rising: bool | None = None)
 
 
 def period(times: np.ndarray, values: np.ndarray) -> float:
-    """Mean time between passages of zero in the same direction; NaN if there are not two."""
+    """Return the mean time between passages of zero in the same direction; NaN if there are not two."""
     marks = crossings(times, values, rising=True)
     return (marks[-1] - marks[0]) / (len(marks) - 1) if len(marks) > 1 else math.nan
 
 
 def peaks(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times and heights of the maxima of samples at equal intervals, by parabolas through three."""
+    """Return times and heights of the maxima of samples at equal intervals, by parabolas through three."""
     n = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:])) + 1
     before, here, after = values[n - 1], values[n], values[n + 1]
     slope, bend = (after - before) / 2, before - 2 * here + after

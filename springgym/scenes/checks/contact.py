@@ -61,7 +61,7 @@ CREEP = 1e-6
 
 
 def _met(recording: Recording) -> tuple[Contact | PaperContact, float, float, float]:
-    """The contact of a scene, its c [N·m²] and Δ [m], and g [m/s²]."""
+    """Return the contact of a scene, its c [N·m²] and Δ [m], and g [m/s²]."""
     scene = recording.plan.scene
     return scene.contact, *scales(scene.contact, scene.body), float(np.linalg.norm(scene.gravity or 0.0))
 
@@ -74,7 +74,7 @@ def _carried(recording: Recording) -> np.ndarray:
 
 @applies(needs.particle, needs.ground, needs.dropped, needs.gravity)
 def bounces(recording: Recording) -> list[Check]:
-    """The lowest point of a particle dropped on an elastic floor, and how high it comes back."""
+    """Check the lowest point of a particle dropped on an elastic floor, and how high it comes back."""
     _, c, reach, g = _met(recording)
     mass, times, height = recording.plan.scene.body.mass, recording.times, recording.positions[:, 0, 2]
     start = float(height[0])
@@ -93,7 +93,7 @@ def bounces(recording: Recording) -> list[Check]:
 
 @applies(needs.particle, needs.ground, needs.dropped, needs.restitution, needs.gravity)
 def restitution(recording: Recording) -> list[Check]:
-    """Restitution of the first bounces, by the heights between them, at the speeds they have.
+    """Check the restitution of the first bounces, by the heights between them, at the speeds they have.
 
     Theory knows no weight. In contact, for a time T, it adds g T to the change of speed v (1 + e), and its
     share to what is lost; T is the way there and back, 2 Δ, at a quarter of that change on the average.
@@ -136,7 +136,7 @@ def rest_height(recording: Recording) -> list[Check]:
 
 @applies(needs.level, needs.friction, needs.moves, needs.gravity)
 def stopping(recording: Recording) -> list[Check]:
-    """Way and time in which a sliding block stops."""
+    """Check the way and time in which a sliding block stops."""
     contact, _, _, g = _met(recording)
     m, mass = recording.measures, recording.plan.scene.body.mass
     speed = float(np.linalg.norm(m.momentum[0])) / mass
@@ -175,7 +175,7 @@ def slope(recording: Recording) -> list[Check]:
 
 @applies(needs.level, needs.ice, needs.gravity)
 def straight_fall(recording: Recording) -> list[Check]:
-    """On ice nothing pushes sideways: the centre of mass goes on as it starts."""
+    """Check that the centre of mass moves on as it starts, because nothing pushes sideways on ice."""
     m = recording.measures
     way = m.centre - m.centre[0] - np.outer(recording.times, m.centre_velocity[0])
     moved = float(np.abs(way[:, :2]).max())
@@ -282,7 +282,7 @@ def axial_spin(recording: Recording) -> list[Check]:
 
 @applies(needs.level, needs.on_tip, needs.friction, needs.moves, needs.gravity)
 def rubbing(recording: Recording) -> list[Check]:
-    """Friction on a tip that slides over a floor: its impulse is μ times that of the floor.
+    """Check friction on a tip that slides over a floor: its impulse is μ times that of the floor.
 
     Momentum and weight say both. In an interval the direction of the slip turns by an angle α, so that its
     sum is a chord, short by α²/24. A tip that sticks is not covered.
@@ -302,7 +302,7 @@ def rubbing(recording: Recording) -> list[Check]:
 
 @applies(needs.surface, needs.on_tip, needs.friction, needs.moves, needs.gravity)
 def resting_tip(recording: Recording) -> list[Check]:
-    """Mean precession of a top in the second half, when its tip rests: that of one pinned there."""
+    """Check the mean precession in the second half, when the tip rests: that of a pinned top."""
     scene, m = recording.plan.scene, recording.measures
     body, g = scene.body, _met(recording)[3]
     tip = body.particle("tip")

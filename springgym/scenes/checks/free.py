@@ -28,7 +28,7 @@ BALANCED = 2e-3
 
 @applies(needs.free, needs.flips)
 def flips(recording: Recording) -> list[Check]:
-    """Interval between the flips of a body set spinning about its middle axis."""
+    """Check the interval between the flips of a body set spinning about its middle axis."""
     scene, m = recording.plan.scene, recording.measures
     moments, principal = scene.body.with_(positions=scene.positions, lengths=scene.body.lengths).principal()
     omega = principal.T @ m.angular_velocity[0]
@@ -52,7 +52,7 @@ def flips(recording: Recording) -> list[Check]:
 
 @applies(needs.pair, needs.free)
 def spun_length(recording: Recording) -> list[Check]:
-    """Length and spin of a pair of masses on a spring, when its vibration has died away.
+    """Check the length and spin of a pair of masses on a spring, when its vibration has died away.
 
     Both follow from the angular momentum it starts with, L = m Ω l²/2 with l = L₀/(1 − m Ω²/2k). Of the
     vibration exp(−c t/m) is left (the reduced mass is m/2), all of it without a damper.
@@ -106,7 +106,7 @@ def momentum(recording: Recording) -> list[Check]:
 
 @applies()
 def energy(recording: Recording) -> list[Check]:
-    """Kinetic and potential energy plus what was lost: constant.
+    """Check that kinetic and potential energy plus losses are constant.
 
     To `BALANCED` of the energy at stake. Verlet keeps another energy exactly, H − (h²/8) Σ m |a|² and more,
     so that H varies with what vibrates: by a share (ω h)²/8 of its energy.
@@ -117,7 +117,7 @@ def energy(recording: Recording) -> list[Check]:
 
 
 def at_stake(plan: Plan) -> float:
-    """Energy that the motion of a scene may turn into other forms, by its start [J].
+    """Return the energy that the motion of a scene may turn into other forms, by its start [J].
 
     That is the kinetic energy, and what weight may add: down to below the pin, to the first surface, to the
     lowest body that is held, or as far as it falls in the time there is. A body that starts unstretched

@@ -41,7 +41,7 @@ BOUNCE = 1e-3
 
 
 def _solid(recording: Recording) -> Elastic:
-    """The solid that the body of a recording stands for; `needs` make sure that there is one."""
+    """Return the solid that the body of a recording stands for; `needs` make sure that there is one."""
     solid = recording.plan.scene.body.solid
     assert isinstance(solid, Elastic)
     return solid
@@ -49,7 +49,7 @@ def _solid(recording: Recording) -> Elastic:
 
 @applies(needs.solid)
 def solid_inertia(recording: Recording) -> list[Check]:
-    """Mass, centre and inertia tensor of the particles against those of the solid, by quadrature."""
+    """Check mass, centre and inertia tensor of the particles against the solid's, by quadrature."""
     body, solid = recording.plan.scene.body, _solid(recording)
     size = float(np.ptp(body.positions, axis=0).max())
     moments = np.sort(np.linalg.eigvalsh(solid.inertia))
@@ -68,7 +68,7 @@ def solid_inertia(recording: Recording) -> list[Check]:
 
 
 def _ringing(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity of the lowest vibration [√kg m/s], (T,), and times; of several alike, of that which is kicked.
+    """Return the velocity (T,) of the lowest vibration [√kg m/s] that is kicked, and times.
 
     Modes are orthogonal to all others and to rigid motion, so this is one damped oscillator.
     """
@@ -82,7 +82,7 @@ def _ringing(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
 
 @applies(needs.solid, needs.free, needs.struck)
 def ring_frequency(recording: Recording) -> list[Check]:
-    """Lowest frequency of a body that rings, against that of the solid.
+    """Check the lowest frequency of a body that rings, against that of the solid.
 
     Verlet steps of h make it ω (1 + (ω h)²/24), friction ω √(1 − ζ²).
     """
@@ -133,13 +133,13 @@ def spin_gap(recording: Recording) -> list[Check]:
 
 
 def _mean(times: np.ndarray, values: np.ndarray) -> float:
-    """Mean over time, by the trapezoidal rule."""
+    """Return the mean over time, by the trapezoidal rule."""
     return float(np.trapezoid(values, times) / (times[-1] - times[0]))
 
 
 @applies(needs.solid, needs.free, needs.symmetric, needs.moves)
 def wobble(recording: Recording) -> list[Check]:
-    """Growth of the wobble of a free symmetric body by internal friction, while it is small."""
+    """Check the growth of the wobble of a free symmetric body by internal friction, while it is small."""
     scene, m = recording.plan.scene, recording.measures
     momentum = m.angular_momentum / np.linalg.norm(m.angular_momentum, axis=1)[:, None]
     across = np.linalg.norm(np.cross(m.axis, momentum), axis=1)
@@ -155,7 +155,7 @@ def wobble(recording: Recording) -> list[Check]:
 
 @applies(needs.cable, needs.rope, needs.gravity)
 def cable(recording: Recording) -> list[Check]:
-    """Mean stretch of a cable that bounces under a load, and how fast, against a continuous cable.
+    """Check the mean stretch of a cable that bounces under a load, and how fast, against a continuous cable.
 
     In its lowest mode the cable has a phase x = ω L √(ρ/E); n springs of a share x/n each are off by
     (x/n)²/24. Of a bounce that dies away as exp(−γ t) the mean of a period is off by the share γ/ω.

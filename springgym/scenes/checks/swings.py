@@ -48,7 +48,7 @@ def _pin(recording: Recording) -> np.ndarray:
 
 @applies(needs.pinned, needs.gravity)
 def pendulum(recording: Recording) -> list[Check]:
-    """Period of a body swinging in a plane about its pin, released at rest."""
+    """Check the period of a body swinging in a plane about its pin, released at rest."""
     scene, pin = recording.plan.scene, _pin(recording)
     arm = recording.measures.centre - pin
     sideways = arm[0] * (1, 1, 0)
@@ -71,7 +71,7 @@ def pendulum(recording: Recording) -> list[Check]:
 
 @applies(needs.pinned, needs.gravity)
 def small_swings(recording: Recording) -> list[Check]:
-    """Both frequencies of small swings of a body of any shape about its pin.
+    """Check both frequencies of small swings of a body of any shape about its pin.
 
     Rotated by a small vector φ from hanging, I φ̈ = −K φ with K = M g l (1 − ẑ ẑᵀ), I about the pin.
     """
@@ -106,7 +106,7 @@ def _hanging(recording: Recording) -> np.ndarray:
 
 
 def _rotations(shape: np.ndarray, placed: np.ndarray, masses: np.ndarray) -> np.ndarray:
-    """Small rotation vectors (T, 3) that best take a shape (N, 3) to where it is placed (T, N, 3)."""
+    """Return small rotation vectors (T, 3) that best take a shape (N, 3) to where it is placed (T, N, 3)."""
     moment = np.einsum("n,tni,nj->tij", masses, placed, shape)
     inertia = np.trace(moment, axis1=1, axis2=2)[:, None, None] * np.eye(3) - moment
     skew = np.stack(
@@ -122,7 +122,7 @@ def _rotations(shape: np.ndarray, placed: np.ndarray, masses: np.ndarray) -> np.
 
 @applies(needs.rope, needs.gravity)
 def rope_stretch(recording: Recording) -> list[Check]:
-    """Lengths of the springs of a rope that hangs still, and how it bounced before.
+    """Check lengths of the springs of a rope that hangs still, and how it bounced before.
 
     A mode of frequency ω decays as exp(−γ t), γ = c ω²/2k; so what is left of the bounce is known.
     """
@@ -149,7 +149,7 @@ def rope_stretch(recording: Recording) -> list[Check]:
 
 @applies(needs.rope, needs.gravity)
 def rope_modes(recording: Recording) -> list[Check]:
-    """Frequencies of all small sideways modes of a hanging rope."""
+    """Check frequencies of all small sideways modes of a hanging rope."""
     body = recording.plan.scene.body
     masses = body.masses[1:]
     modes = rope.swing_modes(masses, body.lengths, body.stiffness, _gravity(recording))
@@ -169,7 +169,7 @@ def rope_modes(recording: Recording) -> list[Check]:
 
 @applies(needs.rope, needs.gravity)
 def rope_swing(recording: Recording) -> list[Check]:
-    """Period of a rope with a heavy end, let go at the side: its lowest mode, slowed by the amplitude."""
+    """Check the period of a rope with a heavy end: its lowest mode, slowed by the amplitude."""
     body = recording.plan.scene.body
     masses, g = body.masses[1:], _gravity(recording)
     modes = rope.swing_modes(masses, body.lengths, body.stiffness, g)

@@ -53,13 +53,13 @@ def _gravity(recording: Recording) -> float:
 
 
 def _late(recording: Recording) -> np.ndarray:
-    """The last tenth of the states, two at the least."""
+    """Select the last tenth of the states, two at the least."""
     return np.arange(min(int(0.9 * len(recording.times)), len(recording.times) - 2), len(recording.times))
 
 
 @applies(needs.collide, together=True)
 def counted(recording: Recording) -> list[Check]:
-    """Contacts that were found too late, were too fast or had no room: none."""
+    """Check that no contacts were found too late, were too fast or had no room."""
     pairs = recording.pairs
     wrong = sum(float(of[-1].sum()) for of in (pairs.misses, pairs.too_fast, pairs.overflow))
     return [Check("contacts too late, too fast or left out", 0.0, wrong, 0.5, "")]
@@ -67,7 +67,7 @@ def counted(recording: Recording) -> list[Check]:
 
 @applies(needs.two, together=True)
 def exchange(recording: Recording) -> list[Check]:
-    """Speeds of two balls that met: along the line of their centres (1 + e)/2 of it is exchanged.
+    """Check speeds of two balls that met: (1 + e)/2 of it is exchanged along the line of their centres.
 
     They are like hard ones of a distance from that of their surfaces to Δ more, and turn on the way in steps
     that are off by (v h/Δ)².
@@ -106,7 +106,7 @@ def exchange(recording: Recording) -> list[Check]:
 
 @applies(needs.row, together=True)
 def cradle(recording: Recording) -> list[Check]:
-    """Balls in a row: equal ones exchange their velocities whenever two meet, so that these change places."""
+    """Check that equal balls in a row exchange their velocities whenever two meet."""
     scene = recording.plan.scene
     along = int(np.argmax(np.ptp([m.centre[0] for m in recording.bodies], axis=0)))
     order = np.argsort([m.centre[0, along] for m in recording.bodies])
@@ -176,7 +176,7 @@ def stacked(recording: Recording) -> list[Check]:
 
 @applies(needs.draped, together=True)
 def draped(recording: Recording) -> list[Check]:
-    """The tension of a rope where it leaves what it lies over: the weight that hangs below.
+    """Check the tension of a rope where it leaves what it lies over: the weight that hangs below.
 
     Its ends go on swinging a little, which is the error of that; what lies in the middle rests.
     """
@@ -205,7 +205,7 @@ def draped(recording: Recording) -> list[Check]:
 
 @applies(needs.dominoes, together=True)
 def wave(recording: Recording) -> list[Check]:
-    """Speed of the wave in a row of dominoes, by the theory of van Leeuwen, see `springgym.theory.dominoes`.
+    """Check the speed of the wave in a row of dominoes, see `springgym.theory.dominoes`.
 
     Contact acts from Δ on, as if dominoes were as much thicker, and spaces narrower; half of it is taken.
     Restitution e keeps a share e² of what the impacts of theory lose; states are told in intervals.
@@ -240,7 +240,7 @@ def wave(recording: Recording) -> list[Check]:
 
 @applies(needs.smooth_bowl, together=True)
 def bowl_turning(recording: Recording) -> list[Check]:
-    """In a bowl without friction nothing turns bodies about the upright line through its centre.
+    """Check that nothing turns bodies in a smooth bowl about the upright line through its centre.
 
     A way that the bowl bends in a step is off by (ω h)² of it.
     """

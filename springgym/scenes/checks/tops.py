@@ -24,7 +24,7 @@ much of the tilt."""
 
 
 def rigid_top(recording: Recording) -> tuple[HeavyTop, TopState]:
-    """The rigid top of a recording, and the motion it starts with."""
+    """Return the rigid top of a recording, and the motion it starts with."""
     scene, m = recording.plan.scene, recording.measures
     axis, omega = m.axis[0], m.angular_velocity[0]
     tilt = math.atan2(math.hypot(axis[0], axis[1]), axis[2])
@@ -40,13 +40,13 @@ def rigid_top(recording: Recording) -> tuple[HeavyTop, TopState]:
 
 
 def angles(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Tilt and azimuth of the axis [rad], each (T,)."""
+    """Return the tilt and azimuth of the axis [rad], each (T,)."""
     x, y, z = recording.measures.axis.T
     return np.arctan2(np.hypot(x, y), z), np.unwrap(np.arctan2(y, x))
 
 
 def mean_rate(times: np.ndarray, angle: np.ndarray) -> float:
-    """Slope of an angle that also swings; NaN of fewer than five samples.
+    """Return the slope of an angle that also swings; NaN for fewer than five samples.
 
     Weights that vanish at both ends leave little of the swing.
     """
@@ -78,7 +78,7 @@ def _compared(
 
 @applies(needs.top)
 def nutation(recording: Recording) -> list[Check]:
-    """Turning points, nutation period and mean precession of a top, from any start."""
+    """Check turning points, nutation period and mean precession of a top, from any start."""
     top, state = rigid_top(recording)
     by = slack(recording, state.omega3)
     tilt, azimuth = angles(recording)
@@ -111,7 +111,7 @@ def _mean(values: np.ndarray) -> float:
 
 @applies(needs.top)
 def steady_precession(recording: Recording) -> list[Check]:
-    """The rate of a top started near a steady precession, and the frequency of its small nutation."""
+    """Check the rate of a top started near a steady precession, and the frequency of its small nutation."""
     top, state = rigid_top(recording)
     by = slack(recording, state.omega3)
     tilt, azimuth = angles(recording)
@@ -140,7 +140,7 @@ def steady_precession(recording: Recording) -> list[Check]:
 
 @applies(needs.top)
 def sleep(recording: Recording) -> list[Check]:
-    """The largest tilt of a top that starts almost upright: whether it sleeps, or how far it falls."""
+    """Check the largest tilt of a top that starts almost upright: whether it sleeps, or how far it falls."""
     top, state = rigid_top(recording)
     by = slack(recording, state.omega3)
     tilt, _ = angles(recording)
