@@ -58,10 +58,9 @@ def selected(run: Run, episodes: int) -> float:
     return found.return_per_step
 
 
-def card(run: Run, episodes: int, audited: int) -> dict[str, Any]:
-    """Return the card of an agent: how it was trained, and what it reaches."""
+def card(run: Run, episodes: int, audited: int, made_with: dict[str, Any]) -> dict[str, Any]:
+    """Return the card of an agent: how and with what it was trained, and what it reaches."""
     findings = audit(str(run.folder), run.env_id, task_kwargs(run.config), audited, HELD_OUT_SEED)
-    made_with = json.loads((run.folder / "versions.json").read_text(encoding="utf-8"))
     return {
         "task": run.env_id,
         "algorithm": run.algo,
@@ -110,7 +109,8 @@ def publish(folders: Sequence[Path], episodes: int, audited: int, into: Path) ->
             if there["probe"] == probe(env_id) and selected(open_run(place), episodes) >= earned:
                 print(f"{env_id}: {there['algorithm']} {there['seed']} stays")
                 continue
-        found = card(open_run(folder), episodes, audited)
+        made_with = json.loads((folder / "versions.json").read_text(encoding="utf-8"))
+        found = card(open_run(folder), episodes, audited, made_with)
         place.mkdir(parents=True, exist_ok=True)
         (place / "card.json").unlink(missing_ok=True)  # written last: without it there is no agent
         for name in SHARED:
@@ -120,16 +120,18 @@ def publish(folders: Sequence[Path], episodes: int, audited: int, into: Path) ->
     return 0
 
 
-def again(folders: Sequence[Path], episodes: int) -> int:
-    """Write anew on cards what published agents reach; their audits stay as they are."""
+def again(folders: Sequence[Path], episodes: int, audited: int) -> int:
+    """Write anew on cards what published agents reach, and their audits.
+
+    If a task has changed since, the card keeps the probe of the task that its agent was trained for.
+    """
     for folder in folders:
         run = open_run(folder)
         there = json.loads((folder / "card.json").read_text(encoding="utf-8"))
-        if abs(there["probe"] - probe(run.env_id)) > SAME:
-            raise ConfigError(
-                f"{folder}: {run.env_id} has changed since this agent was published: train another"
-            )
-        found = there | {"selection_return": selected(run, episodes)} | reached(run, episodes)
+        found = card(run, episodes, audited, there["versions"])
+        trained_for = there.get("trained_probe", there["probe"])
+        if abs(trained_for - found["probe"]) > SAME:
+            found["trained_probe"] = trained_for
         write_atomically(folder / "card.json", json.dumps(found, indent=1) + "\n")
         print(f"{run.env_id}: {there['algorithm']} {there['seed']}, {found['mean_return']:.4f}")
     return 0
@@ -146,14 +148,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--into", type=Path, default=PUBLISHED, help="folder for the agents (default: agents/trained)"
     )
-    parser.add_argument(
-        "--again", action="store_true", help="evaluate these published agents anew, and change nothing else"
-    )
+    parser.add_argument("--again", action="store_true", help="evaluate and audit these published agents anew")
     options = parser.parse_args(arguments)
 
     def run() -> int:
         if options.again:
-            return again(options.runs, options.episodes)
+            return again(options.runs, options.episodes, options.audited)
         return publish(options.runs, options.episodes, options.audited, options.into)
 
     return guarded("publish.py", run, MENDABLE)

@@ -248,6 +248,7 @@ def table_of_agents() -> list[str]:
         scale, unit = measure(card["task"])
         low, high = (scale * end for end in card["interval"])
         chosen = "" if "selection_return" in card else " ‡"
+        chosen += " §" if "trained_probe" in card else ""
         own, *others = card["audit"]
         lost = [
             f"{found['simulation']}: {found['verdict']}"
@@ -259,6 +260,8 @@ def table_of_agents() -> list[str]:
             f"| `{card['task']}` | {card['algorithm']}, seed {card['seed']} | {told} | "
             f"{100 * card['success_rate']:.0f} % | {'<br>'.join(lost)} |"
         )
+    if any("§" in line for line in lines):
+        lines.append("\n§ The agent was trained for the task as it was, with another reward.")
     if any("‡" in line for line in lines):
         lines.append("\n‡ The agent was chosen among its seeds on the episodes that it is reported on here.")
     return lines

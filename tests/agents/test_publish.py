@@ -138,21 +138,25 @@ def test_publishing_keeps_the_better_one(copied, tmp_path, capsys):
     assert trained.published("SpringTop-v0") == copied / "SpringTop-v0"
 
 
-def test_a_published_agent_is_evaluated_anew(copied, capsys):
-    """On episodes that had no part in its choice; how it was made, and its audit, stay."""
+def test_a_published_agent_is_evaluated_anew(copied):
+    """On episodes that had no part in its choice; how it was made stays, and for which task."""
     path = copied / "SpringTop-v0" / "card.json"
     card = json.loads(path.read_text())
     path.write_text(json.dumps(card | {"mean_return": 0.1, "interval": [0.1, 0.1], "first_seed": 3}))
-    assert publish.main(["--again", str(path.parent)]) == 0
+    command = ["--again", str(path.parent), "--audited", "20"]
+    assert publish.main(command) == 0
     found = json.loads(path.read_text())
     assert found["first_seed"] == runs.PUBLISHED_SEED
     assert found["interval"][0] < found["mean_return"] < found["interval"][1]
-    assert {name: found[name] for name in ("audit", "sha256", "command")} == {
-        name: card[name] for name in ("audit", "sha256", "command")
-    }
+    same = ("versions", "sha256", "command", "probe")
+    assert {name: found[name] for name in same} == {name: card[name] for name in same}
+    assert found["audited"] == 20
+    assert "trained_probe" not in found
     path.write_text(json.dumps(card | {"probe": 0.5}))
-    assert publish.main(["--again", str(path.parent)]) == 2
-    assert "has changed since this agent was published" in capsys.readouterr().err
+    for _ in range(2):
+        assert publish.main(command) == 0
+        found = json.loads(path.read_text())
+        assert (found["probe"], found["trained_probe"]) == (card["probe"], 0.5)
 
 
 def test_what_nobody_could_train_again_is_not_published(copied, tmp_path, capsys):
