@@ -9,7 +9,10 @@ Each run equals one of ``agents/train.py`` with the same arguments, on one core 
 folder under ``--runs``, with its output in ``log.txt``. At the end, its agent plays 100 held-out episodes,
 and a row is added to ``--json``. If the benchmark was stopped, start the same command again. Runs that have
 a row are skipped, and other runs continue from their newest checkpoint. A run is repeated if its
-configuration or its task has changed since its row was written.
+configuration or its task has changed since its row was written. docs/benchmark.md holds the protocol and
+describes the rows; rows of others are checked by
+
+    python agents/benchmark.py --check rows.json --agents FOLDER
 
 The same works on a cluster, if all its nodes see this checkout under this path. If they also see the run
 folders, another node continues the runs of a node that fails. Otherwise these runs start again.
@@ -26,7 +29,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import MISSING, Field, dataclass, fields
+from dataclasses import MISSING, Field, asdict, dataclass, fields
 from functools import partial
 from hashlib import sha256
 from importlib.util import find_spec
@@ -36,6 +39,7 @@ from typing import Any, NamedTuple
 
 from config import CONFIG_OF, MENDABLE, Config, ConfigError, load_config, whole
 from controllers import controller_env_kwargs, controllers_of, make_controller
+from rows import PROTOCOL, curve, used
 from runs import locked, open_run, versions, write_atomically
 from tqdm import tqdm
 
@@ -107,17 +111,38 @@ def measured(cell: Cell, plan: Plan) -> dict[str, Any]:
             steps, seconds = last_row(folder)
             env_id, kwargs = find_task([agent], cell.task, [])
         found = evaluate(agent, env_id, kwargs, plan.episodes)
+    config = asked(cell, plan)
+    made, begun = made_with(), begun_at(folder)
+    if config is not None and begun != made["commit"]:
+        made["commit"] = f"{begun}, {made['commit']}"  # which --check refuses
+    returns = [round(earned, 5) for earned in found.returns_per_step]
     return {
+        "protocol": PROTOCOL,
         **cell._asdict(),
+        "used": used(cell.algorithm, config),
         "steps": steps,
         "seconds": seconds,
         "success_rate": found.success_rate,
-        "mean_return": round(found.return_per_step, 6),
+        "mean_return": round(sum(returns) / len(returns), 6),
+        "first_seed": found.first_seed,
         "episodes": plan.episodes,
+        "returns": returns,
+        "successes": None if found.successes is None else [int(one) for one in found.successes],
+        "curve": [] if config is None else curve(folder),
+        "configuration": {} if config is None else asdict(config),
         "config": digest(cell, plan),
         "probe": probe(cell.task),
-        **made_with(),
+        **made,
     }
+
+
+def begun_at(folder: Path) -> str | None:
+    """Return the commit at which a run began; None if it is not known."""
+    try:
+        found: str | None = json.loads((folder / "versions.json").read_text(encoding="utf-8"))["git_revision"]
+        return found
+    except (OSError, ValueError, KeyError):
+        return None
 
 
 def training(cell: Cell, plan: Plan) -> list[str]:
@@ -171,13 +196,17 @@ def asked(cell: Cell, plan: Plan) -> Config | None:
 
 
 def digest(cell: Cell, plan: Plan) -> str:
-    """Return letters that change with the configuration of a cell: with its fields that are not defaults.
+    """Return letters that change with the configuration of a cell, see `digest_of`.
 
     Of classical control, a number that changes with what it does.
     """
     if cell.algorithm == "classical":
         return f"{answers(cell.task):.5f}"
-    config = asked(cell, plan)
+    return digest_of(asked(cell, plan))
+
+
+def digest_of(config: Config | None) -> str:
+    """A few letters that change with fields of a configuration that have not their default."""
     known = () if config is None else fields(config)
     told = {own.name: value for own in known if (value := getattr(config, own.name)) != usual(own)}
     return sha256(repr(told).encode()).hexdigest()[:8]
@@ -216,7 +245,7 @@ def wandering(task: str, **kwargs: Any) -> Iterator[tuple[Any, Any, Any]]:
 def probe(task: str) -> float:
     """Return a number that changes with the task: the mean reward of given actions from given starts."""
     rewards = [reward.mean(dtype=float) for _, _, reward in wandering(task)]
-    return round(sum(rewards) / len(rewards), 7)
+    return float(round(sum(rewards) / len(rewards), 7))
 
 
 def answers(task: str) -> float:
@@ -378,11 +407,9 @@ class Table:
     def current(self, cell: Cell, plan: Plan, probes: dict[str, float]) -> bool:
         """Return whether there is a row for the cell as it is now."""
         row = self.rows.get(cell)
-        return row is not None and (row["config"], row["probe"], row["episodes"]) == (
-            digest(cell, plan),
-            probes[cell.task],
-            plan.episodes,
-        )
+        names = ("protocol", "config", "probe", "episodes")
+        now = PROTOCOL, digest(cell, plan), probes[cell.task], plan.episodes
+        return row is not None and tuple(map(row.get, names)) == now
 
     def add(self, row: dict[str, Any]) -> None:
         self.rows[Cell(row["task"], row["algorithm"], row["seed"])] = row
@@ -407,6 +434,8 @@ def parsed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> 
     where.add_argument("--local", action="store_true", help="use this machine, without Ray")
     where.add_argument("--address", help="address of a Ray cluster; auto for the one on this machine")
     options = parser.parse_args(arguments)
+    if getattr(options, "check", None):
+        return options
     if options.address and options.jobs:
         parser.error("--jobs works on this machine only; a cluster runs as many jobs as it has cores")
     if not options.local and find_spec("ray") is None:
@@ -447,8 +476,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--runs", type=Path, default=Path("runs/benchmark"), help="folder for the run folders"
     )
     parser.add_argument("--json", type=Path, help="file for the rows (default: RUNS/baselines.json)")
+    parser.add_argument("--check", type=Path, metavar="FILE", help="run nothing: check the rows of this file")
+    parser.add_argument(
+        "--agents",
+        type=Path,
+        metavar="FOLDER",
+        help="with --check: folder of run folders ID-ALGORITHM-SEED; their agents play a few episodes again",
+    )
     add_hyperparameters(parser)
     options = parsed(parser, arguments)
+    if options.agents and not options.check:
+        parser.error("--agents belongs to --check")
+    if options.check:
+        from check import check
+
+        return guarded("benchmark.py", lambda: check(options.check, options.agents), MENDABLE)
     return guarded("benchmark.py", lambda: benchmark(options), MENDABLE)
 
 
@@ -467,6 +509,8 @@ def benchmark(options: argparse.Namespace) -> int:
         probes = {task: probe(task) for task in options.tasks}
         left = [cell for cell in cells if not table.current(cell, plan, probes)]
         print(f"{len(cells)} runs, {len(left)} of them to do; rows in {table.path}")
+        if (revision := versions()["git_revision"]) and str(revision).endswith("-dirty"):
+            print("files of the source tree differ from its commit: --check will refuse these rows")
         if not left:
             return 0
         try:

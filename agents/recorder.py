@@ -12,7 +12,7 @@ from checkpoint import save_checkpoint
 from config import ConfigError
 from evaluate import evaluate, task_kwargs
 from learner import native_env, network_config
-from runs import HELD_OUT_SEED, Run, time_limit, write_atomically
+from runs import PROGRESS_SEED, Run, time_limit, write_atomically
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import safe_mean
 from tqdm import tqdm
@@ -33,8 +33,6 @@ PROGRESS = ("timesteps", "seconds", "return_per_step", "success_rate")
 """The columns of progress.csv: the results of the agent without noise."""
 PLAYED = 20
 """Number of episodes that the agent plays at each checkpoint."""
-PROGRESS_SEED = 2 * HELD_OUT_SEED
-"""First seed of these episodes. Neither training nor evaluation uses these seeds."""
 
 
 class Recorder(BaseCallback):

@@ -45,9 +45,17 @@ from springgym.envs.agent import Algorithm, Policy
 from springgym.extras import SOURCE
 from springgym.strict_yaml import build, read_yaml
 
-#: Evaluation episodes start from this seed upwards. A run's seed is below it; of that, copies that learn draw
-#: seeds of 64 bits, and linear control seeds below it.
 HELD_OUT_SEED = 1_000_000
+"""First seed of the episodes that every run is reported on. A run's seed is below it; of that, copies that
+learn draw seeds of 64 bits, and linear control seeds below it."""
+SELECTION_SEED = 1_500_000
+"""First seed of the episodes on which hyperparameters, and agents to publish, are chosen."""
+PROGRESS_SEED = 2_000_000
+"""First seed of the episodes that learning curves are of."""
+PUBLISHED_SEED = 2_500_000
+"""First seed of the episodes that a chosen agent is reported on: none had a part in the choice."""
+MOST_REPORTED = 500_000
+"""Number of seeds between these ranges."""
 
 
 class Run(NamedTuple):

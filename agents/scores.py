@@ -41,6 +41,25 @@ def interval(
         statistic(np.concatenate([scores[rng.integers(0, len(scores), len(scores))] for scores in by_task]))
         for _ in range(repetitions)
     ]
+    return percentiles(values)
+
+
+def interval_of_mean(
+    means: np.ndarray, errors: np.ndarray, repetitions: int = REPETITIONS
+) -> tuple[float, float]:
+    """Return the interval of the mean of runs (n,), each the mean of episodes with a standard error (n,).
+
+    Runs are drawn with replacement, and the mean of each from a normal distribution: many episodes stand for
+    it. Of a single run, only the episodes count.
+    """
+    rng = np.random.default_rng(0)
+    drawn = rng.integers(0, len(means), (repetitions, len(means)))
+    values = means[drawn] + errors[drawn] * rng.standard_normal(drawn.shape)
+    return percentiles(values.mean(axis=1))
+
+
+def percentiles(values: Sequence[float] | np.ndarray) -> tuple[float, float]:
+    """Return the ends between which the middle of the values lies, as large a share as `CONFIDENCE`."""
     tail = 50 * (1 - CONFIDENCE)
     low, high = np.percentile(values, (tail, 100 - tail))
     return float(low), float(high)

@@ -29,14 +29,13 @@ import yaml
 from benchmark import Cell, Plan, add_hyperparameters, training
 from config import CONFIG_OF, MENDABLE, ConfigError, load_config, whole
 from evaluate import evaluate, task_kwargs
-from runs import HELD_OUT_SEED, locked, write_atomically
+from runs import SELECTION_SEED, locked, write_atomically
 
 from springgym.cli import INTERRUPTED, guarded
 
 if TYPE_CHECKING:
     import optuna
 
-VALIDATION_SEED = HELD_OUT_SEED + 500_000
 EPISODES = 64
 
 #: By algorithm: what is searched, (low, high) on a logarithmic scale, or choices.
@@ -116,7 +115,7 @@ def objective(trial: optuna.Trial, options: argparse.Namespace, folder: Path) ->
             raise optuna.TrialPruned(log_file.read_text(encoding="utf-8").splitlines()[-1])
         config = load_config(options.algo, options.task, plan.overrides, plan.config(options.algo))
         kwargs = task_kwargs(config)
-        found = evaluate(str(run), options.task, kwargs, EPISODES, VALIDATION_SEED)
+        found = evaluate(str(run), options.task, kwargs, EPISODES, SELECTION_SEED)
         returns.append(found.return_per_step)
         trial.set_user_attr(f"success_{seed}", found.success_rate)
         trial.report(float(np.mean(returns)), seed)

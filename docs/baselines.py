@@ -1,6 +1,6 @@
 """Write the page of baselines from the rows of the benchmark; nothing is trained or measured.
 
-python docs/baselines.py                                         # the page and its figure, from the rows
+python docs/baselines.py                                         # the page and its figures, from the rows
 python docs/baselines.py --rows runs/benchmark/baselines.json    # take these rows in first
 python docs/baselines.py --mark    # first mark the rows of tasks that have changed since
 """
@@ -21,13 +21,18 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "agents")]
 
-from environments import ALGORITHMS, shown  # noqa: E402
+from config import CONFIG_OF, load_config  # noqa: E402
+from environments import ALGORITHMS, FEWEST, earned, measure, shown  # noqa: E402
 from learning_time import shown as times  # noqa: E402
+from rows import used  # noqa: E402
 from scores import interquartile_mean, interval, profile  # noqa: E402
 
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
 
 ROWS, PAGE, FIGURE = HERE / "baselines.json", HERE / "baselines.md", HERE / "figures" / "baselines.svg"
+CURVES = HERE / "figures" / "curves"
+PLANNER = HERE / "planner.json"
+"""Rows of ``agents/plan.py``."""
 TRAINED = ("linear", "ppo", "sac", "tqc", "crossq")
 SEEDS, WIDE = 3, 5
 """Seeds of a task, and such tasks, that an algorithm has at the least if it is compared with others."""
@@ -45,10 +50,15 @@ TIERS = {
 }
 INTRODUCTION = """# Baselines
 
-These tables show what each algorithm reaches on each task. A cell gives the share of 100 held-out episodes
-that succeed, averaged over training seeds. The brackets give the lowest of these seeds and their number, if
-there are several. The second line of a cell is the return per step, which is at most 1. Agents play without
-exploration.
+These tables show what each algorithm reaches on each task, by one [protocol](benchmark.md). A cell gives the
+return per step, which is at most 1, averaged over training seeds. The brackets give its 95 % interval and the
+number of seeds, if there are several. The second line is the share of held-out episodes that succeed. Agents
+play without exploration.
+
+*Best known* is the largest return of any row, of a planner with the exact model among them: the ceiling, as
+far as it is known, with the row that reaches it. *Sparse* is PPO in the task of the same environment in which
+nothing is rewarded before its aim is met. *Used* says what rows had beside the rewards of the task's own
+episodes; "model" is a controller written for the task.
 """
 CHANGED = """Tasks marked † have changed since some of their rows were made: the simulator computes
 contact, or a control period, slightly differently now. Those rows describe the task as it was. The mean
@@ -83,31 +93,30 @@ METHOD = """## How it was made
 python -m pip install -c constraints.txt -e ".[agents,ray]"
 python agents/benchmark.py --runs runs/benchmark
 python docs/baselines.py --rows runs/benchmark/baselines.json
+python docs/environments.py
 ```
 
 The second command trains and evaluates everything, on all cores or on a Ray cluster. If it is stopped, the
-same command goes on where it was. The third command writes this page. The same command, seed, machine and
-commit give the same curve, to the bit.
+same command goes on where it was. The third command writes this page and draws all curves. The same command,
+seed, machine and commit give the same curve, to the bit.
 
 - *Linear* is a ← clip(W o + b) over the compact observation, found by the cross-entropy method.
 - *Classical* is the controller in `agents/controllers.py`, which does not learn.
 - Hyperparameters are those of `configs/`. These files also say what an agent observes: particles for PPO
   where they say nothing, and the compact observation for the others. A variant uses those of its
   environment.
-- All algorithms start from nothing, with one exception. PPO of `SpringDuel-v0` and `SpringDuelStrong-v0`
+- PPO of `SpringDuel-v0` and `SpringDuelStrong-v0`
   [imitates](training.md#begin-with-what-is-known) classical control in its first 400,000 steps.
-- Each copy of a training batch has its own seed, spawned from the seed of the run. In older rows the seeds
-  of the copies counted on from it, so that runs of a task shared most of their starts.
 - Seconds are processor time of one core, so they do not depend on what else the machine does.
-
-The rows are in `docs/baselines.json`. Each row holds versions, commit, a digest of its configuration and a
-probe of its task. The probe is the mean reward of given actions from given starts. (For classical control,
-the digest is a sum over what it does.) A test compares them with the present ones. If a task has changed,
-its rows also hold the present probe, until the benchmark runs again.
-
-The interquartile mean over these tasks, and its 95 % intervals by a bootstrap stratified by task, follow
-Agarwal et al., [Deep reinforcement learning at the edge of the statistical
-precipice](https://arxiv.org/abs/2108.13264).
+{older}
+The rows are in `docs/baselines.json`; [the protocol](benchmark.md) describes them. A test compares them with
+the present tasks and configurations. If a task has changed, its rows also hold the present probe, until the
+benchmark runs again.
+"""
+OLDER = """- {old} of {all} rows are older than the protocol. They hold neither episodes nor a learning curve,
+  and have an interval only from {fewest} seeds on. {dirty} of these are of a source tree that differed from
+  its commit. In most of them, the runs of a task shared most of their starts. New rows like these are
+  refused.
 """
 
 
@@ -119,18 +128,59 @@ def cells(rows: Iterable[dict[str, Any]]) -> dict[tuple[str, str], list[dict[str
     return found
 
 
+def best_known(task: str, by_cell: dict[tuple[str, str], list[dict[str, Any]]]) -> list[dict[str, Any]]:
+    """Return the rows of the algorithm that returns most in a task, a planner or controller among them."""
+    found = [runs for (name, _), runs in by_cell.items() if name == task]
+    return max(found, key=lambda runs: float(np.mean([run["mean_return"] for run in runs])), default=[])
+
+
+def ceiling(task: str, by_cell: dict[tuple[str, str], list[dict[str, Any]]]) -> str:
+    """Return a cell: the best known return of a task, and the algorithm that reaches it."""
+    runs = best_known(task, by_cell)
+    episodes = f"{len(runs)} × {runs[0]['episodes']} episodes"
+    return f"{earned(runs)}<br>{runs[0]['algorithm']}, {episodes}".replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def means_of(runs: Sequence[dict[str, Any]]) -> list[str]:
+    """Return what the rows of an algorithm in a task used, of `rows.USED`."""
+    algorithm: Any = runs[0]["algorithm"]
+    if "used" in runs[0]:
+        return list(runs[0]["used"])
+    return used(algorithm, load_config(algorithm, runs[0]["task"]) if algorithm in CONFIG_OF else None)
+
+
+def sparse_of(task: str) -> str | None:
+    """Return the id of the sparse task of an environment's usual task."""
+    return next((own.id for own in VARIANTS if own.of == task and own.arguments == {"sparse": True}), None)
+
+
 def table_of(tier: str, rows: Sequence[dict[str, Any]]) -> list[str]:
     """The tasks of a tier with what was reached."""
     tasks = [task.id for task in TASKS if task.tier == tier]
-    by_cell = cells(row for row in rows if row["task"] in tasks)
+    everything = cells([*rows, *planned()])
+    by_cell = {of: runs for of, runs in everything.items() if of[0] in tasks}
     present = [name for name in ALGORITHMS if any(algorithm == name for _, algorithm in by_cell)]
-    lines = [f"| task | {' | '.join(present)} |", "|---" * (len(present) + 1) + "|"]
+    sparse = any((sparse_of(task), "ppo") in everything for task in tasks)
+    columns = ["best known", *present, *(["sparse"] if sparse else []), "used"]
+    lines = [f"| task | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
     for task in tasks:
         if any(name == task for name, _ in by_cell):
-            results = " | ".join(shown(by_cell.get((task, name), [])) for name in present)
+            results = [ceiling(task, by_cell), *(shown(by_cell.get((task, name), [])) for name in present)]
+            if sparse:
+                results.append(shown(everything.get((sparse_of(task) or "", "ppo"), [])))
+            told = [
+                f"{name}: {', '.join(means_of(by_cell[task, name]))}"
+                for name in present
+                if (task, name) in by_cell and means_of(by_cell[task, name])
+            ]
             mark = " †" if any(row["task"] == task and "present_probe" in row for row in rows) else ""
-            lines.append(f"| `{task}`{mark} | {results} |")
+            lines.append(f"| `{task}`{mark} | {' | '.join([*results, '<br>'.join(told)])} |")
     return lines
+
+
+def planned() -> list[dict[str, Any]]:
+    """The rows of the planner, if there are any."""
+    return read(PLANNER) if PLANNER.exists() else []
 
 
 def compared(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
@@ -147,29 +197,38 @@ def compared(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
 def table_of_costs(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return a table of what a run costs by algorithm, and what all compared ones reach in the same tasks."""
     wide, tasks = compared(rows)
+    by_cell = cells([*rows, *planned()])
+    sparse = {variant.id for variant in VARIANTS if variant.tier == "sparse"}
     lines = [
-        f"| algorithm | runs | steps each | seconds each | success in {len(tasks)} tasks, interquartile mean "
-        "| 95 % interval |",
-        "|---|---|---|---|---|---|",
+        f"| algorithm | runs | steps each | seconds each | return in {len(tasks)} tasks, share of the best "
+        "known | success | success in sparse tasks |",
+        "|---|---|---|---|---|---|---|",
     ]
     for name in TRAINED:
         runs = [row for row in rows if row["algorithm"] == name]
         if not runs:
             continue
-        reached = "| |"
+        reached = ["", ""]
         if name in wide:
-            scores = by_task([run for run in runs if run["task"] in tasks])
-            low, high = interval(scores, interquartile_mean)
-            mean = interquartile_mean(np.concatenate(scores))
-            reached = f"{100 * mean:.0f} % | {100 * low:.0f}–{100 * high:.0f} % |"
+            own = [run for run in runs if run["task"] in tasks]
+            reached = [quartiles(by_task(own, by_cell)), quartiles(by_task(own))]
+        own = [run for run in runs if run["task"] in sparse]
+        reached.append(f"{quartiles(by_task(own))}, {len({run['task'] for run in own})} tasks" if own else "")
         steps, seconds = (np.array([run[key] for run in runs]) for key in ("steps", "seconds"))
         lines.append(
             f"| {name} | {len(runs)} | {steps.min():,.0f}–{steps.max():,.0f} | {seconds.min():.0f}–"
-            f"{seconds.max():.0f} | {reached}"
+            f"{seconds.max():.0f} | {' | '.join(reached)} |"
         )
+    lines.append("\nThe last columns are interquartile means, with their 95 % intervals.")
     if tasks:
         lines += ["", f"These have {SEEDS} seeds or more of all: {', '.join(f'`{task}`' for task in tasks)}."]
     return lines
+
+
+def quartiles(scores: Sequence[np.ndarray]) -> str:
+    """Return the interquartile mean of scores (seeds,) of several tasks, and its interval, in per cent."""
+    low, high = interval(scores, interquartile_mean)
+    return f"{100 * interquartile_mean(np.concatenate(scores)):.0f} % ({100 * low:.0f}–{100 * high:.0f})"
 
 
 def table_of_times(rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -186,25 +245,39 @@ def table_of_agents() -> list[str]:
     ]
     for path in sorted(CARDS.glob("*/card.json")):
         card = json.loads(path.read_text(encoding="utf-8"))
-        low, high = card["interval"]
+        scale, unit = measure(card["task"])
+        low, high = (scale * end for end in card["interval"])
+        chosen = "" if "selection_return" in card else " ‡"
+        chosen += " §" if "trained_probe" in card else ""
         own, *others = card["audit"]
         lost = [
             f"{found['simulation']}: {found['verdict']}"
             + ("" if found["refused"] else f", {100 * found['lost'] / own['return_per_step']:+.2f} %")
             for found in others
         ]
+        told = f"{scale * card['mean_return']:.3f} ({low:.3f}–{high:.3f}){unit}{chosen}"
         lines.append(
-            f"| `{card['task']}` | {card['algorithm']}, seed {card['seed']} | {card['mean_return']:.3f} "
-            f"({low:.3f}–{high:.3f}) | {100 * card['success_rate']:.0f} % | {'<br>'.join(lost)} |"
+            f"| `{card['task']}` | {card['algorithm']}, seed {card['seed']} | {told} | "
+            f"{100 * card['success_rate']:.0f} % | {'<br>'.join(lost)} |"
         )
+    if any("§" in line for line in lines):
+        lines.append("\n§ The agent was trained for the task as it was, with another reward.")
+    if any("‡" in line for line in lines):
+        lines.append("\n‡ The agent was chosen among its seeds on the episodes that it is reported on here.")
     return lines
 
 
-def by_task(runs: Sequence[dict[str, Any]]) -> list[np.ndarray]:
-    """Success rates (seeds,) of every task."""
+def by_task(
+    runs: Sequence[dict[str, Any]], by_cell: dict[tuple[str, str], list[dict[str, Any]]] | None = None
+) -> list[np.ndarray]:
+    """Scores (seeds,) of every task: success, or with the rows of all, the share of the best known return."""
     found = defaultdict(list)
     for run in runs:
-        found[run["task"]].append(run["success_rate"])
+        if by_cell is None:
+            found[run["task"]].append(run["success_rate"])
+        else:
+            best = np.mean([row["mean_return"] for row in best_known(run["task"], by_cell)])
+            found[run["task"]].append(run["mean_return"] / best)
     return [np.array(scores) for scores in found.values()]
 
 
@@ -234,31 +307,86 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
         "## Algorithms\n",
         *table_of_costs(rows),
         "",
-        "![Share of the runs in these tasks above each success rate](figures/baselines.svg)\n",
+        "![Share of the runs above each share of the best known return](figures/baselines.svg)\n",
         *(table_of_times(read(TIMES)) if TIMES.exists() else []),
         AGENTS,
         *table_of_agents(),
         "",
-        METHOD,
+        METHOD.format(older=older(rows)),
     ]
     cpus, versions = (sorted({row[key] for row in rows}) for key in ("cpu", "springgym"))
     lines.append(f"Measured with springgym {', '.join(versions)} on {', '.join(cpus)}.\n")
     return "\n".join(lines)
 
 
-def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Performance profiles: how large a share of an algorithm's runs does better than each level."""
-    matplotlib.use("svg")
+def older(rows: Sequence[dict[str, Any]]) -> str:
+    """Return what is to be said of rows that are older than the protocol."""
+    old = [row for row in rows if "protocol" not in row]
+    dirty = sum("dirty" in (row["commit"] or "") for row in old)
+    return OLDER.format(old=len(old), all=len(rows), dirty=dirty, fewest=FEWEST) if old else ""
+
+
+def draw_curves(rows: Sequence[dict[str, Any]], folder: Path) -> None:
+    """Draw the learning curves of every environment of which rows have some, and remove the others."""
     from matplotlib import pyplot as plt
 
-    matplotlib.rcParams["svg.hashsalt"] = "springgym"
+    folder.mkdir(exist_ok=True)
+    by_cell = cells([*rows, *planned()])
+    for row in ENVIRONMENTS:
+        path = folder / f"{row.id}.svg"
+        curves = {
+            name: [run["curve"] for run in by_cell.get((row.id, name), []) if run.get("curve")]
+            for name in TRAINED
+        }
+        if not any(curves.values()):
+            path.unlink(missing_ok=True)
+            continue
+        figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), sharey=True, layout="constrained")
+        for n, name in enumerate(TRAINED):
+            if curves[name]:
+                for column, own in enumerate(axes):
+                    draw_curve(own, curves[name], column, name, f"C{n}")
+        for name, style in (("classical", "--"), ("plan", ":")):
+            for own in axes if (row.id, name) in by_cell else ():
+                level = np.mean([run["mean_return"] for run in by_cell[row.id, name]])
+                own.axhline(level, color="0.4", ls=style, lw=1, label=name)
+        axes[0].set(xlabel="samples", ylabel="return per step", title=row.id, xlim=(0, None))
+        axes[1].set(xlabel="seconds of one core", xlim=(0, None))
+        for own in axes:
+            own.grid(alpha=0.3)
+        axes[0].legend()
+        figure.savefig(path, metadata={"Date": None})
+        plt.close(figure)
+
+
+def draw_curve(
+    axes: Any, curves: Sequence[Sequence[Sequence[float]]], column: int, name: str, color: str
+) -> None:
+    """Draw the median of curves against samples (column 0) or seconds (1), and the band of all.
+
+    Every curve is interpolated at common places, as far as all of them reach.
+    """
+    tables = [np.array([point[:3] for point in points], float) for points in curves]
+    first, last = max(t[0, column] for t in tables), min(t[-1, column] for t in tables)
+    at = np.linspace(first, last, 100)
+    values = np.array([np.interp(at, table[:, column], table[:, 2]) for table in tables])
+    axes.plot(at, np.median(values, axis=0), color=color, label=f"{name}, {len(curves)}")
+    axes.fill_between(at, values.min(axis=0), values.max(axis=0), color=color, alpha=0.2, lw=0)
+
+
+def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Performance profiles: how large a share of an algorithm's runs does better than each level."""
+    from matplotlib import pyplot as plt
+
     figure, axes = plt.subplots(figsize=(6, 3.2), layout="constrained")
     levels = np.linspace(0, 1, 101)
     wide, tasks = compared(rows)
+    by_cell = cells([*rows, *planned()])
     for name in wide:
-        runs = [row["success_rate"] for row in rows if row["algorithm"] == name and row["task"] in tasks]
-        axes.step(100 * levels, 100 * profile(np.array(runs), levels), where="post", label=name)
-    axes.set(xlabel="success, %", ylabel="runs above it, %", xlim=(0, 100), ylim=(0, 102))
+        runs = [row for row in rows if row["algorithm"] == name and row["task"] in tasks]
+        scores = np.concatenate(by_task(runs, by_cell))
+        axes.step(100 * levels, 100 * profile(scores, levels), where="post", label=name)
+    axes.set(xlabel="return, % of the best known", ylabel="runs above it, %", xlim=(0, 100), ylim=(0, 102))
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, metadata={"Date": None})
@@ -273,6 +401,14 @@ def key(row: dict[str, Any]) -> tuple[str, str, int]:
 def read(path: Path) -> list[dict[str, Any]]:
     """The rows of a file."""
     return list(json.loads(path.read_text(encoding="utf-8")))
+
+
+def refuse(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """End the program if rows are not what the protocol asks for, see ``agents/check.py``."""
+    from check import refusal
+
+    if found := [f"{path}, row {n}: {why}" for n, row in enumerate(rows) if (why := refusal(row))]:
+        sys.exit("\n".join(found))
 
 
 def mark(rows: Sequence[dict[str, Any]]) -> None:
@@ -294,16 +430,21 @@ def main() -> None:
     parser.add_argument("--rows", type=Path, nargs="+", default=[], help="rows to take in")
     parser.add_argument("--mark", action="store_true", help="mark rows of tasks that have changed since")
     options = parser.parse_args()
-    rows = {}
-    for path in [*([ROWS] if ROWS.exists() else []), *options.rows]:
-        rows |= {key(row): row for row in read(path)}
+    rows = {key(row): row for row in read(ROWS)} if ROWS.exists() else {}
+    for path in options.rows:
+        taken = read(path)
+        refuse(path, taken)
+        rows |= {key(row): row for row in taken}
     known = {task.id for task in TASKS}
     kept = [rows[of] for of in sorted(rows) if of[0] in known]
     if options.mark:
         mark(kept)
     ROWS.write_text("[\n" + ",\n".join(map(json.dumps, kept)) + "\n]\n", encoding="utf-8")
     PAGE.write_text(page(kept), encoding="utf-8")
+    matplotlib.use("svg")
+    matplotlib.rcParams["svg.hashsalt"] = "springgym"
     draw(kept, FIGURE)
+    draw_curves(kept, CURVES)
 
 
 if __name__ == "__main__":

@@ -10,24 +10,34 @@ import argparse
 import ast
 import inspect
 import json
+import math
 import re
+import sys
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from springgym.bench.errors import EPISODES, EVERY, PERIODS
-from springgym.envs.randomisation import RANDOMIZABLE
-from springgym.registration import ENVIRONMENTS, VARIANTS, Row
+import numpy as np
 
 HERE = Path(__file__).parent
+sys.path.append(str(HERE.parent / "agents"))
+
+from scores import interval_of_mean  # noqa: E402
+
+from springgym.bench.errors import EPISODES, EVERY, PERIODS  # noqa: E402
+from springgym.envs.randomisation import RANDOMIZABLE  # noqa: E402
+from springgym.registration import ENVIRONMENTS, VARIANTS, Row, find  # noqa: E402
+
 PAGE = HERE / "environments.md"
 FEATURES = HERE / "features.md"
 FOLDER = PAGE.with_suffix("")
 NUMBERS = HERE / "numbers.json"
 CARDS = HERE.parent / "agents" / "trained"
 SEEDS = 100
+FEWEST = 3
+"""Number of training seeds from which an interval is drawn, if rows do not hold their episodes."""
 BASELINES = ("zero", "random", "classical")
 ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "crossq", "random", "zero")
 """In the order of the columns: on a phone, the first is seen without scrolling."""
@@ -114,10 +124,9 @@ def baselines(row: Row, report: Report) -> list[str]:
     names = [name for name in ALGORITHMS if any((task, name) in found for task in tasks)]
     lines = [
         "## Baselines\n",
-        "Each cell gives the share of 100 held-out episodes that succeed, and below it the return "
-        "per step. In "
-        "brackets: the lowest of several training seeds, and their number. [Baselines](../baselines.md) "
-        "compares all tasks.\n",
+        "Each cell gives the return per step, in brackets its 95 % interval and the number of training seeds "
+        "if there are several, and below it the share of the held-out episodes that succeed. "
+        "[Baselines](../baselines.md) compares all tasks, by one [protocol](../benchmark.md).\n",
         f"| task | {' | '.join(names)} |",
         "|---" * (len(names) + 1) + "|",
     ]
@@ -128,6 +137,7 @@ def baselines(row: Row, report: Report) -> list[str]:
     if any("†" in line for line in lines):
         lines.append("\n† The task has changed [a little](../baselines.md) since these rows were made.")
     lines.append("")
+    lines += learning_curves(row, report)
     for own in report["learning"]:
         if own["task"] == row.id and own["learned"]:
             lines.append(
@@ -156,12 +166,47 @@ def shown(runs: Sequence[Report]) -> str:
     """Return a cell of a table of baselines: the runs of an algorithm on a task."""
     if not runs:
         return ""
-    success = [100 * run["success_rate"] for run in runs]
-    seeds = f" (≥ {min(success):.0f}, {len(runs)})" if len(runs) > 1 else ""
-    earned = sum(run["mean_return"] for run in runs) / len(runs)
-    digits = 3 if 0.0005 <= earned < 0.005 else 2  # where all is earned in the last step
-    cell = f"{sum(success) / len(runs):.0f} %{seeds}<br>{earned:.{digits}f}"
+    success = sum(run["success_rate"] for run in runs) / len(runs)
+    cell = f"{earned(runs)}<br>{100 * success:.0f} %"
     return cell.replace(" ", "\N{NO-BREAK SPACE}")  # a phone scrolls sideways and shows whole cells
+
+
+def earned(runs: Sequence[Report]) -> str:
+    """Return the mean return of runs of a task, with its interval, and how many they are.
+
+    It is in the unit of `measure`.
+    """
+    scale, unit = measure(runs[0]["task"])
+    means = scale * np.array([run["mean_return"] for run in runs])
+    seeds, told = f", {len(runs)}" if len(runs) > 1 else "", ""
+    if len(runs) >= FEWEST or all("returns" in run for run in runs):
+        errors = [np.std(run.get("returns", [0.0])) / math.sqrt(run["episodes"]) for run in runs]
+        low, high = interval_of_mean(means, scale * np.array(errors))
+        told = f" ({low:.2f}–{high:.2f}{seeds})"
+    elif seeds:
+        told = f" ({len(runs)})"
+    return f"{means.mean():.2f}{told}{unit}"
+
+
+def measure(task: str) -> tuple[int, str]:
+    """Return by what returns per step are multiplied on the pages, and what is written behind them.
+
+    Where most is earned in one step, as by who wins a duel, the return of an episode is told.
+    """
+    row, _ = find(task)  # type: ignore[misc]
+    return (row.max_episode_steps, " an episode") if row.reward_threshold <= 1 else (1, "")
+
+
+def learning_curves(row: Row, report: Report) -> list[str]:
+    """Return the figure of the learning curves of an environment, if rows of it have any."""
+    if not any(own["task"] == row.id and own.get("curve") for own in report["baselines"]):
+        return []
+    caption = "Return per step against samples, and against seconds of one core"
+    return [
+        f"![{caption}](../figures/curves/{row.id}.svg)\n",
+        "Each line is the median of the training seeds, and the band reaches from the lowest to the highest. "
+        "Episodes of the curves are neither those of the training nor those of the table.\n",
+    ]
 
 
 def error(row: Row, report: Report) -> list[str]:
@@ -254,8 +299,8 @@ def table_of_variants(row: Row, report: Report) -> list[str]:
     names = tuple(reversed(BASELINES))
     lines = [
         "## Variants\n",
-        "Keyword arguments make these variants. The last columns give success and return per step of "
-        "controllers "
+        "Keyword arguments make these variants. The last columns give success"
+        f"{'' if measure(row.id)[1] else ' and return per step'} of controllers "
         f"without learning, on {SEEDS} held-out seeds: classical control, random actions, no action.\n",
         f"| arguments | difference | {' | '.join(names)} |",
         "|---|---|---|---|---|",
@@ -263,7 +308,8 @@ def table_of_variants(row: Row, report: Report) -> list[str]:
     reached = {(own["environment"], own["arguments"]): own for own in report["variants"]["rows"]}
     for action, variant, arguments in actions_and_variants(row):
         own = reached[row.id, repr(arguments)]
-        figures = " | ".join(f"{100 * own[name][0]:.3g} %, {own[name][1]:.2f}" for name in names)
+        told = "{success:.3g} %" if measure(row.id)[1] else "{success:.3g} %, {earned:.2f}"
+        figures = " | ".join(told.format(success=100 * own[name][0], earned=own[name][1]) for name in names)
         written = ", ".join(filter(None, (f'`action="{action}"`', variant.written)))
         lines.append(f"| {written} | {variant.change} | {figures} |")
     return [*lines, ""]
@@ -412,6 +458,7 @@ HARDER = """## Tiers and harder variants
 | standard | PPO solves it with the hyperparameters that ship; linear control does not |
 | harder | PPO does most of it |
 | hard | PPO does not do it, although it can be done |
+| sparse | a task of the same environment, in which nothing is rewarded before its aim is met |
 
 Some variants have ids of their own, so that programs can run them that accept nothing but an id.
 [Baselines](baselines.md) shows what each algorithm reaches.

@@ -60,7 +60,9 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         for axis in range(3):
             speed += m.angular_velocity[c, axis] ** 2
         speed **= 0.5
-        out["reward_still"][c] = gaussian(speed, 2.0, 0.05) * thrift(s.action, c)
+        slow = gaussian(speed, 2.0, 0.05) / 4 * thrift(s.action, c)
+        out["reward_slow"][c] = slow
+        out["reward_still"][c] = 3 * slow * gaussian(speed, 0.2, 0.05)
         out["speed"][c] = speed
         out["met"][c] = speed < 0.15
         out["failed"][c] = False
@@ -78,7 +80,7 @@ class SpringDetumble(Task):
     """Define the MDP of `SpringDetumbleEnv`, which describes it."""
 
     actions: ClassVar = {"torque": 3, "thrusters": len(THRUSTERS)}
-    terms = ("still",)
+    terms = ("slow", "still")
     metrics = ("speed",)
     entries = (Entry("angular_velocity", 3, TURNING_UNIT), Entry("angular_momentum", 3))
     evaluate = staticmethod(evaluate)
@@ -219,8 +221,9 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
     observed, too.
 
     ## Rewards
-    G(|ω|; 0.05, 2) E with G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, and the effort
-    E = 1 − 0.1 mean(a²): from 0 to 1, `reward_still` in `info`.
+    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, and the effort E = 1 − 0.1 mean(a²), the reward is
+    S [1 + 3 G(|ω|; 0.05, 0.2)] with S = G(|ω|; 0.05, 2) E / 4: from 0 to 1. Its terms are `reward_slow` and
+    `reward_still` in `info`.
 
     ## Starting State
     The box has any orientation and turns at |ω| = U(2, 6) rad/s. In half of the episodes it turns about any
@@ -228,8 +231,9 @@ class SpringDetumbleEnv(SpringEnv, gym.Env):
     sets |ω|.
 
     ## Episode End
-    Termination: only if the simulation diverged (`info["diverged"]`; reward 0). Truncation: 300 steps, 6 s.
-    `info["is_success"]`: |ω| < 0.15 rad/s for the last 50 steps.
+    Termination: only if the simulation diverged (`info["diverged"]`; reward 0). Truncation: 400 steps, 8 s.
+    `info["is_success"]`: |ω| < 0.15 rad/s for the last 50 steps. The fastest flat spin takes
+    6.4 s of full torque to stop.
 
     ## Information
     `speed` |ω| [rad/s], `energy` and `energy_drift` [J], `strain`.

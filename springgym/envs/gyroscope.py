@@ -20,7 +20,7 @@ from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
-from springgym.envs.rewards import angle_between, angle_of, long_tail, spinning, thrift
+from springgym.envs.rewards import angle_between, angle_of, gaussian, long_tail, spinning, thrift
 from springgym.envs.starts import direction, tilted, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
@@ -32,7 +32,7 @@ from springgym.scenes import film
 TORQUE = 20.0  # [N·m]
 IMPULSE = 0.8  # largest component a control period [N·s]: 20 N·m at the arm of the head
 USUAL = 35.0  # spin [rad/s]
-SPIN_UNIT = 20.0  # what the compact observation shows as 1, from `USUAL` [rad/s]
+SPIN_UNIT = 20.0  # what the compact observation shows as 1, from `USUAL`, unless the sign varies [rad/s]
 FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
 
 
@@ -41,9 +41,9 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         angle = angle_between(m.axis[c], s.goal[c])
         spin, across = spinning(m, c)
-        aligned = long_tail(angle, 0.5, 0.03) / 2 * thrift(s.action, c)
+        aligned = long_tail(angle, 0.5, 0.03) / 4 * thrift(s.action, c)
         out["reward_aligned"][c] = aligned
-        out["reward_calm"][c] = aligned * long_tail(across, 1.5, 0.1)
+        out["reward_calm"][c] = 3 * aligned * gaussian(angle, 0.15, 0.03) * gaussian(across, 0.45, 0.1)
         out["angle"][c] = angle
         out["spin"][c] = spin
         out["precession"][c] = across
@@ -60,7 +60,7 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, axis] = n
             observation[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n
             observation[c, 7 + axis] = s.goal[c, axis]
-        observation[c, 6] = (spin - USUAL) / SPIN_UNIT
+        observation[c, 6] = (spin - s.parameters[0]) / s.parameters[1]
 
 
 def turn_to(axis: np.ndarray) -> np.ndarray:
@@ -94,6 +94,9 @@ class SpringGyroscope(Task):
     ) -> None:
         super().__init__(observation, action)
         self.hard = flag("hard", hard)
+        if self.hard:  # of either sign
+            either = Entry("spin", 1, USUAL)
+            self.entries = tuple(either if entry.name == "spin" else entry for entry in self.entries)
         self.body = made(gyroscope, body)
         self._shape = stretched_shapes(self.body, (0, 0, 1), FASTEST, self.body.parts["centre"])
 
@@ -130,6 +133,12 @@ class SpringGyroscope(Task):
         positions = factors["scale"] * self._shape(spin * softer) @ turn.T
         centre = positions[self.body.particle("centre")]
         return Start(positions, cross(spin * axis, positions - centre), target.tolist())
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """Return the spin that the compact observation shows as 0, and the unit [rad/s]."""
+        (spin,) = (entry for entry in self.entries if entry.name == "spin")
+        return np.array([spin.about, spin.unit])
 
     @property
     def limits(self) -> np.ndarray:
@@ -209,13 +218,13 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
     | | 84–86 | target direction, a unit vector | 1 |
     | `"frame"` | 0–2 | axle n, a unit vector from foot to head | 1 |
     | | 3–5 | angular velocity across the axle, ω⊥ | 1 rad/s |
-    | | 6 | spin ω₃ − 35 rad/s | 20 rad/s |
+    | | 6 | spin ω₃ − 35 rad/s; ω₃ if `hard` | 20 rad/s; 35 rad/s |
     | | 7–9 | target direction | 1 |
 
     ## Rewards
-    With L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the angle α between axle and target and the effort
-    E = 1 − 0.1 mean(a²), the reward is A [1 + L(|ω⊥|; 0.1, 1.5)] with A = L(α; 0.03, 0.5) E / 2: from
-    0 to 1. Its terms are `reward_aligned` and `reward_calm` in `info`.
+    With G(x; b, m) = 0.1^(d²), L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the angle α between axle and
+    target and the effort E = 1 − 0.1 mean(a²), the reward is A [1 + 3 G(α; 0.03, 0.15) G(|ω⊥|; 0.1, 0.45)]
+    with A = L(α; 0.03, 0.5) E / 4: from 0 to 1. Its terms are `reward_aligned` and `reward_calm` in `info`.
 
     ## Starting State
     The axle points in any direction. The rotor spins at U(25, 45) rad/s and is otherwise at rest, stretched

@@ -42,7 +42,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         speed = math.hypot(spin, across)
         raised = ((1 + up) / 2) ** 2 / 4 * thrift(s.action, c)
         out["reward_raised"][c] = raised
-        out["reward_held"][c] = 3 * raised * gaussian(tilt, 0.6, 0.05) * gaussian(speed, 4.0, 0.2)
+        out["reward_held"][c] = 3 * raised * gaussian(tilt, 0.2, 0.05) * gaussian(speed, 0.8, 0.2)
         out["tilt"][c] = tilt
         out["speed"][c] = speed
         out["spin"][c] = spin
@@ -194,7 +194,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
 
     ## Rewards
     With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the tilt θ of n from the upright and the effort
-    E = 1 − 0.1 mean(a²), the reward is R [1 + 3 G(θ; 0.05, 0.6) G(|ω|; 0.2, 4)] with
+    E = 1 − 0.1 mean(a²), the reward is R [1 + 3 G(θ; 0.05, 0.2) G(|ω|; 0.2, 0.8)] with
     R = ((1 + n_z)/2)² E / 4: from 0 to 1. Its terms are `reward_raised` and `reward_held` in `info`.
 
     ## Starting State
@@ -204,8 +204,7 @@ class SpringPendulumEnv(SpringEnv, gym.Env):
     ## Episode End
     Termination: |ω| exceeds 8 rad/s (so that whirling the cube around does not help), or the simulation
     diverged (`info["diverged"]`; reward 0). Truncation: 250 steps, 10 s. `info["is_success"]`: θ < 0.15 rad
-    and
-    |ω| < 0.5 rad/s for the last 25 steps.
+    and |ω| < 0.5 rad/s for the last 25 steps.
 
     ## Information
     `tilt` θ [rad], `speed` |ω| and `spin` ω₃ [rad/s], `energy` and `energy_drift` [J], `strain`.

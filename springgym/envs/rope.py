@@ -29,6 +29,7 @@ from springgym.scene import GRAVITY, DriveActuator, Scene
 ACCELERATION = 3.0  # of the trolley [m/s²]
 LOAD_RADIUS = 0.34  # as it is drawn [m]
 SPEED = 3.0  # of the trolley [m/s]
+FARTHEST = 10.0  # horizontal distance of the load from its target that ends an episode [m]
 WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # what the compact observation shows as 1 [m], [m/s]
 
 
@@ -38,13 +39,13 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     for c in range(out.shape[0]):
         error = math.hypot(s.x[c, load, 0] - s.goal[c, 0], s.x[c, load, 1] - s.goal[c, 1])
         speed = math.hypot(s.v[c, load, 0], s.v[c, load, 1])
-        near = (long_tail(error, 1.0, 0.05) + gaussian(error, 3.0, 0.05)) / 4 * thrift(s.action, c)
+        near = (long_tail(error, 1.0, 0.05) + gaussian(error, 3.0, 0.05)) / 8 * thrift(s.action, c)
         out["reward_near"][c] = near
-        out["reward_still"][c] = near * gaussian(error, 0.5, 0.05) * gaussian(speed, 1.0, 0.05)
+        out["reward_still"][c] = 3 * near * gaussian(error, 0.15, 0.03) * gaussian(speed, 0.15, 0.03)
         out["error"][c] = error
         out["speed"][c] = speed
         out["met"][c] = error < 0.1 and speed < 0.1
-        out["failed"][c] = False
+        out["failed"][c] = error > FARTHEST
 
 
 @kernel
@@ -114,7 +115,7 @@ class SpringRope(Task):
             (math.pi, math.pi, math.pi, self.rate, self.sway, self.farthest),
         )
         sway = number(options, "sway", drawn_sway, 0.0, 1.0)
-        distance = number(options, "distance", drawn_distance, 0.0, 20.0)
+        distance = number(options, "distance", drawn_distance, 0.0, 8.0)
         below = self.body.mass - np.cumsum(self.body.masses)[:-1]
         weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * below * math.cos(sway)
         lengths = factors["scale"] * self.body.lengths + weight / (factors["stiffness"] * self.body.stiffness)
@@ -212,8 +213,8 @@ class SpringRopeEnv(SpringEnv, gym.Env):
     ## Rewards
     With G(x; b, m) = 0.1^(d²), L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the load's horizontal
     distance e from the target and horizontal speed s, and the effort E = 1 − 0.1 mean(a²), the reward is
-    N [1 + G(e; 0.05, 0.5) G(s; 0.05, 1)] with N = [L(e; 0.05, 1) + G(e; 0.05, 3)] E / 4: from 0 to 1. Its
-    terms are `reward_near` and `reward_still` in `info`.
+    N [1 + 3 G(e; 0.03, 0.15) G(s; 0.03, 0.15)] with N = [L(e; 0.05, 1) + G(e; 0.05, 3)] E / 8: from 0 to 1.
+    Its terms are `reward_near` and `reward_still` in `info`.
 
     ## Starting State
     The trolley rests at the origin. The rope is stretched as it hangs, sways by U(0, 0.25) rad in any
@@ -221,8 +222,8 @@ class SpringRopeEnv(SpringEnv, gym.Env):
     `reset(options={"sway": …, "distance": …})` sets sway and distance.
 
     ## Episode End
-    Termination: only if the simulation diverged (`info["diverged"]`; reward 0). Truncation: 200 steps, 10 s.
-    `info["is_success"]`: e < 0.1 m and s < 0.1 m/s for the last 20 steps.
+    Termination: e exceeds 10 m, or the simulation diverged (`info["diverged"]`; reward 0). Truncation:
+    200 steps, 10 s. `info["is_success"]`: e < 0.1 m and s < 0.1 m/s for the last 20 steps.
 
     ## Information
     `error` e [m], `speed` s [m/s], `energy` and `energy_drift` [J], `strain`.

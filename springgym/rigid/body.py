@@ -72,7 +72,7 @@ class Solid(NamedTuple):
 
 @compiled
 def orientation(x: Rows, rigid: Rigid) -> Block:
-    """The principal axes in world coordinates: how the triad of the particles stands to that of the shape."""
+    """Return the principal axes in world coordinates, from the triads of the particles and of the shape."""
     here = triad(x, rigid.markers)
     e1, e2, e3 = rows(rigid.triad)
     return (

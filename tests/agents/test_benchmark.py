@@ -11,16 +11,13 @@ from pathlib import Path
 
 import benchmark
 import pytest
+import rows as form
 import runs
 import train
 from conftest import AGENTS, HERE
 from test_train import PYTHONPATH, assert_same_run, rows
 
 TOY = "toy_env:Toy-v0"
-KEYS = {
-    *("task", "algorithm", "seed", "steps", "seconds", "success_rate", "mean_return", "episodes"),
-    *("config", "probe", "springgym", "commit", "python", "packages", "cpu"),
-}
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +57,10 @@ def table(folder):
 def test_rows(done):
     found = table(done)
     assert set(found) == {("zero", 0), ("linear", 0), ("ppo", 0)}
-    assert all(set(row) == KEYS for row in found.values())
+    assert all(list(row) == list(form.FORM) for row in found.values())
+    assert all(
+        isinstance(value, form.FORM[name]) for row in found.values() for name, value in row.items()
+    )  # as JSON has them
     zero, linear, ppo = (found[name, 0] for name in ("zero", "linear", "ppo"))
     assert zero["steps"] == zero["seconds"] == 0
     assert linear["success_rate"] > 0.8 > 0.3 > zero["success_rate"]
@@ -69,6 +69,12 @@ def test_rows(done):
     assert ppo["mean_return"] > 0.9 > zero["mean_return"]
     assert ppo["config"] != linear["config"]
     assert ppo["probe"] == linear["probe"]
+    assert zero["curve"] == []
+    for row in (linear, ppo):
+        assert len(row["returns"]) == len(row["successes"]) == 20
+        assert row["curve"][-1][0] == row["steps"]
+        assert 0 <= row["curve"][0][1] <= row["curve"][-1][1] <= row["seconds"]
+        assert row["curve"][0][2] < row["curve"][-1][2]
 
 
 def test_what_has_a_row_is_left_alone(done, configs, capsys):
@@ -135,8 +141,11 @@ def test_killed_benchmark_goes_on(done, configs, tmp_path):
     until(let_go)
     assert benchmark.main(asked) == 0
     assert_same_run(folder / "Toy-v0-ppo-0", done / "Toy-v0-ppo-0")
-    differs = {"seconds", "commit"}
+    differs = {"seconds", "commit", "curve"}
     again, once = table(folder)["ppo", 0], table(done)["ppo", 0]
+    assert [point[:1] + point[2:] for point in again["curve"]] == [
+        point[:1] + point[2:] for point in once["curve"]
+    ]
     assert {k: v for k, v in again.items() if k not in differs} == {
         k: v for k, v in once.items() if k not in differs
     }

@@ -33,6 +33,16 @@ def test_profile():
     )
 
 
+@pytest.mark.parametrize("runs", [1, 3, 400])
+def test_interval_of_a_mean_of_runs_and_episodes(runs):
+    """Of one run, ±1.96 times the error of its episodes; of many, the scatter of runs counts besides."""
+    means = np.random.default_rng(0).normal(size=runs)
+    low, high = scores.interval_of_mean(means, np.full(runs, 0.5))
+    half = 1.96 * np.hypot(means.std(), 0.5) / np.sqrt(runs)
+    assert (low, high) == pytest.approx((means.mean() - half, means.mean() + half), abs=0.15 * half)
+    assert scores.interval_of_mean(np.ones(runs), np.zeros(runs)) == (1.0, 1.0)
+
+
 def test_interval_is_that_of_the_mean_of_normal_scores():
     """±1.96 σ/√n for one task; none at all where all seeds agree, however tasks differ."""
     values = np.random.default_rng(0).normal(size=400)

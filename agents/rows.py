@@ -1,0 +1,72 @@
+"""The form of the benchmark's rows, see docs/benchmark.md."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+from config import Config
+
+PROTOCOL = 1
+"""Version of the protocol: seeds, episodes, and the form of a row."""
+FORM: dict[str, tuple[type, ...]] = {
+    "protocol": (int,),
+    "task": (str,),
+    "algorithm": (str,),
+    "seed": (int,),
+    "used": (list,),
+    "steps": (int,),
+    "seconds": (int, float),
+    "success_rate": (int, float, type(None)),
+    "mean_return": (int, float),
+    "first_seed": (int,),
+    "episodes": (int,),
+    "returns": (list,),
+    "successes": (list, type(None)),
+    "curve": (list,),
+    "configuration": (dict,),
+    "config": (str,),
+    "probe": (int, float),
+    "springgym": (str,),
+    "commit": (str, type(None)),
+    "python": (str,),
+    "packages": (dict,),
+    "cpu": (str,),
+}
+"""What a row holds, and the types of the values."""
+USED = ("model", "planning", "privileged information", "imitation", "goal relabelling", "other starts")
+"""What a row can have used beside the rewards of the task's own episodes."""
+POINTS = 40
+"""Largest number of points of a curve in a row."""
+
+
+def used(algorithm: str, config: Config | None) -> list[str]:
+    """Return what an algorithm of the package uses, of `USED`."""
+    found = {
+        "model": algorithm == "classical",
+        "imitation": bool(getattr(config, "imitate", 0)),
+        "other starts": bool(config and config.eval_env_kwargs),
+    }
+    return [name for name in USED if found.get(name)]
+
+
+def curve(folder: Path) -> list[list[float | None]]:
+    """Return the learning curve of a run: steps, seconds, return per step and success, row by row.
+
+    Of linear control, it is of the unperturbed policy in each generation's episodes; of others, of the agent
+    without noise, on episodes that are neither trained nor reported on. At most `POINTS` points are kept.
+    """
+    path = folder / "progress.csv"
+    with open(path if path.exists() else folder / "metrics.csv", newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["return_per_step"]]
+    every = -(-len(rows) // POINTS) or 1
+    kept = rows[::-1][::every][::-1]  # the last one among them
+    return [
+        [
+            int(row["timesteps"]),
+            float(row["seconds"]),
+            round(float(row["return_per_step"]), 4),
+            round(float(row["success_rate"]), 4) if row["success_rate"] else None,
+        ]
+        for row in kept
+    ]
