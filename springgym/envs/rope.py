@@ -16,6 +16,7 @@ from springgym.bodies.rotations import cross
 from springgym.checks import flag, shown
 from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
@@ -29,6 +30,7 @@ from springgym.scene import GRAVITY, DriveActuator, Scene
 ACCELERATION = 3.0  # of the trolley [m/s²]
 LOAD_RADIUS = 0.34  # as it is drawn [m]
 SPEED = 3.0  # of the trolley [m/s]
+CLOSE, SLOW = 0.1, 0.1  # of the load, for success [m], [m/s]
 WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # what the compact observation shows as 1 [m], [m/s]
 
 
@@ -43,7 +45,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["reward_still"][c] = near * gaussian(error, 0.5, 0.05) * gaussian(speed, 1.0, 0.05)
         out["error"][c] = error
         out["speed"][c] = speed
-        out["met"][c] = error < 0.1 and speed < 0.1
+        out["met"][c] = error < CLOSE and speed < SLOW
         out["failed"][c] = False
 
 
@@ -56,6 +58,15 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 2 + axis] = s.x[c, 0, axis] - s.x[c, load, axis]
             observation[c, 4 + axis] = s.v[c, load, axis] / SPEED_UNIT
             observation[c, 6 + axis] = s.v[c, 0, axis] / SPEED_UNIT
+
+
+@kernel
+def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
+    load = s.x.shape[1] - 1
+    for c in range(achieved.shape[0]):
+        for axis in range(2):
+            achieved[c, axis], desired[c, axis] = s.x[c, load, axis], s.goal[c, axis]
+            achieved[c, 2 + axis], desired[c, 2 + axis] = s.v[c, load, axis], 0.0
 
 
 class SpringRope(Task):
@@ -75,6 +86,8 @@ class SpringRope(Task):
     hold = 20
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
+    aims = (Aim("place", 2, CLOSE), Aim("velocity", 2, SLOW))
+    achieve = staticmethod(achieve)
 
     def __init__(
         self,
