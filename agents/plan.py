@@ -83,6 +83,7 @@ class Planner:
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "SpringPendulum-v0": {"horizon": 3.0},  # a swing to the other side takes 1.5 s
+    "SpringFreeTop-v0": {"horizon": 1.2, "spread": 0.2},  # larger pushes fell it, whatever comes after
 }
 """What the planner of an environment and its variants does otherwise than `Planner`."""
 

@@ -28,7 +28,7 @@ from scores import interquartile_mean, interval, profile  # noqa: E402
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row, Variant  # noqa: E402
 
 ROWS, PAGE, FIGURE = HERE / "baselines.json", HERE / "baselines.md", HERE / "figures" / "baselines.svg"
-TRAINED = ("linear", "ppo", "sac", "tqc", "crossq")
+TRAINED = ("linear", "ppo", "sac", "tqc", "crossq", "her")
 SEEDS, WIDE = 3, 5
 """Seeds of a task, and such tasks, that an algorithm has at the least if it is compared with others."""
 TIMES = HERE / "learning_time.json"

@@ -29,7 +29,7 @@ NUMBERS = HERE / "numbers.json"
 CARDS = HERE.parent / "agents" / "trained"
 SEEDS = 100
 BASELINES = ("zero", "random", "classical")
-ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "crossq", "random", "zero")
+ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "crossq", "her", "planner", "random", "zero")
 """In the order of the columns: on a phone, the first is seen without scrolling."""
 
 Report = Mapping[str, Any]

@@ -247,6 +247,8 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
     - `observation`, `action`: see above.
     - `hard=True`: spin of either sign; with the other sign, the same push moves the axle the other way.
     - `body`: arguments of `springgym.bodies.gyroscope`.
+    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
+      Goals hold the axis, and the angular velocity across it [rad/s].
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 

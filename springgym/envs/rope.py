@@ -246,6 +246,8 @@ class SpringRopeEnv(SpringEnv, gym.Env):
     - `material`, `diameter`: a cable in place of the paper's rope, as `"steel"` and 0.005 [m]. Steel hardly
       stretches; nylon bounces.
     - `body`: arguments of `springgym.bodies.rope`, or of `springgym.bodies.solid_rope` with a material.
+    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
+      Goals hold x, y of the load [m] and of its velocity [m/s].
     - `integrator` ("verlet"), `step`, `dtype`, `randomize`, `sparse`, `render_mode`: see
       `springgym.envs.base.SpringEnv`. A rope has no rigid twin.
 

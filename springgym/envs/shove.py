@@ -314,6 +314,8 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     - `observation`: see above.
     - `friction=0.3`: a smoother floor than the usual one (0.4).
     - `hard=True`: a box up to 1.2 m away, and turned any way.
+    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
+      Goals hold x, y of the box [m], cosine and sine of its heading, and its speed [m/s].
     - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 

@@ -311,6 +311,9 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
     - `friction=0.3`: a floor that is half as rough as the usual one (0.6), on which the body slides.
     - `hard=True`: forces up to 28 N, torques up to 7.5 N·m and impulses up to 0.14 N·s, the target
       U(0.5, 2) m away.
+    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
+      Goals hold x, y of the centre of mass [m], the direction that points down, along the axes of the
+      body (the third axis, and the first, are those of `"frame"`), and the speed s [m/s].
     - `integrator` ("verlet"), `step` (6.7e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
