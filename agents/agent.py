@@ -18,8 +18,19 @@ from springgym.cli import whole_file
 from springgym.envs import agent
 from springgym.envs.agent import SQUASHED, STATISTICS, Algorithm, Network, Policy
 
+
+class HER(SAC):
+    """SAC that also learns from goals it was not asked for, but reached (`config.HERConfig`)."""
+
+
 #: Those of Stable-Baselines3.
-ALGORITHMS: dict[Algorithm, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "tqc": TQC, "crossq": CrossQ}
+ALGORITHMS: dict[Algorithm, type[BaseAlgorithm]] = {
+    "ppo": PPO,
+    "sac": SAC,
+    "tqc": TQC,
+    "crossq": CrossQ,
+    "her": HER,
+}
 
 RENORM_EPSILON = 1e-3
 """CrossQ adds this to the variance."""
@@ -40,9 +51,10 @@ def save_agent(path: Path, model: BaseAlgorithm) -> None:
     if algo == "crossq":
         arrays = _without_normalisation(arrays)
     if normalize := model.get_vec_normalize_env():
-        moments, limits = normalize.obs_rms, np.array([normalize.epsilon, normalize.clip_obs])
-        assert isinstance(moments, RunningMeanStd)
-        arrays |= dict(zip(STATISTICS, (moments.mean, moments.var, limits), strict=True))
+        found, limits = normalize.obs_rms, np.array([normalize.epsilon, normalize.clip_obs])
+        parts = [found] if isinstance(found, RunningMeanStd) else [found[name] for name in sorted(found)]
+        mean, variance = (np.concatenate([getattr(part, name) for part in parts]) for name in ("mean", "var"))
+        arrays |= dict(zip(STATISTICS, (mean, variance, limits), strict=True))
     with whole_file(path) as temporary:
         np.savez(temporary, **arrays)
 

@@ -17,6 +17,7 @@ from board import make_logger
 from config import ConfigError
 from learner import native_env, network_config
 from runs import Run
+from stable_baselines3 import HerReplayBuffer
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
@@ -114,6 +115,8 @@ def _restore(
     model = ALGORITHMS[run.algo].load(run.model, env=normalize or env, device="cpu", force_reset=not exact)
     if isinstance(model, OffPolicyAlgorithm):
         model.replay_buffer = state["replay_buffer"]
+        if isinstance(model.replay_buffer, HerReplayBuffer):
+            model.replay_buffer.set_env(model.get_env())
     logger = make_logger(run, model.num_timesteps)
     values, counts, excluded = state["logger"]
     logger.name_to_value.update(values)

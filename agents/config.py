@@ -133,6 +133,17 @@ class CrossQConfig(OffPolicyConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
+class HERConfig(SACConfig):
+    """SAC with hindsight experience replay (Andrychowicz et al. 2017, arXiv:1707.01495).
+
+    The environment must tell goals apart (``env_kwargs: {goals: true, sparse: true}``).
+    """
+
+    relabelled: int = 4
+    """transitions with a goal that was reached later in the episode, to one with the goal that was asked"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class LinearConfig(Config):
     """Linear control found by the cross-entropy method (Szita & Lőrincz 2006,
     doi:10.1162/neco.2006.18.12.2936). Each of ``population`` policies plays the same ``episodes`` episodes;
@@ -152,6 +163,7 @@ CONFIG_OF: dict[Algorithm, type[Config]] = {
     "sac": SACConfig,
     "tqc": TQCConfig,
     "crossq": CrossQConfig,
+    "her": HERConfig,
     "linear": LinearConfig,
 }
 
@@ -176,6 +188,7 @@ RANGES = {
     "gradient_steps": (1, inf),
     "dropped_quantiles": (0, 24),
     "policy_delay": (1, inf),
+    "relabelled": (1, 1000),
     "population": (2, 100_000),
     "elites": (2, 100_000),
     "episodes": (1, 100_000),

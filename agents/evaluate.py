@@ -42,7 +42,7 @@ from springgym.envs.trained import published
 from springgym.registration import find
 
 #: Keyword arguments of an environment that belong to the agent and not to the task.
-INTERFACE = ("observation", "action")
+INTERFACE = ("observation", "action", "goals")
 
 MOST_EPISODES = 1_000_000
 LAST_SEED = 2**31 - 1 - MOST_EPISODES

@@ -8,6 +8,7 @@ from agent import ALGORITHMS, policy_kwargs
 from config import (
     ConfigError,
     CrossQConfig,
+    HERConfig,
     NetworkConfig,
     OffPolicyConfig,
     PPOConfig,
@@ -15,8 +16,10 @@ from config import (
     TQCConfig,
     making,
 )
+from gymnasium import spaces
 from imitation import teacher
 from runs import Run, time_limit
+from stable_baselines3 import HerReplayBuffer
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
@@ -77,7 +80,7 @@ def new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
 def _new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
     config = network_config(run)
     common: dict[str, Any] = {
-        "policy": "MlpPolicy",
+        "policy": "MultiInputPolicy" if isinstance(env.observation_space, spaces.Dict) else "MlpPolicy",
         "env": VecNormalize(env, gamma=config.gamma) if config.normalize else env,
         "learning_rate": LinearSchedule(config.learning_rate, 0.0, 1.0)
         if config.anneal
@@ -101,5 +104,13 @@ def _new_model(run: Run, env: VecEnv) -> BaseAlgorithm:
     if isinstance(config, CrossQConfig):
         names["policy_delay"] = "policy_delay"
     own = {argument: getattr(config, field) for argument, field in names.items()}
+    if isinstance(config, HERConfig):
+        if not isinstance(env.observation_space, spaces.Dict):
+            raise ConfigError(
+                f"{run.env_id}: hindsight needs observations that tell goals apart: "
+                "--set env_kwargs.goals=true env_kwargs.sparse=true"
+            )
+        own["replay_buffer_class"] = HerReplayBuffer
+        own["replay_buffer_kwargs"] = {"n_sampled_goal": config.relabelled}
     model: BaseAlgorithm = ALGORITHMS[run.algo](**common, **own)
     return model

@@ -27,7 +27,7 @@ from runs import HELD_OUT_SEED, load_policy
 import springgym  # noqa: F401  (registers the environments)
 from springgym import view
 from springgym.cli import guarded, whole_file
-from springgym.envs.agent import Policy
+from springgym.envs.agent import Policy, alone
 from springgym.envs.trained import Agent
 from springgym.view.episodes import episodes, played
 
@@ -74,7 +74,7 @@ def play_episode(env: gym.Env, policy: Policy, seed: int) -> Iterator[Any]:
         )  # a window draws each step, and waits for it
         if over:
             return
-        observation, _, terminated, truncated, _ = env.step(policy(observation[None])[0])
+        observation, _, terminated, truncated, _ = env.step(policy(alone(observation))[0])
         over = terminated or truncated
 
 

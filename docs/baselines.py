@@ -33,7 +33,7 @@ ROWS, PAGE, FIGURE = HERE / "baselines.json", HERE / "baselines.md", HERE / "fig
 CURVES = HERE / "figures" / "curves"
 PLANNER = HERE / "planner.json"
 """Rows of ``agents/plan.py``."""
-TRAINED = ("linear", "ppo", "sac", "tqc", "crossq")
+TRAINED = ("linear", "ppo", "sac", "tqc", "crossq", "her")
 SEEDS, WIDE = 3, 5
 """Seeds of a task, and such tasks, that an algorithm has at the least if it is compared with others."""
 TIMES = HERE / "learning_time.json"

@@ -39,7 +39,7 @@ SEEDS = 100
 FEWEST = 3
 """Number of training seeds from which an interval is drawn, if rows do not hold their episodes."""
 BASELINES = ("zero", "random", "classical")
-ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "crossq", "random", "zero")
+ALGORITHMS = ("ppo", "classical", "linear", "sac", "tqc", "crossq", "her", "planner", "random", "zero")
 """In the order of the columns: on a phone, the first is seen without scrolling."""
 
 Report = Mapping[str, Any]

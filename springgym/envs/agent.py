@@ -17,10 +17,10 @@ from typing import Any, Literal
 import numpy as np
 from gymnasium import spaces
 
-Policy = Callable[[np.ndarray], np.ndarray]
-"""Maps observations (n, …) to actions (n, …)."""
+Policy = Callable[[Any], np.ndarray]
+"""Maps observations (n, …) to actions (n, …). Observations with goals are a dict of such arrays."""
 
-Algorithm = Literal["ppo", "sac", "tqc", "crossq", "linear"]
+Algorithm = Literal["ppo", "sac", "tqc", "crossq", "her", "linear"]
 """The algorithm that trained an agent."""
 
 LARGEST = 1_000_000_000
@@ -39,7 +39,7 @@ value that comes out."""
 CLIPPED, SQUASHED = ("mlp_extractor.policy_net", "action_net"), ("actor.latent_pi", "actor.mu")
 LAYERS: dict[str, tuple[str, str]] = {
     **dict.fromkeys(("ppo", "linear"), CLIPPED),
-    **dict.fromkeys(("sac", "tqc", "crossq"), SQUASHED),
+    **dict.fromkeys(("sac", "tqc", "crossq", "her"), SQUASHED),
 }
 """Names in PyTorch of the layers that act, by algorithm. First the hidden ones, then the last. What comes out
 of those of the first kind is clipped to the action space, of those of the second squashed into it."""
@@ -86,6 +86,11 @@ def load_policy(
     ValueError
         If the file is damaged, or does not fit the network and the environment.
     """
+    if isinstance(observation_space, spaces.Dict) and all(
+        isinstance(own, spaces.Box) and len(own.shape) == 1 for own in observation_space.values()
+    ):
+        act_on_all = load_policy(path, network, joined(observation_space), action_space)
+        return _of_parts(act_on_all, observation_space)
     if not isinstance(observation_space, spaces.Box) or not isinstance(action_space, spaces.Box):
         raise ValueError(f"{path}: agents need spaces of numbers, not {observation_space} and {action_space}")
     arrays = _read(path)
@@ -131,6 +136,31 @@ def load_policy(
         return np.clip(actions, low, high)
 
     return act
+
+
+def joined(space: spaces.Dict) -> spaces.Box:
+    """Return the space of the numbers of all entries, one after another, in the order of their names."""
+    low, high = (
+        np.concatenate([getattr(own, end) for own in space.values()], dtype=np.float32)
+        for end in ("low", "high")
+    )
+    return spaces.Box(low, high)
+
+
+def alone(observation: Any) -> Any:
+    """Return an observation, or each entry of one, as a batch of one."""
+    if isinstance(observation, dict):
+        return {name: alone(own) for name, own in observation.items()}
+    return observation[None]
+
+
+def _of_parts(act: Policy, space: spaces.Dict) -> Policy:
+    """A policy for observations with several entries, of one for their numbers one after another."""
+
+    def of_parts(observations: Any) -> np.ndarray:
+        return act(np.concatenate([observations[name] for name in space], axis=-1, dtype=np.float32))
+
+    return of_parts
 
 
 def _reach_of_statistics(path: Path, mean: np.ndarray, variance: np.ndarray, limits: np.ndarray) -> float:

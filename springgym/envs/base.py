@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from enum import Enum
 from os import PathLike
@@ -53,6 +54,8 @@ class _Common(Stateful):
     chosen: Choice | None = None
     """what a tolerance made of the method and the steps; None if none was given"""
     _spec: EnvSpec | None = None
+    compute_reward: Callable[[object, object, object], Any]
+    """see `springgym.envs.goals.Goals.compute_reward`; only with ``goals=True``"""
 
     def _make(
         self,
@@ -66,6 +69,7 @@ class _Common(Stateful):
         threads: int = 1,
         randomize: Mapping[str, Sequence[float]] | None = None,
         sparse: bool = False,
+        goals: bool = False,
         max_episode_steps: int | None = None,
         error: bool = False,
         tolerance: float | None = None,
@@ -91,6 +95,7 @@ class _Common(Stateful):
             step=step,
             damping_every=damping_every,
             sparse=sparse,
+            goals=goals,
             max_episode_steps=max_episode_steps,
             error=error,
             arguments={
@@ -100,6 +105,8 @@ class _Common(Stateful):
             },
             **made,
         )
+        if self.episodes.goals is not None:
+            self.compute_reward = self.episodes.goals.compute_reward
 
     @property
     def _unready(self) -> str:
@@ -232,6 +239,11 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
     sparse
         Whether the reward of a step is 1 if the aim is met and 0 otherwise, instead of the shaped reward.
         ``info`` still contains the terms of the shaped reward.
+    goals
+        Whether observations tell the goal apart, as Gymnasium-Robotics' ``GoalEnv`` does: a dict of
+        ``observation``, the particles without the goal, ``achieved_goal`` and ``desired_goal``. The
+        environment then has ``compute_reward(achieved_goal, desired_goal, info)``, see
+        `springgym.envs.goals.Goals`. Needs ``sparse=True``, and a task with `Task.aims`.
     max_episode_steps
         Time limit. The default is none, because `gymnasium.make` adds the registered one with a wrapper.
     options
@@ -254,7 +266,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
         self._make(1, **options)
         task = self.episodes.task
         self.metadata = type(self).metadata | {"render_fps": frame_rate(task)}
-        self.observation_space = task.observation_space
+        self.observation_space = self.episodes.observation_space  # type: ignore[assignment]
         self.action_space = task.action_space
         self._canvas: Renderer | None = None
 
@@ -282,7 +294,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
             self._restart(self._canvas, 0)
         if self.render_mode == "human":
             self._draw()
-        begun = self.episodes.observe()[0], self._info()
+        begun = self._seen(self.episodes.observe()), self._info()
         self.episodes.unready = ""
         return begun
 
@@ -294,9 +306,12 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
             self._canvas.follow(self.episodes.particles[0][0])
         if self.render_mode == "human":
             self._draw()
-        seen, info = self.episodes.observe(seen), self._info()
+        seen, info = self._seen(self.episodes.observe(seen)), self._info()
         self.episodes.unready = ""
-        return seen[0], result.reward.item(), result.terminated.item(), result.truncated.item(), info
+        return seen, result.reward.item(), result.terminated.item(), result.truncated.item(), info
+
+    def _seen(self, seen: np.ndarray) -> Any:
+        return _of_copy(self.episodes.shown(seen), 0)
 
     def _info(self) -> dict[str, Any]:
         stepped = zip(self.episodes.task.reported, self.episodes.out[0, :MET].tolist(), strict=True)
@@ -396,9 +411,9 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
             "render_fps": frame_rate(task),
             "autoreset_mode": self.autoreset_mode,
         }
-        self.single_observation_space = task.observation_space
+        self.single_observation_space = self.episodes.observation_space  # type: ignore[assignment]
         self.single_action_space = task.action_space
-        self.observation_space = batch_space(task.observation_space, num_envs)  # type: ignore[assignment]
+        self.observation_space = batch_space(self.single_observation_space, num_envs)  # type: ignore[assignment]
         self.action_space = batch_space(task.action_space, num_envs)  # type: ignore[assignment]
         self._generators: list[np.random.Generator] = []
         self._seeds: list[int] = []
@@ -436,7 +451,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         self._show_new(started)
         infos: dict[str, Any] = {}
         _add(infos, self._info(), mask)
-        seen = self.episodes.observe()
+        seen = self.episodes.shown(self.episodes.observe())
         self.episodes.unready = ""
         return seen, infos
 
@@ -462,10 +477,10 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         self._ended = terminated | truncated
         if mode is AutoresetMode.SAME_STEP and self._ended.any():
             fresh = self._ended
-            final = episodes.observe(seen)
+            final = episodes.shown(episodes.observe(seen))
             infos["final_obs"] = np.full(self.num_envs, None, dtype=object)
             for n in np.flatnonzero(fresh):
-                infos["final_obs"][n] = final[n].copy()
+                infos["final_obs"][n] = deepcopy(_of_copy(final, n))
             infos["_final_obs"] = fresh.copy()
             infos["final_info"] = {}
             _add(infos["final_info"], self._info(), fresh)
@@ -473,7 +488,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
             begun = self._begin(fresh)
             self._ended = np.zeros(self.num_envs, bool)
         _add(infos, self._info(), np.ones(self.num_envs, bool))
-        seen = episodes.observe(seen, begun)
+        seen = episodes.shown(episodes.observe(seen, begun))
         episodes.unready = ""
         return seen, reward, terminated, truncated, infos
 
@@ -808,6 +823,11 @@ def _seed(name: str, seed: object) -> int | None:
     if seed < 0:
         raise ValueError(must)
     return int(seed)
+
+
+def _of_copy(seen: Any, copy: int) -> Any:
+    """What one copy observes, of what all do."""
+    return {name: own[copy] for name, own in seen.items()} if isinstance(seen, dict) else seen[copy]
 
 
 def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium import spaces
 from numpy.random import Generator
 from numpy.typing import DTypeLike
 
@@ -18,6 +19,8 @@ from springgym.core.compiling import SameTypes, is_kernel, kernel
 from springgym.dynamics import DYNAMICS, Dynamics
 from springgym.envs import observation, randomisation
 from springgym.envs.error import StepError
+from springgym.envs.goals import Goals, reach
+from springgym.envs.goals import bound as bound_goals
 from springgym.envs.observation import Situation
 from springgym.envs.options import mapping
 from springgym.envs.randomisation import RANDOMIZABLE
@@ -96,6 +99,7 @@ class Episodes:
         threads: int,
         randomize: Mapping[str, Sequence[float]] | None,
         sparse: bool = False,
+        goals: bool = False,
         max_episode_steps: int | None,
         error: bool = False,
         wanted_step: float | None = None,
@@ -108,6 +112,8 @@ class Episodes:
         """why the copies must be reset before they are stepped; empty if they need not"""
         self.max_episode_steps = _checked_limit(max_episode_steps)
         checks.flag("sparse", sparse)
+        self.goals = _goals_of(task, sparse) if checks.flag("goals", goals) else None
+        """of observations that tell goals apart; None of others"""
         kind = DYNAMICS[chosen("dynamics", dynamics, DYNAMICS)]
         self.ranges = randomisation.checked_ranges(randomize, dynamics)
         scene = task.scene
@@ -153,11 +159,14 @@ class Episodes:
         self.diverged = np.zeros(copies, bool)
         self._names = np.dtype([(name, self.out.dtype) for name in task.outcome])
         self._ends, self._lengths = scene.springs.T, scene.of_bodies("lengths")
-        self._columns, self._seen_size = observation.columns(task.particles), task.observation_size
+        particles = task.particles if self.goals is None else task.particles.without_goal()
+        self._columns = observation.columns(particles)
+        self._seen_size = task.observation_size if self.goals is None else particles.size(0)
         self._of = {
             "task": type(task).__name__,
             **(arguments or {}),
             "sparse": bool(sparse),
+            "goals": bool(goals),
             "randomize": {name: list(reach) for name, reach in self.ranges.items()},
         }
         """what a state belongs to, beside what the simulator was made of"""
@@ -389,6 +398,8 @@ class Episodes:
         if self._move is not None:
             self._move(*own[:2], self.goal[share])
         self._evaluate(*own[:2], own.outcome)
+        if self.goals is not None:
+            reach(*self._achieved(own), self.goals.ends, self.goals.within, own.out[:, MET])
         terms, wins, limit = self.rewarded, self.task.wins, self.max_episode_steps
         ends = (own.held, own.elapsed, limit, own.diverged, own.unresolved)
         self._finish(own.rows, own.out, terms, wins, *ends, result)
@@ -417,6 +428,28 @@ class Episodes:
                 self._look(part, room[part.copies])
             seen[begun.copies] = room[begun.copies]
         return seen
+
+    @property
+    def observation_space(self) -> spaces.Box | spaces.Dict:
+        """The space of what one copy observes."""
+        box = spaces.Box(-observation.BOUND, observation.BOUND, (self._seen_size,), np.float32)
+        return box if self.goals is None else self.goals.space(box)
+
+    def shown(self, seen: np.ndarray) -> Any:
+        """Return what `observe` returned, with goals beside it if they are told apart, as users see it."""
+        if self.goals is None:
+            return seen
+        achieved, desired = self._achieved(self._whole)
+        bound_goals(achieved, self.diverged)
+        bound_goals(desired, np.zeros(self.copies, bool))
+        return {"observation": seen, "achieved_goal": achieved, "desired_goal": desired}
+
+    def _achieved(self, own: Part) -> tuple[np.ndarray, np.ndarray]:
+        """Return what some copies have achieved and what is desired, (n, K) each."""
+        assert self.goals is not None
+        achieved, desired = np.empty((2, len(own.out), self.goals.size))
+        self._achieve(*own[:2], achieved, desired)
+        return achieved, desired
 
     def _room(self, copies: int) -> np.ndarray:
         return np.empty((copies, self._seen_size), np.float32)
@@ -599,6 +632,7 @@ class Episodes:
         self._finish = SameTypes(finish)
         self._observe = SameTypes(observe)
         self._move = None if self.task.move is None else SameTypes(self.task.move)
+        self._achieve = SameTypes(self.task.achieve) if self.goals else None
         self._remember = None if self.task.remember is None else SameTypes(self.task.remember)
         self._bound = SameTypes(observation.bound)
 
@@ -660,6 +694,24 @@ def _fastest(scene: Scene, kind: Dynamics) -> str:
         )
         found.append((float(rate[n]), what))
     return max(found)[1]
+
+
+def _goals_of(task: Task, sparse: bool) -> Goals:
+    """Return the goals of a task, after checking that its observation can tell them apart."""
+    name = type(task).__name__
+    if not task.aims:
+        raise ValueError(f"goals is True; it must be False: {name} has no goal that observations tell apart")
+    if not sparse:
+        raise ValueError(
+            "goals is True, and sparse False; give sparse=True, too: "
+            "the shaped reward depends on more than what is achieved"
+        )
+    if task.observation != "particles":
+        raise ValueError(
+            f"goals is True, and observation {task.observation!r}; it must be 'particles', from which "
+            "the goal can be left out"
+        )
+    return Goals(task.aims)
 
 
 def _checked_limit(steps: int | None) -> int:

@@ -18,6 +18,7 @@ from springgym.checks import flag
 from springgym.core.compiling import kernel
 from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import angle_between, angle_of, gaussian, long_tail, spinning, thrift
@@ -31,6 +32,7 @@ from springgym.scenes import film
 
 TORQUE = 20.0  # [N·m]
 IMPULSE = 0.8  # largest component a control period [N·s]: 20 N·m at the arm of the head
+CLOSE, CALM = 0.1, 0.3  # to its target, and turning across itself, for success [rad], [rad/s]
 USUAL = 35.0  # spin [rad/s]
 SPIN_UNIT = 20.0  # what the compact observation shows as 1, from `USUAL`, unless the sign varies [rad/s]
 FASTEST = 100.0  # spin an episode can be asked to start with [rad/s]
@@ -47,7 +49,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["angle"][c] = angle
         out["spin"][c] = spin
         out["precession"][c] = across
-        out["met"][c] = angle < 0.1 and across < 0.3
+        out["met"][c] = angle < CLOSE and across < CALM
         out["failed"][c] = False
 
 
@@ -61,6 +63,16 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n
             observation[c, 7 + axis] = s.goal[c, axis]
         observation[c, 6] = (spin - s.parameters[0]) / s.parameters[1]
+
+
+@kernel
+def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
+    for c in range(achieved.shape[0]):
+        spin, _ = spinning(m, c)
+        for axis in range(3):
+            n = m.axis[c, axis]
+            achieved[c, axis], desired[c, axis] = n, s.goal[c, axis]
+            achieved[c, 3 + axis], desired[c, 3 + axis] = m.angular_velocity[c, axis] - spin * n, 0.0
 
 
 def turn_to(axis: np.ndarray) -> np.ndarray:
@@ -84,6 +96,8 @@ class SpringGyroscope(Task):
     goal_size = 3
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
+    aims = (Aim("axis", 3, 2 * math.sin(CLOSE / 2)), Aim("across", 3, CALM))
+    achieve = staticmethod(achieve)
 
     def __init__(
         self,
@@ -242,6 +256,8 @@ class SpringGyroscopeEnv(SpringEnv, gym.Env):
     - `observation`, `action`: see above.
     - `hard=True`: spin of either sign; with the other sign, the same push moves the axle the other way.
     - `body`: arguments of `springgym.bodies.gyroscope`.
+    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
+      Goals hold the axis, and the angular velocity across it [rad/s].
     - `integrator` ("verlet"), `step`, `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 

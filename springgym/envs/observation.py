@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -92,6 +92,19 @@ class ObservedParticles:
     """appended measures by name (see `springgym.measures.FIELDS`), and their scales"""
     turned: bool = False
     """whether the appended measures are vectors in the body's axes"""
+    goalless: bool = False
+    """whether the goal is left out"""
+
+    def without_goal(self) -> ObservedParticles:
+        """Return the same observation without the goal: positions about it are positions in the world."""
+        about = "origin" if self.about == "goal" else self.about
+        return replace(self, about=about, pointed=None, goalless=True)
+
+    def size(self, goal_size: int) -> int:
+        """Return how many numbers are observed, if a goal has ``goal_size``."""
+        goal = goal_size - (3 if self.about == "goal" else 0) + (0 if self.pointed is None else 2)
+        appended = sum(measures.FIELDS[name] for name in self.appended)
+        return 2 * (3 * len(self.observed) - len(self.skipped)) + (0 if self.goalless else goal) + appended
 
 
 class Columns(NamedTuple):
@@ -112,6 +125,7 @@ class Columns(NamedTuple):
     per_measure: np.ndarray
     """1 over the scales of these"""
     turned: bool
+    goalless: bool
 
 
 def columns(particles: ObservedParticles) -> Columns:
@@ -133,6 +147,7 @@ def columns(particles: ObservedParticles) -> Columns:
         measured=np.array(measured, np.int64),
         per_measure=1 / np.array(scales, float),
         turned=particles.turned,
+        goalless=particles.goalless,
     )
 
 
@@ -170,6 +185,8 @@ def observe_particles(rows: np.ndarray, s: Situation, columns: Columns, observat
     `Columns`."""
     count = columns.entries.shape[0]
     unseen = 3 if columns.about == ABOUT_GOAL else 0
+    if columns.goalless:
+        unseen = s.goal.shape[1]
     for c in range(rows.shape[0]):
         for n in range(count):
             i, axis = columns.entries[n]

@@ -40,9 +40,10 @@ class RewardedOptions(SimulationOptions, total=False):
 
 
 class EnvOptions(RewardedOptions, total=False):
-    """Registered environments of one agent take these options and a time limit."""
+    """Registered environments of one agent take these options, too."""
 
     max_episode_steps: int | None
+    goals: bool
 
 
 def mapping(name: str, value: object) -> Mapping[str, Any]:

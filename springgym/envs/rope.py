@@ -16,6 +16,7 @@ from springgym.bodies.rotations import cross
 from springgym.checks import flag, shown
 from springgym.core.compiling import kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
@@ -30,6 +31,7 @@ ACCELERATION = 3.0  # of the trolley [m/s²]
 LOAD_RADIUS = 0.34  # as it is drawn [m]
 SPEED = 3.0  # of the trolley [m/s]
 FARTHEST = 10.0  # horizontal distance of the load from its target that ends an episode [m]
+CLOSE, SLOW = 0.1, 0.1  # of the load, for success [m], [m/s]
 WAY_UNIT, SPEED_UNIT = 2.0, 2.0  # what the compact observation shows as 1 [m], [m/s]
 
 
@@ -44,7 +46,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["reward_still"][c] = 3 * near * gaussian(error, 0.15, 0.03) * gaussian(speed, 0.15, 0.03)
         out["error"][c] = error
         out["speed"][c] = speed
-        out["met"][c] = error < 0.1 and speed < 0.1
+        out["met"][c] = error < CLOSE and speed < SLOW
         out["failed"][c] = error > FARTHEST
 
 
@@ -57,6 +59,15 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 2 + axis] = s.x[c, 0, axis] - s.x[c, load, axis]
             observation[c, 4 + axis] = s.v[c, load, axis] / SPEED_UNIT
             observation[c, 6 + axis] = s.v[c, 0, axis] / SPEED_UNIT
+
+
+@kernel
+def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
+    load = s.x.shape[1] - 1
+    for c in range(achieved.shape[0]):
+        for axis in range(2):
+            achieved[c, axis], desired[c, axis] = s.x[c, load, axis], s.goal[c, axis]
+            achieved[c, 2 + axis], desired[c, 2 + axis] = s.v[c, load, axis], 0.0
 
 
 class SpringRope(Task):
@@ -76,6 +87,8 @@ class SpringRope(Task):
     hold = 20
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
+    aims = (Aim("place", 2, CLOSE), Aim("velocity", 2, SLOW))
+    achieve = staticmethod(achieve)
 
     def __init__(
         self,
@@ -234,6 +247,8 @@ class SpringRopeEnv(SpringEnv, gym.Env):
     - `material`, `diameter`: a cable in place of the paper's rope, as `"steel"` and 0.005 [m]. Steel hardly
       stretches; nylon bounces.
     - `body`: arguments of `springgym.bodies.rope`, or of `springgym.bodies.solid_rope` with a material.
+    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
+      Goals hold x, y of the load [m] and of its velocity [m/s].
     - `integrator` ("verlet"), `step`, `dtype`, `randomize`, `sparse`, `render_mode`: see
       `springgym.envs.base.SpringEnv`. A rope has no rigid twin.
 

@@ -16,6 +16,7 @@ from springgym.bodies import Body, ball, box, rotation
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
@@ -38,7 +39,9 @@ RADIUS = 0.1  # of the pusher [m]
 FORCE = 12.0  # on the pusher; friction takes 4 N of it, and another 4 N from the box [N]
 SLIPPERY = 0.2  # friction between both
 REACH, STRENGTH = 0.015, 0.003  # of all contacts: Δ [m], c [N·m²]
-CLOSE = 0.08  # to its place, for success [m]
+CLOSE, ALIGNED, SLOW = 0.08, 0.2, 0.1
+"""For success: distance to its place [m], angle to its heading [rad], speed and turning [m/s]."""
+TURNING_ARM = 0.2  # by which turning counts as speed [m]
 ARENA = 1.8  # where an episode ends [m]
 WAY_UNIT, SPEED_UNIT, NEAR_UNIT, TURNING_UNIT = 0.5, 0.5, 0.3, 2.0
 """Units of the compact observation: distances [m], speeds [m/s], distance to the box [m], turning [rad/s]."""
@@ -55,11 +58,17 @@ def heading_of(m: Measures, c: int, body: int) -> float:
 
 
 @compiled
+def speed_of(m: Measures, c: int) -> float:
+    """The speed of the box, with its turning [m/s]."""
+    velocity = m.centre_velocity[c, BOX]
+    return math.hypot(velocity[0], velocity[1]) + TURNING_ARM * abs(m.angular_velocity[c, BOX, 2])
+
+
+@compiled
 def assess(m: Measures, c: int, action: np.ndarray, error: float, heading: float, out: np.ndarray) -> None:
     """Compute reward and info for a box that is ``error`` [m] and an angle ``heading`` off its place."""
-    place, velocity = m.centre[c, BOX], m.centre_velocity[c, BOX]
+    place, speed = m.centre[c, BOX], speed_of(m, c)
     apart = math.hypot(m.centre[c, PUSHER, 0] - place[0], m.centre[c, PUSHER, 1] - place[1])
-    speed = math.hypot(velocity[0], velocity[1]) + 0.2 * abs(m.angular_velocity[c, BOX, 2])
     effort = thrift(action, c)
     near = effort * (long_tail(error, 0.3, 0.03) + gaussian(error, 0.5, 0.03)) / 2
     out["reward_approach"][c] = 0.05 * effort * gaussian(apart, 0.5, 0.3)
@@ -68,7 +77,7 @@ def assess(m: Measures, c: int, action: np.ndarray, error: float, heading: float
     out["error"][c] = error
     out["heading"][c] = heading
     out["speed"][c] = speed
-    out["met"][c] = error < CLOSE and abs(heading) < 0.2 and speed < 0.1
+    out["met"][c] = error < CLOSE and abs(heading) < ALIGNED and speed < SLOW
 
 
 @compiled
@@ -107,6 +116,17 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
         see_pusher(m, c, observation, 7)
 
 
+@kernel
+def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
+    for c in range(achieved.shape[0]):
+        heading = heading_of(m, c, BOX)
+        achieved[c, 2], desired[c, 2] = math.cos(heading), 1.0
+        achieved[c, 3], desired[c, 3] = math.sin(heading), 0.0
+        achieved[c, 4], desired[c, 4] = speed_of(m, c), 0.0
+        for axis in range(2):
+            achieved[c, axis], desired[c, axis] = m.centre[c, BOX, axis], 0.0
+
+
 class SpringShove(Task):
     """Define the MDP of `SpringShoveEnv`, which describes it."""
 
@@ -127,6 +147,8 @@ class SpringShove(Task):
     hold = 12
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
+    aims = (Aim("place", 2, CLOSE), Aim("heading", 2, 2 * math.sin(ALIGNED / 2)), Aim("speed", 1, SLOW))
+    achieve = staticmethod(achieve)
 
     def __init__(
         self,
@@ -292,6 +314,8 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     - `observation`: see above.
     - `friction=0.3`: a smoother floor than the usual one (0.4).
     - `hard=True`: a box up to 1.2 m away, and turned any way.
+    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
+      Goals hold x, y of the box [m], cosine and sine of its heading, and its speed [m/s].
     - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 

@@ -17,8 +17,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.random import Generator
 
-from springgym import measures
 from springgym.checks import chosen
+from springgym.envs.goals import Aim
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation, values
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
@@ -50,7 +50,9 @@ class Task:
       episode has failed;
     - ``compact(m, s, observation)``: the compact observation (n, D);
     - ``move(m, s, goal)``, where there is one: sets the goals (n, G) of the next control period;
-    - ``remember(m, s, memory)``, where there is one: sets what is remembered (n, K).
+    - ``remember(m, s, memory)``, where there is one: sets what is remembered (n, K);
+    - ``achieve(m, s, achieved, desired)``, where there are `aims`: sets what is achieved and what is desired,
+      (n, K) each, in SI units, in the order of the aims.
 
     After a step, ``move`` comes first, then ``evaluate``, which sees the old ``s.memory``, then ``remember``,
     and the observation last. At the start of an episode, the memory is `memory`, and ``remember`` is called
@@ -86,6 +88,10 @@ class Task:
     compact: ClassVar[Callable[..., None]]
     move: ClassVar[Callable[..., None] | None] = None
     remember: ClassVar[Callable[..., None] | None] = None
+    aims: ClassVar[tuple[Aim, ...]] = ()
+    """what has to be achieved for the aim to be met, if that can be told from K numbers that are achieved and
+    K that are desired"""
+    achieve: ClassVar[Callable[..., None] | None] = None
     prepare: ClassVar[Callable[..., None] | None] = None
     """takes m and s of the scene as it is, once, before the first episode: it may find out `terms`, `metrics`
     and `entries`"""
@@ -196,8 +202,4 @@ class Task:
     def observation_size(self) -> int:
         if self.observation != "particles":
             return sum(entry.size for entry in self.entries)
-        particles = self.particles
-        appended = sum(measures.FIELDS[name] for name in particles.appended)
-        goal = self.goal_size - (3 if particles.about == "goal" else 0)
-        goal += 0 if particles.pointed is None else 2
-        return 2 * (3 * len(particles.observed) - len(particles.skipped)) + goal + appended
+        return self.particles.size(self.goal_size)

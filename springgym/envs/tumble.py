@@ -17,6 +17,7 @@ from springgym.checks import flag, whole
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
@@ -35,10 +36,13 @@ DAMPING = 150.0  # [kg/s]: a sixth to half of what is critical, so that no corne
 REACH = 0.012  # Δ of the floor [m]: the fastest corners fly through it in five steps
 FORCE, WEAK_FORCE = 35.0, 28.0  # half of the weight, and what hard=True leaves of it [N]
 TORQUE, WEAK_TORQUE = 9.0, 7.5  # [N·m]
+CLOSE, FLAT, SLOW = 0.1, 0.97, 0.15
+"""For success: distance to the target [m], cosine of face and straight down, speed of a particle [m/s]."""
 TURNING_UNIT = 4.0  # angular velocity that the compact observation shows as 1 [rad/s]
 ARENA = 4.0  # where an episode ends [m]
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
 """The face opposite to each corner; its corners in the order that points the normal outwards."""
+
 COLORS = (BLUE, ORANGE, IVORY, AMBER)
 
 
@@ -51,6 +55,21 @@ def facing(x: np.ndarray, c: int, corner: int) -> tuple[float, float, float]:
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     size = math.sqrt(nx * nx + ny * ny + nz * nz)
     return nx / size, ny / size, nz / size
+
+
+def _normals() -> tuple[tuple[float, ...], ...]:
+    """Outward unit normals of the faces, along the axes of the body: the third points from the centre to
+    corner 0, and the first is across it, towards corner 1."""
+    corners = np.array(CORNERS)
+    arms = corners - corners.mean(axis=0)
+    third = arms[0] / np.linalg.norm(arms[0])
+    first = arms[1] - (arms[1] @ third) * third
+    first /= np.linalg.norm(first)
+    axes = np.stack([first, np.cross(third, first), third])
+    return tuple(tuple((axes @ facing.py_func(corners[None], 0, corner)).tolist()) for corner in range(4))
+
+
+NORMALS = _normals()
 
 
 @compiled
@@ -77,7 +96,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         out["error"][c] = error
         out["angle"][c] = angle_of(down)
         out["speed"][c] = speed
-        out["met"][c] = error < 0.1 and down > 0.97 and speed < 0.15
+        out["met"][c] = error < CLOSE and down > FLAT and speed < SLOW
         out["failed"][c] = max(abs(m.centre[c, 0]), abs(m.centre[c, 1])) > ARENA
 
 
@@ -92,6 +111,18 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 9 + axis] = m.angular_velocity[c, axis] / TURNING_UNIT
             observation[c, 12 + axis] = m.side[c, axis]
             observation[c, 15 + axis] = m.axis[c, axis]
+
+
+@kernel
+def achieve(m: Measures, s: Situation, achieved: np.ndarray, desired: np.ndarray) -> None:
+    for c in range(achieved.shape[0]):
+        e1, e3, corner = m.side[c], m.axis[c], int(s.goal[c, 3])
+        for axis in range(2):
+            achieved[c, axis], desired[c, axis] = m.centre[c, axis], s.goal[c, axis]
+        achieved[c, 2], achieved[c, 3], achieved[c, 4] = -e1[2], -(e3[0] * e1[1] - e3[1] * e1[0]), -e3[2]
+        for axis in range(3):
+            desired[c, 2 + axis] = NORMALS[corner][axis]
+        achieved[c, 5], desired[c, 5] = fastest(s.v, c), 0.0
 
 
 class SpringTumble(Task):
@@ -113,6 +144,8 @@ class SpringTumble(Task):
     hold = 25
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
+    aims = (Aim("place", 2, CLOSE), Aim("down", 3, math.sqrt(2 - 2 * FLAT)), Aim("speed", 1, SLOW))
+    achieve = staticmethod(achieve)
 
     def __init__(
         self,
@@ -278,6 +311,9 @@ class SpringTumbleEnv(SpringEnv, gym.Env):
     - `friction=0.3`: a floor that is half as rough as the usual one (0.6), on which the body slides.
     - `hard=True`: forces up to 28 N, torques up to 7.5 N·m and impulses up to 0.14 N·s, the target
       U(0.5, 2) m away.
+    - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
+      Goals hold x, y of the centre of mass [m], the direction that points down, along the axes of the
+      body (the third axis, and the first, are those of `"frame"`), and the speed s [m/s].
     - `integrator` ("verlet"), `step` (6.7e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 import springgym.registration
 from springgym import measures
-from springgym.envs.agent import Policy
+from springgym.envs.agent import Policy, alone
 from springgym.envs.trained import Agent, load_agent
 from springgym.scenes import film
 from springgym.scenes.recording import contacts_of
@@ -105,7 +105,7 @@ def played(agent: Agent, seed: int) -> Motion:
     times = [0.0]
     while not over:
         before, start = simulator.state(), times[-1]
-        observation, reward, terminated, truncated, info = env.step(policy(observation[None])[0])
+        observation, reward, terminated, truncated, info = env.step(policy(alone(observation))[0])
         total, over = total + float(reward), terminated or truncated
         after = simulator.state()
         acting = {name: values for name, values in after.items() if name.startswith(ACTUATORS)}

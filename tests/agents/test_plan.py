@@ -1,6 +1,7 @@
 """The planner: what its model foretells comes true, and plans get better."""
 
 import json
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -10,19 +11,25 @@ import pytest
 import springgym
 
 TASK = "SpringTop-v0"
+SMALL = ["--samples", "8", "--horizon", "0.1", "--spacing", "0.04", "--iterations", "1"]
+
+
+def batch(copies, **arguments):
+    return gym.make_vec(TASK, copies, vectorization_mode="vector_entry_point", **arguments)
 
 
 @pytest.mark.parametrize("arguments", [{}, {"sparse": True}])
 def test_what_sequences_earn_is_what_the_environment_pays(arguments):
-    """Until the top falls; of the sparse variant, what shapes the reward."""
+    """Until the top falls, which costs 1 a period; of the sparse variant, what shapes the reward."""
     env, shaped = gym.make(TASK, **arguments), gym.make(TASK)
-    model = gym.make_vec(TASK, 3, vectorization_mode="vector_entry_point", max_episode_steps=-1, **arguments)
-    env.reset(seed=3)
-    shaped.reset(seed=3)
+    model = batch(3, max_episode_steps=-1, **arguments)
+    env.reset(seed=3, options={"spin": 5.0})
+    shaped.reset(seed=3, options={"spin": 5.0})
     tried = np.zeros((3, 120, 3), np.float32)
     tried[0, :, 0], tried[1] = 1.0, 0.1
-    found = plan.returns(model, springgym.get_state(env), tried)
-    start = springgym.get_state(shaped)
+    springgym.set_state(model, springgym.get_state(env), range(3))
+    found = plan.returns(model, tried)
+    start, falls = springgym.get_state(shaped), 0
     for actions, total in zip(tried, found, strict=True):
         springgym.set_state(shaped, start)
         earned, ended = 0.0, False
@@ -30,34 +37,87 @@ def test_what_sequences_earn_is_what_the_environment_pays(arguments):
             if not ended:
                 _, reward, ended, _, _ = shaped.step(action)
                 earned += reward
-        assert total == pytest.approx(earned, rel=1e-12)
-    assert found.min() < 0.9 * found.max()  # one falls
+        assert total == pytest.approx(earned - 120 * ended, rel=1e-12)
+        falls += ended
+    assert falls
 
 
-def test_plans_come_to_what_is_best():
-    planner = plan.Planner(samples=64, horizon=10, iterations=8)
+def test_who_wins_does_not_fail():
+    """An episode that ends by success costs nothing."""
+
+    class Won:
+        def step(self, actions):
+            infos = {"reward_all": np.ones(2), "is_success": np.array([True, False])}
+            return None, None, np.ones(2, bool), None, infos
+
+    assert plan.returns(Won(), np.zeros((2, 5, 1))).tolist() == [1.0, -4.0]
+
+
+def test_actions_lie_on_straight_lines():
+    plans = np.array([[[0.0], [1.0], [-1.0]]])
+    assert plan.taken(plans, 2)[0, :, 0].tolist() == [0.0, 0.5, 1.0, 0.0, -1.0, -1.0]
+    np.testing.assert_array_equal(plan.taken(plans[0], 1), plans[0])
+
+
+@pytest.mark.parametrize("period", [0.01, 0.02, 0.04, 0.05, 0.3])
+def test_a_plan_reaches_as_far_as_asked(period):
+    planner = plan.Planner()
+    length, between = planner.periods(period)
+    assert length * between * period == pytest.approx(planner.horizon, rel=0.1)
+    assert abs(between * period - planner.spacing) <= max(period / 2, period - planner.spacing) + 1e-12
+
+
+@pytest.mark.parametrize("temperature", [None, 0.3])
+def test_plans_come_to_what_is_best(temperature):
+    planner = plan.Planner(samples=64, iterations=8, temperature=temperature)
     best = np.linspace(-0.8, 0.8, 10)[:, None] * [1.0, -1.0]
 
     def judge(tried):
         return -np.square(tried - best).sum(axis=(1, 2))
 
-    rng, found = np.random.default_rng(0), np.zeros((10, 2))
-    before = judge(found[None])
-    for _ in range(5):
-        better = plan.improved(found, judge, planner, rng)
-        assert judge(better[None]) >= judge(found[None])  # what was found is not lost
-        found = better
-    assert judge(found[None]) > 0.05 * before
+    search = plan.Search(planner, best.shape, 0)
+    before = after = judge(search.best[None])
+    for _ in range(8):
+        plan.improve([search], judge, planner)
+        if temperature is None:
+            assert judge(search.best[None]) >= after  # what was found is not lost
+        after = judge(search.best[None])
+    assert after > 0.2 * before
+
+
+def test_a_plan_is_shifted_with_time():
+    search = plan.Search(plan.Planner(), (3, 1), 0)
+    search.best = np.array([[1.0], [2.0], [3.0]])
+    search.shift()
+    assert search.best[:, 0].tolist() == [2.0, 3.0, 3.0]
 
 
 @pytest.mark.parametrize("colour", [0.0, 1.0])
 def test_noise_is_of_unit_variance_and_its_colour(colour):
-    planner = plan.Planner(samples=4000, horizon=30, colour=colour)
-    made = plan.noise(np.random.default_rng(0), planner, 2)
+    made = plan.noise(np.random.default_rng(0), (4000, 30, 2), colour)
     assert made.shape == (4000, 30, 2)
     assert made.std() == pytest.approx(1.0)
     neighbours = (made[:, 1:] * made[:, :-1]).mean()
     assert abs(neighbours) < 0.02 if colour == 0 else neighbours > 0.4
+
+
+def test_episodes_at_once_are_those_one_by_one():
+    """Of lengths that differ: what is played to its end leaves the others as they are."""
+    planner = plan.Planner(samples=4, horizon=0.2, iterations=1)
+
+    def played(*seeds):
+        model = batch(len(seeds) * 4, max_episode_steps=-1)
+        model.reset(seed=0)
+        return plan.play(batch(len(seeds), max_episode_steps=12), model, seeds, planner)
+
+    together = played(1, 2, 3)
+    alone = [one for seed in (1, 2, 3) for one in played(seed)]
+    for first, second in zip(together, alone, strict=True):
+        assert first.pop("seconds") > 0
+        second.pop("seconds")
+        assert first == second
+    assert together[0]["steps"] == 12
+    assert len({one["return"] for one in together}) == 3
 
 
 def test_intervals_of_success():
@@ -66,13 +126,57 @@ def test_intervals_of_success():
     assert plan.wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
 
 
-def test_a_row_is_written_in_place_of_the_one_before(tmp_path, capsys):
-    path = tmp_path / "rows.json"
-    asked = ["--id", TASK, "--episodes", "1", "--samples", "8", "--horizon", "2", "--iterations", "1"]
-    for _ in range(2):
-        assert plan.main([*asked, "--json", str(path)]) == 0
+def test_every_environment_has_its_turn():
+    from springgym.registration import ENVIRONMENTS
+
+    assert sorted(plan.CHEAPEST_FIRST) == sorted(row.id for row in ENVIRONMENTS)
+    assert set(plan.SETTINGS) <= set(plan.CHEAPEST_FIRST)
+    for task in plan.CHEAPEST_FIRST:
+        plan.planner_of(task)  # its settings are known
+    assert plan.planner_of("SpringTopSparse-v0") == plan.planner_of(TASK)
+
+
+def test_rows_are_made_once_and_go_on(tmp_path, capsys, monkeypatch):
+    """A row is skipped while nothing has changed; a stopped one goes on after the episodes that were kept."""
+    monkeypatch.setattr(plan, "AT_ONCE", 1)
+    monkeypatch.setattr(plan, "probe", lambda task: 0.5)
+    path, counted = tmp_path / "rows.json", []
+
+    def play(envs, model, seeds, planner):
+        if len(counted) == 1 and not stopped:
+            stopped.append(True)
+            raise KeyboardInterrupt
+        counted.extend(seeds)
+        return [{"seed": s, "return": 0.25, "success": True, "steps": 10, "seconds": 0.5} for s in seeds]
+
+    stopped = []
+    monkeypatch.setattr(plan, "play", play)
+    asked = ["--tasks", TASK, "--episodes", "2", "--rows", str(path), *SMALL]
+    assert plan.main(asked) == plan.INTERRUPTED
+    assert not path.exists()
+    assert plan.main(asked) == plan.main(asked) == 0
+    assert counted == [plan.HELD_OUT_SEED, plan.HELD_OUT_SEED + 1]
     (row,) = json.loads(path.read_text())
-    assert (row["task"], row["episodes"], row["planner"]["samples"]) == (TASK, 1, 8)
-    assert 0 <= row["mean_return"] <= 1
-    assert row["real_time_factor"] > 0
+    assert (row["task"], row["algorithm"], row["episodes"]) == (TASK, "planner", 2)
+    assert (row["mean_return"], row["success_rate"], row["seconds"]) == (0.25, 1.0, 1.0)
+    assert row["real_time_factor"] == pytest.approx(1.0 / (20 * 0.02))
+    assert row["planner"]["samples"] == 8
+    assert plan.main([*asked, "--samples", "9"]) == 0
+    assert len(counted) == 4
     assert "s of one core a simulated second" in capsys.readouterr().out
+    path.write_text("[{}]")
+    assert plan.main(asked) == 2
+    assert "does not hold rows of tasks" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "far", "1e9"])
+def test_lengths_of_time_are_checked(text, capsys):
+    with pytest.raises(SystemExit):
+        plan.main(["--horizon", text])
+    assert "must be a number from 0.001 to 1000" in capsys.readouterr().err
+
+
+def test_the_digest_tells_planners_apart():
+    planner = plan.Planner()
+    assert plan.digest(planner) == plan.digest(plan.Planner())
+    assert plan.digest(planner) != plan.digest(replace(planner, colour=0.5))

@@ -157,6 +157,42 @@ def test_interrupted_run_with_normalisation(algo, tmp_path, monkeypatch, capsys)
     assert_same_run(folder, tmp_path / "one")
 
 
+HER = """
+SpringRopeSparse-v0:
+  {total_timesteps: 200, n_envs: 4, batch_size: 16, learning_rate: 1e-3, gamma: 0.9, tau: 0.01,
+  buffer_size: 400, learning_starts: 100, gradient_steps: 1, net_arch: [8], activation: relu, normalize: true,
+  env_kwargs: {goals: true, max_episode_steps: 10}}
+"""
+
+
+def test_resumed_run_with_hindsight(tmp_path, capsys):
+    """Goals as observations, a buffer that relabels them: goes on as if it had not stopped, and plays."""
+    (tmp_path / "her.yaml").write_text(HER)
+    asked = [
+        "SpringRopeSparse-v0",
+        "--algo",
+        "her",
+        "--config",
+        str(tmp_path / "her.yaml"),
+        "--episodes",
+        "0",
+    ]
+    one, two = tmp_path / "one", tmp_path / "two"
+    assert train.main([*asked, "--run", str(one), "--timesteps", "400"]) == 0
+    assert train.main([*asked, "--run", str(two)]) == 0
+    halfway = dict(np.load(two / "agent.npz"))
+    assert train.main(["--resume", str(two), "--timesteps", "400", "--episodes", "0"]) == 0
+    agents = [dict(np.load(folder / "agent.npz")) for folder in (one, two)]
+    for name, array in agents[0].items():
+        np.testing.assert_array_equal(array, agents[1][name])
+    assert not np.array_equal(agents[0]["actor.mu.weight"], halfway["actor.mu.weight"])
+    assert len(agents[0]["observations.mean"]) == 4 + 4 + 52
+    assert len((two / "progress.csv").read_text().splitlines()) == 3  # it played after each part
+    assert train.main([*asked, "--run", str(tmp_path / "bad"), "--set", "env_kwargs.goals=false"]) == 2
+    assert "hindsight needs observations that tell goals apart" in capsys.readouterr().err
+    assert not (tmp_path / "bad").exists()
+
+
 def test_stop_while_a_checkpoint_is_written(tmp_path, monkeypatch):
     """The old checkpoint stays whole until the new one is."""
     folder = tmp_path / "run"
@@ -498,7 +534,7 @@ def test_wrong_configuration(arguments, says, capsys, monkeypatch, tmp_path):
         (
             "algo: ppo",
             "algo: a2c",
-            r"config.yaml:1: algo: expected one of ppo, sac, tqc, crossq, linear, got 'a2c'",
+            r"config.yaml:1: algo: expected one of ppo, sac, tqc, crossq, her, linear, got 'a2c'",
         ),
         ("seed: 0", "sed: 0", r"config.yaml:3: unknown key 'sed'; did you mean 'seed'"),
         ("seed: 0", "seed: zero", r"config.yaml:3: seed: expected a whole number, got 'zero'"),
