@@ -162,18 +162,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         folder / "notes.md",
         cwd=clone,
     )
+    nox = (sys.executable, "-m", "nox", "-s")
     at.run("sdist, wheel", *nox, "package", cwd=clone)
-    at.run(
-        "wheel of compiled code",
-        sys.executable,
-        "-m",
-        "nox",
-        "-s",
-        "kernels",
-        "--",
-        "SpringTop-v0",
-        cwd=clone,
-    )
+    at.run("wheel of compiled code", *nox, "kernels", "--", "SpringTop-v0", cwd=clone)
     index, pins = clone / "dist", clone / "constraints.txt"
     here = ("--no-index", "--no-deps", "--find-links", index, f"springgym=={options.tag.removeprefix('v')}")
 
