@@ -17,6 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from springgym.bench.curves import cost
 from springgym.bench.errors import EPISODES, EVERY, PERIODS
 from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row
@@ -159,8 +160,39 @@ def error(row: Row, report: Report) -> list[str]:
         f"{own['high']:.1e} at most. [Error of a control "
         f"period](../features.md#error-of-a-control-period) says "
         "how this was measured.\n",
+        f"{of_the_trade(row.id, report)} [Speed](../speed.md#error-against-cost) compares all of them.\n",
         "Written by `python docs/environments.py`.\n",
     ]
+
+
+class Trade(NamedTuple):
+    """What errors cost in an environment."""
+
+    usual: float
+    """processor time of a step by default [µs]"""
+    finer: float | None
+    """of a tenth of the error, over that; None if no row reaches it"""
+    saved: float
+    """share that ten times the error saves"""
+
+
+def trade(env_id: str, report: Report) -> Trade:
+    """Return what a tenth of the default error costs, and what ten times of it would save."""
+    rows = [own for own in report["curves"]["rows"] if own["environment"] == env_id]
+    (own,) = (row for row in rows if row["default"])
+    usual = own["microseconds"]
+    finer, coarser = (cost(rows, share * own["median"]) for share in (0.1, 10.0))
+    return Trade(usual, finer and finer / usual, max(0.0, 1 - (coarser or usual) / usual))
+
+
+def of_the_trade(env_id: str, report: Report) -> str:
+    """Return the sentences that tell it."""
+    found = trade(env_id, report)
+    finer = f"costs {found.finer:.1f} times as much" if found.finer else "is more than these steps reach"
+    return (
+        f"A step costs {found.usual:.2g} µs of one core, in a batch of 64. A tenth of the median error "
+        f"{finer}; ten times of it would save {100 * found.saved:.0f} %."
+    )
 
 
 # --- The list of environments -----------------------------------------------------------------------
