@@ -160,7 +160,7 @@ def error(row: Row, report: Report) -> list[str]:
         f"{own['high']:.1e} at most. [Error of a control "
         f"period](../features.md#error-of-a-control-period) says "
         "how this was measured.\n",
-        f"{of_the_trade(row.id, report)} [Speed](../speed.md#error-against-cost) compares all of them.\n",
+        *of_the_trade(row.id, report),
         "Written by `python docs/environments.py`.\n",
     ]
 
@@ -176,23 +176,31 @@ class Trade(NamedTuple):
     """share that ten times the error saves"""
 
 
-def trade(env_id: str, report: Report) -> Trade:
-    """Return what a tenth of the default error costs, and what ten times of it would save."""
+def trade(env_id: str, report: Report) -> Trade | None:
+    """Return what a tenth of the default error costs, and what ten times of it would save.
+
+    None if it was not measured yet.
+    """
     rows = [own for own in report["curves"]["rows"] if own["environment"] == env_id]
+    if not rows:
+        return None
     (own,) = (row for row in rows if row["default"])
     usual = own["microseconds"]
     finer, coarser = (cost(rows, share * own["median"]) for share in (0.1, 10.0))
     return Trade(usual, finer and finer / usual, max(0.0, 1 - (coarser or usual) / usual))
 
 
-def of_the_trade(env_id: str, report: Report) -> str:
-    """Return the sentences that tell it."""
+def of_the_trade(env_id: str, report: Report) -> list[str]:
+    """Return the sentences that tell it, if it was measured."""
     found = trade(env_id, report)
-    finer = f"costs {found.finer:.1f} times as much" if found.finer else "is more than these steps reach"
-    return (
+    if found is None:
+        return []
+    finer = f"costs {found.finer:.1f} times as much" if found.finer else "was not reached"
+    return [
         f"A step costs {found.usual:.2g} µs of one core, in a batch of 64. A tenth of the median error "
-        f"{finer}; ten times of it would save {100 * found.saved:.0f} %."
-    )
+        f"{finer}; ten times of it would save {100 * found.saved:.0f} %. "
+        "[Speed](../speed.md#error-against-cost) compares all environments.\n"
+    ]
 
 
 # --- The list of environments -----------------------------------------------------------------------

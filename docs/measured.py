@@ -525,6 +525,9 @@ def table_of_curves(report: Report) -> str:
     rows = []
     for env in ENVIRONMENTS:
         found = environments.trade(env.id, report)
+        if found is None:
+            rows.append([f"`{env.id}`", *["not yet"] * 4])
+            continue
         finer = "not reached" if found.finer is None else f"× {found.finer:.1f}"
         error = next(own for own in _curve(report, env.id) if own["default"])["median"]
         rows.append(

@@ -21,7 +21,7 @@ from springgym.integrators import integrator
 from springgym.registration import ENVIRONMENTS
 from springgym.simulator import Simulator
 
-FACTORS = (1 / 4, 2**-1.5, 1 / 2, 2**-0.5, 1, 2, 4, 8)
+FACTORS = (1 / 4, 2**-1.5, 1 / 2, 2**-0.5, 1, 2, 4, 8, 12)
 """Numbers of force evaluations in a control period, over the default one."""
 
 HIGHER = ("rk4", "blanes_moan")

@@ -113,6 +113,10 @@ def draw_curves(rows: list[dict[str, Any]], path: Path) -> None:
             xlim=(0.7 * min(costs), 1.4 * max(costs)),
             ylim=(0.3 * min(errors), 3 * max(errors)),
         )
+        lowest, highest = axes.get_xlim()
+        ticks = [tick for tick in (1, 3, 10, 30, 100, 300, 1000) if lowest < tick < highest]
+        axes.set_xticks(ticks, [f"{tick}" for tick in ticks])
+        axes.set_xticks([], minor=True)
         axes.set_title(name.removeprefix("Spring").partition("-")[0], fontsize=SMALL + 1, loc="left")
         axes.tick_params(labelsize=SMALL, which="major", labelleft=n % ACROSS == 0)
         own = [row for row in rows if row["environment"] == name]
