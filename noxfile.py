@@ -65,6 +65,12 @@ def package(session: nox.Session) -> None:
 
 
 @nox.session
+def kernels(session: nox.Session) -> None:
+    """Build the wheel of compiled code into dist/: `nox -s kernels -- SpringTop-v0` of one environment."""
+    session.run("python", "kernels.py", *session.posargs)
+
+
+@nox.session
 def release(session: nox.Session) -> None:
     """Check whether a tag can be released: `nox -s release -- v0.2.0`."""
     session.run("python", "release.py", *session.posargs)

@@ -46,6 +46,10 @@ policy = agent.policy(env)
 observation, info = env.reset(seed=0)
 assert env.step(policy(observation))[1] > 0
 """
+AT_ONCE = f"""{STEP}
+import os
+assert not os.path.exists(os.environ["SPRINGGYM_CACHE_DIR"]), "something was compiled"
+"""
 EVERY = """
 import gymnasium, springgym
 ids = [name for name in gymnasium.registry if name.startswith("Spring")]
@@ -158,19 +162,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         folder / "notes.md",
         cwd=clone,
     )
-    at.run("sdist, wheel", sys.executable, "-m", "nox", "-s", "package", cwd=clone)
+    nox = (sys.executable, "-m", "nox", "-s")
+    at.run("sdist, wheel", *nox, "package", cwd=clone)
+    at.run("wheel of compiled code", *nox, "kernels", "--", "SpringTop-v0", cwd=clone)
     index, pins = clone / "dist", clone / "constraints.txt"
     here = ("--no-index", "--no-deps", "--find-links", index, f"springgym=={options.tag.removeprefix('v')}")
 
     user = at.environment("user")
     at.install("user: the wheel, from the index", user, *here)
-    (wheel,) = index.glob("*.whl")
+    (wheel,) = index.glob("springgym-*.whl")
     at.install("user: what it needs", user, "-c", pins, f"{wheel}[agents,scenes,plot,render]")
 
     def command(what: str, words: str) -> None:
         at.run(what, user.with_name("springgym"), *words.split())
 
     at.run("user: first step", user, "-c", STEP)
+    (compiled,) = index.glob("springgym_kernels-*.whl")
+    at.install("user: compiled code", user, compiled)
+    at.run("user: first step at once", user, "-c", AT_ONCE, cache="cache-not-used")
     at.run("user: published agent", user, "-c", AGENT)
     at.run("user: every environment", user, "-c", EVERY)
     command("user: first agent", "train SpringTop-v0 --timesteps 20000 --episodes 10")

@@ -81,12 +81,14 @@ def repeated() -> dict[str, str]:
     front = re.sub(r"(?<=\[GitHub\]\()[^)]*(?=\))", project["urls"]["Source"], text("docs/index.md"))
     if DATE.fullmatch(date):
         citing = re.sub(r"(?<=year    = \{).*(?=\})", date[:4], citing)
+    pinned = re.sub(r"(?<=springgym-kernels==)[^;\"]+", number, text("pyproject.toml"))
     colab = text("docs/notebooks/first.ipynb")
     colab = re.sub(
         r"(?<=google\.com/github/)[^/]+/[^/]+", urlparse(project["urls"]["Source"]).path[1:], colab
     )
     colab = re.sub(r'(?<=git\+)https:[^\s"\\]+', project["urls"]["Source"], colab)
     return {
+        "pyproject.toml": pinned,
         "CITATION.cff": citation,
         "docs/citing.md": citing,
         "docs/index.md": front,

@@ -26,6 +26,7 @@ sys.path.append(str(HERE.parent / "agents"))
 
 from scores import interval_of_mean  # noqa: E402
 
+from springgym.bench.curves import cost  # noqa: E402
 from springgym.bench.errors import EPISODES, EVERY, PERIODS  # noqa: E402
 from springgym.envs.randomisation import RANDOMIZABLE  # noqa: E402
 from springgym.registration import ENVIRONMENTS, VARIANTS, Row, find  # noqa: E402
@@ -220,7 +221,46 @@ def error(row: Row, report: Report) -> list[str]:
         f"{own['high']:.1e} at most. [Error of a control "
         f"period](../features.md#error-of-a-control-period) says "
         "how this was measured.\n",
+        *of_the_trade(row.id, report),
         "Written by `python docs/environments.py`.\n",
+    ]
+
+
+class Trade(NamedTuple):
+    """What errors cost in an environment."""
+
+    usual: float
+    """processor time of a step by default [µs]"""
+    finer: float | None
+    """of a tenth of the error, over that; None if no row reaches it"""
+    saved: float
+    """share that ten times the error saves"""
+
+
+def trade(env_id: str, report: Report) -> Trade | None:
+    """Return what a tenth of the default error costs, and what ten times of it would save.
+
+    None if it was not measured yet.
+    """
+    rows = [own for own in report["curves"]["rows"] if own["environment"] == env_id]
+    if not rows:
+        return None
+    (own,) = (row for row in rows if row["default"])
+    usual = own["microseconds"]
+    finer, coarser = (cost(rows, share * own["median"]) for share in (0.1, 10.0))
+    return Trade(usual, finer and finer / usual, max(0.0, 1 - (coarser or usual) / usual))
+
+
+def of_the_trade(env_id: str, report: Report) -> list[str]:
+    """Return the sentences that tell it, if it was measured."""
+    found = trade(env_id, report)
+    if found is None:
+        return []
+    finer = f"costs {found.finer:.1f} times as much" if found.finer else "was not reached"
+    return [
+        f"A step costs {found.usual:.2g} µs of one core, in a batch of 64. A tenth of the median error "
+        f"{finer}; ten times of it would save {100 * found.saved:.0f} %. "
+        "[Speed](../speed.md#error-against-cost) compares all environments.\n"
     ]
 
 

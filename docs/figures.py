@@ -68,10 +68,12 @@ def accuracy(folder: Path, args: argparse.Namespace) -> None:
 
 
 def speed(folder: Path, args: argparse.Namespace) -> None:
-    """Speed of programs and sizes, from what was measured."""
-    from springgym.bench.figures import draw
+    """Speed of programs and sizes, and error against cost of environments, from what was measured."""
+    from springgym.bench.figures import draw, draw_curves
 
-    draw(json.loads((FIGURES.parent / "numbers.json").read_text(encoding="utf-8")), folder / "speed.svg")
+    numbers = json.loads((FIGURES.parent / "numbers.json").read_text(encoding="utf-8"))
+    draw(numbers, folder / "speed.svg")
+    draw_curves(numbers["curves"]["rows"], folder / "curves.svg")
 
 
 def curves(folder: Path, args: argparse.Namespace) -> None:

@@ -370,6 +370,7 @@ F32 = "native, float32"
 NUMBERS: dict[str, Number] = {
     "measured": lambda report: conditions_of(report["kernel"]),
     "measured errors": lambda report: conditions_of(report["errors"]),
+    "measured curves": lambda report: conditions_of(report["curves"]),
     "rounds": lambda report: str(report["kernel"]["rounds"]),
     "top steps": _of("environments", str, "substeps", environment=TOP, how="single"),
     "top error": _of("errors", power, environment=TOP),
@@ -519,6 +520,27 @@ def table_of_environments(report: Report) -> str:
     return table(head, rows)
 
 
+def table_of_curves(report: Report) -> str:
+    """What a step costs, what a tenth of its error costs, and what ten times of it would save."""
+    rows = []
+    for env in ENVIRONMENTS:
+        found = environments.trade(env.id, report)
+        if found is None:
+            rows.append([f"`{env.id}`", *["not yet"] * 4])
+            continue
+        finer = "not reached" if found.finer is None else f"× {found.finer:.1f}"
+        error = next(own for own in _curve(report, env.id) if own["default"])["median"]
+        rows.append(
+            [f"`{env.id}`", power(error), f"{found.usual:.2g} µs", finer, f"{percent(found.saved)} %"]
+        )
+    head = ["environment", "median error", "a step costs", "a tenth of the error costs", "ten times it saves"]
+    return table(head, rows)
+
+
+def _curve(report: Report, env_id: str) -> list[Report]:
+    return [own for own in report["curves"]["rows"] if own["environment"] == env_id]
+
+
 OWN_COPIES = {"single": {"how": "single"}} | {
     f"native, {n}": {"how": "native", "copies": n, "threads": 1} for n in (64, 1024)
 }
@@ -603,6 +625,7 @@ NUMBERS |= {
 TABLES: dict[str, Callable[[Report], str]] = {
     "the paper's top": table_of_the_top,
     "environments": table_of_environments,
+    "curves": table_of_curves,
     "another, the paper's top": table_of_another_top,
     "another, environments": table_of_another_environments,
     "another, collisions": table_of_collisions,
@@ -676,10 +699,10 @@ def main() -> int:
             report = read() | {name: section}
             write(report)
             print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)
-        if any(name in report for name in ("peers", "sizes")):
-            from springgym.bench.figures import draw
+        from springgym.bench.figures import draw, draw_curves
 
-            draw(report, HERE / "figures" / "speed.svg")
+        draw(report, HERE / "figures" / "speed.svg")
+        draw_curves(report["curves"]["rows"], HERE / "figures" / "curves.svg")
     fill_pages(report)
     return 0
 

@@ -25,7 +25,7 @@ KINDS = {"single": "gym.make", "batch": "gym.make_vec"}
 
 DTYPES = ("float64", "float32")
 
-LEVELS = ("host", "x86-64-v3", "x86-64-v4")
+LEVELS = ("host", "x86-64-v3", "x86-64-v4", "skylake-avx512")
 """The names in `springgym.core.compiling.LEVELS`, repeated here because importing it takes a second."""
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from springgym import bench
-from springgym.bench import peers
+from springgym.bench import curves, peers
 from springgym.bench.errors import step_errors
 from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
 from springgym.bench.ratios import ratios
@@ -161,6 +161,41 @@ def test_errors_are_over_starts_as_episodes_draw_them() -> None:
     np.testing.assert_allclose(later.estimates, later.errors, rtol=0.05)
 
 
+def test_a_curve_is_of_the_errors_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its default row is what the section `errors` says; Verlet's errors fall with the square of the step."""
+    monkeypatch.setattr(curves, "HIGHER", ())
+    played = {"episodes": 4, "periods": 9, "every": 2}
+    rows = [row.flat() for row in curves.curve("SpringTop-v0", **played)]
+    (usual,) = (row for row in rows if row["default"])
+    errors = step_errors("SpringTop-v0", finer, **played).errors  # steps of h/16 err by 1/256 of it
+    assert usual["median"] == pytest.approx(np.median(errors), rel=0.01)
+    assert usual["high"] == pytest.approx(errors.max(), rel=0.01)
+    by_steps = {row["steps"] / usual["steps"]: row for row in rows}
+    assert 0.25 not in by_steps  # is not stable
+    for factor in (1, 2, 4):
+        ratio = by_steps[factor]["median"] / by_steps[2 * factor]["median"]
+        assert ratio == pytest.approx(4, rel=0.2)  # dampers act in cycles of other lengths
+    assert by_steps[8]["microseconds"] > by_steps[1]["microseconds"] > 0
+
+
+def test_what_an_error_costs() -> None:
+    """The least of all methods, by a power of the error between two rows."""
+
+    def row(method: str, steps: int, error: float, took: float) -> dict[str, Any]:
+        return {"method": method, "steps": steps, "median": error, "microseconds": took}
+
+    verlet = [row("verlet", 40 * n, 1e-4 / n**2, 10.0 * n) for n in (4, 1, 2)]
+    assert curves.cost(verlet, 1e-4) == pytest.approx(10)
+    assert curves.cost(verlet, 1e-4 / 3**2) == pytest.approx(30)
+    assert curves.cost(verlet, 1e-3) == pytest.approx(10)  # no fewer steps are stable
+    assert curves.cost(verlet, 1e-6) is None
+    rk4 = [row("rk4", 10, 1e-3, 9.0), row("rk4", 20, 1e-3 / 16, 18.0)]
+    assert curves.cost(verlet + rk4, 1e-3 / 16) == pytest.approx(10 * 1.6**0.5)
+    assert curves.cost(verlet + rk4, 1e-3) == pytest.approx(9)
+    assert curves.cost(rk4, 1e-3 / 4) == pytest.approx(9 * 2**0.5)
+    assert curves.cost([], 1.0) is None
+
+
 @pytest.mark.slow
 def test_rounding_is_that_of_single_precision() -> None:
     found = rounding(paper_top(), step=PAPER_STEP)
@@ -238,5 +273,7 @@ def test_every_row_has_a_speed_and_sections_their_error() -> None:
     for name, section in SECTIONS.items():
         rows = section(1)
         assert all(row.low > 0 for row in rows), name
-        stated = "o error" in str(section.__doc__) or all("error" in row.facts for row in rows)
+        stated = "o error" in str(section.__doc__) or all(
+            "error" in row.facts or row.unit == "of the size" for row in rows
+        )
         assert stated, f"{name} states no error, and not why"

@@ -30,6 +30,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "bench": tuple(
         f"bench/{name}"
         for name in (
+            "curves.py",
             "environments.py",
             "errors.py",
             "peers.py",

@@ -4,6 +4,7 @@
 `sections`        the measurements: functions that return rows
 `environments`    environment steps, also through Stable-Baselines3
 `errors`          the error of an environment step
+`curves`          error against cost of every environment
 `problem`         the paper's top, and the distance of a program from its exact motion
 `peers`           C++, MuJoCo, JAX and SciPy on the same top
 `timing`          cases, measured in turn
@@ -24,7 +25,10 @@ from typing import Any
 from springgym.accuracy import conditions
 from springgym.cli import whole_file
 
-NAMES = ("kernel", "environments", "errors", "features", "startup", "peers", "equal-error", "sizes")
+NAMES = (
+    *("kernel", "environments", "errors", "curves", "features", "startup", "peers", "equal-error"),
+    "sizes",
+)
 """Names of the sections, available without importing them."""
 
 

@@ -8,7 +8,8 @@ counts; an episode that ends is followed by another.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -70,34 +71,74 @@ def step_errors(
 
     Each that counts is repeated by the references from the same state, with the same action.
     """
-    envs: Any = gym.make_vec(
-        env_id, num_envs=episodes, vectorization_mode="vector_entry_point", error=True, **options
-    )
+    envs = batch(env_id, episodes, error=True, **options)
     at = envs.unwrapped.episodes
-    task, simulator, sizes = at.task, at.simulator, at.task.scene.sizes
-    exact, *others = references(task, simulator.step, episodes)
-    rng = np.random.default_rng(0)
+    exact, *others = references(at.task, at.simulator.step, episodes)
     errors, estimates, apart = [], [], [0.0]
+    for period in repeated(envs, (exact, *others), periods, every):
+        if not period.repeated:
+            continue
+        here, (there, *elsewhere), counts = period.positions, period.repeated, period.counts
+        errors.append(largest_distances(here, there, at.task.scene.sizes)[counts])
+        estimates.append(period.infos["step_error"][counts])
+        apart += [
+            largest_distances(other, there, at.task.scene.sizes)[counts].max(initial=0.0)
+            for other in elsewhere
+        ]
+    return StepErrors(at.simulator.step, np.concatenate(errors), np.concatenate(estimates), max(apart))
+
+
+def batch(env_id: str, copies: int, **options: Any) -> Any:
+    """Return a native batch of an environment."""
+    return gym.make_vec(env_id, num_envs=copies, vectorization_mode="vector_entry_point", **options)
+
+
+class Period(NamedTuple):
+    """A control period, and its repetitions by other simulators, if it counts."""
+
+    counts: np.ndarray
+    """which copies count"""
+    positions: np.ndarray
+    """where the environment's step ends"""
+    infos: dict[str, Any]
+    took: float
+    """processor time of the environment's step [s]"""
+    repeated: tuple[np.ndarray, ...]
+    """where the repetitions end"""
+    repeating: tuple[float, ...]
+    """processor times of these [s]"""
+
+
+def repeated(
+    envs: Any, simulators: Sequence[Simulator], periods: int = PERIODS, every: int = EVERY
+) -> Iterator[Period]:
+    """Play episodes with random actions, and yield each control period.
+
+    Those that count are repeated by every simulator from the same state, with the same action.
+    """
+    at = envs.unwrapped.episodes
+    own, period = at.simulator, at.task.period
+    rng = np.random.default_rng(0)
     envs.reset(seed=0)
-    goes_on = np.ones(episodes, bool)
+    goes_on = np.ones(at.copies, bool)
     for n in range(periods):
         actions = rng.uniform(-1, 1, envs.action_space.shape).astype(np.float32)
         at.action[:] = actions  # as in the step, for who responds to it
         driven = at.driven_by(actions.astype(float))
         counts = goes_on & (n % every == 0)
-        for other in (exact, *others) if counts.any() else ():
-            other.place(simulator.positions, simulator.velocities)
+        repeating = []
+        for other in simulators if counts.any() else ():
+            other.place(own.positions, own.velocities)
             other.actuate(**driven)
-            other.advance(round(task.period / other.step), check=False)
+            began = time.process_time()
+            other.advance(round(period / other.step), check=False)
+            repeating.append(time.process_time() - began)
+        began = time.process_time()
         _, _, terminated, truncated, infos = envs.step(actions)
-        errors.append(largest_distances(simulator.positions, exact.positions, sizes)[counts])
-        estimates.append(infos["step_error"][counts])
-        apart += [
-            largest_distances(other.positions, exact.positions, sizes)[counts].max(initial=0.0)
-            for other in others
-        ]
+        took = time.process_time() - began
+        ends = tuple(other.positions for other in simulators) if repeating else ()
+        yield Period(counts, own.positions, infos, took, ends, tuple(repeating))
         goes_on = ~(terminated | truncated)  # the others begin anew in the next step
-    return StepErrors(simulator.step, np.concatenate(errors), np.concatenate(estimates), max(apart))
 
 
 def measured_so() -> Iterator[tuple[str, dict[str, str]]]:

@@ -1,11 +1,11 @@
-"""The figure of `springgym bench`."""
+"""The figures of `springgym bench`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from springgym.accuracy.figures import INK, PEER, SMALL, End, name_ends, plain, save
+from springgym.accuracy.figures import COLORS, INK, PEER, SMALL, End, name_ends, plain, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,3 +83,67 @@ def _sizes(axes: Axes, rows: list[dict[str, Any]]) -> None:
     axes.set(xscale="log", xlabel="number", ylabel="ns a spring and step", ylim=(0, None))
     axes.set_title("Cost against size", fontsize=10, loc="left")
     name_ends(axes, ends)
+
+
+ACROSS = 3
+"""Environments side by side."""
+
+
+def draw_curves(rows: list[dict[str, Any]], path: Path) -> None:
+    """Draw error against cost, a panel for each environment; the default is a star."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    names = list(dict.fromkeys(row["environment"] for row in rows))
+    down = -(-(len(names) + 1) // ACROSS)  # the last one holds the names of methods
+    figure = Figure(figsize=(7.6, 1.75 * down))
+    FigureCanvasAgg(figure)
+    width, height = 0.9 / ACROSS, 0.95 / down
+    costs = [row["microseconds"] for row in rows]
+    errors = [row["median"] for row in rows]
+    for n, name in enumerate([*names, ""]):
+        left, top = 0.085 + width * (n % ACROSS), 0.985 - height * (n // ACROSS)
+        axes = plain(figure, left, top - 0.8 * height, 0.86 * width, 0.62 * height)
+        if not name:
+            _methods_of(axes, list(dict.fromkeys(row["method"] for row in rows)))
+            continue
+        axes.set(
+            xscale="log",
+            yscale="log",
+            xlim=(0.7 * min(costs), 1.4 * max(costs)),
+            ylim=(0.3 * min(errors), 3 * max(errors)),
+        )
+        lowest, highest = axes.get_xlim()
+        ticks = [tick for tick in (1, 3, 10, 30, 100, 300, 1000) if lowest < tick < highest]
+        axes.set_xticks(ticks, [f"{tick}" for tick in ticks])
+        axes.set_xticks([], minor=True)
+        axes.set_title(name.removeprefix("Spring").partition("-")[0], fontsize=SMALL + 1, loc="left")
+        axes.tick_params(labelsize=SMALL, which="major", labelleft=n % ACROSS == 0)
+        own = [row for row in rows if row["environment"] == name]
+        for method in dict.fromkeys(row["method"] for row in own):
+            points = sorted(
+                (row["steps"], row["microseconds"], row["median"]) for row in own if row["method"] == method
+            )
+            _, xs, ys = zip(*points, strict=True)
+            axes.plot(xs, ys, "o-", color=COLORS.get(method, INK), markersize=3, linewidth=1.2)
+        for row in own:
+            if row["default"]:
+                axes.plot(row["microseconds"], row["median"], "*", color="k", markersize=9, zorder=5)
+    figure.text(0.5, 0.008, "µs of one core a step, 64 copies", fontsize=SMALL, ha="center", color=INK)
+    figure.text(
+        0.012, 0.5, "error of a control period / size of the body", fontsize=SMALL, va="center", rotation=90,
+        color=INK,
+    )  # fmt: skip
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save(figure, path)
+
+
+def _methods_of(axes: Axes, methods: list[str]) -> None:
+    """Name the methods and the star in an empty panel."""
+    axes.set_axis_off()
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    signs = [("o-", COLORS.get(name, INK), name.replace("_", " ")) for name in methods]
+    for n, (sign, color, name) in enumerate([*signs, ("*", "k", "default")]):
+        y = 0.9 - 0.22 * n
+        axes.plot([0.02, 0.14], [y, y], sign, color=color, markersize=9 if sign == "*" else 3, markevery=[1])
+        axes.text(0.22, y, name, fontsize=SMALL, va="center", color=INK)

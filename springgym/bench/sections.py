@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym.bench import peers
+from springgym.bench.curves import curves
 from springgym.bench.environments import environments
 from springgym.bench.errors import errors
 from springgym.bench.problem import error, exact_positions, paper_top, rounding, stepping
@@ -275,6 +276,7 @@ SECTIONS: dict[str, Callable[[int], list[Row]]] = {
     "kernel": kernel,
     "environments": environments,
     "errors": errors,
+    "curves": curves,
     "features": features,
     "startup": startup,
     "peers": against_peers,

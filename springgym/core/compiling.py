@@ -11,8 +11,13 @@ CPU, the versions of Python, NumPy and Numba, and those of Numba's settings that
 ever invalidated or locked; other code, another name. What has no digest is compiled anew by each process.
 An entry is run: its folder must be one's own, or of somebody whom one trusts. Folders can be copied, shared
 and read only. Code is made for the processor that makes it, and found by those like it; with
-``SPRINGGYM_CPU=x86-64-v3`` (or ``v4``), for every processor of that level, and found by processes that are
-told the same. Numba's settings are not touched but for that one.
+``SPRINGGYM_CPU=x86-64-v3`` (or another of `LEVELS`), for every processor of that level, and found by
+processes that are told the same. Numba's settings are not touched but for that one.
+
+What the folder lacks, processes that are not told ``SPRINGGYM_CPU`` take from the package `KERNELS`, if it is
+installed and fits: code for the levels, of which each processor runs that of its own (`fitting_level`). All
+levels compute the same bits. Such code runs in a process whose Numba compiles for the processor itself: code
+is told what to run on when it is made, and functions of both kinds hand numbers on in the same registers.
 
 The cache needs a few things of Numba that are not of its public interface: `INSIDE` names them. Where a
 version of Numba lacks one, a warning says so, every process compiles anew, and results are the same.
@@ -28,16 +33,18 @@ With ``NUMBA_DISABLE_JIT=1`` nothing is compiled: every function runs as Python,
 from __future__ import annotations
 
 import hashlib
+import importlib.util
+import json
 import logging
 import os
 import pickle
-import platform
 import sys
+import sysconfig
 import threading
 import warnings
 from collections import Counter
-from collections.abc import Callable, Mapping
-from functools import wraps
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, wraps
 from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
@@ -52,6 +59,7 @@ from numba.core import sigutils
 from numba.core.registry import CPUDispatcher
 from numba.extending import is_jitted, models, register_model
 
+from springgym import __version__
 from springgym.core import plain
 from springgym.core.code_digest import NotHashable, digest
 
@@ -70,14 +78,35 @@ if TYPE_CHECKING:
 PACKAGE = __name__.partition(".")[0]
 LOGGER = logging.getLogger(PACKAGE)
 
-BASE = "cx16 popcnt sahf sse3 sse4.1 sse4.2 ssse3 avx avx2 bmi bmi2 f16c fma lzcnt movbe xsave"
+V3 = "cx16 popcnt sahf sse3 sse4.1 sse4.2 ssse3 avx avx2 bmi bmi2 f16c fma lzcnt movbe xsave"
+V4 = f"{V3} avx512f avx512bw avx512cd avx512dq avx512vl"
+INTELS = "skylake-avx512"
+"""Level of Intel's processors with AVX-512: its code estimates 1/√d, see `springgym.core.lanes`."""
 
 LEVELS = {
-    "x86-64-v3": BASE.split(),
-    "x86-64-v4": f"{BASE} avx512f avx512bw avx512cd avx512dq avx512vl".split(),
+    "x86-64-v3": V3.split(),
+    "x86-64-v4": V4.split(),
+    INTELS: f"{V4} adx aes clflushopt clwb pclmul prfchw rdrnd rdseed xsavec xsaveopt".split(),
 }
 """Processors that code can be made for, other than the one that makes it, and what each of them has
-(x86-64 psABI, table 3.1; names are LLVM's). Those below do not have the fused product and sum."""
+(x86-64 psABI, table 3.1; Intel's, for user programs, by LLVM). Names are LLVM's. Those below do not have the
+fused product and sum."""
+
+
+def fitting_level(name: str, has: Mapping[str, bool]) -> str | None:
+    """Return the level whose code is the fastest on a processor; None if it has no level.
+
+    Parameters
+    ----------
+    name
+        LLVM's name of the processor, such as "znver4".
+    has
+        Its features.
+    """
+    fits = [level for level, needs in LEVELS.items() if all(map(has.get, needs))]
+    if name.startswith("znver"):  # where estimates gain nothing
+        fits = [level for level in fits if level != INTELS]
+    return fits[-1] if fits else None
 
 
 def _level(asked: str, has: Mapping[str, bool]) -> str | None:
@@ -91,7 +120,7 @@ def _level(asked: str, has: Mapping[str, bool]) -> str | None:
     if asked in ("", "host"):
         return None
     if asked not in LEVELS:
-        raise ValueError(f"SPRINGGYM_CPU is {asked!r}; it must be host, {' or '.join(LEVELS)}")
+        raise ValueError(f"SPRINGGYM_CPU is {asked!r}; it must be host, {', '.join(LEVELS)}")
     lacks = [name for name in LEVELS[asked] if not has.get(name)]
     if lacks:
         warnings.warn(
@@ -106,14 +135,15 @@ def _level(asked: str, has: Mapping[str, bool]) -> str | None:
     return asked
 
 
-def _features() -> Mapping[str, bool]:
+def features() -> Mapping[str, bool]:
+    """Return what this processor has, by LLVM's names."""
     try:
         return dict(binding.get_host_cpu_features())
     except RuntimeError:  # LLVM does not know, on some processors other than x86-64
         return {}
 
 
-LEVEL = _level(os.environ.get("SPRINGGYM_CPU", ""), _features())
+LEVEL = _level(os.environ.get("SPRINGGYM_CPU", ""), features())
 """The processors that code is made for, of `LEVELS`; None for those like this one."""
 
 if LEVEL is not None:  # before Numba compiles anything; the key of an entry holds both
@@ -125,6 +155,13 @@ much as the physics where small functions hand arrays on."""
 
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO_DEFAULT")
 """Those of `numba.config` that change what is compiled."""
+
+VERSIONS = {
+    "Python": str(sysconfig.get_config_var("EXT_SUFFIX")).split(".")[1],  # as for modules written in C
+    "NumPy": np.__version__,
+    "Numba": numba.__version__,
+}
+"""What compiled code fits, beside a processor."""
 
 INTERPRETED = bool(numba.config.DISABLE_JIT)
 """True where functions run as the Python they are, by `springgym.core.plain`."""
@@ -441,13 +478,15 @@ def _asked(found: CompileResult, sig: Asked) -> CompileResult:
     return found._replace(signature=found.signature.replace(args=tuple(args)))
 
 
-def _without_bitcode(parts: tuple[Any, ...]) -> tuple[object, ...]:
+def _machine_code(parts: tuple[Any, ...]) -> tuple[object, ...]:
     """Return the data that Numba keeps of a function, without bitcode: most of it, and needed only to inline.
 
-    Compiled functions that call it find its machine code by its name.
+    Compiled functions that call it find its machine code by its name. Numba's listing of the types of its
+    variables, the one text among the data, is left out, too: nobody reads it, and it names the file.
     """
     (name, kind, (machine_code, _)), *others = parts
-    return (name, kind, (machine_code, binding.parse_assembly("").as_bitcode())), *others
+    kept = (name, kind, (machine_code, binding.parse_assembly("").as_bitcode()))
+    return kept, *("" if isinstance(one, str) else one for one in others)
 
 
 def _name_symbols(codegen: JITCPUCodegen, description: FunctionDescriptor) -> None:
@@ -455,6 +494,54 @@ def _name_symbols(codegen: JITCPUCodegen, description: FunctionDescriptor) -> No
     names = (description.llvm_func_name, description.llvm_cpython_wrapper_name)
     functions = [SimpleNamespace(name=name, is_declaration=False) for name in names]
     NAME_SYMBOLS(codegen._engine, SimpleNamespace(functions=functions, global_variables=[]))
+
+
+KERNELS = "springgym_kernels"
+"""Package of compiled code, made by ``kernels.py`` of the repository: a folder of entries, and `MADE`."""
+
+MADE = "made.json"
+"""File in it: ``{"versions": {…}, "levels": […]}``, of what its code is made for; see `made_here`."""
+
+
+def made_here() -> dict[str, str]:
+    """Return the versions that the code of `KERNELS` must be made for, to be used by this process."""
+    return {PACKAGE: __version__, **VERSIONS}
+
+
+@cache
+def shipped() -> tuple[Path, str] | None:
+    """Return the folder of `KERNELS` and the level whose code is for this process.
+
+    None if it is not installed, if ``SPRINGGYM_CPU`` or Numba's settings say what to compile for, or if it
+    does not fit: then a warning is logged that says why.
+    """
+    if os.environ.get("SPRINGGYM_CPU") or numba.config.CPU_NAME or numba.config.CPU_FEATURES is not None:
+        return None
+    try:
+        spec = importlib.util.find_spec(KERNELS)
+    except ValueError:  # somebody put a module of this name together
+        spec = None
+    if spec is None or not spec.submodule_search_locations:
+        return None
+    folder = Path(next(iter(spec.submodule_search_locations)))
+    level = fitting_level(binding.get_host_cpu_name(), features())
+    try:
+        made = json.loads((folder / MADE).read_text(encoding="utf-8"))
+        versions, levels = dict(made["versions"]), list(made["levels"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        why = f"it is damaged ({type(error).__name__}: {error})"
+    else:
+        unfit = [
+            f"it is for {name} {versions.get(name)}, and this is {here}"
+            for name, here in made_here().items()
+            if versions.get(name) != here
+        ]
+        if level in levels and not unfit:
+            return folder, str(level)
+        ours = f"one of {level}" if level else "none of these"
+        why = unfit[0] if unfit else f"it is for processors of {', '.join(levels)}, and this is {ours}"
+    LOGGER.warning("springgym: the compiled code of springgym-kernels is not used: %s", why)
+    return None
 
 
 PATIENCE = 2.0
@@ -506,9 +593,16 @@ class DigestKeyedCache:
     def _load(self, sig: Asked, target_context: CPUContext) -> CompileResult | None:
         try:
             target_context.refresh()
-            path = self._path(sig, target_context.codegen())
-            if path is None:
-                return None
+            for path in self._places(sig, target_context.codegen()):
+                if (found := self._read(path, sig, target_context)) is not None:
+                    return found
+        except Exception:  # Numba's inside is another than it was
+            pass
+        return None
+
+    def _read(self, path: Path, sig: Asked, target_context: CPUContext) -> CompileResult | None:
+        """Return what an entry holds; None if there is none, or if anything is wrong with it."""
+        try:
             content = path.read_bytes()
             payload = content[DIGEST:]
             if content[:DIGEST] != _checksum(path, payload):
@@ -516,16 +610,17 @@ class DigestKeyedCache:
             parts = pickle.loads(payload)
             _name_symbols(target_context.codegen(), parts[1])
             return _asked(REBUILD(target_context, *parts), sig)
-        except Exception:  # whatever is wrong with an entry: it is compiled anew, and replaced
+        except Exception:  # it is compiled anew, and replaced
             return None
 
     def save_overload(self, sig: Asked, data: CompileResult) -> None:
         """Keep a compiled function."""
         try:
-            path = self._path(sig, data.codegen)
-            if path is None:
+            folder, code = cache_directory(), self._digest(sig)
+            if folder is None or code is None:
                 return
-            payload = DUMPS(_without_bitcode(REDUCE(data)))
+            path = folder / self._name(code, data.codegen.magic_tuple())
+            payload = DUMPS(_machine_code(REDUCE(data)))
         except (AttributeError, TypeError, ValueError) as error:  # Numba's inside is another than it was
             _warn_uncached(f"cannot be asked for its compiled code ({error})")
             return
@@ -542,26 +637,32 @@ class DigestKeyedCache:
         except OSError:
             pass  # a read-only or full disk costs a compilation, not the program
 
-    def _path(self, sig: Asked, codegen: JITCPUCodegen) -> Path | None:
-        """Return the entry's file; None if there is no digest to name it by, or no folder."""
-        folder, function = cache_directory(), self._function
-        if folder is None:
-            return None
+    def _places(self, sig: Asked, codegen: JITCPUCodegen) -> Iterator[Path]:
+        """Yield the files in which the code may be: one's own entry, then what is shipped."""
+        code = self._digest(sig)
+        if code is None:
+            return
+        target = codegen.magic_tuple()
+        folder = cache_directory()
+        if folder is not None:
+            yield folder / self._name(code, target)
+        if (found := shipped()) is not None:
+            folder, level = found
+            yield folder / self._name(code, (target[0], level, ""))
+
+    def _digest(self, sig: Asked) -> bytes | None:
+        """Return the digest of what the function is compiled from; None if it has none."""
         try:
-            code = digest(function, getattr(sig, "args", sig), (__name__,))
+            return digest(self._function, getattr(sig, "args", sig), (__name__,))
         except NotHashable as error:
-            LOGGER.debug("%s is not kept: %s", function.__qualname__, error)
+            LOGGER.debug("%s is not kept: %s", self._function.__qualname__, error)
             return None
+
+    def _name(self, code: bytes, target: tuple[str, str, str]) -> str:
+        """Return the name of the entry: ``target`` is for what code is made, as Numba tells it."""
         settings = [str(getattr(numba.config, name, None)) for name in SETTINGS]
-        versions = (
-            numba.__version__,
-            np.__version__,
-            platform.python_version(),
-            codegen.magic_tuple(),
-            settings,
-        )
-        key = hashlib.sha256(repr(versions).encode() + code).hexdigest()
-        return folder / f"{function.__module__}.{function.__name__}-{key}.nbc"
+        key = hashlib.sha256(repr((VERSIONS, target, settings)).encode() + code).hexdigest()
+        return f"{self._function.__module__}.{self._function.__name__}-{key}.nbc"
 
 
 DIGEST = hashlib.sha256().digest_size

@@ -20,6 +20,7 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import lower_builtin, models, register_model
 from numpy.typing import DTypeLike
 
-from springgym.core.compiling import compiled, intrinsic
+from springgym.core.compiling import INTELS, compiled, intrinsic
 from springgym.core.kinds import Each, Number
 from springgym.core.kinds import Ragged as Ragged
 
@@ -174,21 +175,21 @@ def sqrt(typingctx, value):
     return value(value), codegen
 
 
-def _intels() -> bool:
+@cache
+def _as_intels() -> bool:
     """Return whether to compile for AVX-512 as Intel has it, with estimates of 1/√d and gathers.
 
-    On AMD's Zen, square roots are fast too, and gathers are slow.
+    On AMD's Zen, square roots are fast too, and gathers are slow. It follows from what Numba compiles for,
+    which is in the name of what is kept: so kernels that ask have the same digest on all processors.
     """
-    other = config.CPU_NAME or config.CPU_FEATURES  # Numba is told to compile for another
-    return bool(
-        not other
-        and binding.get_host_cpu_features().get("avx512f")
-        and not binding.get_host_cpu_name().startswith("znver")
-    )
+    if config.CPU_NAME or config.CPU_FEATURES:  # Numba is told to compile for another
+        return bool(config.CPU_NAME == INTELS and not config.CPU_FEATURES)
+    has = binding.get_host_cpu_features()
+    return bool(has.get("avx512f") and not binding.get_host_cpu_name().startswith("znver"))
 
 
-INTELS, ESTIMATED = _intels(), 8
-"""And how many numbers in double precision are estimated at once."""
+ESTIMATED = 8
+"""How many numbers in double precision are estimated at once."""
 
 BELOW = 0.75 * 2.0**-53
 """By this share the estimate is lowered, lest the root of the number before a power of 4, which lies just
@@ -234,7 +235,7 @@ def inverse_sqrt(typingctx, value):
         (d,) = args
         of = d.type
         count = of.count if isinstance(of, ir.VectorType) else 1
-        if not (INTELS and count % ESTIMATED == 0 and isinstance(of.element, ir.DoubleType)):
+        if not (_as_intels() and count % ESTIMATED == 0 and isinstance(of.element, ir.DoubleType)):
             one = ir.Constant(of, [1.0] * count) if count > 1 else ir.Constant(of, 1.0)
             return builder.fdiv(one, _call(builder, "sqrt", d))
 
@@ -588,7 +589,7 @@ def load_each(typingctx, array, index):
 
     def each(context, builder, sig, args):
         number = _number_of(_element(sig.args[0]))
-        gathers = INTELS and lanes.width > 1 and number == lanes.dtype
+        gathers = _as_intels() and lanes.width > 1 and number == lanes.dtype
         data, offset = _own_numbers(context, builder, sig, args, gathers)
         if gathers:
             return _gathered(builder, data, offset, number)

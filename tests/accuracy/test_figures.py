@@ -15,6 +15,7 @@ from matplotlib.text import Text
 
 from springgym.accuracy import figures
 from springgym.accuracy.figures import End, name_ends, plain
+from springgym.bench.figures import draw_curves
 
 DOCS = Path(__file__).parents[2] / "docs"
 REPORT = json.loads((DOCS / "figures" / "accuracy.json").read_text(encoding="utf-8"))
@@ -57,6 +58,27 @@ def test_figures_of_the_repository(name, tmp_path, monkeypatch):
     check(drawn[0])
 
 
+def test_curves_of_environments_can_be_read(tmp_path, monkeypatch):
+    """A panel each, which holds all of its points; no text is smaller than the others'."""
+    numbers = json.loads((DOCS / "numbers.json").read_text(encoding="utf-8"))
+    rows = numbers["curves"]["rows"]
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+    draw_curves(rows, tmp_path / "figure.svg")
+    (figure,) = drawn
+    figure.draw_without_rendering()
+    *panels, names = figure.axes
+    assert len(panels) == len({row["environment"] for row in rows})
+    for axes in panels:
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        points = np.concatenate([np.transpose(line.get_data()) for line in axes.get_lines()])
+        assert np.all((points > (left, low)) & (points < (right, high)))
+        assert [line.get_marker() for line in axes.get_lines()].count("*") == 1
+    texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert {"rk4", "verlet", "default"} <= {text.get_text() for text in names.texts}
+    assert min(text.get_fontsize() for text in texts) >= figures.SMALL
+
+
 def test_what_fails_is_cut_and_named():
     figure = Figure()
     FigureCanvasAgg(figure)
@@ -83,7 +105,8 @@ def test_peers_are_grey_and_a_method_has_one_colour():
 def test_one_command_makes_figures_anew(tmp_path):
     command = [sys.executable, str(DOCS / "figures.py"), "speed", "--out", str(tmp_path)]
     subprocess.run(command, check=True, capture_output=True, timeout=300)
-    assert (tmp_path / "speed.svg").stat().st_size > 20_000
+    for name in ("speed.svg", "curves.svg"):
+        assert (tmp_path / name).stat().st_size > 20_000
     command = [sys.executable, str(DOCS / "figures.py"), "sped"]
     wrong = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert wrong.returncode == 2
