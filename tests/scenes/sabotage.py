@@ -9,17 +9,19 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import yaml
 
-from springgym.scenes import load, names
+from springgym.scenes import load, names, recording
 from springgym.scenes.checks import Check, check, fitting
 from springgym.scenes.plan import Plan
-from springgym.scenes.recording import record
+from springgym.simulator import Simulator
 from springgym.strict_yaml import read_yaml
 
 Change = dict[str, Any] | Callable[[Plan], Plan]
@@ -185,19 +187,24 @@ _TABLE: tuple[tuple[str, str, Change], ...] = (
     ("billiard-follow", "billiards", {"bodies.cue.start.omega": [0, 0, 0]}),
     ("billiard-cushion", "cushion", {"bodies.reverse.start.velocity": [1, 0.5, -1]}),
     ("turntable", "turntable", {"collisions.friction": 0.02}),
-    ("billiard-break billiard-follow", "counted", {"bodies.cue.start.velocity": [30, 0, 0]}),
-    ("billiard-cushion", "counted", {"bodies.plain.start.velocity": [30, 0.5, 0]}),
-    ("turntable", "counted", {"bodies.ball.start.velocity": [0, 0.4, -60]}),
+    ("billiard-break", "counted", {"bodies.cue.start.velocity": [8, 0, 0]}),
+    ("billiard-follow", "counted", {"bodies.cue.start.velocity": [4, 0, 0]}),
+    ("billiard-cushion", "counted", {"bodies.plain.start.velocity": [6, 0.5, 0]}),
+    ("turntable", "counted", {"bodies.ball.start.velocity": [0, 0.4, -3]}),
+    ("pile", "counted", {"bodies.c35.start.velocity": [0, 0, -10]}),
     (
         "billiard-break billiard-follow",
         "energy",
-        {"bodies.cue.start.velocity": [60, 0, 0], "bodies.cue.body.damping": 0, "step": 2e-4},
+        {"bodies.cue.start.velocity": [0.9, 0, -5], "step": 2e-4, "interval": 0.001},
     ),
-    ("billiard-cushion", "energy", {"bodies.plain.start.velocity": [60, 0.5, 0], "step": 3e-4}),
-    ("turntable", "energy", {"step": 5e-4, "bodies.table.start.velocity": [0, 0, -30]}),
+    (
+        "billiard-cushion",
+        "energy",
+        {"bodies.plain.start.velocity": [1, 0.5, -5], "step": 2e-4, "interval": 0.001},
+    ),
+    ("turntable", "energy", {"bodies.table.start.velocity": [0, 0, -3], "step": 5e-4}),
     ("pile", "pile", {"contact.restitution": 1, "contact.friction": 0, "duration": 2}),
-    ("pile", "energy", {"bodies.c36.start.velocity": [0, 0, -60]}),
-    ("pile", "counted", {"bodies.c36.start.velocity": [0, 0, -200]}),
+    ("pile", "energy", {"step": 5e-4}),
     ("slab-holds", "slab", {"bodies.block.start.velocity": [-2, 0, -0.85]}),
     ("slab-slides", "slab", {"bodies.block.start.omega": [0, 0, 4]}),
     (
@@ -262,7 +269,9 @@ def after(scene: str, name: str, change: Change, folder: Path) -> list[Check]:
         else replace(plan, checks=(), parts=parts)
     )
     fitting(plan)
-    return check(record(plan))
+    # what is too fast for the step goes on, and is counted
+    with mock.patch.object(recording, "Simulator", partial(Simulator, unresolved="count")):
+        return check(recording.record(plan))
 
 
 def notices(found: list[Check]) -> bool:

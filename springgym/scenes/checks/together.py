@@ -250,11 +250,11 @@ def wave(recording: Recording) -> list[Check]:
     edge = np.array([thickness / 2, 0.0, -height / 2])
     inertia = float(body.inertia(body.centre + edge)[1, 1]) / body.mass
     start = float(recording.bodies[first].angular_velocity[0, 1])
-    reach, g = _met(recording).reach, _gravity(recording)
+    reach, friction, g = _met(recording).reach, _met(recording).contact.friction, _gravity(recording)
     speeds = []
     for more in (0.0, reach, 0.5 * reach):
         hits = dominoes.impacts(
-            len(order), height, thickness + more, pitch - thickness - more, inertia, start, g
+            len(order), height, thickness + more, pitch - thickness - more, inertia, start, g, friction
         )
         speeds.append(pitch * (len(order) - 1 - SETTLED) / float(hits[-1] - hits[SETTLED]))
     when = []
