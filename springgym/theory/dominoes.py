@@ -6,13 +6,13 @@ angle of the foremost, θ, says all others: with height h, thickness d, free spa
 
     h sin(θᵢ − θᵢ₊₁) = (s + d) cos θᵢ₊₁ − d.
 
-The upper edge of domino i slides down the back of domino i + 1, at the distance a = h cos δ − (s + d) sin θᵢ₊₁
-from its lower edge, δ = θᵢ − θᵢ₊₁. It pushes with N and rubs with μ N, about the lower edges by
+With δ = θᵢ − θᵢ₊₁, the upper edge of domino i slides down the back of domino i + 1, at the distance
+a = h cos δ − (s + d) sin θᵢ₊₁ from its lower edge. It pushes with N and rubs with μ N, which have the moments
 
-    N (a − μ d) on i + 1,    −N h (cos δ + μ sin δ) on i.
+    N (a − μ d) on i + 1,    −N h (cos δ + μ sin δ) on i
 
-Summed with weights f, 1 of the foremost and fᵢ = fᵢ₊₁ (a − μ d)/(h (cos δ + μ sin δ)), the equations of motion
-hold no N. With the rates w = dθᵢ/dθ, and I and the moment Tᵢ of its weight per mass,
+about the lower edges. Summed with weights f, 1 of the foremost and fᵢ = fᵢ₊₁ (a − μ d)/(h (cos δ + μ sin δ)), the
+equations of motion hold no N. With the rates w = dθᵢ/dθ, and I and the moment Tᵢ of its weight per mass,
 
     I Σ f (w θ̈ + w′ θ̇²) = Σ f T.
 
@@ -50,7 +50,7 @@ def leaning(angle: float, count: int, height: float, thickness: float, space: fl
 
 
 def weights(angles: Floats, height: float, thickness: float, space: float, friction: float) -> Floats:
-    """Weights f of the equations of motion of dominoes at angles (count,) from the foremost back, (count,)."""
+    """Weights f of the equations of motion at angles (count,) [rad], from the foremost back, (count,)."""
     found = np.ones(len(angles))
     for n in range(1, len(angles)):
         lean = angles[n] - angles[n - 1]

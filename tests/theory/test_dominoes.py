@@ -39,7 +39,7 @@ def test_without_friction_the_energy_is_kept_from_impact_to_impact():
 
 @pytest.mark.parametrize("friction", [0.0, 0.2, 0.5])
 def test_two_dominoes_move_as_their_forces_say(friction):
-    """With the push N found from the constraint at each moment, and the impulse from the same at the impact."""
+    """With the push N found from the constraint at each moment, and so the impulse at the impact."""
     pitch = S + D
 
     def constraint(behind, ahead):

@@ -81,9 +81,8 @@ def billiards(recording: Recording) -> list[Check]:
     body = scene.bodies[0].body
     radius, share = moment_share(body)
     up = np.array([0.0, 0.0, 1.0])
-    kept = sum(
-        (m.centre_velocity - share * radius * np.cross(up, m.angular_velocity))[:, :2] for m in bodies
-    ) / (1 + share)
+    each = [(m.centre_velocity - share * radius * np.cross(up, m.angular_velocity))[:, :2] for m in bodies]
+    kept = np.sum(each, axis=0) / (1 + share)
     size = float(np.linalg.norm(kept[0]))
     way = kept[0] / size
     along, across = kept[-1] @ way, kept[-1] @ (-way[1], way[0])
