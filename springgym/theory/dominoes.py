@@ -11,8 +11,8 @@ a = h cos δ − (s + d) sin θᵢ₊₁ from its lower edge. It pushes with N a
 
     N (a − μ d) on i + 1,    −N h (cos δ + μ sin δ) on i
 
-about the lower edges. Summed with weights f, 1 of the foremost and fᵢ = fᵢ₊₁ (a − μ d)/(h (cos δ + μ sin δ)), the
-equations of motion hold no N. With the rates w = dθᵢ/dθ, and I and the moment Tᵢ of its weight per mass,
+about the lower edges. Summed with weights f, 1 of the foremost and fᵢ = fᵢ₊₁ (a − μ d)/(h (cos δ + μ sin δ)),
+the equations of motion hold no N. With the rates w = dθᵢ/dθ, and I and the moment Tᵢ of its weight per mass,
 
     I Σ f (w θ̈ + w′ θ̇²) = Σ f T.
 

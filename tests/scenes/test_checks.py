@@ -174,7 +174,6 @@ WITHIN = {
     "tippe_top": [rolling.KEPT, rolling.TURNED],
     "rattleback": [rolling.TURNED],
     "egg": [rolling.RISEN, rolling.TURNED],
-    "walking": [rolling.TURNED],
     "billiards": [rolling.ROLLED, billiards.STRUCK],
     "cushion": [billiards.REBOUND, billiards.CIRCLED],
     "pile": [contact.WITHIN],
