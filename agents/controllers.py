@@ -569,6 +569,6 @@ def own_controller(name: str, action_space: spaces.Space[Any]) -> Policy:
 
 
 def controller_env_kwargs(name: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return keyword arguments of a baseline's environment: classical control needs the frame, and no goals."""
+    """Return keyword arguments of a baseline's environment: classical control needs the frame, no goals."""
     kwargs = {key: value for key, value in env_kwargs.items() if key != "goals"}
     return {**kwargs, **({"observation": "frame"} if name == "classical" else {})}

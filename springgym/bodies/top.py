@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from springgym.bodies.body import MOST_PARTICLES, Body
+from springgym.bodies.round import sphere
 from springgym.checks import TINY, instance, number, whole
 
 
@@ -18,6 +19,7 @@ def top(
     stiffness: float = 1e6,
     damping: float = 100.0,
     scaled: Mapping[int, float] | None = None,
+    foot: float = 0.0,
 ) -> Body:
     """Make a top: a ring of particles with half of the mass, and a crown and a tip with a quarter each.
 
@@ -37,15 +39,22 @@ def top(
     scaled
         Factors for the masses of single ring particles: ``{0: 2.0}`` makes the paper's unbalanced top.
 
+    foot
+        Radius of a round foot [m]: a sphere whose lowest point is the tip, and with which the top meets
+        surfaces, so that it rolls on it. Without it, the default, the particles meet them, and the top
+        stands on its tip.
+
     Raises
     ------
     ValueError
-        If the ring has fewer than three particles, or a factor is given to one that is not in it.
+        If the ring has fewer than three particles, or a factor is given to one that is not in it; if the
+        radius of the foot is negative, or more than half of the height.
     """
     ring = whole("ring", ring, 3, MOST_PARTICLES - 2)
     radius = number("radius", radius, low=TINY)
     height = number("height", height, low=TINY)
     mass = number("mass", mass, low=TINY)
+    foot = number("foot", foot, 0.0, height / 2)
     masses = np.array([mass / 2 / ring] * ring + [mass / 4, mass / 4])
     for n, factor in instance("scaled", {} if scaled is None else scaled, Mapping).items():
         n = whole("a particle that scaled names", n, 0, ring - 1)
@@ -71,4 +80,5 @@ def top(
         markers=(tip, crown, 0),
         parts={"ring": tuple(range(ring)), "crown": (crown,), "tip": (tip,)},
         triangles=np.array(triangles),
+        rounds=(sphere(foot, (0.0, 0.0, foot)),) if foot > 0 else (),
     )

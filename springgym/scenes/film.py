@@ -232,6 +232,12 @@ def _look(body: Body, trace: int | None, color: Color = BLUE) -> Look:
     if body.rounds and not len(body.triangles):
         drawn = partial(_rolling, color=color)
     shown = drawn(body, size if size > 0 else 0.5)
+    if body.rounds and len(body.triangles):
+        skin = _rolling(body, size, color)
+        shown |= {
+            name: np.concatenate([shown[name], skin.pop(name)]) for name in ("triangles", "triangle_colors")
+        }
+        shown |= skin
     for name in shown.keys() & {"triangle_colors", "ball_colors"}:
         table = np.asarray(shown[name])
         shown[name] = np.where((table == BLUE).all(axis=-1, keepdims=True), color, table)

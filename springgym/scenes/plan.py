@@ -57,5 +57,7 @@ class Plan:
     checks: tuple[str, ...]
     """names in `springgym.scenes.checks.CHECKS`"""
     view: View
+    contacts: bool = False
+    """whether contacts are recorded, as a check needs them"""
     parts: tuple[Plan, ...] = ()
     """for several bodies, the checks of each by itself; ``checks`` concern all together"""

@@ -41,7 +41,7 @@ from springgym.collisions.meeting import ALL
 from springgym.integrators import METHODS
 from springgym.materials import Material
 from springgym.scene import GRAVITY, Placed, Scene
-from springgym.scenes.checks import CHECKS, of_all
+from springgym.scenes.checks import CHECKS, TOUCHING, of_all
 from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
 from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
 from springgym.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, heights, scales
@@ -162,6 +162,7 @@ def read(path: Path, changes: Changes | None = None) -> Plan:
             plot=plot or ("bodies" if len(begun) > 1 else "rotation"),
             checks=tuple(checks),
             view=View() if view is None else _view(tree),
+            contacts=not TOUCHING.isdisjoint(checks),
         )
         if bodies is None:
             return whole

@@ -50,7 +50,7 @@ class Recording:
     shadow: tuple[float, float]
     """`Simulator.shadow_energy` at the start and at the end [J]; NaN if it is not known"""
     contacts: tuple[Contacts, ...] = ()
-    """`Simulator.contacts` at each time, if they were asked for and can be told"""
+    """`Simulator.contacts` at each time, if they were asked for or a check needs them, and can be told"""
 
     @property
     def parts(self) -> tuple[Recording, ...]:
@@ -93,7 +93,8 @@ def record(
     dynamics
         "springs", or "rigid" for the rigid twin, which has its own method and step.
     contacts
-        Whether to record the contacts, too. Those of a scene or method that cannot tell them are left out.
+        Whether to record the contacts, too, even if no check needs them. Those of a scene or method that
+        cannot tell them are left out.
     progress
         A function that wraps the iterator over states, to show progress. Ctrl-C ends the simulation; the
         recording then holds the states so far, if there are at least two.
@@ -128,7 +129,7 @@ def record(
             rows[n], positions[n], velocities[n] = read.rows[0], read.positions[0], read.velocities[0]
             each[n] = read.bodies[0]
             told.append(simulator.pairs())
-            if contacts and (found := contacts_of(simulator)) is not None:
+            if (contacts or plan.contacts) and (found := contacts_of(simulator)) is not None:
                 touching.append(found)
             if not np.isfinite(velocities[n]).all():
                 raise SimulationDivergedError(f"{plan.name} diverged before t = {simulator.time[0]:g} s")

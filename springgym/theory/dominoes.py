@@ -1,14 +1,24 @@
 """The wave in a row of dominoes that lean on each other as they fall.
 
-J. M. J. van Leeuwen, The domino effect, Am. J. Phys. 78 (2010) 721, doi:10.1119/1.3406154, without
-friction between dominoes. Each turns about its lower front edge, which does not slip. One that has hit the
-next goes on leaning on it, so that the angle of the foremost, θ, says all others: with height h, thickness d,
-free space s,
+J. M. J. van Leeuwen, The domino effect, Am. J. Phys. 78 (2010) 721, doi:10.1119/1.3406154. Each domino turns
+about its lower front edge, which does not slip. One that has hit the next goes on leaning on it, so that the
+angle of the foremost, θ, says all others: with height h, thickness d, free space s,
 
     h sin(θᵢ − θᵢ₊₁) = (s + d) cos θᵢ₊₁ − d.
 
-Until the foremost hits the next, at sin θ = s/h, energy is kept. The impact is inelastic, and does no work
-along what the leaning allows: with Γ = Σ (dθᵢ/dθ)², the angular velocity falls to Γ/(Γ + 1) of it.
+With δ = θᵢ − θᵢ₊₁, the upper edge of domino i slides down the back of domino i + 1, at the distance
+a = h cos δ − (s + d) sin θᵢ₊₁ from its lower edge. It pushes with N and rubs with μ N, which have the moments
+
+    N (a − μ d) on i + 1,    −N h (cos δ + μ sin δ) on i
+
+about the lower edges. Summed with weights f, 1 of the foremost and fᵢ = fᵢ₊₁ (a − μ d)/(h (cos δ + μ sin δ)),
+the equations of motion hold no N. With the rates w = dθᵢ/dθ, and I and the moment Tᵢ of its weight per mass,
+
+    I Σ f (w θ̈ + w′ θ̇²) = Σ f T.
+
+The foremost hits the next at sin θ = s/h. The impact is inelastic, and its impulses act as the forces do. So
+with Γ = φ Σ f w before, and the share φ of the new contact, the angular velocity falls to Γ/(Γ + 1) of it.
+Without friction f = w, and this keeps the energy between impacts.
 """
 
 from __future__ import annotations
@@ -16,12 +26,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss
 
 from springgym.theory.frames import Floats
 
-POINTS = 60
-"""At which the time of a fall is integrated."""
+PARTS = 40
+"""Parts of a fall from impact to impact, by Runge and Kutta's method; an even number."""
+
+NEAR = 1e-5
+"""[rad] Half of the difference by which rates are differentiated."""
 
 
 def leaning(angle: float, count: int, height: float, thickness: float, space: float) -> tuple[Floats, Floats]:
@@ -37,6 +49,17 @@ def leaning(angle: float, count: int, height: float, thickness: float, space: fl
     return angles, rates
 
 
+def weights(angles: Floats, height: float, thickness: float, space: float, friction: float) -> Floats:
+    """Weights f of the equations of motion at angles (count,) [rad], from the foremost back, (count,)."""
+    found = np.ones(len(angles))
+    for n in range(1, len(angles)):
+        lean = angles[n] - angles[n - 1]
+        arm = height * math.cos(lean) - (space + thickness) * math.sin(angles[n - 1])
+        push = height * (math.cos(lean) + friction * math.sin(lean))
+        found[n] = found[n - 1] * (arm - friction * thickness) / push
+    return found
+
+
 def impacts(
     count: int,
     height: float,
@@ -45,6 +68,7 @@ def impacts(
     inertia: float,
     start: float,
     gravity: float = 9.81,
+    friction: float = 0.0,
 ) -> Floats:
     """Return times at which each of `count` dominoes behind the first is hit, s, shape (count,).
 
@@ -56,6 +80,8 @@ def impacts(
         Of one about its lower edge, per mass, m^2: (h^2 + d^2)/3 of a solid one.
     start : float
         Angular velocity of the first, upright at t = 0, rad/s.
+    friction : float
+        mu between dominoes.
 
     Raises
     ------
@@ -65,26 +91,54 @@ def impacts(
     if not 0 < space < height:
         raise ValueError(f"space is {space} m; it must be more than 0 and less than the height, {height} m")
     last = math.asin(space / height)
-    nodes, weights = leggauss(POINTS)
-    angles = 0.5 * last * (nodes + 1)
+    part = last / PARTS
+
+    def sums(angle: float, train: int) -> tuple[float, float, float]:
+        """Σ f w, Σ f w′ and Σ f T/I."""
+        angles, rates = leaning(angle, train, height, thickness, space)
+        f = weights(angles, height, thickness, space, friction)
+        before, after = (leaning(angle + by, train, height, thickness, space)[1] for by in (-NEAR, NEAR))
+        pull = 0.5 * gravity / inertia * (height * np.sin(angles) - thickness * np.cos(angles))
+        return float(f @ rates), float(f @ (after - before)) / (2 * NEAR), float(f @ pull)
+
     rate, time, found = start, 0.0, []
     for train in range(1, count + 1):
-        poses = [leaning(angle, train, height, thickness, space) for angle in (0.0, *angles, last)]
-        high = np.array([(height * np.cos(a) + thickness * np.sin(a)).sum() for a, _ in poses])
-        together = np.array([(w**2).sum() for _, w in poses])  # Γ
-        square = (rate**2 * together[0] + gravity / inertia * (high[0] - high)) / together
-        if square.min() <= 0:
+        known = [sums(0.5 * part * n, train) for n in range(2 * PARTS + 1)]
+
+        def slope(square: float, n: int, known: list[tuple[float, float, float]] = known) -> float:
+            together, bend, pull = known[n]
+            return 2 * (pull - square * bend) / together
+
+        squares = [rate**2]
+        for n in range(0, 2 * PARTS, 2):
+            square = squares[-1]
+            a = slope(square, n)
+            b = slope(square + 0.5 * part * a, n + 1)
+            c = slope(square + 0.5 * part * b, n + 1)
+            d = slope(square + part * c, n + 2)
+            squares.append(square + part / 6 * (a + 2 * b + 2 * c + d))
+        if min(squares) <= 0:
             raise ValueError(f"domino {train - 1} comes to rest before it hits the next")
-        time += float(0.5 * last * (weights / np.sqrt(square[1:-1])).sum())
+        slowness = 1 / np.sqrt(squares)
+        thirds = slowness[0] + 4 * slowness[1::2].sum() + 2 * slowness[2:-1:2].sum() + slowness[-1]
+        time += float(part / 3 * thirds)
         found.append(time)
-        rate = math.sqrt(square[-1]) * together[-1] / (together[-1] + 1)
+        share = weights(np.array([0.0, last]), height, thickness, space, friction)[1]
+        together = share * known[-1][0]
+        rate = math.sqrt(squares[-1]) * together / (together + 1)
     return np.array(found)
 
 
 def speed(
-    height: float, thickness: float, space: float, inertia: float, gravity: float = 9.81, count: int = 60
+    height: float,
+    thickness: float,
+    space: float,
+    inertia: float,
+    gravity: float = 9.81,
+    count: int = 60,
+    friction: float = 0.0,
 ) -> float:
     """Return the speed of the wave far from its start, m/s, see `impacts`."""
     start = 3.0 * math.sqrt(gravity / height)
-    times = impacts(count, height, thickness, space, inertia, start, gravity)
+    times = impacts(count, height, thickness, space, inertia, start, gravity, friction)
     return (space + thickness) / float(times[-1] - times[-2])

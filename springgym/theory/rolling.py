@@ -1,4 +1,4 @@
-"""Balls that roll, a tippe-top, Euler's disk, and a rattleback as ordinary differential equations."""
+"""Balls that roll, meet, and rebound with spin; a tippe-top, an egg, Euler's disk, a rattleback as an ODE."""
 
 from __future__ import annotations
 
@@ -46,6 +46,86 @@ def after_skidding(
     return rolls, (speed - rolls) / (friction * gravity)
 
 
+def after_struck(
+    velocity: ArrayLike, line: ArrayLike, moment: float, restitution: float = 1.0
+) -> tuple[Floats, Floats]:
+    """Velocities at which two equal balls roll at the end, of which one rolled into the other at rest, m/s.
+
+    Without friction between the balls, (1 + e)/2 of the velocity along the line of centres passes over, and
+    no spin. Friction with the table acts at the lowest point, and so does not change m v - z x I w/r of
+    either ball. That is (1 + I/(m r^2)) m v of a ball that rolls.
+
+    Parameters
+    ----------
+    velocity : (3,) array_like
+        Of the ball that rolls, along the table, m/s.
+    line : (3,) array_like
+        Unit vector from its centre to that of the other ball.
+    moment : float
+        I/(m r^2) about the centre, 2/5 of a solid ball.
+    restitution : float
+        e between the balls.
+
+    Returns
+    -------
+    velocities of the ball that came and of the one that was struck, each (3,): 2/7 and 5/7 of v for solid
+    balls with e = 1 that meet head-on
+    """
+    came, along = np.asarray(velocity, float), np.asarray(line, float)
+    given = (1 + restitution) / 2 * float(came @ along) / (1 + moment) * along
+    return came - given, given
+
+
+def off_a_wall(
+    velocity: ArrayLike,
+    omega: ArrayLike,
+    normal: ArrayLike,
+    radius: float,
+    moment: float,
+    friction: float,
+    restitution: float,
+) -> Floats:
+    """Velocity of a ball after it struck a wall, by Coulomb's friction, m/s.
+
+    The wall gives J = m (1 + e) |v_n| along its normal n. Its friction acts against the slip u of the point
+    that touches, the part across n of v - r w x n. It stops the slip by the impulse m u/(1 + m r^2/I), or is
+    mu J if that is less.
+
+    Parameters
+    ----------
+    velocity, omega, normal : (3,) array_like
+        v, m/s, and w, rad/s, before; unit vector n from the wall to the ball.
+    radius, moment : float
+        r, m, and I/(m r^2).
+    friction, restitution : float
+        mu and e at this speed.
+    """
+    v, w, n = (np.asarray(of, float) for of in (velocity, omega, normal))
+    towards = float(v @ n)
+    slip = v - radius * np.cross(w, n) - towards * n
+    speed = float(np.linalg.norm(slip))
+    push = -(1 + restitution) * towards
+    rub = min(speed * moment / (1 + moment), friction * push)
+    return np.asarray(v + push * n - (rub / speed * slip if speed > 0 else 0.0))
+
+
+def turntable_rate(rate: float, moment: float) -> float:
+    """Rate at which a ball that rolls on a turning table goes round in its circle, rad/s.
+
+    With the table's W, m dv/dt = f and I dw/dt = -r z x f, and v - r w x z = W z x x as it rolls, so that
+    dv/dt = W/(1 + m r^2/I) z x v: 2/7 W of a solid ball, on a circle of any radius and centre (Weckesser,
+    Am. J. Phys. 65 (1997) 736, doi:10.1119/1.18643).
+
+    Parameters
+    ----------
+    rate : float
+        W of the table, rad/s.
+    moment : float
+        I/(m r^2) about the centre, 2/5 of a solid ball.
+    """
+    return rate * moment / (1 + moment)
+
+
 def disk_rate(angle: float, radius: float, across: float, gravity: float = 9.81) -> float:
     """Rate at which a disk that rolls on its rim turns about the vertical, its centre at rest, rad/s.
 
@@ -87,6 +167,37 @@ def jellett(angular_momentum: ArrayLike, axis: ArrayLike, radius: float, offset:
     """
     arm = radius * np.array([0.0, 0.0, 1.0]) - offset * np.asarray(axis, float)
     return np.asarray((np.asarray(angular_momentum, float) * arm).sum(axis=-1))
+
+
+def egg_rise(
+    start: float,
+    end: float,
+    semi_axes: tuple[float, float],
+    jellett: float,
+    weight: float,
+    friction: float,
+) -> float:
+    """Time in which a spinning spheroid rises from one tilt to another, s.
+
+    While it spins fast and slides, J = -L . rho of the point rho that touches hardly changes, and the tilt t
+    of its axis from the vertical obeys J dt/dt = -mu m g h^2, with the height h^2 = a^2 cos^2 t + b^2 sin^2 t
+    of its centre. So arctan(b/a tan t) falls at the rate a b mu m g/J (Moffatt & Shimomura, Nature 416 (2002)
+    385, doi:10.1038/416385a).
+
+    Parameters
+    ----------
+    start, end : float
+        Tilts, rad, from the greater one.
+    semi_axes : (2,)
+        a along the axis of symmetry and b across it, m.
+    jellett : float
+        J, kg m^2/s.
+    weight, friction : float
+        m g, N, and mu.
+    """
+    a, b = semi_axes
+    turned = [math.atan2(b * math.sin(tilt), a * math.cos(tilt)) for tilt in (start, end)]
+    return (turned[0] - turned[1]) * jellett / (a * b * friction * weight)
 
 
 def rolling_ellipsoid(

@@ -21,6 +21,7 @@ from springgym.bodies import (
     rolling_ball,
     sphere,
     start,
+    top,
 )
 from springgym.bodies.rotations import rotating
 from springgym.bodies.round import points_of, weights
@@ -310,14 +311,14 @@ def test_rattleback_is_the_rigid_one_and_turns_back_one_way_only(spin: float) ->
 
 def test_tippe_top_is_the_rigid_one_and_turns_over() -> None:
     moment = 0.4 * 0.02 * 0.02**2
-    top = ellipsoid(
+    tippe = ellipsoid(
         3 * (0.02,), 0.02, (0.95 * moment, 0.95 * moment, moment), (0, 0, -0.004), stiffness=1e5, damping=0.0
     )
-    scene = on_hard_ground(top, 2e-5, 0.1, turn=(0, 0.1, 0), omega=(0, 0, 150))
+    scene = on_hard_ground(tippe, 2e-5, 0.1, turn=(0, 0.1, 0), omega=(0, 0, 150))
     times, m = run(scene, 3.5, 100)
     tilt = np.arccos(m.axis[:, 2])
     _, _, _, frames = motion(
-        rigid(top), rotating((0, 0.1, 0)), (0, 0, 150), (0, 0, 0), times, 0.1, 1e-3, 5e-5
+        rigid(tippe), rotating((0, 0.1, 0)), (0, 0, 150), (0, 0, 0), times, 0.1, 1e-3, 5e-5
     )
     np.testing.assert_allclose(tilt, np.arccos(frames[:, 2, 2]), atol=0.01 * math.pi)
     assert tilt[-1] > 2.9
@@ -325,6 +326,45 @@ def test_tippe_top_is_the_rigid_one_and_turns_over() -> None:
     np.testing.assert_allclose(kept, kept[0], rtol=1e-3)
     assert m.friction_loss[-1] > 0.4 * m.kinetic[0]
     assert np.ptp(m.balance) < 1e-3 * m.kinetic[0]
+
+
+def test_spinning_egg_is_the_rigid_one_and_rises() -> None:
+    """It slides, and the floor's force stays over half of its weight, so that it does not leave the floor."""
+    egg = ellipsoid((0.022, 0.022, 0.03), 0.06, stiffness=1e5, damping=0.0)
+    scene = on_hard_ground(egg, 2e-5, 0.1, turn=(0, 1.37, 0), omega=(0, 0, 120))
+    times, m = run(scene, 2.0, 40)
+    own = np.stack([m.side, np.cross(m.axis, m.side), m.axis], axis=2)
+    long = own[0].T @ rotating((0, 1.37, 0))[:, 2]
+    tilt = np.arccos(np.clip(own[:, 2] @ long, -1, 1))
+    _, velocities, _, frames = motion(
+        rigid(egg), rotating((0, 1.37, 0)), (0, 0, 120), (0, 0, 0), times, 0.1, 1e-3, 5e-5
+    )
+    # a creep of 1e-3 m/s is a hundredth of the slip while it rises
+    np.testing.assert_allclose(tilt, np.arccos(frames[:, 2, 2]), atol=0.01 * math.pi)
+    assert tilt[-1] < 0.2
+    assert np.diff(velocities[:, 2]).min() / times[1] > -0.5 * G
+    assert np.ptp(m.balance) < 1e-3 * m.kinetic[0]
+
+
+def test_top_on_a_round_foot_walks_as_the_rigid_one() -> None:
+    """A foot of half the radius walks half as far, as it unrolls."""
+    ways = []
+    for foot in (0.008, 0.004):
+        body = top(radius=0.05, height=0.08, mass=0.2, stiffness=1e6, damping=0.0, foot=foot)
+        frame, spin = rotating((0, 0.3, 0)), np.array([0.0, 0, 120.0])
+        omega = frame @ spin
+        arm = frame @ (body.rounds[0].centre - body.centre) - (0, 0, foot)
+        scene = on_hard_ground(body, 2e-5, 1.0, tilt=0.3, spin=120.0, velocity=-np.cross(omega, arm))
+        times, m = run(scene, 1.0, 40)
+        places, *_ = motion(rigid(body), frame, omega, (0, 0, 0), times)
+        own = m.centre[:, :2] - m.centre[0, :2]
+        np.testing.assert_allclose(own, (places - places[0])[:, :2], atol=0.01 * np.ptp(places[:, 0]))
+        unrolled = (
+            m.centre - np.linalg.norm(body.rounds[0].centre - body.centre) * m.axis
+        )  # the foot's centre
+        ways.append(float(np.linalg.norm(np.diff(unrolled, axis=0), axis=1).sum()))
+        assert np.ptp(m.balance) < 1e-3 * m.kinetic[0]
+    assert ways[1] == pytest.approx(0.5 * ways[0], rel=0.15)
 
 
 @pytest.mark.parametrize("angle", [0.3, 0.6])

@@ -15,6 +15,7 @@ from springgym.scenes import load, names
 from springgym.scenes.checks import (
     CHECKS,
     Check,
+    billiards,
     check,
     contact,
     fitting,
@@ -172,6 +173,10 @@ WITHIN = {
     "rolling": [rolling.ROLLED, rolling.SKIDDED],
     "tippe_top": [rolling.KEPT, rolling.TURNED],
     "rattleback": [rolling.TURNED],
+    "egg": [rolling.RISEN, rolling.TURNED],
+    "billiards": [rolling.ROLLED, billiards.STRUCK],
+    "cushion": [billiards.REBOUND, billiards.CIRCLED],
+    "pile": [contact.WITHIN],
     "straight_fall": [contact.SWUNG],
     "exchange": [together.MET, together.EQUAL],
     "slab": [contact.WITHIN],
@@ -241,6 +246,12 @@ def colder(recording):
         m._replace(centre_velocity=m.centre_velocity * np.linspace(1, 0.9, len(recording.times))[:, None])
         for m in recording.bodies
     ]
+    return replace(recording, bodies=tuple(bodies))
+
+
+def turned_faster(recording):
+    """With bodies that are said to turn faster by 1 %."""
+    bodies = [m._replace(angular_velocity=1.01 * m.angular_velocity) for m in recording.bodies]
     return replace(recording, bodies=tuple(bodies))
 
 
@@ -340,6 +351,13 @@ BROKEN = [
     ("tippe-top", "tippe_top", slowed_about_the_upright),
     ("rattleback", "rattleback", heavier_gravity),
     ("euler-disk", "euler_disk", heavier_gravity),
+    ("spinning-egg", "egg", rougher),
+    ("walking-top", "walking", heavier_gravity),
+    ("billiard-break", "billiards", colder),
+    ("billiard-follow", "billiards", colder),
+    ("billiard-cushion", "cushion", rubbing_less),
+    ("turntable", "turntable", turned_faster),
+    ("pile", "pile", heavier_gravity),
     ("bowl-ball", "bowl_period", heavier_gravity),
     ("pipe-ball", "pipe_period", heavier_gravity),
     ("elongated-top", "nutation", heavier_gravity),
@@ -446,6 +464,12 @@ MISFITS = [
     ("ball-skids", "tippe_top", "is not a sphere whose centre of mass is off its centre", None),
     ("euler-disk", "rattleback", "the round feature of body 'disk' is flat", None),
     ("rattleback", "euler_disk", "body 'ellipsoid' is not a disk", None),
+    ("tippe-top", "egg", "is not a prolate spheroid about its centre of mass", None),
+    ("euler-disk", "walking", "the round feature of body 'disk' is flat", None),
+    ("newtons-cradle", "billiards", "body 'ball' has 0 round features", None),
+    ("billiard-follow", "cushion", "it concerns balls and one pinned body that is none", None),
+    ("billiard-cushion", "turntable", "it concerns balls and one free body that is none", None),
+    ("cube-drop", "pile", "no bodies collide", None),
     ("bowl-ball", "pipe_period", "it has no level pipe", None),
     ("top-in-bowl", "slope", "its first surface is not a plane", None),
     ("cube-drop", "slope", "its first surface is level", None),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from springgym.scene import Scene
 from springgym.scenes.checks import (  # noqa: F401  (they fill CHECKS)
+    billiards,
     contact,
     free,
     rolling,
@@ -14,7 +15,7 @@ from springgym.scenes.checks import (  # noqa: F401  (they fill CHECKS)
     together,
     tops,
 )
-from springgym.scenes.checks.basis import CHECKS, NEEDS, NOT_COVERED, TOGETHER, Check
+from springgym.scenes.checks.basis import CHECKS, NEEDS, NOT_COVERED, TOGETHER, TOUCHING, Check
 from springgym.scenes.plan import Plan
 from springgym.scenes.recording import Recording
 
@@ -68,4 +69,4 @@ def check(recording: Recording) -> list[Check]:
     return found
 
 
-__all__ = ["CHECKS", "NOT_COVERED", "Check", "check", "fitting", "of_all"]
+__all__ = ["CHECKS", "NOT_COVERED", "TOUCHING", "Check", "check", "fitting", "of_all"]

@@ -27,11 +27,14 @@ NEEDS: dict[str, tuple[Need, ...]] = {}
 TOGETHER: set[str] = set()
 """Names of the checks that, where bodies collide, judge all bodies together, not each alone."""
 
+TOUCHING: set[str] = set()
+"""Names of the checks that need `Recording.contacts`."""
 
-def applies(*needs: Need, together: bool = False) -> Callable[[Checking], Checking]:
+
+def applies(*needs: Need, together: bool = False, contacts: bool = False) -> Callable[[Checking], Checking]:
     """Make a function a check by its name, for scenes that meet some needs.
 
-    A check is of each body by itself, or of all that collide ``together``.
+    A check is of each body by itself, or of all that collide ``together``. Some need the ``contacts``.
     """
 
     def add(function: Checking) -> Checking:
@@ -39,6 +42,8 @@ def applies(*needs: Need, together: bool = False) -> Callable[[Checking], Checki
         CHECKS[name], NEEDS[name] = function, needs
         if together:
             TOGETHER.add(name)
+        if contacts:
+            TOUCHING.add(name)
         return function
 
     return add

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from springgym.bodies import Round
+from springgym.bodies import Body, Round
 from springgym.scenes.checks import needs
 from springgym.scenes.checks.basis import Check, applies, crossings, slack, turning_rate, within
 from springgym.scenes.plan import Plan
@@ -27,12 +27,19 @@ SKIDDED = 0.01
 KEPT = 1e-3
 """Share of Jellett's constant: what spins is wider by the square of ω/ω₁, and so is its sphere."""
 
+RISE = (math.radians(60), math.radians(20))
+"""Tilts of an egg between which its rise is timed: below, it slows down and does not arrive; above, it has
+not begun to slide one way."""
+
+RISEN = 0.03
+"""Share of the time of an egg's rise: theory neglects g against ω² a, which is some 1 % of a rigid one's."""
+
 TURNED = 0.01
 """Share of the spin of a rattleback, of the height of a tippe-top, of the rate of Euler's disk: a contact
 that gives way and springs that stretch make half of it."""
 
 
-def _feature(plan: Plan) -> Round:
+def _only_feature(body: Body) -> Round:
     """Return the one round feature of a body.
 
     Raises
@@ -40,15 +47,24 @@ def _feature(plan: Plan) -> Round:
     ValueError
         If it has none, or several.
     """
-    features = plan.scene.body.rounds
-    if len(features) != 1:
-        raise ValueError(f"body {plan.scene.body.name!r} has {len(features)} round features; it needs one")
-    return features[0]
+    if len(body.rounds) != 1:
+        raise ValueError(f"body {body.name!r} has {len(body.rounds)} round features; it needs one")
+    return body.rounds[0]
 
 
-def _ball(plan: Plan) -> None:
-    """Refuse what is no ball, the same in all directions."""
-    feature, body = _feature(plan), plan.scene.body
+def _feature(plan: Plan) -> Round:
+    return _only_feature(plan.scene.body)
+
+
+def refuse_other_than_balls(body: Body) -> None:
+    """Refuse what is no ball, the same in all directions.
+
+    Raises
+    ------
+    ValueError
+        If the body has no single sphere about its centre of mass, or moments of inertia that differ.
+    """
+    feature = _only_feature(body)
     squares = np.linalg.eigvalsh(feature.matrix)
     moments, _ = body.principal()
     off = float(np.linalg.norm(feature.centre - body.centre))
@@ -56,6 +72,10 @@ def _ball(plan: Plan) -> None:
         raise ValueError(f"body {body.name!r} is not a sphere about its centre of mass")
     if np.ptp(moments) > 1e-9 * moments[2]:
         raise ValueError(f"the moments of inertia of body {body.name!r} differ")
+
+
+def _ball(plan: Plan) -> None:
+    refuse_other_than_balls(plan.scene.body)
 
 
 def _tippe_top(plan: Plan) -> None:
@@ -89,20 +109,32 @@ def _solid(plan: Plan) -> None:
         raise ValueError(f"the round feature of body {plan.scene.body.name!r} is flat")
 
 
+def _egg(plan: Plan) -> None:
+    """Refuse what is no prolate spheroid about the centre of mass, with a body of the same symmetry."""
+    feature, body = _feature(plan), plan.scene.body
+    squares, axes = np.linalg.eigh(feature.matrix)
+    off = float(np.linalg.norm(feature.centre - body.centre))
+    if squares[1] - squares[0] > 1e-9 * squares[2] or not squares[1] < 0.999 * squares[2] or off > 1e-9:
+        raise ValueError(f"body {body.name!r} is not a prolate spheroid about its centre of mass")
+    inertia = axes.T @ body.inertia() @ axes
+    if np.ptp(np.linalg.eigvalsh(inertia[:2, :2])) > 1e-9 * inertia[0, 0]:
+        raise ValueError(f"the inertia of body {body.name!r} is not symmetric about its long axis")
+
+
 def _g(recording: Recording) -> float:
     return float(np.linalg.norm(recording.plan.scene.gravity or 0.0))
 
 
-def _share(recording: Recording) -> tuple[float, float]:
+def moment_share(body: Body) -> tuple[float, float]:
     """Return the radius [m] of a ball, and I/(m r²)."""
-    body, radius = recording.plan.scene.body, _feature(recording.plan).extent
+    radius = _only_feature(body).extent
     return radius, float(np.trace(body.inertia())) / (3 * body.mass * radius**2)
 
 
 @applies(_ball, needs.slope, needs.gravity)
 def rolling(recording: Recording) -> list[Check]:
     """Compare the acceleration of a ball on a slope with theory: it rolls if friction suffices, or skids."""
-    scene, (_, share) = recording.plan.scene, _share(recording)
+    scene, (_, share) = recording.plan.scene, moment_share(recording.plan.scene.body)
     surface, contact = scene.surfaces[0], scene.contact
     assert isinstance(surface, Plane)
     assert isinstance(contact, Contact)
@@ -128,7 +160,7 @@ def _sag(recording: Recording) -> float:
 def skidding(recording: Recording) -> list[Check]:
     """Compare the speed at which a ball rolls after it skidded with theory, and the time to half the slip."""
     contact, m = recording.plan.scene.contact, recording.measures
-    radius, share = _share(recording)
+    radius, share = moment_share(recording.plan.scene.body)
     slip = m.centre_velocity - np.cross(m.angular_velocity, [0.0, 0.0, radius])
     along = slip[0] * (1, 1, 0) / max(float(np.linalg.norm(slip[0, :2])), 1e-300)
     start, turning = float(m.centre_velocity[0] @ along), float((slip - m.centre_velocity)[0] @ along)
@@ -165,6 +197,37 @@ def tippe_top(recording: Recording) -> list[Check]:
     ]
 
 
+def _orientation(body: Body, positions: np.ndarray) -> np.ndarray:
+    """Return the rotation (3, 3) from the shape in which a body was made to positions."""
+    own = body.positions - body.centre
+    now = positions - body.masses @ positions / body.mass
+    left, _, right = np.linalg.svd((now.T * body.masses) @ own)
+    return np.asarray(left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right)
+
+
+def _rolled(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+    """Return angular velocities [rad/s] and velocities [m/s], both (T, 3), of a rigid body that rolls."""
+    scene = recording.plan.scene
+    feature, body = _feature(recording.plan), scene.body
+    squares, axes = np.linalg.eigh(feature.matrix)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] *= -1
+    offset = axes.T @ (feature.centre - body.centre)
+    spins, frames = theory.rolling_ellipsoid(
+        np.sqrt(squares),
+        axes.T @ body.inertia() @ axes / body.mass,
+        offset,
+        _orientation(body, scene.positions) @ axes,
+        recording.measures.angular_velocity[0],
+        recording.times,
+        _g(recording),
+    )
+    upwards = frames[:, 2]
+    sizes = np.sqrt((squares * upwards**2).sum(axis=1, keepdims=True))
+    touching = offset - squares * upwards / sizes
+    return spins, -np.cross(spins, np.einsum("tij,tj->ti", frames, touching))
+
+
 @applies(_solid, needs.level, needs.friction, needs.moves, needs.gravity)
 def rattleback(recording: Recording) -> list[Check]:
     """Compare the spin about the vertical of what rolls with that of a rigid body (Kane & Levinson 1982).
@@ -172,24 +235,8 @@ def rattleback(recording: Recording) -> list[Check]:
     In the mean of the end, as spin and rattling take turns; and when it turns back, or the least that it has
     if it does not.
     """
-    scene, m = recording.plan.scene, recording.measures
-    feature, body = _feature(recording.plan), scene.body
-    squares, axes = np.linalg.eigh(feature.matrix)
-    own = body.positions - body.centre
-    now = scene.positions - body.masses @ scene.positions / body.mass
-    left, _, right = np.linalg.svd((now.T * body.masses) @ own)
-    turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
-    if np.linalg.det(axes) < 0:
-        axes[:, 0] *= -1
-    spins, _ = theory.rolling_ellipsoid(
-        np.sqrt(squares),
-        axes.T @ body.inertia() @ axes / body.mass,
-        axes.T @ (feature.centre - body.centre),
-        turn @ axes,
-        m.angular_velocity[0],
-        recording.times,
-        _g(recording),
-    )
+    m = recording.measures
+    spins, _ = _rolled(recording)
     by = slack(recording, float(np.linalg.norm(m.angular_velocity[0])))
     rigid, own = spins[:, 2], m.angular_velocity[:, 2]
     late = recording.times > 0.9 * recording.times[-1]
@@ -222,3 +269,54 @@ def euler_disk(recording: Recording) -> list[Check]:
     measured = abs(float(np.polyfit(recording.times, azimuth, 1)[0]))
     by = slack(recording, turning_rate(recording)) + float(np.ptp(tilt)) / mean
     return [within(TURNED, "rate of rolling round", expected, measured, "rad/s", by)]
+
+
+@applies(_solid, needs.level, needs.friction, needs.moves, needs.gravity)
+def walking(recording: Recording) -> list[Check]:
+    """Compare how far what rolls walks with a rigid body's way, and where it gets (Kane & Levinson 1982)."""
+    m, times = recording.measures, recording.times
+    _, velocities = _rolled(recording)
+    mean = 0.5 * (velocities[1:] + velocities[:-1])
+    path = np.concatenate([np.zeros((1, 3)), np.cumsum(mean, axis=0) * times[1]])[:, :2]
+    own = (m.centre - m.centre[0])[:, :2]
+    farthest = int(np.linalg.norm(path, axis=1).argmax())
+    length, walked = (float(np.linalg.norm(np.diff(of, axis=0), axis=1).sum()) for of in (path, own))
+    far, got = (float(np.linalg.norm(of[farthest])) for of in (path, own))
+    by = slack(recording, float(np.linalg.norm(m.angular_velocity[0])))
+    return [
+        within(TURNED, "way of the centre of mass", length, walked, "m", by),
+        within(TURNED, "greatest distance from the start", far, got, "m", by),
+    ]
+
+
+@applies(_egg, needs.level, needs.friction, needs.moves, needs.gravity)
+def egg(recording: Recording) -> list[Check]:
+    """Compare the time in which a spinning egg rises with theory, and how high its centre of mass comes.
+
+    Theory is of an egg that slides all the time, spins fast, and does not leave the floor.
+    """
+    scene, m = recording.plan.scene, recording.measures
+    feature, body = _feature(recording.plan), scene.body
+    squares, axes = np.linalg.eigh(feature.matrix)
+    across, along = math.sqrt(squares[0]), math.sqrt(squares[2])
+    turn, up = _orientation(body, scene.positions), np.array([0.0, 0.0, 1.0])
+    pull = feature.matrix @ (turn.T @ up)
+    arm = turn @ pull / math.sqrt(float(up @ turn @ pull))
+    constant = abs(float(m.angular_momentum[0] @ arm))
+    triad = np.stack([m.side, np.cross(m.axis, m.side), m.axis], axis=2)
+    cosine = np.clip(np.abs(triad[:, 2] @ (triad[0].T @ turn @ axes[:, 2])), 0.0, 1.0)
+    tilt, high = np.arccos(cosine), np.sqrt(across**2 + (along**2 - across**2) * cosine**2)
+    weight = body.mass * _g(recording)
+    passed = [crossings(recording.times, tilt - of, rising=False) for of in RISE]
+    rises = float(passed[1][0] - passed[0][0]) if all(map(len, passed)) else math.nan
+    expected = theory.egg_rise(*RISE, (along, across), constant, weight, scene.contact.friction)
+    strength, reach = scales(scene.contact, body)
+    gap = sliding.rest_height(weight, strength, reach)
+    leaves, end = float((m.centre[:, 2] - high).max()), float(m.centre[-1, 2]) - gap
+    by = slack(recording, 0.0)
+    names = [f"{math.degrees(of):.0f}°" for of in RISE]
+    return [
+        within(RISEN, f"time from a tilt of {names[0]} to {names[1]}", expected, rises, "s", by),
+        within(TURNED, "height of the centre of mass at the end", along, end, "m", by),
+        Check("largest gap below it", 0.0, leaves, reach, "m"),
+    ]

@@ -174,6 +174,36 @@ def stacked(recording: Recording) -> list[Check]:
     return [*checks, Check("largest speed at rest", 0.0, speed, STILL, "m/s")]
 
 
+@applies(needs.collide, needs.surface, needs.gravity, together=True, contacts=True)
+def pile(recording: Recording) -> list[Check]:
+    """Compare the forces of all contacts in a pile at rest with the weights: of all bodies, and of each.
+
+    Walls carry a part of the weight by friction.
+    """
+    scene, late = recording.plan.scene, _late(recording)
+    masses = np.array([placed.body.mass for placed in scene.bodies])
+    weights = masses * _gravity(recording)
+    carried = np.zeros((len(late), len(masses)))
+    outside = np.zeros(len(late))
+    told = recording.contacts if len(recording.contacts) == len(recording.times) else ()
+    for n, found in enumerate(told[state] for state in late if told):
+        there, upwards = found.there[0], found.force[0, :, 2]
+        bodies = found.second[0] >= 0
+        np.add.at(carried[n], found.first[0][there], upwards[there])
+        np.add.at(carried[n], found.second[0][there & bodies], -upwards[there & bodies])
+        outside[n] = upwards[there & ~bodies].sum()
+    off = float(np.abs(carried.mean(axis=0) - weights).max()) if told else math.nan
+    whole = float(outside.mean()) if told else math.nan
+    time = float(np.ptp(recording.times[late]))
+    moved = sum(np.ptp(m.momentum[late, 2]) for m in recording.bodies) / time  # what does not balance weight
+    speed = float(np.linalg.norm(recording.velocities[late], axis=2).max())
+    return [
+        within(WITHIN, "force of floor and walls", weights.sum(), whole, "N", moved / weights.sum()),
+        Check("largest force that is not balanced", 0.0, off, WITHIN * weights.max(), "N", moved),
+        Check("largest speed at rest", 0.0, speed, STILL, "m/s"),
+    ]
+
+
 @applies(needs.draped, together=True)
 def draped(recording: Recording) -> list[Check]:
     """Check the tension of a rope where it leaves what it lies over: the weight that hangs below.
@@ -220,11 +250,11 @@ def wave(recording: Recording) -> list[Check]:
     edge = np.array([thickness / 2, 0.0, -height / 2])
     inertia = float(body.inertia(body.centre + edge)[1, 1]) / body.mass
     start = float(recording.bodies[first].angular_velocity[0, 1])
-    reach, g = _met(recording).reach, _gravity(recording)
+    reach, friction, g = _met(recording).reach, _met(recording).contact.friction, _gravity(recording)
     speeds = []
     for more in (0.0, reach, 0.5 * reach):
         hits = dominoes.impacts(
-            len(order), height, thickness + more, pitch - thickness - more, inertia, start, g
+            len(order), height, thickness + more, pitch - thickness - more, inertia, start, g, friction
         )
         speeds.append(pitch * (len(order) - 1 - SETTLED) / float(hits[-1] - hits[SETTLED]))
     when = []

@@ -1,0 +1,94 @@
+"""Balls that meet, rebound or roll on what turns, and a rising egg, against equations of motion."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from springgym.theory import rolling
+
+UP = np.array([0.0, 0.0, 1.0])
+SOLID = 0.4
+
+
+def skid_until_it_rolls(velocity, omega, radius=0.03, moment=SOLID, friction=0.2, g=9.81, step=1e-5):
+    """Follow a ball on a table by Euler's method, which is exact while the slip keeps its direction."""
+    v, w = np.array(velocity, float), np.array(omega, float)
+    for _ in range(200_000):
+        slip = v - radius * np.cross(w, UP)
+        slip[2] = 0.0
+        speed = np.linalg.norm(slip)
+        if speed < 3 * friction * g * step:
+            return v
+        pull = -friction * g * slip / speed
+        v = v + step * pull
+        w = w - step * np.cross(UP, pull) / (moment * radius)
+    raise AssertionError("it still skids")
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.9])
+@pytest.mark.parametrize("cut", [0.0, 0.7])
+def test_balls_roll_on_after_they_met(restitution, cut):
+    came, radius = np.array([2.0, 0.0, 0.0]), 0.03
+    line = np.array([math.cos(cut), math.sin(cut), 0.0])
+    given = (1 + restitution) / 2 * (came @ line) * line
+    spin = np.cross(UP, came) / radius
+    ends = skid_until_it_rolls(came - given, spin), skid_until_it_rolls(given, (0, 0, 0))
+    found = rolling.after_struck(came, line, SOLID, restitution)
+    for own, end in zip(found, ends, strict=True):
+        assert own == pytest.approx(end, abs=1e-3)
+    assert sum(found) == pytest.approx(came, abs=1e-12)
+    if cut == 0 and restitution == 1:
+        assert [own[0] for own in found] == pytest.approx([4 / 7, 10 / 7], rel=1e-12)
+
+
+@pytest.mark.parametrize("spin", [0.0, 60.0, -80.0])
+@pytest.mark.parametrize("friction", [0.0, 0.2, 2.0])
+def test_wall_gives_the_sum_of_its_small_impulses(spin, friction):
+    """Coulomb's law in each of 10⁴ parts of the normal impulse."""
+    v, w, n, radius = np.array([1.0, 0.5, -0.2]), np.array([3.0, -7.0, spin]), np.array([-1.0, 0, 0]), 0.03
+    found = rolling.off_a_wall(v, w, n, radius, SOLID, friction, 0.8)
+    part = 1.8 * 1.0 / 10_000
+    for _ in range(10_000):
+        slip = v - radius * np.cross(w, n)
+        slip = slip - (slip @ n) * n
+        speed = np.linalg.norm(slip)
+        rub = min(friction * part, speed * SOLID / (1 + SOLID))
+        j = part * n - (rub * slip / speed if speed > 0 else 0.0)
+        v, w = v + j, w - np.cross(n, j) / (SOLID * radius)
+    assert found == pytest.approx(v, abs=1e-9)
+
+
+def test_ball_on_a_turntable_turns_at_the_rate_of_the_circle():
+    """A ball that creeps with a slip of 10⁻⁶ m/s and less, by its friction −c (slip)."""
+    rate, radius, moment = 7.0, 0.05, SOLID
+
+    def slope(_, y):
+        x, v, w = y[:3], y[3:6], y[6:]
+        slip = v - radius * np.cross(w, UP) - rate * np.cross(UP, x)
+        slip[2] = 0.0
+        pull = -1e6 * slip
+        return np.concatenate([v, pull, -np.cross(UP, pull) / (moment * radius)])
+
+    y = solve_ivp(
+        slope, (0, 2), [0.3, 0, 0, 0, 0.4, 0, 34, 0, 0], method="Radau", rtol=1e-9, atol=1e-11, max_step=0.02
+    ).y
+    turned = np.unwrap(np.arctan2(y[4], y[3]))
+    assert (turned[-1] - turned[0]) / 2 == pytest.approx(rolling.turntable_rate(rate, moment), rel=1e-5)
+    assert rolling.turntable_rate(rate, moment) == pytest.approx(2 / 7 * rate, rel=1e-12)
+
+
+def test_egg_rises_in_the_time_of_its_equation():
+    a, b, constant, weight, friction = 0.03, 0.022, 4e-5, 0.6, 0.1
+
+    def slope(_, y):
+        return -friction * weight / constant * ((a * np.cos(y)) ** 2 + (b * np.sin(y)) ** 2)
+
+    def there(_, y):
+        return y[0] - 0.2
+
+    there.terminal = True
+    run = solve_ivp(slope, (0, 10), [1.5], events=there, rtol=1e-10, atol=1e-12)
+    time = rolling.egg_rise(1.5, 0.2, (a, b), constant, weight, friction)
+    assert time == pytest.approx(run.t_events[0][0], rel=1e-7)
