@@ -19,7 +19,7 @@ from gymnasium import spaces
 from runs import HELD_OUT_SEED
 
 from springgym.bodies.rotations import axes
-from springgym.envs import detumble, duel, free_top, juggle, labyrinth, top, tumble
+from springgym.envs import detumble, duel, free_top, juggle, labyrinth, top, tower, tumble
 from springgym.envs.agent import Policy
 from springgym.envs.task import Task
 from springgym.registration import find
@@ -446,6 +446,44 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     return _saturated(np.hstack([force, torque]), task.limits)
 
 
+@cache
+def _tower_gain(period: float) -> np.ndarray:
+    """For x = way, velocity, tilt n, and its rate of a block that hangs by its upper face, along an axis.
+
+    A force F there is l above the centre of mass: M X'' = F, I n'' = l (F − Mg n).
+    """
+    arm, moment = tower.SIDE / 2, tower.MASS * tower.SIDE**2 / 2
+    drift, control = np.zeros((4, 4)), np.zeros((4, 1))
+    drift[0, 1] = drift[2, 3] = 1.0
+    drift[3, 2] = -arm * tower.MASS * G / moment
+    control[1, 0], control[3, 0] = 1 / tower.MASS, arm / moment
+    return regulator(drift, control, np.array([20.0, 1.0, 5.0, 1.0]), 0.1, period)
+
+
+def tower_crane(task: tower.SpringTower, observations: np.ndarray) -> np.ndarray:
+    """SpringTower: lift the block, bring it above its place without letting it swing, lower it, let go.
+
+    A linear-quadratic regulator brings it there along x and y, 0.3 m at a time. Until it is within 3 cm of
+    its place and slower than 0.1 m/s, it is kept 8 cm higher, and does not go sideways below 4 cm.
+    """
+    seen = task.seen(observations)
+    way, velocity, turning = seen["way"], seen["velocity"], seen["turning"]
+    aside, speed = np.linalg.norm(way[:, :2], axis=1), np.linalg.norm(velocity, axis=1)
+    above = (aside < 0.03) & (np.linalg.norm(velocity[:, :2], axis=1) < 0.1)
+    rising = ~above & (way[:, 2] < 0.04)
+    rate = np.stack([turning[:, 1], -turning[:, 0]], axis=1)
+    near = way[:, :2] * np.minimum(1.0, 0.3 / np.maximum(aside, 1e-9))[:, None]
+    near[rising] = 0.0
+    state = np.stack([near, velocity[:, :2], seen["axis"], rate], axis=1)
+    force = np.zeros((len(way), 4))
+    force[:, :2] = -np.einsum("k,nka->na", _tower_gain(task.period)[0], state)
+    sinking = np.clip(np.where(above, 0.0, 0.08) - way[:, 2], -0.1, 0.3)
+    force[:, 2] = tower.MASS * (10.0 * sinking - 6.0 * velocity[:, 2] + (1 - tower.CARRIED) * G)
+    there = above & (np.abs(way[:, 2]) < 0.025) & (speed < 0.05) & (np.linalg.norm(turning, axis=1) < 0.5)
+    force[:, 3] = np.where(there, 1.0, -1.0)
+    return _saturated(force, task.limits)
+
+
 def duel_push(task: Task, observations: np.ndarray) -> np.ndarray:
     """SpringDuel: the strongest of its scripts, see `springgym.envs.duel.Script`."""
     return duel.OPPONENTS["strong"](observations).astype(np.float32)
@@ -475,6 +513,7 @@ CLASSICAL: dict[str, dict[str, Controller]] = {
     "SpringStack-v0": {"push": stack_push},
     "SpringJuggle-v0": {"wrench": juggle_wrench},
     "SpringLabyrinth-v0": {"tilt": labyrinth_tilt},
+    "SpringTower-v0": {"crane": tower_crane},
     "SpringDuel-v0": {"push": duel_push},
 }
 
