@@ -29,7 +29,7 @@ from springgym.scenes import film
 from springgym.surfaces import Contact, floor
 from springgym.theory.contact import rest_height
 
-SIDE, MASS = 0.2, 1.0  # of a block [m], [kg]
+SIDES, MASS = (0.16, 0.16, 0.24), 1.0  # of a block [m], [kg]
 CORNERS = 8
 UPPER = (0, 1, 2, 3)  # the corners by which a block hangs
 FORCE = 6.0  # of the crane along each axis, beside what it carries always [N]
@@ -38,13 +38,13 @@ LET_GO = 0.5  # the action above which it lets go
 FRICTION = 0.6
 REACH, STRENGTH = 0.015, 0.003  # of all contacts: Δ [m], c [N·m²]
 AROUND = (0.45, 0.7)  # how far from the lowest block the others stand [m]
-ARENA = 1.5  # how far a block may go from the middle, and up [m]
+ARENA = 2.0  # how far a block may go from the middle, and up [m]
 SUNK = 0.05  # a block that is lower than its place by so much has fallen [m]
 UPRIGHT = 0.8  # the least cosine of the tilt of a block that has not
 HELD = 0.25  # what a block in its place is worth while it is held, as a share of what it is then
-CLOSE, CALM = 0.08, 0.1  # for success: how near above the one below [m], how slow [m/s]
+CLOSE, CALM = 0.06, 0.1  # for success: how near above the one below [m], how slow [m/s]
 WAY_UNIT, SPEED_UNIT, TILT_UNIT, TURNING_UNIT, TOWER_UNIT = 0.3, 0.5, 0.2, 2.0, 0.5
-"""Units of the compact observation: way [m], speed [m/s], tilt [1], turning [rad/s], places in the tower [m]."""
+"""Units of the compact observation: way [m], speed [m/s], tilt [1], turning [rad/s], tower's places [m]."""
 
 
 @compiled
@@ -137,7 +137,7 @@ class SpringTower(Task):
     metrics = ("held", "error", "speed")
     goal_size = 1
     period = 0.04
-    finest = 0.04 / 32
+    finest = 0.04 / 16
     hold = 25
     evaluate = staticmethod(evaluate)
     compact = staticmethod(compact)
@@ -147,11 +147,11 @@ class SpringTower(Task):
         self,
         observation: Observation = "particles",
         action: Literal["crane"] = "crane",
-        blocks: int = 3,
+        blocks: int = 4,
     ) -> None:
         super().__init__(observation, action)
         self.blocks = whole("blocks", blocks, 2, 5)
-        self.block: Body = box((SIDE, SIDE, SIDE), MASS, stiffness=1.8e4, damping=5.0)
+        self.block: Body = box(SIDES, MASS, stiffness=4e3, damping=3.0)
         self.entries = (
             Entry("way", 3, WAY_UNIT),
             Entry("velocity", 3, SPEED_UNIT),
@@ -188,7 +188,7 @@ class SpringTower(Task):
     ) -> np.ndarray:
         """Positions (8 blocks, 3) of blocks that stand on the floor [m]."""
         weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
-        height = factors["scale"] * SIDE / 2 + rest_height(weight / 4, STRENGTH, REACH)
+        height = factors["scale"] * SIDES[2] / 2 + rest_height(weight / 4, STRENGTH, REACH)
         return np.vstack(
             [
                 factors["scale"] * self.block.positions @ rotation((0, 0, 1), heading).T
@@ -251,15 +251,14 @@ class SpringTower(Task):
         if held == self.blocks:
             return Marks(text=("all are let go",))
         hook = s.x[CORNERS * held : CORNERS * held + 4]
-        place = m.centre[held - 1] + (0.0, 0.0, SIDE)
-        corners = place + s.x[CORNERS * (held - 1) : CORNERS * held] - m.centre[held - 1]
+        corners = s.x[CORNERS * (held - 1) : CORNERS * held] + SIDES[2] * m.axis[held - 1]
         middle = hook.mean(axis=0)
         return Marks(
             lines=[
                 *((corners[n], corners[(n + 1) % 4]) for n in range(4)),
-                (middle, middle + (0.0, 0.0, 2.0)),
+                (middle, middle + np.array([0.0, 0.0, 2.0])),
             ],
-            arrows=[Arrow(middle, 0.3 * s.action[:3], RED)],
+            arrows=[Arrow(middle, 0.3 * s.action[:3])],
             key=((GREEN, "set the block here"), (RED, "force of the crane")),
             text=(f"block {held} of {self.blocks - 1}",),
         )
@@ -279,11 +278,12 @@ class SpringTowerEnv(SpringEnv, gym.Env):
     Blocks stand on the floor around one of them. Set them on it, one after the other, so that a tower stands.
     A crane lifts them. It pulls at the middle of the upper face of one block, so that the block hangs and
     swings as a pendulum does. The crane lets go of a block once, and then takes the next one: what it has let
-    go must stay, though the next block may knock it down. Each block is a cube of 20 cm and 1 kg with 8
-    corners and 28 springs. Nothing but friction holds the tower together.
+    go must stay, though the next block may knock it down. Each block is 16 cm broad, 24 cm high and
+    of 1 kg, and has 8 corners and 28 springs. Nothing but friction holds the tower together.
 
-    The force acts l = 10 cm above the centre of mass. With the moment I = 0.02 kg m² and the horizontal way
-    X and tilt n, M X'' = F and I n'' = l (F − M g n): a block swings by itself at 7 rad/s, without a damper.
+    The force F acts l = 12 cm above the centre of mass. With the moment I = 0.0208 kg m², M X'' = F and
+    I n'' = l (F − M g n) for the horizontal way X and the tilt n: a block that hangs swings by itself at
+    7.5 rad/s, and nothing but the crane damps that.
 
     ## Action Space
     `Box(-1, 1, (4,), float32)`, held for a control period of 40 ms.
@@ -302,29 +302,32 @@ class SpringTowerEnv(SpringEnv, gym.Env):
 
     | `observation` | entries | meaning | unit of 1.0 |
     |---|---|---|---|
-    | `"particles"` | 0–71 | positions of the corners of all blocks, from the lowest to the last | 0.5 m |
-    | | 72–143 | their velocities | 0.5 m/s |
-    | | 144 | the number of the block, 1 to 3; 3 when all are let go | 1 |
+    | `"particles"` | 0–95 | positions of the corners of all blocks, from the lowest to the last | 0.5 m |
+    | | 96–191 | their velocities | 0.5 m/s |
+    | | 192 | the number of the block, 1 to 3; 4 when all are let go | 1 |
     | `"frame"` | 0–2 | centre of the block, from its place | 0.3 m |
     | | 3–5 | its velocity | 0.5 m/s |
     | | 6, 7 | its third axis x, y | 0.2 |
     | | 8–10 | its angular velocity | 2 rad/s |
-    | | 11 | its number, 1 to 3; 3 when all are let go | 3 |
+    | | 11 | its number, 1 to 3; 4 when all are let go | 4 |
     | | 12, 13 | centre of the lowest block x, y | 0.5 m |
     | | 14, 15 | its third axis x, y | 0.2 |
-    | | 16–18 | centre of the next block, from its place | 0.5 m |
+    | | 16–18 | centre of block 1, from its place | 0.5 m |
     | | 19, 20 | its third axis x, y | 0.2 |
-    | | 21–25 | the same of the last block | |
+    | | 21–23 | centre of block 2, from its place | 0.5 m |
+    | | 24, 25 | its third axis x, y | 0.2 |
+    | | 26–28 | centre of block 3, from its place | 0.5 m |
+    | | 29, 30 | its third axis x, y | 0.2 |
 
-    With other numbers of blocks, there are 48 more numbers or 5 more for each, and 3 is their number.
+    With other numbers of blocks, there are 48 more numbers or 5 more for each one, and 4 is that number.
 
     ## Rewards
     With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the distance e of a block
     from its place, N(e) = [L(e; 0.03, 0.5) + G(e; 0.03, 0.3)]/2 and the effort E = 1 − 0.1 mean(a²), the
-    reward is E Σ w N(e), over the blocks that the crane holds or has let go. Each block is worth twice the
-    one below: of b blocks above the lowest, w = 2^(k−1)/(2^b − 1) for block k, and a quarter of this while it
-    is held. The reward is from 0 to 1. Its terms in `info` are `reward_carried`, the part of the block that is
-    held, and `reward_built`, the others.
+    reward is E Σ w N(e), over the blocks that the crane holds or has let go, from 0 to 1. Each block is worth
+    twice the one below: of b blocks above the lowest, w = 2^(k−1)/(2^b − 1) for block k, and a quarter of
+    this while it is held. Its terms in `info` are `reward_carried`, that of the block that is held, and
+    `reward_built`, those of the others.
 
     ## Starting State
     Everything is at rest. The lowest block is within U(−0.1, 0.1) m of the middle along x and y. The others
@@ -333,23 +336,23 @@ class SpringTowerEnv(SpringEnv, gym.Env):
 
     ## Episode End
     Termination: a block that has been let go lies 5 cm lower than its place in the tower, or leans by more
-    than 37°; a block is more than 1.5 m from the middle, or high; or the simulation diverged
-    (`info["diverged"]`; reward 0). Truncation: 400 steps, 16 s. `info["is_success"]`: all blocks are let go,
-    each is less than 0.08 m aside from the one below, and none moves faster than 0.1 m/s, for the last 25
+    than 37°; a block is more than 2 m from the middle, or high; or the simulation diverged
+    (`info["diverged"]`; reward 0). Truncation: 500 steps, 20 s. `info["is_success"]`: all blocks are let go,
+    each is less than 0.06 m aside from the one below, and none moves faster than 0.1 m/s, for the last 25
     steps.
 
     ## Information
     `held`, the number of the block that is held; `error`, the largest distance by which a block of the tower
-    is aside from the one below [m]; `speed`, the largest of all blocks [m/s]; `energy` and `energy_drift` [J],
-    `strain`. Five entries describe the pairs of bodies. `pairs_touching` counts those that touch now. Since
-    the start of the episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap [m],
-    at most the reach of their contact, `pairs_missed` counts contacts that were found too late, and
+    is aside from the one below [m]; `speed`, the largest of all blocks [m/s]; `energy` and `energy_drift`
+    [J], `strain`. Five entries describe the pairs of bodies. `pairs_touching` counts those that touch now.
+    Since the start of the episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap
+    [m], at most the reach of their contact, `pairs_missed` counts contacts that were found too late, and
     `too_fast` those that the step does not compute well.
 
     ## Arguments
     - `observation`: see above.
-    - `blocks` (3): how many there are, from 2 to 5.
-    - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+    - `blocks` (4): how many there are, from 2 to 5.
+    - `integrator` ("verlet"), `step` (2.5e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
       `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
 
     ## Version History
