@@ -19,7 +19,7 @@ from gymnasium import spaces
 from runs import HELD_OUT_SEED
 
 from springgym.bodies.rotations import axes
-from springgym.envs import detumble, duel, free_top, juggle, labyrinth, top, tower, tumble
+from springgym.envs import billiards, detumble, duel, free_top, juggle, labyrinth, top, tower, tumble
 from springgym.envs.agent import Policy
 from springgym.envs.task import Task
 from springgym.registration import find
@@ -488,6 +488,27 @@ def tower_crane(task: tower.SpringTower, observations: np.ndarray) -> np.ndarray
     return _saturated(force, task.limits)
 
 
+def billiards_stroke(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringBilliards: aim at where the first ball is to be when both meet, as hard as the ways need.
+
+    That is behind the second ball, seen from the pocket, by two radii and what contact keeps between them.
+    The second ball is to arrive at 0.6 m/s. Along the line between both it gets (1 + e)/2 of the first one's
+    velocity, and friction takes 2 μ g d of a squared velocity on a way d.
+    """
+    seen = task.seen(observations)
+    way, slowing = seen["to_pocket"], billiards.FRICTION * G
+    farther = np.linalg.norm(way, axis=1, keepdims=True)
+    onward = way / np.maximum(farther, 1e-9)
+    aim = seen["to_ball"] - (2.0 * billiards.RADIUS + 0.25 * billiards.REACH) * onward
+    away = np.linalg.norm(aim, axis=1, keepdims=True)
+    aim /= np.maximum(away, 1e-9)
+    leaving = np.sqrt(0.6**2 + 2.0 * slowing * farther)
+    meeting = leaving / ((1.0 + billiards.RESTITUTION) / 2.0 * np.maximum(_dot(aim, onward), 0.2))
+    speed = np.sqrt(meeting**2 + 2.0 * slowing * away)
+    force = billiards.MASS * (speed / task.period + slowing) * aim
+    return _saturated(force * (seen["strokes"] > 0.5), task.limits)
+
+
 def duel_push(task: Task, observations: np.ndarray) -> np.ndarray:
     """SpringDuel: the strongest of its scripts, see `springgym.envs.duel.Script`."""
     return duel.OPPONENTS["strong"](observations).astype(np.float32)
@@ -518,6 +539,7 @@ CLASSICAL: dict[str, dict[str, Controller]] = {
     "SpringJuggle-v0": {"wrench": juggle_wrench},
     "SpringLabyrinth-v0": {"tilt": labyrinth_tilt},
     "SpringTower-v0": {"crane": tower_crane},
+    "SpringBilliards-v0": {"stroke": billiards_stroke},
     "SpringDuel-v0": {"push": duel_push},
 }
 

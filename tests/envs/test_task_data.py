@@ -89,9 +89,10 @@ def test_limits_are_what_actuators_are_given(row: Row) -> None:
         if not driven:  # it moves what the goal holds
             moved = moved_goals(task, np.eye(size)) - moved_goals(task, np.zeros((size, size)))
             largest = np.abs(moved).max(axis=1) / task.period
-        if action == "crane":  # it pulls at the block that it holds, or lets go of it
-            pulls = [pulled(task, values) for values in (np.eye(size), np.zeros((size, size)))]
-            largest = np.linalg.norm(pulls[0] - pulls[1], axis=1) + np.abs(moved).max(axis=1)
+        if action in PULLED:  # if its goal says so; the crane also lets go of what it holds
+            pulls = [pulled(task, PULLED[action], own) for own in (np.eye(size), np.zeros((size, size)))]
+            largest = np.linalg.norm(pulls[0] - pulls[1], axis=1)
+            largest += np.abs(moved).max(axis=1) if action == "crane" else 0.0
         np.testing.assert_allclose(largest, task.limits, rtol=1e-12)
 
 
@@ -108,11 +109,18 @@ def moved_goals(task: Task, action: np.ndarray) -> np.ndarray:
     return goal
 
 
-def pulled(task: Task, action: np.ndarray) -> np.ndarray:
-    """Force (n, 3) of a crane that holds block 1, for actions (n, A); all others are left alone."""
-    forces = task.respond(None, situation(task, action, np.ones((len(action), 1))))
-    assert all((forces[name] == 0.0).all() for name in forces if name != "block1.thrust")
-    return forces["block1.thrust"].sum(axis=1)
+PULLED = {"crane": "block1.thrust", "stroke": "cue.thrust"}
+"""Actions, and what they drive where all numbers of the goal are 1 or, of billiards, but the last one."""
+
+
+def pulled(task: Task, actuator: str, action: np.ndarray) -> np.ndarray:
+    """Force (n, 3) that an actuator gets for actions (n, A); all others are left alone."""
+    goal = np.ones((len(action), task.goal_size))
+    goal[:, 3:] = 0.0
+    m = measures.view(np.zeros((len(action), len(task.scene.bodies), measures.SIZE)))
+    forces = task.respond(m, situation(task, action, goal))
+    assert all((forces[name] == 0.0).all() for name in forces if name != actuator)
+    return forces[actuator].sum(axis=1)
 
 
 def impulses(action: str) -> bool:
@@ -228,6 +236,10 @@ def of_several(task: Task, m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str,
     names = {entry.name for entry in task.entries}
     if "held" in names:
         return of_the_tower(m, x, goal)
+    if "strokes" in names:
+        known = {"to_ball": level[:, 1] - level[:, 0], "to_pocket": goal[:, :2] - level[:, 1]}
+        known |= {"velocity": fast[:, 0], "ball_velocity": fast[:, 1]}
+        return known | {"strokes": goal[:, 2:3], "potted": goal[:, 3:]}
     if "place_velocity" in names:
         known = {"offset": level[:, 1] - goal[:, :2], "velocity": fast[:, 1], "axis": axis[:, 0]}
         return known | {"turning": turning[:, 0], "place": goal[:, :2], "place_velocity": goal[:, 3:5]}
