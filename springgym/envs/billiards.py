@@ -79,13 +79,13 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
         for body in range(2):
             farthest = max(farthest, math.hypot(m.centre[c, body, 0], m.centre[c, body, 1]))
         effort = thrift(s.action, c)
-        out["reward_near"][c] = 0.0 if potted else 0.2 * effort * gaussian(away, 0.3, POCKET)
+        rolling = s.goal[c, STROKES] == 0.0 and not potted
+        out["reward_near"][c] = 0.2 * effort * gaussian(away, 0.5, POCKET) if rolling else 0.0
         out["reward_potted"][c] = effort if potted else 0.0
         out["away"][c] = away
         out["speed"][c] = speed
         out["met"][c] = potted
-        over = s.goal[c, STROKES] == 0.0 and speed < SLOW
-        out["failed"][c] = not potted and (over or farthest > ARENA)
+        out["failed"][c] = (rolling and speed < SLOW) or (farthest > ARENA and not potted)
 
 
 @kernel
@@ -195,7 +195,7 @@ class SpringBilliards(Task):
             [s.goal[0] + POCKET * np.cos(angle), s.goal[1] + POCKET * np.sin(angle), 0 * angle]
         )
         return Marks(
-            lines=list(zip(rim[:-1], rim[1:], strict=True)),
+            lines=[(rim[n], rim[n + 1]) for n in range(24)],
             arrows=[Arrow(m.centre[CUE] + (0.0, 0.0, 1.2 * RADIUS), np.append(0.3 * s.action, 0.0))],
             key=((GREEN, "send the ball here"), (RED, "stroke")),
             text=(
@@ -231,7 +231,7 @@ class SpringBilliardsEnv(SpringEnv, gym.Env):
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"stroke"` | 0, 1 | force on the first ball along x, y, for a period: at 1, the ball gets 2.3 m/s | ±20 N |
+    | `"stroke"` | 0, 1 | force on the first ball along x, y, for a period: 2.3 m/s at 1 | ±20 N |
 
     The first action of a size above 0.1 is the stroke. All later ones have no effect but their cost. Actions
     outside of ±1 are clipped.
@@ -254,8 +254,9 @@ class SpringBilliardsEnv(SpringEnv, gym.Env):
 
     ## Rewards
     With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the distance e of the second ball from the pocket and
-    the effort E = 1 − 0.1 mean(a²), the reward is 0.2 E G(e; 0.06, 0.3) before the ball is in the pocket, and
-    E from then on: from 0 to 1. Its terms in `info` are `reward_near` and `reward_potted`.
+    the effort E = 1 − 0.1 mean(a²), the reward is 0 before the stroke, 0.2 E G(e; 0.06, 0.5) after it, and E
+    from when on the ball is in the pocket: from 0 to 1. Its terms in `info` are `reward_near`, before the
+    ball is there, and `reward_potted`.
 
     ## Starting State
     Both balls rest. The second one is within U(−0.2, 0.2) m of the middle along x and y, U(0.5, 0.8) m from

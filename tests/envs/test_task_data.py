@@ -102,10 +102,18 @@ def situation(task: Task, action: np.ndarray, goal: np.ndarray) -> Situation:
     return Situation(x, x, action, goal, np.zeros(len(action)), empty, task.parameters)
 
 
+def nothing_measured(task: Task, copies: int) -> Any:
+    """Measures that are zero, of the one body or of each."""
+    bodies = len(task.scene.bodies)
+    return measures.view(
+        np.zeros((copies, measures.SIZE) if bodies == 1 else (copies, bodies, measures.SIZE))
+    )
+
+
 def moved_goals(task: Task, action: np.ndarray) -> np.ndarray:
     """Goals (n, G) after a period of actions (n, A), from zero."""
     goal = np.zeros((len(action), task.goal_size))
-    task.move(measures.view(np.zeros((len(action), measures.SIZE))), situation(task, action, goal), goal)
+    task.move(nothing_measured(task, len(action)), situation(task, action, goal), goal)
     return goal
 
 
@@ -117,8 +125,7 @@ def pulled(task: Task, actuator: str, action: np.ndarray) -> np.ndarray:
     """Force (n, 3) that an actuator gets for actions (n, A); all others are left alone."""
     goal = np.ones((len(action), task.goal_size))
     goal[:, 3:] = 0.0
-    m = measures.view(np.zeros((len(action), len(task.scene.bodies), measures.SIZE)))
-    forces = task.respond(m, situation(task, action, goal))
+    forces = task.respond(nothing_measured(task, len(action)), situation(task, action, goal))
     assert all((forces[name] == 0.0).all() for name in forces if name != actuator)
     return forces[actuator].sum(axis=1)
 
