@@ -19,7 +19,7 @@ from gymnasium import spaces
 from runs import HELD_OUT_SEED
 
 from springgym.bodies.rotations import axes
-from springgym.envs import detumble, duel, free_top, juggle, labyrinth, top, tumble
+from springgym.envs import billiards, detumble, duel, free_top, juggle, labyrinth, top, tower, tumble
 from springgym.envs.agent import Policy
 from springgym.envs.task import Task
 from springgym.registration import find
@@ -446,6 +446,69 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     return _saturated(np.hstack([force, torque]), task.limits)
 
 
+@cache
+def _tower_gain(period: float) -> np.ndarray:
+    """For x = way, velocity, tilt n, and its rate of a block that hangs by its upper face, along an axis.
+
+    A force F there is l above the centre of mass: M X'' = F, I n'' = l (F − Mg n).
+    """
+    width, _, height = tower.SIDES
+    arm, moment = height / 2, tower.MASS * (width**2 + height**2) / 4
+    drift, control = np.zeros((4, 4)), np.zeros((4, 1))
+    drift[0, 1] = drift[2, 3] = 1.0
+    drift[3, 2] = -arm * tower.MASS * G / moment
+    control[1, 0], control[3, 0] = 1 / tower.MASS, arm / moment
+    return regulator(drift, control, np.array([20.0, 1.0, 5.0, 1.0]), 0.03, period)
+
+
+def tower_crane(task: tower.SpringTower, observations: np.ndarray) -> np.ndarray:
+    """SpringTower: lift the block, bring it above its place without letting it swing, lower it, let go.
+
+    A linear-quadratic regulator brings it there along x and y, as if it were 0.45 m away at most, and not
+    before it is 4 cm above its place. It stays 8 cm above until it is within 3 cm and slower than 0.1 m/s.
+    It is let go less than 8 cm above if it is to fall within 2.8 cm, upright and slowly turning.
+    """
+    seen = task.seen(observations)
+    way, velocity, turning = seen["way"], seen["velocity"], seen["turning"]
+    aside, drift = np.linalg.norm(way[:, :2], axis=1), np.linalg.norm(velocity[:, :2], axis=1)
+    above = (aside < 0.03) & (drift < 0.1)
+    near = way[:, :2] * np.minimum(1.0, 0.45 / np.maximum(aside, 1e-9))[:, None]
+    near[~above & (way[:, 2] < 0.04)] = 0.0
+    rate = np.stack([turning[:, 1], -turning[:, 0]], axis=1)
+    state = np.stack([near, velocity[:, :2], seen["axis"], rate], axis=1)
+    force = np.zeros((len(way), 4))
+    force[:, :2] = -np.einsum("k,nka->na", _tower_gain(task.period)[0], state)
+    rise = np.clip(np.where(above, 0.0, 0.08) - way[:, 2], -0.1, 0.6)
+    force[:, 2] = tower.MASS * (10.0 * rise - 6.0 * velocity[:, 2] + (1 - tower.CARRIED) * G)
+    fall = task.period + np.sqrt(2.0 * np.maximum(way[:, 2] - tower.REACH, 0.0) / G)
+    landing = np.linalg.norm(way[:, :2] + fall[:, None] * velocity[:, :2], axis=1)
+    calm = (np.linalg.norm(seen["axis"], axis=1) < 0.15) & (np.linalg.norm(turning, axis=1) < 1.5)
+    there = (landing < 0.028) & (drift < 0.3) & (np.abs(way[:, 2] - 0.035) < 0.045) & calm
+    force[:, 3] = np.where(there, 1.0, -1.0)
+    return _saturated(force, task.limits)
+
+
+def billiards_stroke(task: Task, observations: np.ndarray) -> np.ndarray:
+    """SpringBilliards: aim at where the first ball is to be when both meet, as hard as the ways need.
+
+    That is behind the second ball, seen from the pocket, by two radii and what contact keeps between them.
+    The second ball is to arrive at 0.6 m/s. Along the line between both it gets (1 + e)/2 of the first one's
+    velocity, and friction takes 2 μ g d of a squared velocity on a way d.
+    """
+    seen = task.seen(observations)
+    way, slowing = seen["to_pocket"], billiards.FRICTION * G
+    farther = np.linalg.norm(way, axis=1, keepdims=True)
+    onward = way / np.maximum(farther, 1e-9)
+    aim = seen["to_ball"] - (2.0 * billiards.RADIUS + 0.25 * billiards.REACH) * onward
+    away = np.linalg.norm(aim, axis=1, keepdims=True)
+    aim /= np.maximum(away, 1e-9)
+    leaving = np.sqrt(0.6**2 + 2.0 * slowing * farther)
+    meeting = leaving / ((1.0 + billiards.RESTITUTION) / 2.0 * np.maximum(_dot(aim, onward), 0.2))
+    speed = np.sqrt(meeting**2 + 2.0 * slowing * away)
+    force = billiards.MASS * (speed / task.period + slowing) * aim
+    return _saturated(force * (seen["strokes"] > 0.5), task.limits)
+
+
 def duel_push(task: Task, observations: np.ndarray) -> np.ndarray:
     """Control SpringDuel: the strongest of its scripts, see `springgym.envs.duel.Script`."""
     return duel.OPPONENTS["strong"](observations).astype(np.float32)
@@ -475,6 +538,8 @@ CLASSICAL: dict[str, dict[str, Controller]] = {
     "SpringStack-v0": {"push": stack_push},
     "SpringJuggle-v0": {"wrench": juggle_wrench},
     "SpringLabyrinth-v0": {"tilt": labyrinth_tilt},
+    "SpringTower-v0": {"crane": tower_crane},
+    "SpringBilliards-v0": {"stroke": billiards_stroke},
     "SpringDuel-v0": {"push": duel_push},
 }
 

@@ -51,6 +51,8 @@ ENVIRONMENTS = (
     Row("SpringStack-v0", "stack", "SpringStack", 300, 150.0, "standard"),
     Row("SpringJuggle-v0", "juggle", "SpringJuggle", 500, 400.0, "standard"),
     Row("SpringLabyrinth-v0", "labyrinth", "SpringLabyrinth", 600, 240.0, "standard"),
+    Row("SpringTower-v0", "tower", "SpringTower", 500, 250.0, "hard"),
+    Row("SpringBilliards-v0", "billiards", "SpringBilliards", 200, 130.0, "hard"),
     Row("SpringDuel-v0", "duel", "SpringDuel", 500, 0.7, "standard"),
 )
 

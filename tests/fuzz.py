@@ -62,6 +62,8 @@ FURTHER: dict[str, tuple[dict[str, Any], ...]] = {
     "SpringStack-v0": ({"step": 6.25e-4},),
     "SpringJuggle-v0": ({"hard": True}, {"restitution": 0.85}),
     "SpringLabyrinth-v0": ({"observation": "frame"},),
+    "SpringTower-v0": ({"blocks": 2},),
+    "SpringBilliards-v0": ({"observation": "frame"},),
     "SpringDuel-v0": ({"opponent": "still"},),
 }
 """Arguments beside the usual ones and those of the registry's variants."""

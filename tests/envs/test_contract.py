@@ -331,14 +331,13 @@ def with_bodies(scene: Scene, name: str, factor: float) -> Scene:
     return scene.with_(bodies=tuple(bodies))
 
 
-def answer(task: Task, simulator: Simulator, goal: np.ndarray) -> dict[str, np.ndarray]:
-    """Return what acts beside the actions on the one copy of a simulator."""
+def answer(task: Task, simulator: Simulator, goal: np.ndarray, action: np.ndarray) -> dict[str, np.ndarray]:
+    """Return how the task responds to the one copy of a simulator, and to an action (A,)."""
     simulator.read()
     rows, x, v, bodies = simulator.readout
     m = measures.view(bodies if len(simulator.scene.bodies) > 1 else rows)
-    action = np.zeros((1, *task.action_space.shape))
     nothing = np.zeros((1, 0))
-    return task.respond(m, Situation(x, v, action, goal, np.zeros(1), nothing, task.parameters))
+    return task.respond(m, Situation(x, v, action[None], goal, np.zeros(1), nothing, task.parameters))
 
 
 SCALED: dict[str, Callable[[Scene, float], Scene]] = {
@@ -414,7 +413,7 @@ def test_randomised_copy_is_another_scene(env_id: str) -> None:
         push = np.array([[1.0], [factor if name == "actuator" else 1.0]])
         for action in actions:
             for n, simulator in enumerate(own):
-                others = answer(task, simulator, episodes.goal[n : n + 1])
+                others = answer(task, simulator, episodes.goal[n : n + 1], action)
                 weak = {actuator: push[n] * values for actuator, values in others.items()}
                 simulator.actuate(**task.actuate(push[n] * action[None]), **weak)
             episodes.step(np.tile(action, (2, 1)))

@@ -89,16 +89,45 @@ def test_limits_are_what_actuators_are_given(row: Row) -> None:
         if not driven:  # it moves what the goal holds
             moved = moved_goals(task, np.eye(size)) - moved_goals(task, np.zeros((size, size)))
             largest = np.abs(moved).max(axis=1) / task.period
+        if action in PULLED:  # if its goal says so; the crane also lets go of what it holds
+            pulls = [pulled(task, PULLED[action], own) for own in (np.eye(size), np.zeros((size, size)))]
+            largest = np.linalg.norm(pulls[0] - pulls[1], axis=1)
+            largest += np.abs(moved).max(axis=1) if action == "crane" else 0.0
         np.testing.assert_allclose(largest, task.limits, rtol=1e-12)
+
+
+def situation(task: Task, action: np.ndarray, goal: np.ndarray) -> Situation:
+    """The situation of actions (n, A) and goals (n, G), all else being zero."""
+    x, empty = np.zeros((len(action), *task.scene.positions.shape)), np.zeros((len(action), 0))
+    return Situation(x, x, action, goal, np.zeros(len(action)), empty, task.parameters)
+
+
+def nothing_measured(task: Task, copies: int) -> Any:
+    """Measures that are zero, of the one body or of each."""
+    bodies = len(task.scene.bodies)
+    return measures.view(
+        np.zeros((copies, measures.SIZE) if bodies == 1 else (copies, bodies, measures.SIZE))
+    )
 
 
 def moved_goals(task: Task, action: np.ndarray) -> np.ndarray:
     """Goals (n, G) after a period of actions (n, A), from zero."""
-    n, goal = len(action), np.zeros((len(action), task.goal_size))
-    x, empty = np.zeros((n, *task.scene.positions.shape)), np.zeros((n, 0))
-    s = Situation(x, x, action, goal, np.zeros(n), empty, task.parameters)
-    task.move(measures.view(np.zeros((n, measures.SIZE))), s, goal)
+    goal = np.zeros((len(action), task.goal_size))
+    task.move(nothing_measured(task, len(action)), situation(task, action, goal), goal)
     return goal
+
+
+PULLED = {"crane": "block1.thrust", "stroke": "cue.thrust"}
+"""Actions, and what they drive where all numbers of the goal are 1 or, of billiards, but the last one."""
+
+
+def pulled(task: Task, actuator: str, action: np.ndarray) -> np.ndarray:
+    """Force (n, 3) that an actuator gets for actions (n, A); all others are left alone."""
+    goal = np.ones((len(action), task.goal_size))
+    goal[:, 3:] = 0.0
+    forces = task.respond(nothing_measured(task, len(action)), situation(task, action, goal))
+    assert all((forces[name] == 0.0).all() for name in forces if name != actuator)
+    return forces[actuator].sum(axis=1)
 
 
 def impulses(action: str) -> bool:
@@ -140,7 +169,7 @@ def test_entries_of_observations(row: Row) -> None:
     told = np.concatenate(
         [np.full(line.last + 1 - line.first, number(line.told)) for line in lines if line.mode == "frame"]
     )
-    entries = task_type(row.id).entries
+    entries = task_type(row.id)().entries
     np.testing.assert_array_equal(told, np.repeat([e.unit for e in entries], [e.size for e in entries]))
 
 
@@ -192,12 +221,32 @@ def on_the_board(place: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
     return found
 
 
-def of_several(task: Task, m: Any, goal: np.ndarray) -> dict[str, np.ndarray]:
+def of_the_tower(m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
+    """The same of blocks that a crane sets on one another."""
+    rows, blocks = np.arange(len(goal)), m.centre.shape[1]
+    held = np.minimum(goal[:, 0].astype(int), blocks - 1)
+    height = np.linalg.norm(x[:, 0] - x[:, 4], axis=1)
+    off = np.diff(m.centre, axis=1) - height[:, None, None] * [0.0, 0.0, 1.0]
+    known = {"way": off[rows, held - 1], "velocity": m.centre_velocity[rows, held], "held": goal}
+    known |= {"axis": m.axis[rows, held, :2], "turning": m.angular_velocity[rows, held]}
+    known |= {"base": m.centre[:, 0, :2], "base_axis": m.axis[:, 0, :2]}
+    for k in range(1, blocks):
+        known |= {f"off{k}": off[:, k - 1], f"axis{k}": m.axis[:, k, :2]}
+    return known
+
+
+def of_several(task: Task, m: Any, x: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
     """The same where there are several bodies."""
     level, fast, axis, turning = (
         values[..., :2] for values in (m.centre, m.centre_velocity, m.axis, m.angular_velocity)
     )
     names = {entry.name for entry in task.entries}
+    if "held" in names:
+        return of_the_tower(m, x, goal)
+    if "strokes" in names:
+        known = {"to_ball": level[:, 1] - level[:, 0], "to_pocket": goal[:, :2] - level[:, 1]}
+        known |= {"velocity": fast[:, 0], "ball_velocity": fast[:, 1]}
+        return known | {"strokes": goal[:, 2:3], "potted": goal[:, 3:]}
     if "place_velocity" in names:
         known = {"offset": level[:, 1] - goal[:, :2], "velocity": fast[:, 1], "axis": axis[:, 0]}
         return known | {"turning": turning[:, 0], "place": goal[:, :2], "place_velocity": goal[:, 3:5]}
@@ -242,7 +291,7 @@ def test_entries_are_what_is_observed(row: Row) -> None:
     episodes = envs.unwrapped.episodes
     task, (x, v) = episodes.task, episodes.particles
     m, several = episodes._whole.measures, len(task.scene.bodies) > 1
-    known = of_several(task, m, episodes.goal) if several else looked_up(task, m, x, v, episodes.goal)
+    known = of_several(task, m, x, episodes.goal) if several else looked_up(task, m, x, v, episodes.goal)
     compared = 0
     for name, value in task.seen(observation).items():
         if name in known:

@@ -1,0 +1,304 @@
+"""SpringBilliards: one stroke, by which a ball sends another one into a pocket."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+
+import gymnasium as gym
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, ball
+from springgym.core.compiling import compiled, kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, ObservedParticles, Situation
+from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.rewards import gaussian, thrift
+from springgym.envs.starts import uniform
+from springgym.envs.task import Start, Task
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import GREEN, ORANGE, RED
+from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
+from springgym.scenes import film
+from springgym.surfaces import Contact, floor
+from springgym.theory.contact import rest_height
+
+CUE, OBJECT = 0, 1
+"""Numbers of the bodies."""
+
+PERIOD = 0.02  # [s]
+RADIUS, MASS = 0.03, 0.17  # of a ball [m], [kg]
+FORCE = 20.0  # of a stroke along each axis, for a period: it gives a ball 2.3 m/s [N]
+FRICTION, RESTITUTION = 0.05, 0.95
+REACH, STRENGTH = 4e-3, 8e-5  # of all contacts: Δ [m], c [N·m²]
+POCKET = 0.06  # a ball with its centre so near to that of the pocket falls into it [m]
+STRUCK = 0.1  # the least size of an action that is a stroke
+APART, WAY = (0.5, 0.8), (0.4, 0.7)  # from ball to ball, and from the second one to the pocket [m]
+CUT = 0.7  # the largest angle between the two ways [rad]
+SLOW = 0.02  # slower, a ball rests [m/s]
+ARENA = 2.0  # how far a ball may go from the middle [m]
+SOFT, SLOWING = 200.0, 25.0  # of the net in the pocket: a force by way and speed [1/s²], [1/s]
+WAY_UNIT, SPEED_UNIT = 0.5, 1.0  # of the compact observation [m], [m/s]
+X, Y, STROKES, POTTED = 0, 1, 2, 3
+"""Columns of the goal: the pocket, how many strokes are left, whether the ball is in the pocket."""
+
+
+@compiled
+def way_left(m: Measures, s: Situation, c: int) -> float:
+    """Return the distance of the second ball from the pocket [m]."""
+    return math.hypot(m.centre[c, OBJECT, 0] - s.goal[c, X], m.centre[c, OBJECT, 1] - s.goal[c, Y])
+
+
+@compiled
+def speed_of(m: Measures, c: int, body: int) -> float:
+    """Return how fast a ball goes along the table [m/s]."""
+    return math.hypot(m.centre_velocity[c, body, 0], m.centre_velocity[c, body, 1])
+
+
+@kernel
+def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
+    """Count the stroke, and the ball that comes to the pocket."""
+    for c in range(goal.shape[0]):
+        if math.hypot(s.action[c, 0], s.action[c, 1]) > STRUCK:
+            goal[c, STROKES] = 0.0
+        if way_left(m, s, c) < POCKET:
+            goal[c, POTTED] = 1.0
+
+
+@kernel
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
+    for c in range(out.shape[0]):
+        potted = s.goal[c, POTTED] > 0.0
+        away, speed = way_left(m, s, c), max(speed_of(m, c, CUE), speed_of(m, c, OBJECT))
+        farthest = 0.0
+        for body in range(2):
+            farthest = max(farthest, math.hypot(m.centre[c, body, 0], m.centre[c, body, 1]))
+        effort = thrift(s.action, c)
+        rolling = s.goal[c, STROKES] == 0.0 and not potted
+        out["reward_near"][c] = 0.2 * effort * gaussian(away, 0.5, POCKET) if rolling else 0.0
+        out["reward_potted"][c] = effort if potted else 0.0
+        out["away"][c] = away
+        out["speed"][c] = speed
+        out["met"][c] = potted
+        out["failed"][c] = (rolling and speed < SLOW) or (farthest > ARENA and not potted)
+
+
+@kernel
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+    for c in range(observation.shape[0]):
+        for axis in range(2):
+            place = m.centre[c, OBJECT, axis]
+            observation[c, axis] = (place - m.centre[c, CUE, axis]) / WAY_UNIT
+            observation[c, 2 + axis] = (s.goal[c, axis] - place) / WAY_UNIT
+            observation[c, 4 + axis] = m.centre_velocity[c, CUE, axis] / SPEED_UNIT
+            observation[c, 6 + axis] = m.centre_velocity[c, OBJECT, axis] / SPEED_UNIT
+            observation[c, 8 + axis] = s.goal[c, STROKES + axis]
+
+
+class SpringBilliards(Task):
+    """Define the MDP of `SpringBilliardsEnv`, which describes it."""
+
+    actions: ClassVar = {"stroke": 2}
+    terms = ("near", "potted")
+    metrics = ("away", "speed")
+    entries = (
+        Entry("to_ball", 2, WAY_UNIT),
+        Entry("to_pocket", 2, WAY_UNIT),
+        Entry("velocity", 2, SPEED_UNIT),
+        Entry("ball_velocity", 2, SPEED_UNIT),
+        Entry("strokes", 1),
+        Entry("potted", 1),
+    )
+    goal_size = 4
+    period = PERIOD
+    finest = PERIOD / 40
+    evaluate = staticmethod(evaluate)
+    compact = staticmethod(compact)
+    move = staticmethod(move)
+
+    def __init__(self, observation: Observation = "particles", action: Literal["stroke"] = "stroke") -> None:
+        super().__init__(observation, action)
+        self.ball: Body = ball(RADIUS, MASS)
+
+    @cached_property
+    def scene(self) -> Scene:
+        cue, other = self._placed((-0.6, 0.0), (0.0, 0.0), {"masses": 1.0, "gravity": 1.0})
+        contact = Contact(friction=FRICTION, restitution=RESTITUTION, strength=STRENGTH, reach=REACH)
+        return Scene(
+            bodies=(
+                Placed(self.ball, cue[None], thrust=ThrustActuator((0,)), name="cue"),
+                Placed(self.ball, other[None], thrust=ThrustActuator((0,)), name="ball"),
+            ),
+            surfaces=(floor(),),
+            contact=contact,
+            collisions=contact,
+        )
+
+    def _placed(
+        self, cue: tuple[float, float], other: tuple[float, float], factors: Mapping[str, float]
+    ) -> np.ndarray:
+        """Positions (2, 3) of balls that lie on the table [m]."""
+        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
+        height = RADIUS + rest_height(weight, STRENGTH, REACH)
+        return np.array([(*cue, height), (*other, height)])
+
+    @cached_property
+    def particles(self) -> ObservedParticles:
+        level = ((0, 2), (1, 2))
+        return ObservedParticles((0, 1), np.full(2, WAY_UNIT), np.full(2, SPEED_UNIT), skipped=level)
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        low = (-0.2, -0.2, -math.pi, APART[0], WAY[0], -CUT)
+        high = (0.2, 0.2, math.pi, APART[1], WAY[1], CUT)
+        x, y, bearing, apart, way, cut = uniform(rng, low, high)
+        cut = number(options, "cut", cut, -CUT, CUT)
+        cue = (x - apart * math.cos(bearing), y - apart * math.sin(bearing))
+        pocket = (x + way * math.cos(bearing + cut), y + way * math.sin(bearing + cut))
+        positions = self._placed(cue, (x, y), factors)
+        return Start(positions, np.zeros_like(positions), (*pocket, 1.0, 0.0))
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.full(2, FORCE)
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        return {}
+
+    def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
+        """Return the stroke, while it is left, and the force of the net on a ball in the pocket."""
+        strokes = (s.goal[:, STROKES] > 0.0) & (np.linalg.norm(s.action, axis=1) > STRUCK)
+        cue, net = np.zeros((len(s.action), 1, 3)), np.zeros((len(s.action), 1, 3))
+        cue[:, 0, :2] = FORCE * s.action * strokes[:, None]
+        way = s.goal[:, :2] - m.centre[:, OBJECT, :2]
+        pull = MASS * (SOFT * way - SLOWING * m.centre_velocity[:, OBJECT, :2])
+        net[:, 0, :2] = np.where(s.goal[:, POTTED, None] > 0.0, pull, 0.0)
+        return {"cue.thrust": cue, "ball.thrust": net}
+
+    def look(self) -> Look:
+        colors = np.array([(240, 240, 235), ORANGE])
+        return replace(film.look(self.scene), radii=np.full(2, RADIUS), ball_colors=colors)
+
+    def camera(self) -> Camera:
+        return Camera.framing((0.0, 0.0, 0.0), 1.9, elevation=0.9)
+
+    def scenery(self) -> Scenery:
+        return Scenery(floor=0.0)
+
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        angle = 2 * np.pi * np.arange(25) / 24
+        rim = np.column_stack(
+            [s.goal[0] + POCKET * np.cos(angle), s.goal[1] + POCKET * np.sin(angle), 0 * angle]
+        )
+        return Marks(
+            lines=[(rim[n], rim[n + 1]) for n in range(24)],
+            arrows=[Arrow(m.centre[CUE] + (0.0, 0.0, 1.2 * RADIUS), np.append(0.3 * s.action, 0.0))],
+            key=((GREEN, "send the ball here"), (RED, "stroke")),
+            text=(
+                "potted"
+                if s.goal[POTTED]
+                else f"{100 * math.dist(s.goal[:2], m.centre[OBJECT, :2]):3.0f} cm",
+            ),
+        )
+
+
+class BilliardsOptions(EnvOptions, total=False):
+    """`SpringBilliardsEnv` takes these options, see there."""
+
+    observation: Observation
+    action: Literal["stroke"]
+
+
+class SpringBilliardsEnv(SpringEnv, gym.Env):
+    """
+    ## Description
+    Strike a ball once, so that it sends another one into a pocket. Both slide on a table without cushions,
+    and friction slows them by 0.49 m/s². There is no second stroke: the direction of the first one, and its
+    strength, decide. Each ball is a single particle with a radius of 3 cm and a mass of 170 g; it slides and
+    does not turn, and both are smooth. A ball that has fallen into the pocket is held there by a net.
+
+    What makes it hard is that balls are round. They part along the line between their centres, so that an
+    error δ of the direction becomes an error of δ d/2R behind the impact, for a way d to it: 12 times as much
+    at 0.7 m. The pocket is ±6 cm wide, at 0.6 m, so δ must be less than ±0.01 rad, and less for a cut. Hardly
+    one stroke of a hundred is that good by chance, and the next second shows which.
+
+    ## Action Space
+    `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"stroke"` | 0, 1 | force on the first ball along x, y, for a period: 2.3 m/s at 1 | ±20 N |
+
+    The first action of a size above 0.1 is the stroke. All later ones have no effect but their cost. Actions
+    outside of ±1 are clipped.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–3 | positions x, y of both balls | 0.5 m |
+    | | 4–7 | their velocities x, y | 1 m/s |
+    | | 8, 9 | the pocket x, y | 1 m |
+    | | 10, 11 | whether the stroke is left, whether the ball is in the pocket | 1 |
+    | `"frame"` | 0, 1 | second ball x, y, from the first | 0.5 m |
+    | | 2, 3 | the pocket x, y, from the second ball | 0.5 m |
+    | | 4, 5 | velocity x, y of the first ball | 1 m/s |
+    | | 6, 7 | velocity x, y of the second ball | 1 m/s |
+    | | 8 | whether the stroke is left | 1 |
+    | | 9 | whether the ball is in the pocket | 1 |
+
+    ## Rewards
+    With G(x; b, m) = 0.1^(d²), d = max(|x| − b, 0)/m, the distance e of the second ball from the pocket and
+    the effort E = 1 − 0.1 mean(a²), the reward is 0 before the stroke, 0.2 E G(e; 0.06, 0.5) after it, and E
+    from when on the ball is in the pocket: from 0 to 1. Its terms in `info` are `reward_near`, before the
+    ball is there, and `reward_potted`.
+
+    ## Starting State
+    Both balls rest. The second one is within U(−0.2, 0.2) m of the middle along x and y, U(0.5, 0.8) m from
+    the first, in any direction. The pocket is U(0.4, 0.7) m farther, in a direction that differs from that
+    one by U(−0.7, 0.7) rad. `reset(options={"cut": …})` sets this angle.
+
+    ## Episode End
+    Termination, if the ball is not in the pocket: the stroke is made and both balls are slower than 0.02 m/s,
+    or a ball is more than 2 m from the middle; or the simulation diverged (`info["diverged"]`; reward 0).
+    Truncation: 200 steps, 4 s. `info["is_success"]`: the ball is in the pocket, for the last 50 steps. It
+    falls if its centre is less than 0.06 m from that of the pocket at the end of a control period.
+
+    ## Information
+    `away` e [m], `speed`, the larger one of both balls [m/s], `energy` and `energy_drift` [J], `strain`. Five
+    entries describe the pair of balls. `pairs_touching` tells whether it touches now. Since the start of the
+    episode, `pairs_impulse` is its impulse [N·s], `pairs_least_gap` its least gap [m], at most the reach of
+    its contact, `pairs_missed` counts contacts that were found too late, and `too_fast` those that the step
+    does not compute well.
+
+    ## Arguments
+    - `observation`: see above.
+    - `integrator` ("verlet"), `step` (5e-4 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringBilliards
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[BilliardsOptions]) -> None: ...
+
+
+class SpringBilliardsVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+    """Run a native batch of `SpringBilliardsEnv`."""
+
+    task_type = SpringBilliards
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[BilliardsOptions]
+        ) -> None: ...

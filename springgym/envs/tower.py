@@ -1,0 +1,378 @@
+"""SpringTower: blocks that hang from a crane are set on one another, and stay there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+
+import gymnasium as gym
+import numpy as np
+from numpy.random import Generator
+
+from springgym.bodies import Body, box, rotation
+from springgym.checks import whole
+from springgym.core.compiling import compiled, kernel
+from springgym.envs.base import SpringEnv, SpringVectorEnv
+from springgym.envs.observation import Entry, ObservedParticles, Situation
+from springgym.envs.options import Autoreset, EnvOptions, Observation
+from springgym.envs.rewards import gaussian, long_tail, thrift
+from springgym.envs.starts import uniform
+from springgym.envs.task import Start, Task
+from springgym.measures import Measures
+from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering.look import BLUE, GREEN, RED, STEEL, TEAL
+from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
+from springgym.scenes import film
+from springgym.surfaces import Contact, floor
+from springgym.theory.contact import rest_height
+
+SIDES, MASS = (0.16, 0.16, 0.24), 1.0  # of a block [m], [kg]
+CORNERS = 8
+UPPER = (0, 1, 2, 3)  # the corners by which a block hangs
+FORCE = 6.0  # of the crane along each axis, beside what it carries always [N]
+CARRIED = 0.9  # share of a block's weight that it carries always
+LET_GO = 0.5  # the action above which it lets go
+FRICTION = 0.6
+REACH, STRENGTH = 0.015, 0.003  # of all contacts: Δ [m], c [N·m²]
+AROUND = (0.45, 0.7)  # how far from the lowest block the others stand [m]
+ARENA = 2.0  # how far a block may go from the middle, and up [m]
+SUNK = 0.05  # a block that is lower than its place by so much has fallen [m]
+UPRIGHT = 0.8  # the least cosine of the tilt of a block that has not
+HELD = 0.25  # what a block in its place is worth while it is held, as a share of what it is then
+CLOSE, CALM = 0.06, 0.1  # for success: how near above the one below [m], how slow [m/s]
+WAY_UNIT, SPEED_UNIT, TILT_UNIT, TURNING_UNIT, TOWER_UNIT = 0.3, 0.5, 0.2, 2.0, 0.5
+"""Units of the compact observation: way [m], speed [m/s], tilt [1], turning [rad/s], tower's places [m]."""
+
+
+@compiled
+def height_of(x: np.ndarray, c: int) -> float:
+    """Return the height of the blocks: of the lowest, from a lower corner to the upper one [m]."""
+    a, b = x[c, 0], x[c, 4]
+    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@compiled
+def off(m: Measures, s: Situation, c: int, k: int, axis: int) -> float:
+    """Return how far block k is from its place upon the one below, along an axis [m]."""
+    way = m.centre[c, k, axis] - m.centre[c, k - 1, axis]
+    return way - height_of(s.x, c) if axis == 2 else way
+
+
+@compiled
+def fell(m: Measures, s: Situation, c: int, k: int) -> bool:
+    """Tell whether block k, which has been let go, lies lower than in the tower, or leans."""
+    wanted = (k + 0.5) * height_of(s.x, c)
+    return m.centre[c, k, 2] < wanted - SUNK or m.axis[c, k, 2] < UPRIGHT
+
+
+@kernel
+def move(m: Measures, s: Situation, goal: np.ndarray) -> None:
+    """The crane lets go of the block that it holds, and takes the next."""
+    for c in range(goal.shape[0]):
+        if goal[c, 0] < m.centre.shape[1] and s.action[c, 3] > LET_GO:
+            goal[c, 0] += 1.0
+
+
+@kernel
+def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
+    blocks = m.centre.shape[1]
+    for c in range(out.shape[0]):
+        held = int(s.goal[c, 0])
+        carried, built, error, speed, farthest = 0.0, 0.0, 0.0, 0.0, 0.0
+        failed = False
+        for k in range(blocks):
+            place, velocity = m.centre[c, k], m.centre_velocity[c, k]
+            speed = max(speed, math.sqrt(velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2))
+            farthest = max(farthest, math.hypot(place[0], place[1]), place[2])
+            failed = failed or (k < held and fell(m, s, c, k))
+            if 0 < k <= held:
+                aside = math.hypot(off(m, s, c, k, 0), off(m, s, c, k, 1))
+                away = math.hypot(aside, off(m, s, c, k, 2))
+                near = (long_tail(away, 0.5, 0.03) + gaussian(away, 0.3, 0.03)) / 2
+                if k == held:
+                    carried = HELD * near * 2.0 ** (k - 1)
+                else:
+                    built += near * 2.0 ** (k - 1)
+                    error = max(error, aside)
+        share = thrift(s.action, c) / (2.0 ** (blocks - 1) - 1.0)
+        out["reward_carried"][c] = share * carried
+        out["reward_built"][c] = share * built
+        out["held"][c] = held
+        out["error"][c] = error
+        out["speed"][c] = speed
+        out["met"][c] = held == blocks and error < CLOSE and speed < CALM
+        out["failed"][c] = failed or farthest > ARENA
+
+
+@kernel
+def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
+    blocks = m.centre.shape[1]
+    for c in range(observation.shape[0]):
+        held = min(int(s.goal[c, 0]), blocks - 1)
+        for axis in range(3):
+            observation[c, axis] = off(m, s, c, held, axis) / WAY_UNIT
+            observation[c, 3 + axis] = m.centre_velocity[c, held, axis] / SPEED_UNIT
+            observation[c, 8 + axis] = m.angular_velocity[c, held, axis] / TURNING_UNIT
+        observation[c, 11] = s.goal[c, 0] / blocks
+        for axis in range(2):
+            observation[c, 6 + axis] = m.axis[c, held, axis] / TILT_UNIT
+            observation[c, 12 + axis] = m.centre[c, 0, axis] / TOWER_UNIT
+            observation[c, 14 + axis] = m.axis[c, 0, axis] / TILT_UNIT
+        for k in range(1, blocks):
+            first = 16 + 5 * (k - 1)
+            for axis in range(3):
+                observation[c, first + axis] = off(m, s, c, k, axis) / TOWER_UNIT
+            for axis in range(2):
+                observation[c, first + 3 + axis] = m.axis[c, k, axis] / TILT_UNIT
+
+
+class SpringTower(Task):
+    """Define the MDP of `SpringTowerEnv`, which describes it."""
+
+    actions: ClassVar = {"crane": 4}
+    terms = ("carried", "built")
+    metrics = ("held", "error", "speed")
+    goal_size = 1
+    period = 0.04
+    finest = 0.04 / 16
+    hold = 25
+    evaluate = staticmethod(evaluate)
+    compact = staticmethod(compact)
+    move = staticmethod(move)
+
+    def __init__(
+        self,
+        observation: Observation = "particles",
+        action: Literal["crane"] = "crane",
+        blocks: int = 4,
+    ) -> None:
+        super().__init__(observation, action)
+        self.blocks = whole("blocks", blocks, 2, 5)
+        self.block: Body = box(SIDES, MASS, stiffness=4e3, damping=3.0)
+        self.entries = (
+            Entry("way", 3, WAY_UNIT),
+            Entry("velocity", 3, SPEED_UNIT),
+            Entry("axis", 2, TILT_UNIT),
+            Entry("turning", 3, TURNING_UNIT),
+            Entry("held", 1, self.blocks),
+            Entry("base", 2, TOWER_UNIT),
+            Entry("base_axis", 2, TILT_UNIT),
+            *(
+                entry
+                for k in range(1, self.blocks)
+                for entry in (Entry(f"off{k}", 3, TOWER_UNIT), Entry(f"axis{k}", 2, TILT_UNIT))
+            ),
+        )
+
+    @cached_property
+    def scene(self) -> Scene:
+        factors = {"masses": 1.0, "gravity": 1.0, "scale": 1.0}
+        places = [(0.6 * k, 0.0) for k in range(self.blocks)]
+        started = self._placed(places, [0.0] * self.blocks, factors).reshape(self.blocks, CORNERS, 3)
+        contact = Contact(friction=FRICTION, restitution=0.3, strength=STRENGTH, reach=REACH)
+        return Scene(
+            bodies=tuple(
+                Placed(self.block, own, thrust=ThrustActuator(UPPER), name=f"block{k}")
+                for k, own in enumerate(started)
+            ),
+            surfaces=(floor(),),
+            contact=contact,
+            collisions=contact,
+        )
+
+    def _placed(
+        self, places: list[tuple[float, float]], headings: list[float], factors: Mapping[str, float]
+    ) -> np.ndarray:
+        """Positions (8 blocks, 3) of blocks that stand on the floor [m]."""
+        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
+        height = factors["scale"] * SIDES[2] / 2 + rest_height(weight / 4, STRENGTH, REACH)
+        return np.vstack(
+            [
+                factors["scale"] * self.block.positions @ rotation((0, 0, 1), heading).T
+                + np.array([*place, height])
+                for place, heading in zip(places, headings, strict=True)
+            ]
+        )
+
+    @cached_property
+    def particles(self) -> ObservedParticles:
+        count = CORNERS * self.blocks
+        return ObservedParticles(tuple(range(count)), np.full(count, 0.5), np.full(count, 0.5))
+
+    def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
+        others = self.blocks - 1
+        x, y, first, *drawn = uniform(
+            rng,
+            [-0.1, -0.1, -math.pi] + [-math.pi] * self.blocks + [AROUND[0], -0.2] * others,
+            [0.1, 0.1, math.pi] + [math.pi] * self.blocks + [AROUND[1], 0.2] * others,
+        )
+        headings, ways = drawn[: self.blocks], drawn[self.blocks :]
+        places = [(x, y)]
+        for k in range(others):
+            away, shift = max(1.0, factors["scale"]) * ways[2 * k], ways[2 * k + 1]
+            bearing = first + 2 * math.pi / others * (k + shift)
+            places.append((x + away * math.cos(bearing), y + away * math.sin(bearing)))
+        positions = self._placed(places, headings, factors)
+        return Start(positions, np.zeros_like(positions), (1.0,))
+
+    @property
+    def limits(self) -> np.ndarray:
+        return np.array([FORCE, FORCE, FORCE, 1.0])
+
+    def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        return {}
+
+    def respond(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
+        """Return the crane's force on the block that it holds, a quarter of it on each upper corner."""
+        force = FORCE * s.action[:, :3]
+        force[:, 2] -= CARRIED * MASS * GRAVITY[2]
+        each = np.repeat(force[:, None] / len(UPPER), len(UPPER), axis=1)
+        holds = s.goal[:, 0]
+        return {f"block{k}.thrust": each * (holds == k)[:, None, None] for k in range(self.blocks)}
+
+    def look(self) -> Look:
+        shown = film.look(self.scene)
+        colors, faces = np.array(shown.triangle_colors), len(self.block.triangles)
+        for k, color in enumerate((STEEL, BLUE, TEAL, BLUE, TEAL)[: self.blocks]):
+            colors[k * faces : (k + 1) * faces] = color
+        return replace(shown, triangle_colors=colors)
+
+    def camera(self) -> Camera:
+        return Camera.framing((0.0, 0.0, 0.25), 1.9, elevation=0.45)
+
+    def scenery(self) -> Scenery:
+        return Scenery(floor=0.0)
+
+    def marks(self, m: Measures, s: Situation) -> Marks:
+        held = int(s.goal[0])
+        if held == self.blocks:
+            return Marks(text=("all are let go",))
+        hook = s.x[CORNERS * held : CORNERS * held + 4]
+        corners = s.x[CORNERS * (held - 1) : CORNERS * held] + SIDES[2] * m.axis[held - 1]
+        middle = hook.mean(axis=0)
+        return Marks(
+            lines=[
+                *((corners[n], corners[(n + 1) % 4]) for n in range(4)),
+                (middle, middle + np.array([0.0, 0.0, 2.0])),
+            ],
+            arrows=[Arrow(middle, 0.3 * s.action[:3])],
+            key=((GREEN, "set the block here"), (RED, "force of the crane")),
+            text=(f"block {held} of {self.blocks - 1}",),
+        )
+
+
+class TowerOptions(EnvOptions, total=False):
+    """`SpringTowerEnv` takes these options, see there."""
+
+    observation: Observation
+    action: Literal["crane"]
+    blocks: int
+
+
+class SpringTowerEnv(SpringEnv, gym.Env):
+    """
+    ## Description
+    Blocks stand on the floor around one of them. Set them on it, one after the other, so that a tower stands.
+    A crane lifts them. It pulls at the middle of the upper face of one block, so that the block hangs and
+    swings as a pendulum does. The crane lets go of a block once, and then takes the next one: what it has let
+    go must stay, though the next block may knock it down. Each block is 16 cm broad, 24 cm high and
+    of 1 kg, and has 8 corners and 28 springs. Nothing but friction holds the tower together.
+
+    The force F acts l = 12 cm above the centre of mass. With the moment I = 0.0208 kg m², M X'' = F and
+    I n'' = l (F − M g n) for the horizontal way X and the tilt n: a block that hangs swings by itself at
+    7.5 rad/s, and nothing but the crane damps that.
+
+    ## Action Space
+    `Box(-1, 1, (4,), float32)`, held for a control period of 40 ms.
+
+    | `action` | entries | meaning | at ±1 |
+    |---|---|---|---|
+    | `"crane"` | 0–2 | force of the crane along x, y, z, beside 0.9 of the block's weight | ±6 N |
+    | | 3 | above 0.5, the crane lets go at the end of the period | 1 |
+
+    Actions outside of ±1 are clipped. After the last block, they have no effect but their cost.
+
+    ## Observation Space
+    `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped. "The block" is the one that
+    the crane holds, or the last one when all are let go. Its place is upon the block below: that one's
+    centre, and a block's height above it.
+
+    | `observation` | entries | meaning | unit of 1.0 |
+    |---|---|---|---|
+    | `"particles"` | 0–95 | positions of the corners of all blocks, from the lowest to the last | 0.5 m |
+    | | 96–191 | their velocities | 0.5 m/s |
+    | | 192 | the number of the block, 1 to 3; 4 when all are let go | 1 |
+    | `"frame"` | 0–2 | centre of the block, from its place | 0.3 m |
+    | | 3–5 | its velocity | 0.5 m/s |
+    | | 6, 7 | its third axis x, y | 0.2 |
+    | | 8–10 | its angular velocity | 2 rad/s |
+    | | 11 | its number, 1 to 3; 4 when all are let go | 4 |
+    | | 12, 13 | centre of the lowest block x, y | 0.5 m |
+    | | 14, 15 | its third axis x, y | 0.2 |
+    | | 16–18 | centre of block 1, from its place | 0.5 m |
+    | | 19, 20 | its third axis x, y | 0.2 |
+    | | 21–23 | centre of block 2, from its place | 0.5 m |
+    | | 24, 25 | its third axis x, y | 0.2 |
+    | | 26–28 | centre of block 3, from its place | 0.5 m |
+    | | 29, 30 | its third axis x, y | 0.2 |
+
+    With other numbers of blocks, there are 48 more numbers or 5 more for each one, and 4 is that number.
+
+    ## Rewards
+    With G(x; b, m) = 0.1^(d²) and L(x; b, m) = 1/(1 + 9d²), d = max(|x| − b, 0)/m, the distance e of a block
+    from its place, N(e) = [L(e; 0.03, 0.5) + G(e; 0.03, 0.3)]/2 and the effort E = 1 − 0.1 mean(a²), the
+    reward is E Σ w N(e), over the blocks that the crane holds or has let go, from 0 to 1. Each block is worth
+    twice the one below: of b blocks above the lowest, w = 2^(k−1)/(2^b − 1) for block k, and a quarter of
+    this while it is held. Its terms in `info` are `reward_carried`, that of the block that is held, and
+    `reward_built`, those of the others.
+
+    ## Starting State
+    Everything is at rest. The lowest block is within U(−0.1, 0.1) m of the middle along x and y. The others
+    stand U(0.45, 0.7) m from it, in directions that are spread evenly from the first one on, up to a fifth of
+    their spacing. That direction is uniform, and so are the directions to which blocks are turned.
+
+    ## Episode End
+    Termination: a block that has been let go lies 5 cm lower than its place in the tower, or leans by more
+    than 37°; a block is more than 2 m from the middle, or high; or the simulation diverged
+    (`info["diverged"]`; reward 0). Truncation: 500 steps, 20 s. `info["is_success"]`: all blocks are let go,
+    each is less than 0.06 m aside from the one below, and none moves faster than 0.1 m/s, for the last 25
+    steps.
+
+    ## Information
+    `held`, the number of the block that is held; `error`, the largest distance by which a block of the tower
+    is aside from the one below [m]; `speed`, the largest of all blocks [m/s]; `energy` and `energy_drift`
+    [J], `strain`. Five entries describe the pairs of bodies. `pairs_touching` counts those that touch now.
+    Since the start of the episode, `pairs_impulse` is their impulse [N·s], `pairs_least_gap` their least gap
+    [m], at most the reach of their contact, `pairs_missed` counts contacts that were found too late, and
+    `too_fast` those that the step does not compute well.
+
+    ## Arguments
+    - `observation`: see above.
+    - `blocks` (4): how many there are, from 2 to 5.
+    - `integrator` ("verlet"), `step` (2.5e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
+
+    ## Version History
+    - v0: first.
+    """
+
+    task_type = SpringTower
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **options: Unpack[TowerOptions]) -> None: ...
+
+
+class SpringTowerVectorEnv(SpringVectorEnv, gym.vector.VectorEnv):
+    """Run a native batch of `SpringTowerEnv`."""
+
+    task_type = SpringTower
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, num_envs: int = 1, *, autoreset_mode: Autoreset = ..., **options: Unpack[TowerOptions]
+        ) -> None: ...
