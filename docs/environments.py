@@ -49,7 +49,7 @@ Report = Mapping[str, Any]
 def read() -> dict[str, Any]:
     """Read the measured numbers by section, with the rows of the benchmark and of the learning times."""
     found: dict[str, Any] = json.loads(NUMBERS.read_text(encoding="utf-8"))
-    others = {"baselines": "baselines.json", "learning": "learning_time.json", "curves": "curves.json"}
+    others = {"baselines": "baselines.json", "learning": "learning_time.json"}
     for name, path in others.items():
         found[name] = json.loads((HERE / path).read_text(encoding="utf-8"))
     return found
@@ -78,7 +78,6 @@ def describe(row: Row, report: Report) -> str:
             docstring(row),
             "",
             *baselines(row, report),
-            *curve(row, report),
             *table_of_variants(row, report),
             *error(row, report),
         ]
@@ -147,20 +146,6 @@ def baselines(row: Row, report: Report) -> list[str]:
                 f"s of one core ([time to learn](../baselines.md#time-to-learn)).\n"
             )
     return lines
-
-
-def curve(row: Row, report: Report) -> list[str]:
-    """Return the learning curve on an environment, if one was recorded."""
-    found = report["curves"].get(row.id)
-    if found is None:
-        return []
-    name = found["algo"].upper()
-    return [
-        f"![Learning curve of {name}: success and return per step over environment steps]"
-        f"(../figures/curves/{row.id}.svg)\n",
-        f"*How {name} learns with the configuration that ships, seed {found['seed']}. Each point shows 20 "
-        "episodes without exploration.*\n",
-    ]
 
 
 def shown(runs: Sequence[Report]) -> str:

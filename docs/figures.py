@@ -3,16 +3,14 @@
     python docs/figures.py                       # all
     python docs/figures.py accuracy scenes       # some
     python docs/figures.py agent --agent runs/SpringTop-v0-ppo-0
-    python docs/figures.py curves --runs runs/*-ppo-0   # takes their learning curves into curves.json
 
-Learning curves come from curves.json. Other curves come from figures/accuracy.json and numbers.json, which
-``springgym accuracy`` and ``springgym bench`` write.
+Curves come from figures/accuracy.json and numbers.json, which ``springgym accuracy`` and ``springgym
+bench`` write.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import sys
 from collections.abc import Iterator, Sequence
@@ -30,13 +28,11 @@ from springgym.rendering import Renderer
 from springgym.scenes import load
 from springgym.scenes.film import GIF_FPS, visible_speed
 from springgym.scenes.recording import record
-from springgym.strict_yaml import read_yaml
 from springgym.view.episodes import Agent, find_agent, played
 from springgym.view.motion import Motion
 
 HERE = Path(__file__).parent
 FIGURES = HERE / "figures"
-CURVES = HERE / "curves.json"
 SCENES = ("top", "elongated-top", "unbalanced-top", "irregular-fall")
 """Figures 5, 6, 7 and 9 of the paper."""
 FILMED = "SpringTop-v0"
@@ -74,48 +70,6 @@ def speed(folder: Path, args: argparse.Namespace) -> None:
     numbers = json.loads((FIGURES.parent / "numbers.json").read_text(encoding="utf-8"))
     draw(numbers, folder / "speed.svg")
     draw_curves(numbers["curves"]["rows"], folder / "curves.svg")
-
-
-def curves(folder: Path, args: argparse.Namespace) -> None:
-    """Learning curves of PPO, of run folders and of curves.json."""
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import EngFormatter
-
-    known = json.loads(CURVES.read_text(encoding="utf-8"))
-    for run in args.runs:
-        with open(run / "progress.csv", encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        config = read_yaml(run / "config.yaml").value
-        versions = json.loads((run / "versions.json").read_text(encoding="utf-8"))
-        known[config["env_id"]] = {
-            **{name: config[name] for name in ("algo", "seed")},
-            "springgym": versions["packages"]["springgym"],
-            "timesteps": [int(row["timesteps"]) for row in rows],
-            **{
-                name: [round(float(row[name]), 4) for row in rows]
-                for name in ("success_rate", "return_per_step")
-            },
-        }
-    if args.runs:
-        lines = [f"{json.dumps(env_id)}: {json.dumps(known[env_id])}" for env_id in sorted(known)]
-        CURVES.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
-    (folder / "curves").mkdir(exist_ok=True)
-    for env_id, found in known.items():
-        figure = Figure(figsize=(7.6, 2.6), layout="constrained")
-        FigureCanvasSVG(figure)
-        axes = figure.subplots()
-        for name, color, label in (
-            ("success_rate", "#2b5c96", "success"),
-            ("return_per_step", "#e45e2c", "return per step"),
-        ):
-            axes.plot(found["timesteps"], found[name], ".-", color=color, label=label)
-        axes.set(xlabel="environment steps", xlim=(0, None), ylim=(-0.03, 1.03))
-        axes.xaxis.set_major_formatter(EngFormatter())
-        axes.tick_params(labelsize=9)
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=9, loc="lower right")
-        figure.savefig(folder / "curves" / f"{env_id}.svg", metadata={"Date": None})
 
 
 def scenes(folder: Path, args: argparse.Namespace) -> None:
@@ -204,7 +158,7 @@ def shrunk(image: Image.Image) -> Image.Image:
     )
 
 
-MAKERS = {maker.__name__: maker for maker in (accuracy, speed, curves, scenes, environments, agent, posters)}
+MAKERS = {maker.__name__: maker for maker in (accuracy, speed, scenes, environments, agent, posters)}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -215,9 +169,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("which", nargs="*", metavar="KIND", help=f"of {', '.join(MAKERS)}; default: all")
     parser.add_argument(
         "--agent", metavar="RUN", default=FILMED, help="a run folder to film, in place of the published agent"
-    )
-    parser.add_argument(
-        "--runs", nargs="+", type=Path, default=(), help="run folders whose learning curves are shown"
     )
     parser.add_argument("--out", type=Path, default=FIGURES, metavar="FOLDER")
     args = parser.parse_args(arguments)
