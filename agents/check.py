@@ -198,12 +198,13 @@ def replay(row: Row, agents: Path | None) -> str | None:
             return f"{folder} holds a run of another task, algorithm, seed or configuration"
         agent = str(folder)
     env_id, kwargs = find_task([] if agent in UNTRAINED else [agent], row["task"], [])
-    begin = secrets.randbelow(row["episodes"] - REPLAYED + 1)
-    found = evaluate(agent, env_id, kwargs, REPLAYED, row["first_seed"] + begin)
-    apart = np.abs(np.subtract(found.returns_per_step, row["returns"][begin : begin + REPLAYED]))
+    count = row["episodes"] if agent in UNTRAINED else REPLAYED  # random actions depend on how many play
+    begin = secrets.randbelow(row["episodes"] - count + 1)
+    found = evaluate(agent, env_id, kwargs, count, row["first_seed"] + begin)
+    apart = np.abs(np.subtract(found.returns_per_step, row["returns"][begin : begin + count]))
     if np.median(apart) > CLOSE:
         return (
-            f"episodes {begin} to {begin + REPLAYED - 1} return otherwise when they are played again: by "
+            f"episodes {begin} to {begin + count - 1} return otherwise when they are played again: by "
             f"{np.median(apart):.3f} in the median"
         )
     return ""

@@ -106,7 +106,7 @@ def publish(folders: Sequence[Path], episodes: int, audited: int, into: Path) ->
         place = into / env_id
         if (place / "card.json").exists():
             there = json.loads((place / "card.json").read_text(encoding="utf-8"))
-            if there["probe"] == probe(env_id) and selected(open_run(place), episodes) >= earned:
+            if abs(there["probe"] - probe(env_id)) <= SAME and selected(open_run(place), episodes) >= earned:
                 print(f"{env_id}: {there['algorithm']} {there['seed']} stays")
                 continue
         made_with = json.loads((folder / "versions.json").read_text(encoding="utf-8"))

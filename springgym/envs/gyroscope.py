@@ -87,7 +87,7 @@ class SpringGyroscope(Task):
     actions: ClassVar = {"torque": 3, "impulse": 3}
     terms = ("aligned", "calm")
     metrics = ("angle", "spin", "precession")
-    entries = (
+    entries: tuple[Entry, ...] = (
         Entry("axis", 3),
         Entry("across", 3),
         Entry("spin", 1, SPIN_UNIT, about=USUAL),

@@ -60,8 +60,10 @@ def told(path, given, *options):
 
 
 def test_true_rows_pass(zero, trained, agents, tmp_path, capsys):
-    assert told(tmp_path / "rows.json", [zero, trained], "--agents", str(agents)) == 0
-    assert "2 rows, 0 refused, 0 consistent but not played again" in capsys.readouterr().out
+    plan = benchmark.Plan(tmp_path, benchmark.EPISODES, (), None)
+    drawn = benchmark.measured(benchmark.Cell(TASK, "random", 0), plan) | {"commit": COMMIT}
+    assert told(tmp_path / "rows.json", [zero, drawn, trained], "--agents", str(agents)) == 0
+    assert "3 rows, 0 refused, 0 consistent but not played again" in capsys.readouterr().out
 
 
 def test_without_agents_it_says_what_it_does_not_know(trained, tmp_path, capsys):

@@ -148,15 +148,16 @@ def test_a_published_agent_is_evaluated_anew(copied):
     found = json.loads(path.read_text())
     assert found["first_seed"] == runs.PUBLISHED_SEED
     assert found["interval"][0] < found["mean_return"] < found["interval"][1]
-    same = ("versions", "sha256", "command", "probe")
+    same = ("versions", "sha256", "command")
     assert {name: found[name] for name in same} == {name: card[name] for name in same}
+    assert found["probe"] == pytest.approx(card["probe"], abs=1e-6)
     assert found["audited"] == 20
     assert "trained_probe" not in found
     path.write_text(json.dumps(card | {"probe": 0.5}))
     for _ in range(2):
         assert publish.main(command) == 0
         found = json.loads(path.read_text())
-        assert (found["probe"], found["trained_probe"]) == (card["probe"], 0.5)
+        assert (found["probe"], found["trained_probe"]) == (pytest.approx(card["probe"], abs=1e-6), 0.5)
 
 
 def test_what_nobody_could_train_again_is_not_published(copied, tmp_path, capsys):
