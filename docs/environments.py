@@ -420,10 +420,10 @@ copy of a batch draws its own, from the same seed as its start. You can randomis
 
 GOALS = """## Goals
 
-SpringGyroscope, SpringRope, SpringTumble and SpringShove have a goal that can be told apart, for agents that learn from
-goals which they reached by chance. `goals=True` does so in the form of
-[Gymnasium-Robotics](https://robotics.farama.org/content/multi-goal_api/), for single environments and for batches. It
-needs `sparse=True`:
+SpringGyroscope, SpringRope, SpringTumble and SpringShove have a goal that can be told apart, for agents
+that learn from goals which they reached by chance. `goals=True` does so in the form of
+[Gymnasium-Robotics](https://robotics.farama.org/content/multi-goal_api/), for single environments and
+for batches. It needs `sparse=True`:
 
 ```python
 import gymnasium as gym
@@ -440,13 +440,15 @@ assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0  # as if it
 ```
 
 - `observation` holds the particles as usual, without the goal. Positions are those in the world.
-- `achieved_goal` and `desired_goal` hold the same numbers, in SI units. They include velocities, because a goal is
-  reached at rest: what is achieved in motion is another goal. The page of each environment lists them.
-- The goal is reached if each kind of number is nearer to the desired one than its limit. The limits are those of
-  success. `compute_reward` returns 1 or 0, for goals (K,) or (n, K). It is the reward of the sparse variant: of
-  SpringTumble, up to the strain of the body.
+- `achieved_goal` and `desired_goal` hold the same numbers, in SI units. They include velocities,
+  because a goal is reached at rest: what is achieved in motion is another goal. The page of each
+  environment lists them.
+- The goal is reached if each kind of number is nearer to the desired one than its limit. The limits are
+  those of success. `compute_reward` returns 1 or 0, for goals (K,) or (n, K). It is the reward of the
+  sparse variant: of SpringTumble, up to the strain of the body.
 - Episodes do not end when a goal is reached, since success means that it is held. So there is no
-  `compute_terminated`. What is achieved 100 m or m/s away, or after the simulation diverged, reaches no goal.
+  `compute_terminated`. What is achieved 100 m or m/s away, or after the simulation diverged, reaches no
+  goal.
 
 [Train an agent](training.md#goals-reached-by-chance) shows hindsight experience replay.
 """
