@@ -37,7 +37,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from config import CONFIG_OF, MENDABLE, Config, ConfigError, load_config, whole
+from config import CONFIG_FOLDER, CONFIG_OF, MENDABLE, Config, ConfigError, load_config, whole
 from controllers import controller_env_kwargs, controllers_of, make_controller
 from rows import PROTOCOL, curve, used
 from runs import locked, open_run, versions, write_atomically
@@ -46,6 +46,7 @@ from tqdm import tqdm
 from springgym.cli import INTERRUPTED, guarded
 from springgym.extras import install
 from springgym.registration import ENVIRONMENTS, VARIANTS
+from springgym.strict_yaml import read_yaml
 
 ROOT = Path(__file__).resolve().parent.parent
 UNTRAINED = ("zero", "random", "classical")
@@ -387,6 +388,7 @@ def planned(tasks: Sequence[str], algorithms: Sequence[str], seeds: int) -> list
         for task in tasks
         if seed == 0 or algorithm not in UNTRAINED
         if algorithm != "classical" or controllers_of(task)
+        if algorithm != "her" or task in read_yaml(CONFIG_FOLDER / "her.yaml").value
     ]
 
 

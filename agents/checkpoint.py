@@ -116,7 +116,7 @@ def _restore(
     if isinstance(model, OffPolicyAlgorithm):
         model.replay_buffer = state["replay_buffer"]
         if isinstance(model.replay_buffer, HerReplayBuffer):
-            model.replay_buffer.set_env(model.get_env())
+            model.replay_buffer.set_env(normalize or env)
     logger = make_logger(run, model.num_timesteps)
     values, counts, excluded = state["logger"]
     logger.name_to_value.update(values)

@@ -193,7 +193,7 @@ def improve(searches: Sequence[Search], judge: Callable[[np.ndarray], np.ndarray
 
 def play(envs: VectorEnv, model: VectorEnv, seeds: Sequence[int], planner: Planner) -> list[dict[str, Any]]:
     """An episode from each seed: its return per step, success and steps, and how long planning took [s]."""
-    envs.reset(seed=list(seeds))
+    envs.reset(seed=list(seeds))  # type: ignore[arg-type]
     limit, size = time_limit(envs.spec), envs.single_action_space.shape[0]  # type: ignore[arg-type, index]
     own: Any = model.unwrapped
     length, between = planner.periods(own.episodes.task.period)
@@ -315,7 +315,7 @@ def measured(task: str, planner: Planner, seeds: Sequence[int], tables: Tables) 
             envs = gym.make_vec(task, len(now), **made)
             model = gym.make_vec(task, len(now) * planner.samples, max_episode_steps=-1, **made)
         model.reset(seed=0)
-        model.step(np.zeros(model.action_space.shape, np.float32))  # type: ignore[arg-type]  # compiles
+        model.step(np.zeros(model.action_space.shape, np.float32))  # compiles
         played = [*played, *play(envs, model, now, planner)]
         envs.close()
         model.close()

@@ -506,6 +506,41 @@ copy of a batch draws its own, from the same seed as its start. You can randomis
 - What is not randomised is compiled as a constant and costs nothing.
 """
 
+GOALS = """## Goals
+
+SpringGyroscope, SpringRope, SpringTumble and SpringShove have a goal that can be told apart, for agents
+that learn from goals which they reached by chance. `goals=True` does so in the form of
+[Gymnasium-Robotics](https://robotics.farama.org/content/multi-goal_api/), for single environments and
+for batches. It needs `sparse=True`:
+
+```python
+import gymnasium as gym
+import numpy as np
+import springgym
+
+env = gym.make("SpringRopeSparse-v0", goals=True)
+observation, info = env.reset(seed=0)
+print({name: values.shape for name, values in observation.items()})
+observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+achieved, desired = observation["achieved_goal"], observation["desired_goal"]
+assert reward == env.unwrapped.compute_reward(achieved, desired, info)
+assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0  # as if it had been the goal
+```
+
+- `observation` holds the particles as usual, without the goal. Positions are those in the world.
+- `achieved_goal` and `desired_goal` hold the same numbers, in SI units. They include velocities,
+  because a goal is reached at rest: what is achieved in motion is another goal. The page of each
+  environment lists them.
+- The goal is reached if each kind of number is nearer to the desired one than its limit. The limits are
+  those of success. `compute_reward` returns 1 or 0, for goals (K,) or (n, K). It is the reward of the
+  sparse variant: of SpringTumble, up to the strain of the body.
+- Episodes do not end when a goal is reached, since success means that it is held. So there is no
+  `compute_terminated`. What is achieved 100 m or m/s away, or after the simulation diverged, reaches no
+  goal.
+
+[Train an agent](training.md#goals-reached-by-chance) shows hindsight experience replay.
+"""
+
 PROMISES = """## Seeds, states and versions
 
 **Seeds.** The same seed gives the same episode, to the bit, on one machine with one set of versions. It
@@ -639,6 +674,7 @@ def features(report: Report) -> str:
             "their error in "
             "the same way.\n",
             RANDOMISATION,
+            GOALS,
             PROMISES,
             OWN_SCENES,
             *table_of_errors(report),

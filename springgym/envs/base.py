@@ -825,7 +825,7 @@ def _seed(name: str, seed: object) -> int | None:
     return int(seed)
 
 
-def _of_copy(seen: Any, copy: int) -> Any:
+def _of_copy(seen: Any, copy: Any) -> Any:
     """What one copy observes, of what all do."""
     return {name: own[copy] for name, own in seen.items()} if isinstance(seen, dict) else seen[copy]
 

@@ -447,6 +447,7 @@ class Episodes:
     def _achieved(self, own: Part) -> tuple[np.ndarray, np.ndarray]:
         """Return what some copies have achieved and what is desired, (n, K) each."""
         assert self.goals is not None
+        assert self._achieve is not None
         achieved, desired = np.empty((2, len(own.out), self.goals.size))
         self._achieve(*own[:2], achieved, desired)
         return achieved, desired
@@ -632,7 +633,9 @@ class Episodes:
         self._finish = SameTypes(finish)
         self._observe = SameTypes(observe)
         self._move = None if self.task.move is None else SameTypes(self.task.move)
-        self._achieve = SameTypes(self.task.achieve) if self.goals else None
+        self._achieve = (
+            None if self.goals is None or self.task.achieve is None else SameTypes(self.task.achieve)
+        )
         self._remember = None if self.task.remember is None else SameTypes(self.task.remember)
         self._bound = SameTypes(observation.bound)
 
