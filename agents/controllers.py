@@ -270,14 +270,15 @@ def _corner_arms() -> np.ndarray:
 def balance_torque(task: Task, observations: np.ndarray) -> np.ndarray:
     """SpringBalance: the tilt that gives the ball the acceleration it should have, and torques to that tilt.
 
-    On a slope the ball slides with g n; of the place, −ω²r is wanted, of its error −9 e − 5 e'. The torque is
-    I₁ (60 n×n* − 12 ω⊥), I₁ = 0.11 kg·m², and carries the plate, Mgl n×z, and the ball, m g r×z.
+    On a slope the ball rolls with 5/7 g n; of the place, −ω²r is wanted, of its error −9 e − 5 e'. The torque
+    is I₁ (60 n×n* − 12 ω⊥), I₁ = 0.11 kg·m², and carries the plate, Mgl n×z, and the ball, m g r×z.
     """
     seen = task.seen(observations)
     place, away = seen["place"], np.zeros((len(observations), 1))
     rate = _dot(seen["place_velocity"], seen["place_velocity"]) / np.maximum(_dot(place, place), 1e-6)
     falling = seen["velocity"] - seen["place_velocity"]
-    wanted = np.clip((-rate * place - 9.0 * seen["offset"] - 5.0 * falling) / G, -0.25, 0.25)
+    rolling = -rate * place - 9.0 * seen["offset"] - 5.0 * falling
+    wanted = np.clip(rolling / (5.0 / 7.0 * G), -0.25, 0.25)
     error = np.hstack([seen["axis"] - wanted, away])
     carried = np.hstack([1.84 * seen["axis"] + 0.2 * G * (place + seen["offset"]), away])
     torque = np.cross(carried + 0.11 * 60.0 * error, UP)[:, :2] - 0.11 * 12.0 * seen["turning"]

@@ -67,7 +67,7 @@ def test_a_ball_in_the_air_earns_nothing() -> None:
     env.reset(seed=0)
     simulator = env.unwrapped.episodes.simulator
     x, v = simulator.positions, simulator.velocities
-    x[0, -1, 2] += 0.1
+    x[0, 8:, 2] += 0.1
     simulator.place(x, v)
     _, reward, terminated, _, info = env.step(np.zeros(2))
     assert info["gap"] > 0.02
