@@ -410,21 +410,23 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     """SpringJuggle: hit the next ball at the height of home, with the speed and tilt to send it on.
 
     It is to be up for T = 2√(2h/g), and to come down on its vertical: it leaves with gT/2 upwards and −r/T
-    sideways. A smooth paddle changes its velocity along the normal alone: the axis is to be along u = v' − v,
-    and the paddle to move at v·n + s, with the speed s = 1.07 |u|/(1 + e) at which they meet: e is the
-    restitution, and the paddle yields like a mass of 1/0.07 balls. It comes on a straight line within the
-    last 0.15 s, by 400 (way) + 40 (speed) in force and torque. Of two balls, one is to come half of T after
-    the other: half of what it comes too early or late is added to T.
+    sideways. Friction stops the slip across the normal n, P (v − ρ ω×n), which takes 2/7 of it from the
+    velocity of a solid ball of radius ρ. So the axis is to be along u = v' − v + 2/7 P (v − ρ ω×n), found in
+    four rounds, and the paddle to move at v·n + s, with the speed s = 1.07 |u|/(1 + e) at which they meet: e
+    is the restitution, and the paddle yields like a mass of 1/0.07 balls. It comes on a straight line within
+    the last 0.15 s, by 400 (way) + 40 (speed) in force and torque. Of two balls, one is to come half of T
+    after the other: half of what it comes too early or late is added to T.
     """
     seen = task.seen(observations)
     rows, names = np.arange(len(observations)), ("", "other_")[: task.balls]
     ball = np.stack([seen[f"{name}ball"] for name in names])
     velocity = np.stack([seen[f"{name}ball_velocity"] for name in names])
+    spin = np.stack([seen[f"{name}spin"] for name in names])
     height = np.maximum(ball[..., 2] - juggle.BALL_RADIUS - 0.003, 0.0)
     left = (velocity[..., 2] + np.sqrt(velocity[..., 2] ** 2 + 2.0 * G * height)) / G
     first, last, here = left.argmin(axis=0), left.max(axis=0), (left.argmin(axis=0), rows)
     column = np.array(task.columns)[first, None] * [1.0, 0.0]
-    ball, velocity, left = ball[here], velocity[here], left[here]
+    ball, velocity, spin, left = ball[here], velocity[here], spin[here], left[here]
     error = np.stack([seen[f"{name}error"][:, 0] for name in names])[here]
     up = np.sqrt(8.0 / G * np.maximum(seen["wanted"][:, 0] - 0.3 * error, 0.05))
     if task.balls == 2:
@@ -434,10 +436,14 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     leaving = np.column_stack([(column - place[:, :2]) / up[:, None], G * up / 2.0])
     change = leaving - velocity
     change[:, 2] += G * left
-    size = np.linalg.norm(change, axis=1)
-    normal = change / size[:, None]
+    struck, push = leaving - change, change
+    for _ in range(4):
+        size = np.linalg.norm(push, axis=1)
+        normal = push / size[:, None]
+        slip = struck - juggle.BALL_RADIUS * np.cross(spin, normal)
+        push = change + 2.0 / 7.0 * (slip - _dot(slip, normal) * normal)
     meeting = 1.07 * size / (1.0 + task.contact.restitution)
-    speed = (_dot(leaving - change, normal) + meeting[:, None]) * normal
+    speed = (_dot(struck, normal) + meeting[:, None]) * normal
     axis = np.hstack([seen["axis"], np.sqrt(np.maximum(1.0 - _dot(seen["axis"], seen["axis"]), 0.0))])
     aside = np.column_stack([column, -_dot(column, normal[:, :2]) / normal[:, 2:]])
     way = place - aside - speed * np.minimum(left, 0.15)[:, None] - seen["paddle"] - juggle.HEIGHT / 4 * axis
