@@ -291,11 +291,12 @@ def _pushed(
     along: np.ndarray,
     turned: np.ndarray,
     done: np.ndarray,
+    taken: float,
 ) -> np.ndarray:
     """Force (n, 2) in N on a ball that brings a box on and turns it back, by pushing at its faces.
 
     The ball goes around the box to the face from which it is to be pushed, and to a place on it 0.25 m a
-    radian off the middle. Its force is 8 kg/s times what its velocity lacks, and what friction takes.
+    radian off the middle. Its force is 11 kg/s times what its velocity lacks, and what the box takes.
 
     Parameters
     ----------
@@ -309,6 +310,8 @@ def _pushed(
         By how much it is turned too far [rad].
     done : (n,)
         Whether the ball is to stop.
+    taken
+        Force that it takes to push the box [N].
     """
     rows, at, across = np.arange(len(along)), seen["beside"], 1 - along
     turn = _axes(seen)
@@ -330,10 +333,9 @@ def _pushed(
     near = np.abs(around) < 0.75
     wanted[near] = closing[near]
     wanted[done] = 0.0
-    size = np.maximum(np.linalg.norm(wanted, axis=1, keepdims=True), 0.02)
-    force = 8.0 * (wanted - velocity) + 4.0 * wanted / size
+    force = 11.0 * (wanted - velocity)
     pushing = near & (gap < 0.03) & ~done
-    force[rows, along] -= side * 4.0 * pushing * aligned
+    force[rows, along] -= side * taken * pushing * aligned
     return np.einsum("nji,nj->ni", turn, force)
 
 
@@ -357,7 +359,7 @@ def shove_push(task: Task, observations: np.ndarray) -> np.ndarray:
     serves = (np.abs(lacking[rows, here]) > 0.02) & (at[rows, here] * lacking[rows, here] < 0)
     along = np.where(serves, here, np.abs(lacking).argmax(axis=1))
     done = (np.abs(lacking).max(axis=1) < 0.03) & (np.abs(heading) < 0.12)
-    return _saturated(_pushed(seen, lacking, along, heading, done), task.limits)
+    return _saturated(_pushed(seen, lacking, along, heading, done, 5.0), task.limits)
 
 
 def stack_push(task: Task, observations: np.ndarray) -> np.ndarray:
@@ -376,7 +378,7 @@ def stack_push(task: Task, observations: np.ndarray) -> np.ndarray:
     steered = np.clip(aside / np.maximum(ahead - 0.1, 0.05), -0.4, 0.4)
     turned -= np.where(sideways, 0.0, steered * np.clip(10.0 * ahead - 1.0, 0.0, 1.0))
     done = (np.hypot(ahead, aside) < 0.02) | (lacking[:, 0] < 0.01) & (ahead < 0.2)
-    return _saturated(_pushed(seen, lacking, np.where(sideways, 1, 0), turned, done), task.limits)
+    return _saturated(_pushed(seen, lacking, np.where(sideways, 1, 0), turned, done, 6.5), task.limits)
 
 
 def labyrinth_tilt(task: labyrinth.SpringLabyrinth, observations: np.ndarray) -> np.ndarray:
