@@ -298,8 +298,9 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     - `observation`: see above.
     - `friction=0.3`: a smoother floor than the usual one (0.4).
     - `hard=True`: a box up to 1.2 m away, and turned any way.
-    - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (1.25e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it is. A ball that rolls has no
+      rigid twin.
 
     ## Version History
     - v0: first.
