@@ -51,8 +51,9 @@ there are several. The second line of a cell is the return per step, which is at
 exploration.
 """
 CHANGED = """Tasks marked † have changed since some of their rows were made: the simulator computes
-contact, or a control period, slightly differently now. Those rows describe the task as it was. The mean
-reward of given actions from given starts has changed by {most:.1e} or less.
+contact, or a control period, slightly differently now, and the balls of SpringBalance, SpringShove,
+SpringStack and SpringJuggle, which slid, roll. Those rows describe the task as it was. The mean reward of
+given actions from given starts has changed by {most:.1e} or less.
 """
 AGENTS = """## Trained agents
 
