@@ -97,6 +97,8 @@ commit give the same curve, to the bit.
   environment.
 - All algorithms start from nothing, with one exception. PPO of `SpringDuel-v0` and `SpringDuelStrong-v0`
   [imitates](training.md#begin-with-what-is-known) classical control in its first 400,000 steps.
+  So do the agents of `SpringShove-v0` and `SpringStack-v0` that the package contains, in their first 250,000;
+  the rows of these tasks were made from nothing.
 - Each copy of a training batch has its own seed, spawned from the seed of the run. In older rows the seeds
   of the copies counted on from it, so that runs of a task shared most of their starts.
 - Seconds are processor time of one core, so they do not depend on what else the machine does.

@@ -232,7 +232,7 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
 
     | `observation` | entries | meaning | unit of 1.0 |
     |---|---|---|---|
-    | `"particles"` | 0–29 | positions of ring particles 0–5, crown, and three of the ball, from the place | 0.25 m |
+    | `"particles"` | 0–29 | ring particles 0–5, crown, and three of the ball, from the place | 0.25 m |
     | | 30–59 | their velocities | 0.5 m/s |
     | | 60, 61 | velocity x, y of the place | 1 m/s |
     | | 62 | its angular velocity on the circle | 1 rad/s |

@@ -171,7 +171,7 @@ class SpringJuggle(Task):
     @cached_property
     def scene(self) -> Scene:
         balls = [
-            Placed(self.ball, self.ball.positions + (column, 0.0, 0.5), name=name)
+            Placed(self.ball, self.ball.positions + np.array([column, 0.0, 0.5]), name=name)
             for column, name in zip(self.columns, ("ball", "other"), strict=False)
         ]
         paddle = Placed(self.paddle, self._shape, wrench=WrenchActuator(axial=False), name="paddle")
@@ -263,8 +263,8 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     height. Each bounce takes some of the ball's energy, and a bounce off the middle throws it aside. So an
     agent has to hit it at the right time and place, with the right speed and tilt. 19 springs hold the
     paddle, a ring of 6 particles and a crown, flat above, and a tip below. The ball is solid and turns: six
-    particles, joined by 15 springs, carry a sphere of 5 cm. Friction (0.3) gives it spin where the paddle hits
-    it askew, and the spin throws it aside at the next hit.
+    particles, joined by 15 springs, carry a sphere of 5 cm. Friction (0.3) gives it spin where the paddle
+    hits it askew, and the spin throws it aside at the next hit.
 
     ## Action Space
     `Box(-1, 1, (5,), float32)`, held for a control period of 20 ms.
@@ -281,7 +281,7 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
 
     | `observation` | entries | meaning | unit of 1.0 |
     |---|---|---|---|
-    | `"particles"` | 0–20 | positions of ring particles 0, 2, 4, crown, and three of the ball, from home | 0.25 m |
+    | `"particles"` | 0–20 | ring particles 0, 2, 4, crown, and three of the ball, from home | 0.25 m |
     | | 21–32 | velocities of the paddle's particles | 1 m/s |
     | | 33–41 | velocities of the ball's | 2 m/s |
     | | 42 | wanted height | 1 m |

@@ -237,8 +237,8 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     ## Description
     A ball pushes a box over the floor. Bring the box to its place, and turn it to its heading. The ball can
     only push. To move the box another way, it has to go around the box; to turn the box, it has to push
-    beside its middle. The box has 8 corners and 28 springs. The ball is solid and rolls: six particles, joined
-    by 15 springs, carry a sphere of 10 cm. It does not stop by itself.
+    beside its middle. The box has 8 corners and 28 springs. The ball is solid and rolls: six particles,
+    joined by 15 springs, carry a sphere of 10 cm. It does not stop by itself.
 
     The target lies at the origin and points along x: the world's axes are those of the target.
 

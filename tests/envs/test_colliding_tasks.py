@@ -76,7 +76,6 @@ def test_the_ball_rolls_down_a_plate_that_is_held() -> None:
     assert abs(after.balance[0] - before.balance[0]) < 1e-3 * fallen
 
 
-
 def test_the_place_moves_on_its_circle() -> None:
     """By ωT a period, in every copy by its own ω, and alone as in a batch."""
     envs = make_vec("SpringBalance-v0", 3, "native", "Disabled")
