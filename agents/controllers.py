@@ -270,14 +270,15 @@ def _corner_arms() -> np.ndarray:
 def balance_torque(task: Task, observations: np.ndarray) -> np.ndarray:
     """Control SpringBalance with torques to the tilt that accelerates the ball as it should.
 
-    On a slope the ball slides with g n; of the place, −ω²r is wanted, of its error −9 e − 5 e'. The torque is
-    I₁ (60 n×n* − 12 ω⊥), I₁ = 0.11 kg·m², and carries the plate, Mgl n×z, and the ball, m g r×z.
+    On a slope the ball rolls with 5/7 g n; of the place, −ω²r is wanted, of its error −9 e − 5 e'. The torque
+    is I₁ (60 n×n* − 12 ω⊥), I₁ = 0.11 kg·m², and carries the plate, Mgl n×z, and the ball, m g r×z.
     """
     seen = task.seen(observations)
     place, away = seen["place"], np.zeros((len(observations), 1))
     rate = _dot(seen["place_velocity"], seen["place_velocity"]) / np.maximum(_dot(place, place), 1e-6)
     falling = seen["velocity"] - seen["place_velocity"]
-    wanted = np.clip((-rate * place - 9.0 * seen["offset"] - 5.0 * falling) / G, -0.25, 0.25)
+    rolling = -rate * place - 9.0 * seen["offset"] - 5.0 * falling
+    wanted = np.clip(rolling / (5.0 / 7.0 * G), -0.25, 0.25)
     error = np.hstack([seen["axis"] - wanted, away])
     carried = np.hstack([1.84 * seen["axis"] + 0.2 * G * (place + seen["offset"]), away])
     torque = np.cross(carried + 0.11 * 60.0 * error, UP)[:, :2] - 0.11 * 12.0 * seen["turning"]
@@ -290,11 +291,12 @@ def _pushed(
     along: np.ndarray,
     turned: np.ndarray,
     done: np.ndarray,
+    taken: float,
 ) -> np.ndarray:
     """Return the force (n, 2) in N on a ball that brings a box on and turns it back, by pushing at its faces.
 
     The ball goes around the box to the face from which it is to be pushed, and to a place on it 0.25 m a
-    radian off the middle. Its force is 8 kg/s times what its velocity lacks, and what friction takes.
+    radian off the middle. Its force is 11 kg/s times what its velocity lacks, and what the box takes.
 
     Parameters
     ----------
@@ -308,6 +310,8 @@ def _pushed(
         By how much it is turned too far [rad].
     done : (n,)
         Whether the ball is to stop.
+    taken
+        Force that it takes to push the box [N].
     """
     rows, at, across = np.arange(len(along)), seen["beside"], 1 - along
     turn = _axes(seen)
@@ -329,10 +333,9 @@ def _pushed(
     near = np.abs(around) < 0.75
     wanted[near] = closing[near]
     wanted[done] = 0.0
-    size = np.maximum(np.linalg.norm(wanted, axis=1, keepdims=True), 0.02)
-    force = 8.0 * (wanted - velocity) + 4.0 * wanted / size
+    force = 11.0 * (wanted - velocity)
     pushing = near & (gap < 0.03) & ~done
-    force[rows, along] -= side * 4.0 * pushing * aligned
+    force[rows, along] -= side * taken * pushing * aligned
     return np.einsum("nji,nj->ni", turn, force)
 
 
@@ -356,7 +359,7 @@ def shove_push(task: Task, observations: np.ndarray) -> np.ndarray:
     serves = (np.abs(lacking[rows, here]) > 0.02) & (at[rows, here] * lacking[rows, here] < 0)
     along = np.where(serves, here, np.abs(lacking).argmax(axis=1))
     done = (np.abs(lacking).max(axis=1) < 0.03) & (np.abs(heading) < 0.12)
-    return _saturated(_pushed(seen, lacking, along, heading, done), task.limits)
+    return _saturated(_pushed(seen, lacking, along, heading, done, 5.0), task.limits)
 
 
 def stack_push(task: Task, observations: np.ndarray) -> np.ndarray:
@@ -375,7 +378,7 @@ def stack_push(task: Task, observations: np.ndarray) -> np.ndarray:
     steered = np.clip(aside / np.maximum(ahead - 0.1, 0.05), -0.4, 0.4)
     turned -= np.where(sideways, 0.0, steered * np.clip(10.0 * ahead - 1.0, 0.0, 1.0))
     done = (np.hypot(ahead, aside) < 0.02) | (lacking[:, 0] < 0.01) & (ahead < 0.2)
-    return _saturated(_pushed(seen, lacking, np.where(sideways, 1, 0), turned, done), task.limits)
+    return _saturated(_pushed(seen, lacking, np.where(sideways, 1, 0), turned, done, 6.5), task.limits)
 
 
 def labyrinth_tilt(task: labyrinth.SpringLabyrinth, observations: np.ndarray) -> np.ndarray:
@@ -409,21 +412,23 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     """Control SpringJuggle: hit the next ball at the height of home, with the speed and tilt to send it on.
 
     It is to be up for T = 2√(2h/g), and to come down on its vertical: it leaves with gT/2 upwards and −r/T
-    sideways. A smooth paddle changes its velocity along the normal alone: the axis is to be along u = v' − v,
-    and the paddle to move at v·n + s, with the speed s = 1.07 |u|/(1 + e) at which they meet: e is the
-    restitution, and the paddle yields like a mass of 1/0.07 balls. It comes on a straight line within the
-    last 0.15 s, by 400 (way) + 40 (speed) in force and torque. Of two balls, one is to come half of T after
-    the other: half of what it comes too early or late is added to T.
+    sideways. Friction stops the slip across the normal n, P (v − ρ ω×n), which takes 2/7 of it from the
+    velocity of a solid ball of radius ρ. So the axis is to be along u = v' − v + 2/7 P (v − ρ ω×n), found in
+    four rounds, and the paddle to move at v·n + s, with the speed s = 1.07 |u|/(1 + e) at which they meet: e
+    is the restitution, and the paddle yields like a mass of 1/0.07 balls. It comes on a straight line within
+    the last 0.15 s, by 400 (way) + 40 (speed) in force and torque. Of two balls, one is to come half of T
+    after the other: half of what it comes too early or late is added to T.
     """
     seen = task.seen(observations)
     rows, names = np.arange(len(observations)), ("", "other_")[: task.balls]
     ball = np.stack([seen[f"{name}ball"] for name in names])
     velocity = np.stack([seen[f"{name}ball_velocity"] for name in names])
+    spin = np.stack([seen[f"{name}spin"] for name in names])
     height = np.maximum(ball[..., 2] - juggle.BALL_RADIUS - 0.003, 0.0)
     left = (velocity[..., 2] + np.sqrt(velocity[..., 2] ** 2 + 2.0 * G * height)) / G
     first, last, here = left.argmin(axis=0), left.max(axis=0), (left.argmin(axis=0), rows)
     column = np.array(task.columns)[first, None] * [1.0, 0.0]
-    ball, velocity, left = ball[here], velocity[here], left[here]
+    ball, velocity, spin, left = ball[here], velocity[here], spin[here], left[here]
     error = np.stack([seen[f"{name}error"][:, 0] for name in names])[here]
     up = np.sqrt(8.0 / G * np.maximum(seen["wanted"][:, 0] - 0.3 * error, 0.05))
     if task.balls == 2:
@@ -433,10 +438,14 @@ def juggle_wrench(task: juggle.SpringJuggle, observations: np.ndarray) -> np.nda
     leaving = np.column_stack([(column - place[:, :2]) / up[:, None], G * up / 2.0])
     change = leaving - velocity
     change[:, 2] += G * left
-    size = np.linalg.norm(change, axis=1)
-    normal = change / size[:, None]
+    struck, push = leaving - change, change
+    for _ in range(4):
+        size = np.linalg.norm(push, axis=1)
+        normal = push / size[:, None]
+        slip = struck - juggle.BALL_RADIUS * np.cross(spin, normal)
+        push = change + 2.0 / 7.0 * (slip - _dot(slip, normal) * normal)
     meeting = 1.07 * size / (1.0 + task.contact.restitution)
-    speed = (_dot(leaving - change, normal) + meeting[:, None]) * normal
+    speed = (_dot(struck, normal) + meeting[:, None]) * normal
     axis = np.hstack([seen["axis"], np.sqrt(np.maximum(1.0 - _dot(seen["axis"], seen["axis"]), 0.0))])
     aside = np.column_stack([column, -_dot(column, normal[:, :2]) / normal[:, 2:]])
     way = place - aside - speed * np.minimum(left, 0.15)[:, None] - seen["paddle"] - juggle.HEIGHT / 4 * axis

@@ -135,7 +135,7 @@ def baselines(row: Row, report: Report) -> list[str]:
         results = " | ".join(shown(found[task, name]) for name in names)
         lines.append(f"| `{task}`{' †' if changed else ''} | {results} |")
     if any("†" in line for line in lines):
-        lines.append("\n† The task has changed [a little](../baselines.md) since these rows were made.")
+        lines.append("\n† The task has [changed](../baselines.md) since some of these rows were made.")
     lines.append("")
     lines += learning_curves(row, report)
     for own in report["learning"]:

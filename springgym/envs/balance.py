@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
@@ -12,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, ball, rotation, top
+from springgym.bodies import Body, rolling_ball, rotation, top
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import across, torque_arrow
@@ -33,11 +32,15 @@ from springgym.theory.contact import rest_height
 PLATE, BALL = 0, 1
 """Numbers of the bodies."""
 
+CROWN = 6
+"""Number of the plate's particle in the middle of its upper side, behind those of the ring."""
+
 PERIOD = 0.02  # [s]
 RADIUS, HEIGHT = 0.5, 0.25  # of the plate, and of its upper side above the pinned tip [m]
 PLATE_MASS, BALL_MASS = 1.0, 0.2  # [kg]
 BALL_RADIUS = 0.06  # [m]
 TORQUE, WEAK_TORQUE = 3.0, 1.5  # and what hard=True leaves of it [N·m]
+FRICTION = 0.5  # between both
 REACH, STRENGTH = 5e-3, 1e-4  # of the contact: Δ [m], c [N·m²]
 ORBIT = (0.05, 0.2)  # radius of the circle that the place moves on [m]
 RATE, HARD_RATE = (0.4, 1.2), (1.2, 2.0)  # its angular velocity [rad/s]
@@ -52,8 +55,7 @@ TILT_UNIT, TURNING_UNIT = 0.2, 1.0  # of the axis [1], of the plate's angular ve
 @compiled
 def gap_of(m: Measures, x: np.ndarray, c: int) -> float:
     """Return the height of the ball above the plate's plane [m]."""
-    crown = x.shape[1] - 3
-    return height_above(x[c, crown], m.centre[c, BALL], m.axis[c, PLATE]) - BALL_RADIUS
+    return height_above(x[c, CROWN], m.centre[c, BALL], m.axis[c, PLATE]) - BALL_RADIUS
 
 
 @kernel
@@ -124,19 +126,19 @@ class SpringBalance(Task):
         hard: bool = False,
     ) -> None:
         super().__init__(observation, action)
-        self.contact = Contact(restitution=restitution, strength=STRENGTH, reach=REACH)
+        self.contact = Contact(friction=FRICTION, restitution=restitution, strength=STRENGTH, reach=REACH)
         self.torque, self.rate = (WEAK_TORQUE, HARD_RATE) if flag("hard", hard) else (TORQUE, RATE)
         self.plate: Body = top(6, RADIUS, HEIGHT, PLATE_MASS, stiffness=1.6e4, damping=5.0)
-        self.ball = ball(BALL_RADIUS, BALL_MASS)
+        self.ball = rolling_ball(BALL_RADIUS, BALL_MASS, stiffness=2e3, damping=0.5)
 
     @cached_property
     def scene(self) -> Scene:
-        crown, tip = self.plate.particle("crown"), self.plate.particle("tip")
-        above = self.plate.positions[crown] + np.array([0.0, 0.0, BALL_RADIUS + self._height({})])
+        tip = self.plate.particle("tip")
+        above = self.plate.positions[CROWN] + (0.0, 0.0, BALL_RADIUS + self._height({}))
         return Scene(
             bodies=(
                 Placed(self.plate, pinned=(tip,), wrench=WrenchActuator(axial=False), name="plate"),
-                Placed(self.ball, above[None], name="ball"),
+                Placed(self.ball, above + self.ball.positions, name="ball"),
             ),
             collisions=self.contact,
         )
@@ -148,9 +150,10 @@ class SpringBalance(Task):
 
     @cached_property
     def particles(self) -> ObservedParticles:
-        moving = np.flatnonzero(self.scene.free)
-        places, speeds = np.full(len(self.scene.free), 0.25), np.full(len(self.scene.free), 0.5)
-        return ObservedParticles(tuple(moving.tolist()), places, speeds, about="goal")
+        count = len(self.scene.free)
+        ball = len(self.plate.masses)
+        seen = (*range(CROWN + 1), ball, ball + 1, ball + 3)  # the last is opposite to the first
+        return ObservedParticles(seen, np.full(count, 0.25), np.full(count, 0.5), about="goal")
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         low = (0.0, -math.pi, 0.0, -math.pi, ORBIT[0], -math.pi, self.rate[0], -1.0)
@@ -162,12 +165,12 @@ class SpringBalance(Task):
         rate = number(options, "rate", math.copysign(rate, sense), -3.0, 3.0)
         lean = (-math.sin(azimuth), math.cos(azimuth), 0.0)
         shape = factors["scale"] * self.plate.positions
-        height = shape[self.plate.particle("crown"), 2] + BALL_RADIUS + self._height(factors)
+        height = shape[CROWN, 2] + BALL_RADIUS + self._height(factors)
         resting = np.array([away * math.cos(bearing), away * math.sin(bearing), height])
         turn = rotation(lean, tilt)
         place = (radius * math.cos(phase), radius * math.sin(phase), HEIGHT + BALL_RADIUS)
         goal = (*place, -rate * place[1], rate * place[0], rate)
-        positions = np.vstack([shape, resting]) @ turn.T
+        positions = np.vstack([shape, resting + self.ball.positions]) @ turn.T
         return Start(positions, np.zeros_like(positions), goal)
 
     @property
@@ -178,8 +181,7 @@ class SpringBalance(Task):
         return {"plate.torque": self.torque * np.pad(action, ((0, 0), (0, 1)))}
 
     def look(self) -> Look:
-        radii = np.append(np.zeros(len(self.plate.masses)), BALL_RADIUS)
-        return replace(film.look(self.scene), radii=radii, ball_colors=ORANGE)
+        return film.look(self.scene, colors={"ball": ORANGE})
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.2), 1.3, elevation=0.6)
@@ -213,8 +215,8 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
     ## Description
     A plate stands with its tip on a stick, as a juggler's does, and a ball lies on it. Keep the ball at a
     place that moves on a circle; neither plate nor ball stays by itself. 19 springs hold the plate, a ring of
-    6 particles and a crown, flat above, with a pinned tip below. The ball is one particle with a radius. It
-    slides without friction, and bounces.
+    6 particles and a crown, flat above, with a pinned tip below. The ball is solid and rolls: six particles,
+    joined by 15 springs, carry a sphere of 6 cm. It skids where friction (0.5) cannot hold it, and bounces.
 
     ## Action Space
     `Box(-1, 1, (2,), float32)`, held for a control period of 20 ms.
@@ -230,10 +232,10 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
 
     | `observation` | entries | meaning | unit of 1.0 |
     |---|---|---|---|
-    | `"particles"` | 0–23 | positions of ring particles 0–5, crown and ball, from the place | 0.25 m |
-    | | 24–47 | their velocities | 0.5 m/s |
-    | | 48, 49 | velocity x, y of the place | 1 m/s |
-    | | 50 | its angular velocity on the circle | 1 rad/s |
+    | `"particles"` | 0–29 | ring particles 0–5, crown, and three of the ball, from the place | 0.25 m |
+    | | 30–59 | their velocities | 0.5 m/s |
+    | | 60, 61 | velocity x, y of the place | 1 m/s |
+    | | 62 | its angular velocity on the circle | 1 rad/s |
     | `"frame"` | 0, 1 | ball x, y, from the place | 0.2 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | axis of the plate x, y | 0.2 |
@@ -270,8 +272,9 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
     - `observation`: see above.
     - `restitution=0.8`: a ball that bounces more than the usual one (0.3).
     - `hard=True`: torques up to 1.5 N·m, and a place that moves at U(1.2, 2) rad/s.
-    - `integrator` ("verlet"), `step` (1.67e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (1.67e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it is. A ball that rolls has no
+      rigid twin.
 
     ## Version History
     - v0: first.

@@ -331,7 +331,8 @@ class Episodes:
         if self.simulator.dynamics == "rigid":
             return
         first, second = self._ends
-        scale = np.array([[factors["scale"]] for factors in drawn])
+        scales = np.array([[factors["scale"]] for factors in drawn])
+        scale = randomisation.stretched(self.simulator.scene, scales)
         apart = positions.take(second, axis=1) - positions.take(first, axis=1)
         length = np.sqrt((apart * apart).sum(axis=-1))
         strain = np.abs(length / (scale * self._lengths) - 1).max(axis=1, initial=0.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
@@ -12,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, ball, top
+from springgym.bodies import Body, rolling_ball, top
 from springgym.checks import flag, whole
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.arrows import across, torque_arrow
@@ -32,11 +31,15 @@ from springgym.surfaces import Contact
 PADDLE, BALL = 0, 1
 """Numbers of the bodies; a second ball follows the first."""
 
+CROWN = 6
+"""Number of the paddle's particle in the middle of its upper side, behind those of the ring."""
+
 FALL = -GRAVITY[2]  # [m/s²]
 RADIUS, HEIGHT = 0.3, 0.25  # of the paddle, and of its upper side above its tip [m]
 PADDLE_MASS, BALL_MASS = 1.0, 0.03  # [kg]
 BALL_RADIUS = 0.05  # [m]
 FORCE, TORQUE = 30.0, 1.5  # beside the force that carries the paddle [N], [N·m]
+FRICTION = 0.3  # between paddle and ball, and between balls
 REACH, STRENGTH = 0.01, 1e-3  # of the contact: Δ [m], c [N·m²]
 STRUCK = 0.9 * REACH  # closer to the paddle, a ball is being hit: it rests at 0.985 Δ [m]
 WANTED, HARD_WANTED = (0.4, 0.7), (0.4, 1.0)  # what height is asked for [m]
@@ -46,7 +49,7 @@ TIPPED = 0.8  # and its tilt [rad]
 COLUMN = 0.12  # where two balls bounce, to the left and to the right of home [m]
 ASIDE = 0.5  # how far a ball may stray from its vertical [m]
 WAY_UNIT, SPEED_UNIT = 0.1, 1.0  # what the compact observation shows as 1 of the paddle: [m], [m/s]
-BALL_WAY_UNIT, BALL_SPEED_UNIT = 0.25, 2.0  # of the ball [m], [m/s]
+BALL_WAY_UNIT, BALL_SPEED_UNIT, SPIN_UNIT = 0.25, 2.0, 10.0  # of the ball [m], [m/s], [rad/s]
 TILT_UNIT, TURNING_UNIT = 0.2, 3.0  # of the axis [1], of the paddle's angular velocity [rad/s]
 
 
@@ -69,7 +72,6 @@ def column_of(balls: int, ball: int) -> float:
 @kernel
 def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
     balls = m.centre.shape[1] - 1
-    crown = s.x.shape[1] - 2 - balls
     for c in range(out.shape[0]):
         paddle, n = m.centre[c, PADDLE], m.axis[c, PADDLE]
         high, true, worst, farthest, met, dropped = 0.0, 0.0, 0.0, 0.0, True, False
@@ -77,7 +79,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
             ball = m.centre[c, k]
             error = apex_of(ball[2], m.centre_velocity[c, k, 2]) - s.goal[c, 0]
             aside = math.hypot(ball[0] - column_of(balls, k), ball[1])
-            above = height_above(s.x[c, crown], ball, n)
+            above = height_above(s.x[c, CROWN], ball, n)
             high += long_tail(error, 0.3, 0.03)
             true += gaussian(error, 0.15, 0.03) * gaussian(aside, 0.3, 0.05)
             worst = error if abs(error) > abs(worst) else worst
@@ -85,7 +87,7 @@ def evaluate(m: Measures, s: Situation, out: np.ndarray) -> None:
             struck = above - BALL_RADIUS < STRUCK
             met = met and (abs(error) < 0.08 or struck) and aside < 0.1
             dropped = dropped or above < 0.0
-        strayed = max(math.hypot(paddle[0], paddle[1]), abs(s.x[c, crown, 2]))
+        strayed = max(math.hypot(paddle[0], paddle[1]), abs(s.x[c, CROWN, 2]))
         effort = thrift(s.action, c)
         out["reward_high"][c] = 0.5 * effort * high / balls
         out["reward_true"][c] = 0.5 * effort * true / balls
@@ -108,12 +110,13 @@ def compact(m: Measures, s: Situation, observation: np.ndarray) -> None:
             observation[c, 8 + axis] = m.angular_velocity[c, PADDLE, axis] / TURNING_UNIT
         observation[c, 10] = s.goal[c, 0] / BALL_WAY_UNIT
         for k in range(balls):
-            first, ball = 11 + 7 * k, BALL + k
+            first, ball = 11 + 10 * k, BALL + k
             apex = apex_of(m.centre[c, ball, 2], m.centre_velocity[c, ball, 2])
             for axis in range(3):
                 observation[c, first + axis] = m.centre[c, ball, axis] / BALL_WAY_UNIT
                 observation[c, first + 3 + axis] = m.centre_velocity[c, ball, axis] / BALL_SPEED_UNIT
-            observation[c, first + 6] = (apex - s.goal[c, 0]) / WAY_UNIT
+                observation[c, first + 6 + axis] = m.angular_velocity[c, ball, axis] / SPIN_UNIT
+            observation[c, first + 9] = (apex - s.goal[c, 0]) / WAY_UNIT
 
 
 def ball_entries(which: str) -> tuple[Entry, ...]:
@@ -121,6 +124,7 @@ def ball_entries(which: str) -> tuple[Entry, ...]:
     return (
         Entry(f"{which}ball", 3, BALL_WAY_UNIT),
         Entry(f"{which}ball_velocity", 3, BALL_SPEED_UNIT),
+        Entry(f"{which}spin", 3, SPIN_UNIT),
         Entry(f"{which}error", 1, WAY_UNIT),
     )
 
@@ -159,15 +163,15 @@ class SpringJuggle(Task):
         """where each ball is to bounce: x of its vertical [m]"""
         if balls == 2:
             self.entries = (*type(self).entries, *ball_entries("other_"))
-        self.contact = Contact(restitution=restitution, strength=STRENGTH, reach=REACH)
+        self.contact = Contact(friction=FRICTION, restitution=restitution, strength=STRENGTH, reach=REACH)
         self.wanted = HARD_WANTED if flag("hard", hard) else WANTED
         self.paddle: Body = top(6, RADIUS, HEIGHT, PADDLE_MASS, stiffness=1e5, damping=60.0)
-        self.ball = ball(BALL_RADIUS, BALL_MASS)
+        self.ball = rolling_ball(BALL_RADIUS, BALL_MASS, stiffness=2e3, damping=0.2)
 
     @cached_property
     def scene(self) -> Scene:
         balls = [
-            Placed(self.ball, np.array([[column, 0.0, 0.5]]), name=name)
+            Placed(self.ball, self.ball.positions + np.array([column, 0.0, 0.5]), name=name)
             for column, name in zip(self.columns, ("ball", "other"), strict=False)
         ]
         paddle = Placed(self.paddle, self._shape, wrench=WrenchActuator(axial=False), name="paddle")
@@ -176,13 +180,14 @@ class SpringJuggle(Task):
     @cached_property
     def _shape(self) -> np.ndarray:
         """Return the paddle's particles, its crown at the origin [m]."""
-        return self.paddle.positions - self.paddle.positions[self.paddle.particle("crown")]
+        return self.paddle.positions - self.paddle.positions[CROWN]
 
     @cached_property
     def particles(self) -> ObservedParticles:
-        count = len(self.paddle.masses)
-        seen = (0, 2, 4, self.paddle.particle("crown"), *range(count, count + self.balls))
-        speeds = np.append(np.ones(count), np.full(self.balls, BALL_SPEED_UNIT))
+        count, size = len(self.paddle.masses), len(self.ball.masses)
+        of_balls = [count + size * k + n for k in range(self.balls) for n in (0, 1, 3)]  # 3 is opposite to 0
+        seen = (0, 2, 4, CROWN, *of_balls)
+        speeds = np.append(np.ones(count), np.full(size * self.balls, BALL_SPEED_UNIT))
         return ObservedParticles(seen, np.full(len(speeds), 0.25), speeds)
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
@@ -193,13 +198,15 @@ class SpringJuggle(Task):
         height = number(options, "height", height, 0.1, 1.0)
         away = number(options, "away", away, 0.0, 0.2)
         dropped = [self.columns[0] + away * math.cos(bearing), away * math.sin(bearing), height + BALL_RADIUS]
-        positions = np.vstack([factors["scale"] * self._shape, dropped])
+        positions = np.vstack([factors["scale"] * self._shape, dropped + self.ball.positions])
         velocities = np.zeros_like(positions)
-        velocities[-1, :2] = east, north
+        velocities[len(self._shape) :, :2] = east, north
         if self.balls == 2:  # the other has just left the paddle, and comes to the height that is asked for
             begun = [self.columns[1], 0.0, 2 * BALL_RADIUS]
             speed = math.sqrt(2.0 * FALL * max(wanted - BALL_RADIUS, 0.0))
-            positions, velocities = np.vstack([positions, begun]), np.vstack([velocities, [0.0, 0.0, speed]])
+            rising = np.tile([0.0, 0.0, speed], (len(self.ball.masses), 1))
+            positions = np.vstack([positions, begun + self.ball.positions])
+            velocities = np.vstack([velocities, rising])
         return Start(positions, velocities, (wanted,))
 
     @property
@@ -213,8 +220,7 @@ class SpringJuggle(Task):
         return {"paddle.force": force, "paddle.torque": torque}
 
     def look(self) -> Look:
-        radii = np.append(np.zeros(len(self.paddle.masses)), np.full(self.balls, BALL_RADIUS))
-        return replace(film.look(self.scene), radii=radii, ball_colors=ORANGE)
+        return film.look(self.scene, colors={placed.name: ORANGE for placed in self.scene.bodies[BALL:]})
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.3), 1.5, elevation=0.2)
@@ -256,8 +262,9 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     A paddle hangs in the air and a ball falls onto it. Keep the ball bouncing, straight up, to a given
     height. Each bounce takes some of the ball's energy, and a bounce off the middle throws it aside. So an
     agent has to hit it at the right time and place, with the right speed and tilt. 19 springs hold the
-    paddle, a ring of 6 particles and a crown, flat above, and a tip below. The ball is one smooth particle
-    with a radius.
+    paddle, a ring of 6 particles and a crown, flat above, and a tip below. The ball is solid and turns: six
+    particles, joined by 15 springs, carry a sphere of 5 cm. Friction (0.3) gives it spin where the paddle
+    hits it askew, and the spin throws it aside at the next hit.
 
     ## Action Space
     `Box(-1, 1, (5,), float32)`, held for a control period of 20 ms.
@@ -274,10 +281,10 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
 
     | `observation` | entries | meaning | unit of 1.0 |
     |---|---|---|---|
-    | `"particles"` | 0–14 | positions of ring particles 0, 2, 4, crown and ball, from home | 0.25 m |
-    | | 15–26 | velocities of the paddle's particles | 1 m/s |
-    | | 27–29 | velocity of the ball | 2 m/s |
-    | | 30 | wanted height | 1 m |
+    | `"particles"` | 0–20 | ring particles 0, 2, 4, crown, and three of the ball, from home | 0.25 m |
+    | | 21–32 | velocities of the paddle's particles | 1 m/s |
+    | | 33–41 | velocities of the ball's | 2 m/s |
+    | | 42 | wanted height | 1 m |
     | `"frame"` | 0–2 | the paddle's centre of mass, from the home of its upper side | 0.1 m |
     | | 3–5 | its velocity | 1 m/s |
     | | 6, 7 | axis of the paddle x, y | 0.2 |
@@ -285,7 +292,8 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
     | | 10 | wanted height | 0.25 m |
     | | 11–13 | ball, from the paddle's home | 0.25 m |
     | | 14–16 | its velocity | 2 m/s |
-    | | 17 | height of its flight, less the wanted one | 0.1 m |
+    | | 17–19 | its angular velocity | 10 rad/s |
+    | | 20 | height of its flight, less the wanted one | 0.1 m |
 
     With `balls=2`, the other ball's entries follow those of the first.
 
@@ -322,8 +330,9 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
       home, and the text above holds for each. `error` and `aside` are the larger ones. The second ball starts
       on its way up to the wanted height.
     - `hard=True`: wanted heights of U(0.4, 1) m.
-    - `integrator` ("verlet"), `step` (3.13e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (3.13e-4 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it is. A ball that rolls has no
+      rigid twin.
 
     ## Version History
     - v0: first.

@@ -18,7 +18,7 @@ RANDOMIZABLE = ("masses", "stiffness", "damping", "scale", "gravity", "friction"
 """Names for which `randomize` accepts a range of factors, if the scene has them."""
 
 OF_SPRINGS = ("stiffness", "damping", "scale")
-"""Names that a rigid body does not have; ``scale`` multiplies the lengths of springs."""
+"""Names that a rigid body does not have; ``scale`` multiplies the lengths of springs, see `stretched`."""
 
 Ranges = dict[str, tuple[float, float]]
 """(low, high) of factors by name, out of `RANDOMIZABLE`."""
@@ -92,10 +92,21 @@ def drawn(ranges: Ranges, rng: Generator, options: dict[str, Any]) -> dict[str, 
     return factors
 
 
+def stretched(scene: Scene, scale: float | np.ndarray) -> np.ndarray:
+    """Return what the lengths of all springs (…, S) are multiplied by, for factors () or (…, 1).
+
+    That is ``scale``, but 1 in spheres that other bodies meet: their radius does not vary.
+    """
+    met = {n for of in (scene.meetings.first, scene.meetings.second) for n in of.tolist()}
+    spheres = [n in met and shape.turns for n, shape in enumerate(scene.shapes)]
+    springs = [len(placed.body.springs) for placed in scene.bodies]
+    return np.where(np.repeat(spheres, springs), 1.0, scale)
+
+
 def parameters(scene: Scene, ranges: Ranges, factors: Mapping[str, float]) -> dict[str, np.ndarray]:
     """Return the parameters of one copy for `Simulator.vary`, by the factors."""
-    of_bodies = {"masses": "masses", "stiffness": "stiffness", "damping": "damping", "lengths": "scale"}
-    values = {name: scene.of_bodies(name) * factors[factor] for name, factor in of_bodies.items()}
+    values = {name: scene.of_bodies(name) * factors[name] for name in ("masses", "stiffness", "damping")}
+    values["lengths"] = scene.of_bodies("lengths") * stretched(scene, factors["scale"])
     if scene.gravity is not None:
         values["gravity"] = np.array(scene.gravity) * factors["gravity"]
     if isinstance(scene.contact, Contact):

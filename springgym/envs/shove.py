@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, Unpack
 
@@ -12,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, ball, box, rotation
+from springgym.bodies import Body, box, rolling_ball, rotation
 from springgym.checks import flag
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
@@ -25,7 +24,7 @@ from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
-from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
+from springgym.scene import GRAVITY, Placed, Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.surfaces import Contact, floor
 from springgym.theory.contact import rest_height
@@ -33,10 +32,13 @@ from springgym.theory.contact import rest_height
 PUSHER, BOX = 0, 1
 """Numbers of the bodies."""
 
+CORNERS = 6
+"""Number of the first particle behind the pusher's, the first corner of the box."""
+
 SIDES = (0.3, 0.3, 0.2)  # of the box [m]
 MASS = 1.0  # of each of both [kg]
 RADIUS = 0.1  # of the pusher [m]
-FORCE = 12.0  # on the pusher; friction takes 4 N of it, and another 4 N from the box [N]
+FORCE = 12.0  # on the pusher; to push the box takes 5 N of it [N]
 SLIPPERY = 0.2  # friction between both
 REACH, STRENGTH = 0.015, 0.003  # of all contacts: Δ [m], c [N·m²]
 CLOSE, ALIGNED, SLOW = 0.08, 0.2, 0.1
@@ -161,15 +163,15 @@ class SpringShove(Task):
         self.contact = Contact(friction=friction, restitution=0.3, strength=STRENGTH, reach=REACH)
         self.turned, self.farthest = (math.pi, 1.2) if flag("hard", hard) else (1.0, 0.8)
         self.box: Body = box(SIDES, MASS, stiffness=1.8e4, damping=5.0)
-        self.pusher = ball(RADIUS, MASS)
+        self.pusher = rolling_ball(RADIUS, MASS, stiffness=1.8e4, damping=5.0)
 
     @cached_property
     def scene(self) -> Scene:
         started = self._placed((-0.5, 0.0), (0.0, 0.0), 0.0, {"masses": 1.0, "gravity": 1.0, "scale": 1.0})
         return Scene(
             bodies=(
-                Placed(self.pusher, started[:1], thrust=ThrustActuator((0,)), name="pusher"),
-                Placed(self.box, started[1:], name="box"),
+                Placed(self.pusher, started[:CORNERS], wrench=WrenchActuator(), name="pusher"),
+                Placed(self.box, started[CORNERS:], name="box"),
             ),
             surfaces=(floor(),),
             contact=self.contact,
@@ -179,18 +181,21 @@ class SpringShove(Task):
     def _placed(
         self, pusher: Level, place: Level, heading: float, factors: Mapping[str, float]
     ) -> np.ndarray:
-        """Return positions (9, 3) of pusher and box that lie on the floor [m]."""
+        """Return positions (14, 3) of pusher and box that lie on the floor [m]."""
         weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
         shape = factors["scale"] * self.box.positions @ rotation((0, 0, 1), heading).T
         shape[:, 2] += rest_height(weight / 4, STRENGTH, REACH) - shape[:, 2].min()
         shape[:, :2] += place
-        return np.vstack([(*pusher, RADIUS + rest_height(weight, STRENGTH, REACH)), shape])
+        lying = (*pusher, RADIUS + rest_height(weight, STRENGTH, REACH))
+        return np.vstack([lying + self.pusher.positions, shape])
 
     @cached_property
     def particles(self) -> ObservedParticles:
-        seen = (0, 1, 2, 3, 4)  # the pusher, and the upper corners of the box
-        level = tuple((particle, 2) for particle in seen)
-        return ObservedParticles(seen, np.full(9, 0.5), np.full(9, 0.5), skipped=level)
+        count = CORNERS + len(self.box.masses)
+        upper = tuple(range(CORNERS, CORNERS + 4))
+        seen = (0, 1, 3, *upper)  # of the pusher, 3 is opposite to 0
+        level = tuple((corner, 2) for corner in upper)
+        return ObservedParticles(seen, np.full(count, 0.5), np.full(count, 0.5), skipped=level)
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         low = (0.3, -math.pi, -self.turned, 0.35, -math.pi)
@@ -208,11 +213,10 @@ class SpringShove(Task):
         return np.full(2, FORCE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        return {"pusher.thrust": FORCE * np.pad(action, ((0, 0), (0, 1)))[:, None]}
+        return {"pusher.force": FORCE * np.pad(action, ((0, 0), (0, 1)))}
 
     def look(self) -> Look:
-        radii = np.append(RADIUS, np.zeros(len(self.box.masses)))
-        return replace(film.look(self.scene), radii=radii, ball_colors=ORANGE)
+        return film.look(self.scene, colors={"pusher": ORANGE})
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.1), 2.0, elevation=0.9)
@@ -255,8 +259,8 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     ## Description
     A ball pushes a box over the floor. Bring the box to its place, and turn it to its heading. The ball can
     only push. To move the box another way, it has to go around the box; to turn the box, it has to push
-    beside its middle. The box has 8 corners and 28 springs. The ball is a single particle with a radius; it
-    slides.
+    beside its middle. The box has 8 corners and 28 springs. The ball is solid and rolls: six particles,
+    joined by 15 springs, carry a sphere of 10 cm. It does not stop by itself.
 
     The target lies at the origin and points along x: the world's axes are those of the target.
 
@@ -265,18 +269,20 @@ class SpringShoveEnv(SpringEnv, gym.Env):
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"push"` | 0, 1 | force on the ball along x, y | ±12 N |
+    | `"push"` | 0, 1 | force on the ball's centre along x, y | ±12 N |
 
-    Friction of the ball takes 4 N of this force, and friction of the box another 4 N. Actions outside of ±1
-    are clipped.
+    To push the box takes 5 N: 4 N against the friction of the floor, and 1 N because the ball rubs on the box
+    as it rolls. Actions outside of ±1 are clipped.
 
     ## Observation Space
     `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
 
     | `observation` | entries | meaning | unit of 1.0 |
     |---|---|---|---|
-    | `"particles"` | 0–9 | positions x, y of the ball and of the box's upper corners 0–3 | 0.5 m |
-    | | 10–19 | their velocities x, y | 0.5 m/s |
+    | `"particles"` | 0–8 | positions of three particles of the ball | 0.5 m |
+    | | 9–16 | positions x, y of the box's upper corners 0–3 | 0.5 m |
+    | | 17–25 | velocities of the ball's particles | 0.5 m/s |
+    | | 26–33 | velocities x, y of the corners | 0.5 m/s |
     | `"frame"` | 0, 1 | centre of the box x, y | 0.5 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | cosine and sine of its heading | 1 |
@@ -316,8 +322,9 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     - `hard=True`: a box up to 1.2 m away, and turned any way.
     - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
       Goals hold x, y of the box [m], cosine and sine of its heading, and its speed [m/s].
-    - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (1.25e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it is. A ball that rolls has no
+      rigid twin.
 
     ## Version History
     - v0: first.

@@ -12,13 +12,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
-from springgym.bodies import Body, ball, box, rotation
+from springgym.bodies import Body, box, rolling_ball, rotation
 from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.shove import (
     BOX,
+    CORNERS,
     FORCE,
     MASS,
     NEAR_UNIT,
@@ -40,14 +41,18 @@ from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
-from springgym.rendering.look import BLUE, GREEN, ORANGE, RED, STEEL, TEAL
-from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
+from springgym.rendering.look import GREEN, ORANGE, RED, STEEL, TEAL
+from springgym.scene import GRAVITY, Placed, Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.surfaces import Contact, floor
 from springgym.theory.contact import rest_height
 
 BLOCK, SHELF = 2, 3
 """Numbers of the bodies; pusher and box are those of SpringShove."""
+
+BLOCKS = CORNERS + 8
+SHELFS = BLOCKS + 8
+"""Numbers of the first particle of the block and of the shelf; `CORNERS` is that of the box."""
 
 SHELF_SIDES = (1.7, 1.9, 0.15)  # [m]
 SMALLEST = 0.7  # scale of bodies that randomisation makes: the ball keeps its size
@@ -118,7 +123,7 @@ class SpringStack(Task):
         super().__init__(observation, action)
         self.box: Body = box(SIDES, MASS, stiffness=1.8e4, damping=5.0)
         self.shelf: Body = box(SHELF_SIDES, 8.0, stiffness=1.8e4, damping=5.0)
-        self.pusher = ball(RADIUS, MASS)
+        self.pusher = rolling_ball(RADIUS, MASS, stiffness=1.8e4, damping=5.0)
 
     @cached_property
     def scene(self) -> Scene:
@@ -127,10 +132,10 @@ class SpringStack(Task):
         contact = Contact(friction=FRICTION, restitution=0.3, strength=STRENGTH, reach=REACH)
         return Scene(
             bodies=(
-                Placed(self.pusher, started[:1], thrust=ThrustActuator((0,)), name="pusher"),
-                Placed(self.box, started[1:9], name="box"),
-                Placed(self.box, started[9:17], name="block"),
-                Placed(self.shelf, started[17:], pinned=tuple(range(8)), name="shelf"),
+                Placed(self.pusher, started[:CORNERS], wrench=WrenchActuator(), name="pusher"),
+                Placed(self.box, started[CORNERS:BLOCKS], name="box"),
+                Placed(self.box, started[BLOCKS:SHELFS], name="block"),
+                Placed(self.shelf, started[SHELFS:], pinned=tuple(range(8)), name="shelf"),
             ),
             surfaces=(floor(),),
             contact=contact,
@@ -140,7 +145,7 @@ class SpringStack(Task):
     def _placed(
         self, place: Level, heading: float, pusher: Level, block: Level, factors: Mapping[str, float]
     ) -> np.ndarray:
-        """Return positions (25, 3) [m]: pusher and box lie on the shelf, the block on the floor."""
+        """Return positions (30, 3) of all bodies; pusher and box lie on the shelf, the block on the floor [m]."""
         scale, weight = factors["scale"], -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
         lying, top = rest_height(weight / 4, STRENGTH, REACH), scale * TOP
         turned = scale * self.box.positions @ rotation((0, 0, 1), heading).T
@@ -148,14 +153,15 @@ class SpringStack(Task):
         still = scale * self.box.positions + (*block, lying + scale * SIDES[2] / 2)
         shelf = scale * self.shelf.positions
         shelf += (-shelf[:, 0].max(), 0.0, top - shelf[:, 2].max())
-        carried = top + RADIUS + rest_height(weight, STRENGTH, REACH)
-        return np.vstack([(*pusher, carried), turned, still, shelf])
+        carried = (*pusher, top + RADIUS + rest_height(weight, STRENGTH, REACH))
+        return np.vstack([carried + self.pusher.positions, turned, still, shelf])
 
     @cached_property
     def particles(self) -> ObservedParticles:
-        seen = (0, 1, 2, 3, 4, 9, 10, 11, 12)  # the pusher, the upper corners of box and block
-        level = tuple((particle, 2) for particle in seen)
-        return ObservedParticles(seen, np.full(25, 0.5), np.full(25, 0.5), skipped=level)
+        upper = (*range(CORNERS, CORNERS + 4), *range(BLOCKS, BLOCKS + 4))
+        seen = (0, 1, 3, *upper)  # of the pusher, 3 is opposite to 0
+        level = tuple((corner, 2) for corner in upper)
+        return ObservedParticles(seen, np.full(SHELFS + 8, 0.5), np.full(SHELFS + 8, 0.5), skipped=level)
 
     def start(self, rng: Generator, options: dict[str, Any], factors: Mapping[str, float]) -> Start:
         scale = factors["scale"]
@@ -179,16 +185,13 @@ class SpringStack(Task):
         return np.full(2, FORCE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        return {"pusher.thrust": FORCE * np.pad(action, ((0, 0), (0, 1)))[:, None]}
+        return {"pusher.force": FORCE * np.pad(action, ((0, 0), (0, 1)))}
 
     def look(self) -> Look:
-        shown = film.look(self.scene)
-        colors, faces = np.array(shown.triangle_colors), len(self.box.triangles)
-        colors[faces : 2 * faces] = colors[:faces]
-        colors[faces : 2 * faces][(colors[:faces] == BLUE).all(axis=1)] = TEAL
-        colors[2 * faces :] = STEEL
-        radii = np.append(RADIUS, np.zeros(24))
-        return replace(shown, triangle_colors=colors, radii=radii, ball_colors=ORANGE)
+        shown = film.look(self.scene, colors={"pusher": ORANGE, "block": TEAL})
+        colors = np.array(shown.triangle_colors)
+        colors[-len(self.shelf.triangles) :] = STEEL
+        return replace(shown, triangle_colors=colors)
 
     def camera(self) -> Camera:
         return Camera.framing((-0.5, -0.1, 0.0), 2.1, azimuth=-1.7, elevation=0.55)
@@ -198,7 +201,7 @@ class SpringStack(Task):
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         way = m.centre[BOX] - m.centre[BLOCK]
-        corners = s.x[9:13]
+        corners = s.x[BLOCKS : BLOCKS + 4]
         return Marks(
             lines=[(corners[n], corners[n - 1]) for n in range(4)],
             arrows=[
@@ -225,7 +228,8 @@ class SpringStackEnv(SpringEnv, gym.Env):
     A box lies on a shelf, and beyond the shelf's edge a block stands on the floor. Push the box with a ball
     over the edge, so that it comes to lie on the block, square on it. The ball can only push, and it falls if
     it follows too far. The box falls if it crosses the edge where there is no block. Box and block have 8
-    corners and 28 springs each. The shelf is fixed. The ball is a single particle with a radius; it slides.
+    corners and 28 springs each. The shelf is fixed. The ball is solid and rolls: six particles, joined by 15
+    springs, carry a sphere of 10 cm. It does not stop by itself.
 
     The shelf's edge is the y axis; the shelf lies at x < 0, 22 cm above the floor, and 5 mm above the block.
 
@@ -234,18 +238,20 @@ class SpringStackEnv(SpringEnv, gym.Env):
 
     | `action` | entries | meaning | at ±1 |
     |---|---|---|---|
-    | `"push"` | 0, 1 | force on the ball along x, y | ±12 N |
+    | `"push"` | 0, 1 | force on the ball's centre along x, y | ±12 N |
 
-    Friction of the ball takes 4 N of this force, and friction of the box another 4 N. Actions outside of ±1
-    are clipped.
+    To push the box takes 6.5 N: 4.7 N against the friction of the shelf, and 1.8 N because the ball rubs on
+    the box as it rolls. Actions outside of ±1 are clipped.
 
     ## Observation Space
     `Box(-10, 10, (n,), float32)`; entries are scaled to order one and clipped.
 
     | `observation` | entries | meaning | unit of 1.0 |
     |---|---|---|---|
-    | `"particles"` | 0–17 | positions x, y of the ball, and of the upper corners of box and block | 0.5 m |
-    | | 18–35 | their velocities x, y | 0.5 m/s |
+    | `"particles"` | 0–8 | positions of three particles of the ball | 0.5 m |
+    | | 9–24 | positions x, y of the upper corners of box and block | 0.5 m |
+    | | 25–33 | velocities of the ball's particles | 0.5 m/s |
+    | | 34–49 | velocities x, y of the corners | 0.5 m/s |
     | `"frame"` | 0, 1 | centre of the box x, y, from that of the block | 0.5 m |
     | | 2, 3 | its velocity x, y | 0.5 m/s |
     | | 4, 5 | cosine and sine of its heading | 1 |
@@ -287,8 +293,9 @@ class SpringStackEnv(SpringEnv, gym.Env):
 
     ## Arguments
     - `observation`: see above.
-    - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`.
+    - `integrator` ("verlet"), `step` (1.25e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
+      `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it is. A ball that rolls has no
+      rigid twin.
 
     ## Version History
     - v0: first.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -11,7 +12,9 @@ import numpy as np
 import pytest
 
 import springgym
-from springgym.envs import duel, juggle, parallel, shove, stack
+from springgym.bodies import rotation
+from springgym.envs import balance, duel, juggle, parallel, shove, stack
+from springgym.simulator import Simulator
 from tests.envs.cases import make, make_vec, task_type
 from tests.envs.playing import play
 from tests.envs.test_cheats import classical
@@ -47,6 +50,32 @@ def test_who_fails_after_success_has_none(env_id: str, honest: int) -> None:
 # --- SpringBalance --------------------------------------------------------------------------------------
 
 
+def test_the_ball_rolls_down_a_plate_that_is_held() -> None:
+    """With 5/7 g sin α, as a solid ball does; nothing is lost.
+
+    It starts at the height where a level plate carries it. On a tilted one that is off by 1e-3 Δ at most, and
+    shakes the normal force, not the mean acceleration.
+    """
+    task = task_type("SpringBalance-v0")()
+    angle, seconds = 0.1, 0.5
+    turn = rotation((0, 1, 0), angle)
+    plate, ball = task.scene.bodies
+    held = replace(plate, positions=plate.positions @ turn.T, pinned=tuple(range(8)))
+    lying = replace(ball, positions=ball.positions @ turn.T)
+    simulator = Simulator(task.scene.with_(bodies=(held, lying)), copies=2, step=task.finest)
+    began, before = simulator.measure("ball"), simulator.measure()
+    simulator.advance(round(seconds / task.finest))
+    ended, after = simulator.measure("ball"), simulator.measure()
+    way = np.linalg.norm((ended.centre - began.centre)[0])
+    rolled = 0.5 * 5 / 7 * 9.81 * np.sin(angle) * seconds**2
+    assert way == pytest.approx(rolled, rel=1e-3)
+    down = ended.centre_velocity[0] @ turn[:, 0]
+    lever = balance.BALL_RADIUS + 0.5 * (ended.centre[0] @ turn[:, 2] - balance.HEIGHT - balance.BALL_RADIUS)
+    assert ended.angular_velocity[0] @ turn[:, 1] * lever == pytest.approx(down, rel=0.05)
+    fallen = before.gravity[0] - after.gravity[0]
+    assert abs(after.balance[0] - before.balance[0]) < 1e-3 * fallen
+
+
 def test_the_place_moves_on_its_circle() -> None:
     """By ωT a period, in every copy by its own ω, and alone as in a batch."""
     envs = make_vec("SpringBalance-v0", 3, "native", "Disabled")
@@ -67,7 +96,7 @@ def test_a_ball_in_the_air_earns_nothing() -> None:
     env.reset(seed=0)
     simulator = env.unwrapped.episodes.simulator
     x, v = simulator.positions, simulator.velocities
-    x[0, -1, 2] += 0.1
+    x[0, 8:, 2] += 0.1
     simulator.place(x, v)
     _, reward, terminated, _, info = env.step(np.zeros(2))
     assert info["gap"] > 0.02
@@ -100,10 +129,46 @@ def test_a_ball_held_in_the_middle_does_not_do_it() -> None:
 def test_a_box_that_is_not_touched_stays() -> None:
     env = make("SpringShove-v0")
     env.reset(seed=0)
-    before = env.unwrapped.episodes.particles[0][0, 1:].copy()
+    before = env.unwrapped.episodes.particles[0][0, shove.CORNERS :].copy()
     for _ in range(50):
         env.step(np.zeros(2))
-    np.testing.assert_allclose(env.unwrapped.episodes.particles[0][0, 1:], before, atol=1e-4)
+    after = env.unwrapped.episodes.particles[0][0, shove.CORNERS :]
+    np.testing.assert_allclose(after, before, atol=1e-4)
+
+
+def test_a_ball_that_is_pushed_rolls() -> None:
+    """With 5/7 F/m: a third of a second of 2 N, from rest, far from the box."""
+    env = make("SpringShove-v0")
+    env.reset(seed=0, options={"error": 1.0})
+    pusher = env.unwrapped.episodes.simulator.measure("pusher")
+    began = np.array(pusher.centre[0])
+    away = began[:2] - env.unwrapped.episodes.simulator.measure("box").centre[0, :2]
+    action = 2.0 / shove.FORCE * away / np.linalg.norm(away)
+    for _ in range(8):
+        env.step(action)
+    ended = env.unwrapped.episodes.simulator.measure("pusher").centre[0]
+    assert np.linalg.norm(ended - began) == pytest.approx(0.5 * 5 / 7 * 2.0 / shove.MASS * 0.32**2, rel=1e-2)
+
+
+@pytest.mark.parametrize(("force", "goes_on"), [(4.6, False), (5.6, True)])
+def test_what_it_takes_to_push_the_box(force: float, goes_on: bool) -> None:
+    """The ball presses with N = F/(1 + μ'), as it rubs on the box, and lifts itself there by μ' N; the floor
+    takes μ (m g + μ' N): 5.1 N for the friction μ' = 0.2 between both and μ = 0.4 of the floor."""
+    env = make("SpringShove-v0")
+    env.reset(seed=0, options={"error": 0.5, "heading": 0.0})
+    simulator = env.unwrapped.episodes.simulator
+    x, v = simulator.positions, simulator.velocities
+    ball, box = x[0, : shove.CORNERS], x[0, shove.CORNERS :]
+    place = box[:, :2].mean(axis=0) - (0.15 + shove.RADIUS + 0.8 * shove.REACH, 0.0)
+    ball[:, :2] += place - ball[:, :2].mean(axis=0)
+    v[0, :, 0] += 0.1
+    v[0, : shove.CORNERS] += np.cross((0.0, 0.1 / shove.RADIUS, 0.0), ball - ball.mean(axis=0))
+    simulator.place(x, v)
+    for _ in range(25):
+        env.step(np.array([force / shove.FORCE, 0.0]))
+    speed = simulator.measure("box").centre_velocity[0, 0]
+    assert (speed > 0.15) == goes_on
+    assert (speed < 0.05) == (not goes_on)
 
 
 def test_leaning_on_the_box_does_not_pay() -> None:
@@ -140,7 +205,8 @@ def on_the_block(env: gym.Env, aside: float) -> None:
     """Set the box on the block, its middle so far from that of the block along the shelf [m]."""
     simulator = env.unwrapped.episodes.simulator
     x, v = simulator.positions, simulator.velocities
-    x[0, 1:9] = x[0, 9:17] + (0.0, aside, shove.SIDES[2] + 0.0149)
+    box, block = slice(shove.CORNERS, stack.BLOCKS), slice(stack.BLOCKS, stack.SHELFS)
+    x[0, box] = x[0, block] + (0.0, aside, shove.SIDES[2] + 0.0149)
     simulator.place(x, v)
 
 
@@ -168,9 +234,10 @@ def test_a_box_off_the_shelf_ends_the_episode() -> None:
     env.reset(seed=0, options={"heading": 0.0})
     simulator = env.unwrapped.episodes.simulator
     x, v = simulator.positions, simulator.velocities
-    x[0, 9:17, 1] += 0.6 - x[0, 9:17, 1].mean()
-    x[0, 1:9, :2] += (-0.3, -0.3) - x[0, 1:9, :2].mean(axis=0)
-    x[0, 0, :2] = -0.6, -0.3
+    ball, box, block, _ = np.split(x[0], [shove.CORNERS, stack.BLOCKS, stack.SHELFS])
+    block[:, 1] += 0.6 - block[:, 1].mean()
+    box[:, :2] += (-0.3, -0.3) - box[:, :2].mean(axis=0)
+    ball[:, :2] += (-0.6, -0.3) - ball[:, :2].mean(axis=0)
     simulator.place(x, v)
     for _ in range(100):
         *_, terminated, _, info = env.step(np.array([0.9, 0.0]))
@@ -201,8 +268,9 @@ def lie_on_the_paddle(env: gym.Env, height: float) -> None:
     """Put the paddle up, and the ball on it to rest."""
     simulator = env.unwrapped.episodes.simulator
     x = simulator.positions
-    x[0, :-1, 2] += height
-    x[0, -1] = (0.0, 0.0, height + juggle.BALL_RADIUS + 0.985 * juggle.REACH)
+    paddle, ball = np.split(x[0], [8])
+    paddle[:, 2] += height
+    ball += (0.0, 0.0, height + juggle.BALL_RADIUS + 0.985 * juggle.REACH) - ball.mean(axis=0)
     simulator.place(x, np.zeros_like(x))
 
 
