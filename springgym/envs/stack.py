@@ -145,7 +145,7 @@ class SpringStack(Task):
     def _placed(
         self, place: Level, heading: float, pusher: Level, block: Level, factors: Mapping[str, float]
     ) -> np.ndarray:
-        """Return positions (30, 3) of all bodies; pusher and box lie on the shelf, the block on the floor [m]."""
+        """Return positions (30, 3) [m]: pusher and box lie on the shelf, the block on the floor."""
         scale, weight = factors["scale"], -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
         lying, top = rest_height(weight / 4, STRENGTH, REACH), scale * TOP
         turned = scale * self.box.positions @ rotation((0, 0, 1), heading).T
