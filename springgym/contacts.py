@@ -31,7 +31,8 @@ class Contacts(NamedTuple):
     ``most`` is the largest number of contacts in a copy. In a copy with fewer contacts, ``there`` is False
     for the other entries, their indices are −1, and all else is 0. Contacts between bodies come first, by
     pair, then those with surfaces, by particle. Two features have a contact if they are nearer than Δ or push
-    each other, so two cubes that lie face on face have several.
+    each other, so two cubes that lie face on face have several. Contacts of round features with surfaces are
+    not reported; those of a sphere with other bodies are.
 
     ``impulse`` acts on the first body in the step h around the node. The second body, or the surface, gets
     the opposite impulse. ``force`` is the mean over that time. At rest, the impulses of a body's contacts sum

@@ -45,11 +45,16 @@ def long_tail(value: np.ndarray, margin: float, bound: float) -> np.ndarray:
     return 1 / (1 + 9 * (np.maximum(value - bound, 0) / margin) ** 2)
 
 
+def gaussian(value: np.ndarray, margin: float, bound: float) -> np.ndarray:
+    return 0.1 ** (np.maximum(value - bound, 0) / margin) ** 2
+
+
 def reward(m: MeasuresOfBodies, s: Situation) -> dict[str, np.ndarray]:
     seen = measured(m, s)
     thrift = 1 - 0.1 * (s.action**2).mean(axis=1)
-    aligned = long_tail(seen["angle"], 0.5, 0.03) / 2 * thrift
-    return {"aligned": aligned, "calm": aligned * long_tail(seen["precession"], 1.5, 0.1)}
+    aligned = long_tail(seen["angle"], 0.5, 0.03) / 4 * thrift
+    calm = gaussian(seen["angle"], 0.15, 0.03) * gaussian(seen["precession"], 0.45, 0.1)
+    return {"aligned": aligned, "calm": 3 * aligned * calm}
 
 
 def pointed(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
