@@ -88,6 +88,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
 """What the planner of an environment and its variants does otherwise than `Planner`."""
 
 CHEAPEST_FIRST = (
+    "SpringBilliards-v0",
     "SpringTop-v0",
     "SpringRope-v0",
     "SpringPendulum-v0",
@@ -100,6 +101,7 @@ CHEAPEST_FIRST = (
     "SpringBalance-v0",
     "SpringShove-v0",
     "SpringStack-v0",
+    "SpringTower-v0",
     "SpringJuggle-v0",
 )
 """The environments, by what a row costs."""

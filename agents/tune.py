@@ -67,6 +67,7 @@ SPACES: dict[str, dict[str, tuple[float, float] | list[Any]]] = {
     },
 }
 SPACES["tqc"] = SPACES["sac"] | {"dropped_quantiles": [0, 2, 5]}
+SPACES["her"] = SPACES["sac"] | {"relabelled": [1, 2, 4, 8]}
 SPACES["crossq"] = {key: value for key, value in SPACES["sac"].items() if key != "tau"} | {
     "policy_delay": [1, 3]
 }

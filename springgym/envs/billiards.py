@@ -190,12 +190,8 @@ class SpringBilliards(Task):
         return Scenery(floor=0.0)
 
     def marks(self, m: Measures, s: Situation) -> Marks:
-        angle = 2 * np.pi * np.arange(25) / 24
-        rim = np.column_stack(
-            [s.goal[0] + POCKET * np.cos(angle), s.goal[1] + POCKET * np.sin(angle), 0 * angle]
-        )
         return Marks(
-            lines=[(rim[n], rim[n + 1]) for n in range(24)],
+            rings=[((*s.goal[:2], 0.0), POCKET)],
             arrows=[Arrow(m.centre[CUE] + (0.0, 0.0, 1.2 * RADIUS), np.append(0.3 * s.action, 0.0))],
             key=((GREEN, "send the ball here"), (RED, "stroke")),
             text=(

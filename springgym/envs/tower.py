@@ -15,6 +15,7 @@ from numpy.random import Generator
 from springgym.bodies import Body, box, rotation
 from springgym.checks import whole
 from springgym.core.compiling import compiled, kernel
+from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation
@@ -253,13 +254,15 @@ class SpringTower(Task):
         hook = s.x[CORNERS * held : CORNERS * held + 4]
         corners = s.x[CORNERS * (held - 1) : CORNERS * held] + SIDES[2] * m.axis[held - 1]
         middle = hook.mean(axis=0)
+        opening = np.array([0.0, 0.0, s.action[3]])
         return Marks(
             lines=[
                 *((corners[n], corners[(n + 1) % 4]) for n in range(4)),
                 (middle, middle + np.array([0.0, 0.0, 2.0])),
             ],
-            arrows=[Arrow(middle, 0.3 * s.action[:3])],
-            key=((GREEN, "set the block here"), (RED, "force of the crane")),
+            rings=[(tuple(corners[:4].mean(axis=0)), CLOSE)],
+            arrows=[Arrow(middle, 0.3 * s.action[:3]), torque_arrow(middle, opening, 0.1)],
+            key=((GREEN, "bring the hook here"), (RED, "force of the crane; round: let go")),
             text=(f"block {held} of {self.blocks - 1}",),
         )
 

@@ -105,6 +105,21 @@ def test_the_impact_makes_errors_larger(away: float) -> None:
     assert gained == pytest.approx(away / (2 * RADIUS) - 1, rel=0.07)
 
 
+@pytest.mark.parametrize("step", [PERIOD, PERIOD / 4])
+def test_a_step_too_long_for_the_impact_ends_the_episode(step: float) -> None:
+    """Without springs no step is unstable; the balls must not pass through one another for that."""
+    env = make(ENV, step=step)
+    env.reset(seed=0)
+    x = env.unwrapped.episodes.particles[0][0, :, :2]
+    action = (x[OBJECT] - x[CUE]) / np.linalg.norm(x[OBJECT] - x[CUE])
+    for n in range(60):
+        *_, terminated, _, info = env.step(action if n == 0 else IDLE)
+        if terminated:
+            break
+    assert info["diverged"]
+    assert info["too_fast"] > 0
+
+
 def test_a_ball_in_the_pocket_stays_there() -> None:
     env = laid((-0.5, 0.0), (0.0, 0.0), (0.4, 0.0))
     stroke(env, 0.0)

@@ -17,6 +17,8 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 from springgym import measures
+from springgym.envs import billiards
+from springgym.envs.episodes import Episodes
 from springgym.envs.observation import Situation
 from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.envs.task import Task
@@ -45,6 +47,24 @@ def test_checkers(env_id: str, options: dict[str, Any]) -> None:
     check_env_sb3(make(env_id, **options))
 
 
+def sliding(episodes: Episodes) -> None:
+    """Let all blocks slide alike: those that the crane does not hold stand still, to the bit."""
+    x, v = episodes.particles
+    episodes.simulator.place(x, v + np.array([0.7, 0.7, 0.0]))
+
+
+def before_the_pocket(episodes: Episodes) -> None:
+    """Lay the second ball where it falls into the pocket, and the first one beside it."""
+    x, v = (values.copy() for values in episodes.particles)
+    x[:, billiards.OBJECT, :2] = episodes.goal[:, :2]
+    x[:, billiards.CUE, :2] = episodes.goal[:, :2] + (0.3, 0.0)
+    episodes.simulator.place(x, v)
+
+
+RARE = {"SpringTower-v0": sliding, "SpringBilliards-v0": before_the_pocket}
+"""What brings about that which actions at random do not reach in 150 steps."""
+
+
 @each_case()
 @pytest.mark.parametrize("policy", ["random", "bang-bang"])
 def test_values_stay_in_bounds(env_id: str, options: dict[str, Any], policy: str) -> None:
@@ -53,7 +73,9 @@ def test_values_stay_in_bounds(env_id: str, options: dict[str, Any], policy: str
     observation, _ = envs.reset(seed=0)
     seen = [observation]
     terms = task_type(env_id).terms
-    for _ in range(150):
+    for n in range(151):
+        if n == 150 and env_id in RARE:
+            RARE[env_id](envs.unwrapped.episodes)
         action = rng.uniform(-1, 1, envs.action_space.shape)
         action = np.sign(action) if policy == "bang-bang" else action
         observation, reward, terminated, truncated, info = envs.step(action.astype(np.float32))
@@ -265,8 +287,9 @@ def test_wrong_arguments(env_id: str) -> None:
         make(env_id, randomize={"smell": (0, 1)})
     with pytest.raises(ValueError, match="low ≤ high"):
         make(env_id, randomize={"masses": (2, 1)})
-    with pytest.raises(ValueError, match="unstable"):
-        make(env_id, step=task_type(env_id).period)
+    if len(task_type(env_id)().scene.springs):  # without, no step is unstable
+        with pytest.raises(ValueError, match="unstable"):
+            make(env_id, step=task_type(env_id).period)
     with pytest.raises(ValueError, match="whole number of steps"):
         make(env_id, step=task_type(env_id).period / 100.5)
     with pytest.raises(ValueError, match="unknown integrator 'euler'"):
@@ -440,9 +463,19 @@ def test_ranges_nothing_answers_to_are_refused(env_id: str) -> None:
                 make(env_id, randomize={name: (0.9, 1.2)}, dynamics="rigid")
 
 
-def sprung(scene: Scene) -> int:
-    """A particle that is free, and held by a spring: without one, it can go as fast as it likes."""
-    return int(np.intersect1d(scene.springs, np.flatnonzero(scene.free))[0])
+def driven_off(simulator: Simulator, copy: int, speed: float) -> None:
+    """Let a particle go so fast that its spring breaks or, without springs, the first ball at the second.
+
+    What no spring holds, and nothing is in the way of, can go as fast as it likes.
+    """
+    scene, x, v = simulator.scene, simulator.positions, simulator.velocities
+    sprung = np.intersect1d(scene.springs, np.flatnonzero(scene.free))
+    if len(sprung):
+        v[copy, sprung[0]] = speed
+    else:
+        way = x[copy, 1] - x[copy, 0]
+        v[copy, 0] = speed * way / np.linalg.norm(way)
+    simulator.place(x, v)
 
 
 @each_id
@@ -452,10 +485,7 @@ def test_divergence_is_an_end(env_id: str) -> None:
     calm = make_vec(env_id, 3, "native", "Disabled")
     envs.reset(seed=0)
     calm.reset(seed=0)
-    simulator = envs.unwrapped.episodes.simulator
-    velocities = simulator.velocities
-    velocities[1, sprung(simulator.scene)] = 1e25
-    simulator.place(simulator.positions, velocities)
+    driven_off(envs.unwrapped.episodes.simulator, 1, 1e25)
     action = envs.action_space.sample()
     observation, reward, terminated, _, info = envs.step(action)
     expected = calm.step(action)
@@ -473,10 +503,7 @@ def test_what_has_diverged_is_drawn_all_the_same(env_id: str, speed: float) -> N
     env = make(env_id, render_mode="rgb_array")
     env.reset(seed=0)
     empty = env.render()
-    simulator = env.unwrapped.episodes.simulator
-    velocities = simulator.velocities
-    velocities[0, sprung(simulator.scene)] = speed
-    simulator.place(simulator.positions, velocities)
+    driven_off(env.unwrapped.episodes.simulator, 0, speed)
     *_, info = env.step(env.action_space.sample())
     assert info["diverged"]
     assert env.render().shape == empty.shape
