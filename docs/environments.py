@@ -524,7 +524,7 @@ print({name: values.shape for name, values in observation.items()})
 observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 achieved, desired = observation["achieved_goal"], observation["desired_goal"]
 assert reward == env.unwrapped.compute_reward(achieved, desired, info)
-assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0  # as if it had been the goal
+assert env.unwrapped.compute_reward(achieved, achieved, info) == 1.0
 ```
 
 - `observation` holds the particles as usual, without the goal. Positions are those in the world.

@@ -38,7 +38,11 @@ def test_it_does_what_its_card_says(path, tmp_path):
     low, high = card["interval"]
     assert low <= result["return_per_step"] <= high
     assert result["success_rate"] == pytest.approx(card["success_rate"], abs=0.03)
-    assert audit.survives([audit.Finding(**finding) for finding in card["audit"]])
+    findings = [audit.Finding(**finding) for finding in card["audit"]]
+    if card["success_rate"] > 0.1:
+        assert audit.survives(findings)
+    else:  # it earns too little for the audit to decide
+        assert all(finding.verdict != "does not survive" for finding in findings)
     run = runs.open_run(path.parent)
     assert card["command"] == publish.command(run)
 
