@@ -76,7 +76,7 @@ class Planner:
     arXiv:1509.01149)"""
 
     def periods(self, period: float) -> tuple[int, int]:
-        """Return how many actions a plan has, and how many control periods lie between two."""
+        """Return the number of actions of a plan, and the number of control periods between two of them."""
         between = max(1, round(self.spacing / period))
         return max(2, round(self.horizon / (between * period))), between
 

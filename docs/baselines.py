@@ -323,7 +323,7 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def older(rows: Sequence[dict[str, Any]]) -> str:
-    """Return what is to be said of rows that are older than the protocol."""
+    """Return the paragraph on rows that are older than the protocol."""
     old = [row for row in rows if "protocol" not in row]
     dirty = sum("dirty" in (row["commit"] or "") for row in old)
     return OLDER.format(old=len(old), all=len(rows), dirty=dirty, fewest=FEWEST) if old else ""

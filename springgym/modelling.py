@@ -143,7 +143,7 @@ def needed(plan: Plan, wanted: float, implicit: Sequence[str] = ("tr_bdf2",), du
 
 
 def _asked(plan: Plan) -> Steady:
-    """Return the precession of the top of a plan."""
+    """Return the steady precession of the top of a plan."""
     scene = plan.scene
     if len(scene.bodies) > 1:
         raise ValueError(f"scene {plan.name!r} has {len(scene.bodies)} bodies; it must have one, a heavy top")

@@ -67,7 +67,7 @@ class Lists(NamedTuple):
     ahead: np.ndarray
     """(bodies,) by how much the way in half a step exceeds what is allowed for, as pairs were watched [m]"""
     margin: np.ndarray
-    """(bodies,) the way that a body may move before the search lists the watched pairs anew [m]"""
+    """(bodies,) the distance that a body may move before the search lists the watched pairs anew [m]"""
     travelled: np.ndarray
     """(bodies,) how far it moved at most since pairs were watched, up to when features were listed [m]"""
     close: np.ndarray

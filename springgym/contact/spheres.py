@@ -76,7 +76,7 @@ class Spheres(NamedTuple):
     """(2 bodies, 3) the inverse inertia I⁻¹ of each sphere, in two rows: xx, yy, zz, and xy, xz, yz
     [1/(kg·m²)]; 0 if it is pinned"""
     kept: Rows
-    """(N, 3) velocities of the particles of spheres, kept while v and ω stand in their rows [m/s]"""
+    """(N, 3) velocities of the particles of spheres, saved while their rows hold v and ω [m/s]"""
     began: Rows
     """(2 bodies, 3) v [m/s] and ω [rad/s] of each sphere that follow from the kept velocities"""
 

@@ -30,7 +30,7 @@ from springgym.surfaces import Contact
 from springgym.theory.contact import rest_height
 
 PLATE, BALL = 0, 1
-"""Numbers of the bodies."""
+"""Indices of the bodies in the scene."""
 
 CROWN = 6
 """Number of the plate's particle in the middle of its upper side, behind those of the ring."""

@@ -29,7 +29,7 @@ from springgym.surfaces import Contact, floor
 from springgym.theory.contact import rest_height
 
 CUE, OBJECT = 0, 1
-"""Numbers of the bodies."""
+"""Indices of the bodies in the scene."""
 
 PERIOD = 0.02  # [s]
 RADIUS, MASS = 0.03, 0.17  # of a ball [m], [kg]

@@ -30,7 +30,7 @@ from springgym.surfaces import Bowl, Contact
 from springgym.theory.contact import rest_height
 
 FIRST, SECOND = 0, 1
-"""Numbers of the bodies, and of the players."""
+"""Indices of the bodies in the scene, and of the players."""
 
 RING, RADIUS, HEIGHT, MASS, STIFFNESS = 12, 0.5, 0.5, 10.0, 2e5  # of each top
 BOWL = 4.0  # radius of the bowl [m]

@@ -1,4 +1,4 @@
-"""Goals that are told apart from the rest of the observation, in the form of Gymnasium-Robotics' ``GoalEnv``.
+"""Goals as separate entries of the observation, in the form of Gymnasium-Robotics' ``GoalEnv``.
 
 An agent can then learn from goals that it reached by chance (Andrychowicz et al. 2017, *Hindsight experience
 replay*, arXiv:1707.01495): whether what it achieved is what another goal asks for is computed afterwards.
@@ -44,7 +44,7 @@ class Goals:
         return spaces.Dict({"observation": observation, "achieved_goal": goal, "desired_goal": goal})
 
     def compute_reward(self, achieved_goal: object, desired_goal: object, info: object) -> Any:
-        """Return the reward of a step after which ``achieved_goal`` is achieved if ``desired_goal`` is asked.
+        """Return the reward of a step that ends with ``achieved_goal`` where ``desired_goal`` is wanted.
 
         Parameters
         ----------

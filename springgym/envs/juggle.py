@@ -29,7 +29,7 @@ from springgym.scenes import film
 from springgym.surfaces import Contact
 
 PADDLE, BALL = 0, 1
-"""Numbers of the bodies; a second ball follows the first."""
+"""Indices of the bodies in the scene; a second ball follows the first."""
 
 CROWN = 6
 """Number of the paddle's particle in the middle of its upper side, behind those of the ring."""

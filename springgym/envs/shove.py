@@ -30,7 +30,7 @@ from springgym.surfaces import Contact, floor
 from springgym.theory.contact import rest_height
 
 PUSHER, BOX = 0, 1
-"""Numbers of the bodies."""
+"""Indices of the bodies in the scene."""
 
 CORNERS = 6
 """Number of the first particle behind the pusher's, the first corner of the box."""

@@ -48,7 +48,7 @@ from springgym.surfaces import Contact, floor
 from springgym.theory.contact import rest_height
 
 BLOCK, SHELF = 2, 3
-"""Numbers of the bodies; pusher and box are those of SpringShove."""
+"""Indices of the bodies in the scene; pusher and box are those of SpringShove."""
 
 BLOCKS = CORNERS + 8
 SHELFS = BLOCKS + 8

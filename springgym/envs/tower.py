@@ -1,4 +1,4 @@
-"""SpringTower: blocks that hang from a crane are set on one another, and stay there."""
+"""SpringTower: a crane sets blocks on one another, and they must stay there."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def height_of(x: np.ndarray, c: int) -> float:
 
 @compiled
 def off(m: Measures, s: Situation, c: int, k: int, axis: int) -> float:
-    """Return how far block k is from its place upon the one below, along an axis [m]."""
+    """Return the distance of block k from its place on the block below, along an axis [m]."""
     way = m.centre[c, k, axis] - m.centre[c, k - 1, axis]
     return way - height_of(s.x, c) if axis == 2 else way
 

@@ -110,7 +110,7 @@ class Exchange(NamedTuple):
     shift: Rows
     """how far a particle is lifted off other bodies where a node is read [m]"""
     any_busy: np.ndarray
-    """(bodies,) whether any particle of a body is busy"""
+    """(bodies,) True if any particle of a body is busy"""
     lists: Lists
     """the features that are near each other"""
     contacts: ContactRows
@@ -125,7 +125,7 @@ class Space(NamedTuple):
     b: Rows
     """(N, 3) accelerations by actuators [m/s²]"""
     w: Rows
-    """(N, 3) velocities amid the node, before contact [m/s]; set where anything but contact acts there"""
+    """(N, 3) velocities amid the node, before contact [m/s]; unused if contact alone acts there"""
     direction: Rows
     """(springs, 3) where each spring points"""
     given: Rows

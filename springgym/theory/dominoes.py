@@ -94,7 +94,7 @@ def impacts(
     part = last / PARTS
 
     def sums(angle: float, train: int) -> tuple[float, float, float]:
-        """Σ f w, Σ f w′ and Σ f T/I."""
+        """Return the sums Σ f w, Σ f w′ and Σ f T/I."""
         angles, rates = leaning(angle, train, height, thickness, space)
         f = weights(angles, height, thickness, space, friction)
         before, after = (leaning(angle + by, train, height, thickness, space)[1] for by in (-NEAR, NEAR))
