@@ -32,6 +32,7 @@ With ``NUMBA_DISABLE_JIT=1`` nothing is compiled: every function runs as Python,
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import importlib.util
 import json
@@ -264,23 +265,31 @@ class Inner(type(SAMPLE)):  # type: ignore[misc]
         )
 
 
+COLLECTED = 20_000
+"""Number of new objects after which Python looks for cycles while a kernel is compiled."""
+
+
 class Kept(type(SAMPLE)):  # type: ignore[misc]
     """A compiled function that Python calls, whose code is kept."""
 
     def compile(self, sig: Asked) -> Callable[..., Any]:
+        """Compile for a signature. Python looks for cycles less often meanwhile: that takes a twentieth."""
+        usual = gc.get_threshold()
+        gc.set_threshold(COLLECTED, *usual[1:])
         try:
             return super().compile(sig)
         finally:
+            gc.set_threshold(*usual)
             if isinstance(self._cache, DigestKeyedCache):  # one that was unpickled has none
                 self._cache.stop_waiting()
 
 
 def _inlined() -> dict[str, object]:
     """Options of functions that are only ever inlined: no code by which Python would call them, and, if this
-    version of Numba lets us, no optimised machine code of their own, which nobody would run, and less of what
-    goes by the stack.
+    version of Numba lets us, no optimised code of their own, which nobody would run, and less of what goes by
+    the stack.
 
-    The first is half of what compiling them costs, the second a quarter of the rest, the third a seventh.
+    The first is half of what compiling them costs, the second a third of the rest, the third a seventh.
     """
     options: dict[str, object] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     try:
@@ -298,8 +307,12 @@ def _inlined() -> dict[str, object]:
     class Library(JITCodeLibrary):
         """LLVM's code of a function, as it is linked into what calls it: there it is optimised."""
 
-        def _optimize_final_module(self) -> None:
+        def _optimize_functions(self, ll_module: binding.ModuleRef) -> None:
             """Leave that to the kernel."""
+            ll_module.data_layout = self._codegen._data_layout
+
+        def _optimize_final_module(self) -> None:
+            """Leave that to the kernel, too."""
 
         def _finalize_final_module(self) -> None:
             """End without machine code."""
