@@ -427,11 +427,13 @@ def _met(
     restitution: float = 1.0,
     strength: float | None = None,
     reach: float | None = None,
+    kinetic: float | None = None,
+    stribeck: float | None = None,
     paper_damping: float = 0.0,
 ) -> tuple[Contact, PaperContact]:
     """Return the contact by default and by the paper's method, whose c_N is ``paper_damping`` [kg/s]."""
     return (
-        Contact(friction, restitution, strength, reach),
+        Contact(friction, restitution, strength, reach, kinetic, stribeck),
         PaperContact(friction, paper_damping, strength, reach),
     )
 
