@@ -121,7 +121,7 @@ def _struck(recording: Recording, radius: float, share: float) -> list[Check]:
     return checks
 
 
-@applies(_cushion, needs.ice, needs.moves, together=True)
+@applies(_cushion, needs.ice, needs.moves, needs.coulomb, together=True)
 def cushion(recording: Recording) -> list[Check]:
     """Compare the speed and the angle of balls that struck a cushion with Coulomb's law.
 

@@ -152,7 +152,7 @@ def stopping(recording: Recording) -> list[Check]:
     ]
 
 
-@applies(needs.slope, needs.gravity)
+@applies(needs.slope, needs.gravity, needs.coulomb)
 def slope(recording: Recording) -> list[Check]:
     """Compare a block on a slope with theory: it rests, or slides with a known acceleration."""
     contact, _, _, g = _met(recording)

@@ -88,7 +88,14 @@ def restitution(plan: Plan) -> None:
         raise ValueError("the paper's contact has no restitution")
 
 
+def coulomb(plan: Plan) -> None:
+    contacts = plan.scene.contact, *(met.contact for met in plan.scene.meetings)
+    if any(isinstance(one, Contact) and one.stribeck is not None for one in contacts):
+        raise ValueError("its friction falls as the slip grows, which theory leaves out")
+
+
 def friction(plan: Plan) -> None:
+    coulomb(plan)
     if not plan.scene.contact.friction > 0:
         raise ValueError("there is no friction")
 

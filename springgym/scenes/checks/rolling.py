@@ -131,7 +131,7 @@ def moment_share(body: Body) -> tuple[float, float]:
     return radius, float(np.trace(body.inertia())) / (3 * body.mass * radius**2)
 
 
-@applies(_ball, needs.slope, needs.gravity)
+@applies(_ball, needs.slope, needs.gravity, needs.coulomb)
 def rolling(recording: Recording) -> list[Check]:
     """Compare the acceleration of a ball on a slope with theory: it rolls if friction suffices, or skids."""
     scene, (_, share) = recording.plan.scene, moment_share(recording.plan.scene.body)

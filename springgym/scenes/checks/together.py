@@ -126,7 +126,7 @@ def cradle(recording: Recording) -> list[Check]:
     ]
 
 
-@applies(needs.slab, together=True)
+@applies(needs.slab, needs.coulomb, together=True)
 def slab(recording: Recording) -> list[Check]:
     """Compare a body on a fixed slab with theory: it rests, or slides as on a slope."""
     scene, met = recording.plan.scene, _met(recording)
@@ -233,7 +233,7 @@ def draped(recording: Recording) -> list[Check]:
     return [*checks, Check("way of its middle in the second half", 0.0, moved, SLID, "m")]
 
 
-@applies(needs.dominoes, together=True)
+@applies(needs.dominoes, needs.coulomb, together=True)
 def wave(recording: Recording) -> list[Check]:
     """Check the speed of the wave in a row of dominoes, see `springgym.theory.dominoes`.
 
