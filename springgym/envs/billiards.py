@@ -184,15 +184,17 @@ class SpringBilliards(Task):
         return replace(film.look(self.scene), radii=np.full(2, RADIUS), ball_colors=colors)
 
     def camera(self) -> Camera:
-        return Camera.framing((0.0, 0.0, 0.0), 1.9, elevation=0.9)
+        return Camera.framing((0.0, 0.0, 0.0), 1.5, elevation=0.9)
 
     def scenery(self) -> Scenery:
         return Scenery(floor=0.0)
 
     def marks(self, m: Measures, s: Situation) -> Marks:
+        stroke = np.append(0.3 * s.action, 0.0)
+        behind = stroke * (1.0 + 1.5 * RADIUS / max(float(np.linalg.norm(stroke)), 1e-9))
         return Marks(
             rings=[((*s.goal[:2], 0.0), POCKET)],
-            arrows=[Arrow(m.centre[CUE] + (0.0, 0.0, 1.2 * RADIUS), np.append(0.3 * s.action, 0.0))],
+            arrows=[Arrow(m.centre[CUE] - behind, stroke)],  # it ends at the ball, as a cue does
             key=((GREEN, "send the ball here"), (RED, "stroke")),
             text=(
                 "potted"
