@@ -148,30 +148,29 @@ class _Common(Stateful):
             raise ValueError(f"action has shape {given.shape}; it must be {shape}")
         return given
 
-    def _always(self, copies: int | slice | np.ndarray) -> dict[str, Any]:
-        """Return arrays (k,) of what ``info`` reports for some copies of whatever task."""
+    def _always(self) -> dict[str, Any]:
+        """Return arrays (n,) of what ``info`` reports of whatever task."""
         episodes, task, m = self.episodes, self.episodes.task, self.episodes.measures
         always: dict[str, Any] = {
-            "is_success": episodes.held[copies] >= task.hold,
-            "diverged": episodes.diverged[copies],
-            "energy": m.energy[copies],
-            "energy_drift": m.balance[copies] - episodes.balance[copies],
-            "strain": m.strain[copies],
+            "is_success": episodes.held >= task.hold,
+            "diverged": episodes.diverged,
+            "energy": m.energy,
+            "energy_drift": m.balance - episodes.balance,
+            "strain": m.strain,
         }
         if episodes.error is not None:
-            always["step_error"] = episodes.error.last[copies]
+            always["step_error"] = episodes.error.last
         if self.chosen is not None:
-            always["error_bound"] = np.full(episodes.copies, SAFETY * self.chosen.error)[copies]
+            always["error_bound"] = np.full(episodes.copies, SAFETY * self.chosen.error)
         if task.scene.meetings:
             met, reach = episodes.simulator.pairs(), task.scene.meetings.reach
-            always["pairs_touching"] = met.touching[copies].sum(axis=-1, dtype=float)
-            always["pairs_impulse"] = met.impulse[copies].sum(axis=-1)
-            always["pairs_least_gap"] = np.minimum(met.least_gap[copies], reach).min(axis=-1)
-            always["pairs_missed"] = met.misses[copies].sum(axis=-1)
-            always["too_fast"] = met.too_fast[copies].sum(axis=-1)
+            always["pairs_touching"] = met.touching.sum(axis=-1, dtype=float)
+            always["pairs_impulse"] = met.impulse.sum(axis=-1)
+            always["pairs_least_gap"] = np.minimum(met.least_gap, reach).min(axis=-1)
+            always["pairs_missed"] = met.misses.sum(axis=-1)
+            always["too_fast"] = met.too_fast.sum(axis=-1)
         if episodes.ranges:
-            drawn = episodes.factors[copies]
-            always["randomization"] = {name: drawn[..., n] for n, name in enumerate(episodes.ranges)}
+            always["randomization"] = dict(zip(episodes.ranges, episodes.factors.T, strict=True))
         return always
 
     def _picture(self, renderer: Renderer, copy: int) -> np.ndarray | None:
@@ -315,7 +314,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
 
     def _info(self) -> dict[str, Any]:
         stepped = zip(self.episodes.task.reported, self.episodes.out[0, :MET].tolist(), strict=True)
-        return _plain(self._always(0)) | dict(stepped)
+        return _plain(self._always()) | dict(stepped)
 
     @guarded
     def render(self) -> np.ndarray | None:
@@ -470,12 +469,12 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         begun = None
         for canvas, positions in zip(self._canvases, episodes.particles[0], strict=False):
             canvas.follow(positions)
-        if mode is AutoresetMode.NEXT_STEP and self._ended.any():
+        if mode is AutoresetMode.NEXT_STEP and np.count_nonzero(self._ended):
             begun = self._begin(self._ended)
             for values in result:
                 values[begun.copies] = 0
         self._ended = terminated | truncated
-        if mode is AutoresetMode.SAME_STEP and self._ended.any():
+        if mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
             fresh = self._ended
             final = episodes.shown(episodes.observe(seen))
             infos["final_obs"] = np.full(self.num_envs, None, dtype=object)
@@ -493,9 +492,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         return seen, reward, terminated, truncated, infos
 
     def _info(self) -> dict[str, Any]:
-        return self._always(slice(None)) | dict(
-            zip(self.episodes.task.reported, self.episodes.out.T[:MET], strict=True)
-        )
+        return self._always() | dict(zip(self.episodes.task.reported, self.episodes.out.T[:MET], strict=True))
 
     def _begin(self, fresh: np.ndarray) -> Begun:
         """Start new episodes in some copies (num_envs,) of bool."""
@@ -832,8 +829,9 @@ def _of_copy(seen: Any, copy: Any) -> Any:
 
 def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> None:
     """Add arrays to ``infos`` as Gymnasium does: zero where the mask is not, with the mask beside them."""
-    every = mask.all()
-    masks = np.repeat(mask[None], len(values), axis=0)
+    every = np.count_nonzero(mask) == len(mask)
+    masks = np.empty((len(values), len(mask)), bool)
+    masks[:] = mask
     for (name, value), own in zip(values.items(), masks, strict=True):
         if isinstance(value, dict):
             infos[name] = {}
@@ -844,7 +842,7 @@ def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> 
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the same with plain Python numbers."""
+    """Return the same of a single copy, as plain Python numbers."""
     return {k: _plain(v) if isinstance(v, dict) else v.item() for k, v in values.items()}
 
 

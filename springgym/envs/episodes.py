@@ -27,7 +27,7 @@ from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.envs.task import FAILED, MET, Task
 from springgym.identity import check_same
 from springgym.measures import Measures
-from springgym.scene import Scene
+from springgym.scene import Scene, extremes
 from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
 from springgym.stability import steps_in
 
@@ -81,6 +81,9 @@ class Part(NamedTuple):
 
 STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
 """Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
+
+CLEARED = ("goal", "memory", "elapsed", "time", "held", "balance", "action", "out", "diverged")
+"""Those of them that `clear` sets where an episode begins."""
 
 
 class Episodes:
@@ -158,7 +161,7 @@ class Episodes:
         """what `Task.evaluate` set last, a column for each name in `Task.outcome`"""
         self.diverged = np.zeros(copies, bool)
         self._names = np.dtype([(name, self.out.dtype) for name in task.outcome])
-        self._ends, self._lengths = scene.springs.T, scene.of_bodies("lengths")
+        self._first_memory = np.array(task.memory, float)
         particles = task.particles if self.goals is None else task.particles.without_goal()
         self._columns = observation.columns(particles)
         self._seen_size = task.observation_size if self.goals is None else particles.size(0)
@@ -295,54 +298,50 @@ class Episodes:
         was, self.unready = self.unready, BROKEN_OFF
         try:
             self._vary(copies, drawn)
-            self.simulator.place(positions, velocities, copies)
+            self.simulator.place(positions, velocities, copies, read=True)
         except (TypeError, ValueError):  # it is refused
             self._vary(copies, before)
             self.unready = was
             raise
-        self.goal[copies] = goals
-        self.memory[copies] = self.task.memory
-        self.elapsed[copies] = 0
-        self.time[copies] = 0.0
-        self.held[copies] = 0
-        self.action[copies] = 0.0
-        self.out[copies] = 0.0
-        self.diverged[copies] = False
         if self.error is not None:
             self.error.last[copies] = 0.0
-        self.simulator.read(copies)
-        self.balance[copies] = self.measures.balance[copies]
+        goal = np.array(goals, float).reshape(len(copies), self.goal.shape[1])
+        self._clear(
+            copies, goal, self._first_memory, self._whole.rows, *(getattr(self, name) for name in CLEARED)
+        )
         parts = self._parts_with(copies)
         if self._remember is not None:
             memory = self.memory.copy()
             for part in parts:
                 self._remember(*part[:2], memory[part.copies])
-            self.memory[copies] = memory[copies]
+            take_rows(copies, memory, self.memory, 0, memory.shape[1])
         if self.task.metrics:
             fresh = np.zeros(self.out.shape)
             for part in parts:
                 self._evaluate(*part[:2], self._named(fresh[part.copies]))
-            metrics = slice(len(self.task.terms), len(self.task.reported))  # nothing has been earned yet
-            self.out[copies, metrics] = fresh[copies, metrics]
+            # nothing has been earned yet
+            take_rows(copies, fresh, self.out, len(self.task.terms), len(self.task.reported))
         return Begun(copies, parts)
 
     def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
         """Refuse starts (k, N, 3) in a shape that has diverged already."""
         if self.simulator.dynamics == "rigid":
             return
-        first, second = self._ends
-        scales = np.array([[factors["scale"]] for factors in drawn])
-        scale = randomisation.stretched(self.simulator.scene, scales)
-        apart = positions.take(second, axis=1) - positions.take(first, axis=1)
-        length = np.sqrt((apart * apart).sum(axis=-1))
-        strain = np.abs(length / (scale * self._lengths) - 1).max(axis=1, initial=0.0)
-        if not (strain <= STRAIN_LIMIT).all():
-            n = int(np.argmax(~(strain <= STRAIN_LIMIT)))
-            factors = ", ".join(f"{name} × {drawn[n][name]:g}" for name in self.ranges)
-            raise ValueError(
-                f"{type(self.task).__name__} would start with a strain of {strain[n]:.3g}"
-                f"{f' ({factors})' if factors else ''}; it must be at most {STRAIN_LIMIT}"
-            )
+        scene = self.simulator.scene
+        lengths = scene.lengths[None]
+        if "scale" in self.ranges:
+            scales = np.array([[factors["scale"]] for factors in drawn])
+            lengths = randomisation.stretched(scene, scales) * lengths
+            lengths.setflags(write=False)
+        placed = np.array(positions, order="C")
+        for n in range(len(placed)):
+            _, strain = extremes(scene.springs, lengths[n % len(lengths) :][:1], placed[n : n + 1])
+            if not strain <= STRAIN_LIMIT:
+                factors = ", ".join(f"{name} × {drawn[n][name]:g}" for name in self.ranges)
+                raise ValueError(
+                    f"{type(self.task).__name__} would start with a strain of {strain:.3g}"
+                    f"{f' ({factors})' if factors else ''}; it must be at most {STRAIN_LIMIT}"
+                )
 
     def step(self, action: np.ndarray) -> tuple[Step, np.ndarray | None]:
         """Step all copies by one control period; `observe` returns their observations then.
@@ -382,11 +381,10 @@ class Episodes:
 
         The actions are scaled by `strength` already. Those of others are scaled here.
         """
-        others = {
-            name: values * self.strength.reshape(-1, *(1,) * (values.ndim - 1))
-            for name, values in self.task.respond(*self._whole[:2]).items()
-        }
-        return self.task.actuate(actions) | others
+        acting = self.task.actuate(actions)
+        for name, values in self.task.respond(*self._whole[:2]).items():
+            acting[name] = values * self.strength.reshape(-1, *(1,) * (values.ndim - 1))
+        return acting
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
         """Return the outcome, end and observation of the copies from ``first`` to the one before ``last``."""
@@ -427,7 +425,7 @@ class Episodes:
             room = self._room(self.copies)
             for part in begun.parts:
                 self._look(part, room[part.copies])
-            seen[begun.copies] = room[begun.copies]
+            take_rows(begun.copies, room, seen, 0, seen.shape[1])
         return seen
 
     @property
@@ -472,7 +470,7 @@ class Episodes:
         """
         width = self.simulator.width
         last = max(self.copies - 2, 0) // width
-        blocks = set(np.minimum(copies // width, last).tolist())
+        blocks = {min(copy // width, last) for copy in copies.tolist()}
         if not self._sees_parts or 2 * len(blocks) > last:
             return [self._whole]
         ends = [self.copies if n == last else (n + 1) * width for n in blocks]
@@ -629,6 +627,7 @@ class Episodes:
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
         self._take = SameTypes(take)
+        self._clear = SameTypes(clear)
         self._tick = SameTypes(tick)
         self._evaluate = SameTypes(self.task.evaluate)
         self._finish = SameTypes(finish)
@@ -726,6 +725,45 @@ def _checked_limit(steps: int | None) -> int:
 
 
 # --- Compiled -------------------------------------------------------------------------------------
+
+
+@kernel
+def clear(
+    copies: np.ndarray,
+    goals: np.ndarray,
+    first_memory: np.ndarray,
+    rows: np.ndarray,
+    goal: np.ndarray,
+    memory: np.ndarray,
+    elapsed: np.ndarray,
+    time: np.ndarray,
+    held: np.ndarray,
+    balance: np.ndarray,
+    action: np.ndarray,
+    out: np.ndarray,
+    diverged: np.ndarray,
+) -> None:
+    """Begin the counts of some copies (k,) anew, with goals (k, G), by the rows of what was measured."""
+    for k in range(copies.size):
+        c = copies[k]
+        for n in range(goal.shape[1]):
+            goal[c, n] = goals[k, n]
+        for n in range(memory.shape[1]):
+            memory[c, n] = first_memory[n]
+        elapsed[c], held[c] = 0, 0
+        time[c] = 0.0
+        balance[c] = rows[c, measures.BALANCE]
+        action[c, :] = 0.0
+        out[c, :] = 0.0
+        diverged[c] = False
+
+
+@kernel
+def take_rows(copies: np.ndarray, theirs: np.ndarray, own: np.ndarray, first: int, last: int) -> None:
+    """Copy columns ``first`` to ``last`` − 1 of the rows of some copies (k,)."""
+    for k in range(copies.size):
+        for n in range(first, last):
+            own[copies[k], n] = theirs[copies[k], n]
 
 
 @kernel

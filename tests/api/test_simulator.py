@@ -300,10 +300,9 @@ def simulator() -> Simulator:
 
 def actuated(simulator: Simulator, name: str) -> np.ndarray:
     """Return what an actuator of the copies is set to, (copies, …)."""
-    held = np.full((simulator.copies, *shape_of(name)), np.nan)
-    for view, own in simulator._actuators[name][1]:
-        held[own] = view.reshape(held[own].shape)
-    return held
+    lanes = simulator._actuators[name][1]
+    rows = lanes.transpose(0, 2, 1).reshape(-1, lanes.shape[1])[: simulator.copies]
+    return rows.reshape(simulator.copies, *shape_of(name))
 
 
 def values_of(simulator: Simulator, name: str) -> np.ndarray:
