@@ -21,7 +21,7 @@ from springgym.checks import FLOAT, HUGE, MANY, TINY
 from springgym.contact import totals
 from springgym.contact.overlap import tell_shown
 from springgym.contact.totals import RESOLVED, Collisions, PairReadings
-from springgym.contacts import Contacts
+from springgym.contacts import Contacts, PairSums
 from springgym.core.blocks import (
     WIDTH,
     aligned_zeros,
@@ -940,6 +940,19 @@ class Simulator:
         if forget and self._terms.collisions is not None:
             totals.forget_pairs(self._terms.collisions)
         return found
+
+    @guarded
+    def pair_sums(self) -> PairSums:
+        """Return what `pairs` does, over all pairs of each copy.
+
+        Raises
+        ------
+        ValueError
+            If the scene has no bodies that collide.
+        """
+        if self._terms.collisions is None:
+            raise ValueError("the scene has no bodies that collide, and so no pairs")
+        return contacts.pair_sums(self._terms.collisions, self.copies)
 
     @guarded
     def contacts(self) -> Contacts:

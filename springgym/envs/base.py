@@ -163,12 +163,12 @@ class _Common(Stateful):
         if self.chosen is not None:
             always["error_bound"] = np.full(episodes.copies, SAFETY * self.chosen.error)
         if task.scene.meetings:
-            met, reach = episodes.simulator.pairs(), task.scene.meetings.reach
-            always["pairs_touching"] = met.touching.sum(axis=-1, dtype=float)
-            always["pairs_impulse"] = met.impulse.sum(axis=-1)
-            always["pairs_least_gap"] = np.minimum(met.least_gap, reach).min(axis=-1)
-            always["pairs_missed"] = met.misses.sum(axis=-1)
-            always["too_fast"] = met.too_fast.sum(axis=-1)
+            met = episodes.simulator.pair_sums()
+            always["pairs_touching"] = met.touching
+            always["pairs_impulse"] = met.impulse
+            always["pairs_least_gap"] = met.least_gap
+            always["pairs_missed"] = met.misses
+            always["too_fast"] = met.too_fast
         if episodes.ranges:
             always["randomization"] = dict(zip(episodes.ranges, episodes.factors.T, strict=True))
         return always

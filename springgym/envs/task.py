@@ -29,6 +29,13 @@ MET, FAILED = -2, -1
 failed."""
 
 
+def level(vectors: np.ndarray) -> np.ndarray:
+    """Return vectors (n, 2) as level ones (n, 3): their third component is 0."""
+    found = np.zeros((len(vectors), 3))
+    found[:, :2] = vectors
+    return found
+
+
 class Start(NamedTuple):
     """The start of an episode, or of k episodes, with arrays of shape (k, …)."""
 
