@@ -168,7 +168,7 @@ class Placed(ReadOnly):
                     what.format(n=n, of=f" of copy {copies[row[0]]}" if row and copies is not None else "")
                 )
 
-        if self.pinned and velocities.take(self.pinned, axis=-2).any():
+        if self.pinned and np.count_nonzero(velocities.take(self.pinned, axis=-2)):
             moves = ~self.free & velocities.any(axis=-1)
             if self.drive:
                 driven = np.abs(velocities[..., self.drive.particle, :]).max(axis=-1, keepdims=True)
@@ -464,7 +464,11 @@ class Scene(ReadOnly):
         if any(body.rounds for body in self._different):
             return False
         positions, least = np.asarray(positions, float), self._least_heights
-        return all(bool((surface.height(positions) >= least).all()) for surface in self.surfaces)
+        for surface in self.surfaces:
+            well = surface.height(positions) >= least
+            if np.count_nonzero(well) < well.size:
+                return False
+        return True
 
     @cached_property
     def _least_heights(self) -> np.ndarray:

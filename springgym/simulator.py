@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import checks, contacts, measures, packing, stability
-from springgym.checks import FLOAT, HUGE, MANY, TINY
+from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY
 from springgym.contact import totals
 from springgym.contact.overlap import tell_shown
 from springgym.contact.totals import RESOLVED, Collisions, PairReadings
@@ -25,6 +25,7 @@ from springgym.contacts import Contacts, PairSums
 from springgym.core.blocks import (
     WIDTH,
     aligned_zeros,
+    ascending,
     block_array,
     block_layout,
     by_copies,
@@ -447,7 +448,13 @@ class Simulator:
 
     def _index(self, copies: ArrayLike | None) -> np.ndarray:
         """Return indices (k,) of copies, checked."""
-        return self._all if copies is None else checks.indices("copies", copies, self.copies, once=True)
+        if copies is None:
+            return self._all
+        # What environments give at every step passes at once.
+        plain = type(copies) is np.ndarray and copies.dtype is INDEX and copies.ndim == 1
+        if plain and ascending(index := np.array(copies), self.copies):
+            return index
+        return checks.indices("copies", copies, self.copies, once=True)
 
     def _rows(
         self,

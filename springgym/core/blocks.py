@@ -107,6 +107,17 @@ def within(rows: np.ndarray, bound: float) -> bool:
     return True
 
 
+@kernel
+def ascending(index: np.ndarray, count: int) -> bool:
+    """Return whether each index (k,) is larger than the one before, and all are from 0 to ``count`` − 1."""
+    last = -1
+    for k in range(index.size):
+        if not last < index[k] < count:
+            return False
+        last = index[k]
+    return True
+
+
 def flat_numbers(array: np.ndarray) -> np.ndarray:
     """Return a view of a block array as plain numbers of shape (blocks, n, width)."""
     lanes = numbers(array)

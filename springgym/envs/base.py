@@ -496,7 +496,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
 
     def _begin(self, fresh: np.ndarray) -> Begun:
         """Start new episodes in some copies (num_envs,) of bool."""
-        copies = np.flatnonzero(fresh)
+        copies = fresh.nonzero()[0]
         begun = self.episodes.begin(copies, [self._generators[n] for n in copies], None)
         self._show_new(copies)
         return begun

@@ -101,7 +101,7 @@ def standing(
     positions from the tip (k, N, 3) [m], velocities (k, N, 3) [m/s] if that is at rest
     """
     varied = np.array([(own["scale"], own["masses"] / own["stiffness"]) for own in factors])
-    shapes = shape(poses[:, 2] * np.sqrt(varied[:, 1]))
+    shapes = shape.at(poses[:, 2] * np.sqrt(varied[:, 1]))
     positions, velocities = np.empty((2, *shapes.shape))
     lean(shapes, tip, poses, varied, positions, velocities)
     return positions, velocities
