@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym.checks import chosen, flag, indices, instance, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
 from springgym.envs.options import arguments
-from springgym.envs.task import MET, Task
+from springgym.envs.task import Task
 from springgym.envs.tolerance import SAFETY, Choice, chosen_for
 from springgym.guard import Guard, guarded
 from springgym.rendering import Renderer
@@ -88,6 +88,7 @@ class _Common(Stateful):
                 raise ValueError("step and tolerance are both given; a tolerance chooses the step")
             self.chosen = chosen_for(task, copies, tolerance, integrator, damping_every=damping_every, **made)
             integrator, made["wanted_step"] = self.chosen.integrator, task.period / self.chosen.steps
+            made["error_bound"] = SAFETY * self.chosen.error
         self.episodes = Episodes(
             task,
             copies,
@@ -147,31 +148,6 @@ class _Common(Stateful):
         if given.shape != shape:
             raise ValueError(f"action has shape {given.shape}; it must be {shape}")
         return given
-
-    def _always(self) -> dict[str, Any]:
-        """Return arrays (n,) of what ``info`` reports of whatever task."""
-        episodes, task, m = self.episodes, self.episodes.task, self.episodes.measures
-        always: dict[str, Any] = {
-            "is_success": episodes.held >= task.hold,
-            "diverged": episodes.diverged,
-            "energy": m.energy,
-            "energy_drift": m.balance - episodes.balance,
-            "strain": m.strain,
-        }
-        if episodes.error is not None:
-            always["step_error"] = episodes.error.last
-        if self.chosen is not None:
-            always["error_bound"] = np.full(episodes.copies, SAFETY * self.chosen.error)
-        if task.scene.meetings:
-            met = episodes.simulator.pair_sums()
-            always["pairs_touching"] = met.touching
-            always["pairs_impulse"] = met.impulse
-            always["pairs_least_gap"] = met.least_gap
-            always["pairs_missed"] = met.misses
-            always["too_fast"] = met.too_fast
-        if episodes.ranges:
-            always["randomization"] = dict(zip(episodes.ranges, episodes.factors.T, strict=True))
-        return always
 
     def _picture(self, renderer: Renderer, copy: int) -> np.ndarray | None:
         episodes = self.episodes
@@ -313,8 +289,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
         return _of_copy(self.episodes.shown(seen), 0)
 
     def _info(self) -> dict[str, Any]:
-        stepped = zip(self.episodes.task.reported, self.episodes.out[0, :MET].tolist(), strict=True)
-        return _plain(self._always()) | dict(stepped)
+        return _plain(self.episodes.told())
 
     @guarded
     def render(self) -> np.ndarray | None:
@@ -449,7 +424,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         self._ended[mask] = False
         self._show_new(started)
         infos: dict[str, Any] = {}
-        _add(infos, self._info(), mask)
+        _add(infos, self.episodes.told(), mask)
         seen = self.episodes.shown(self.episodes.observe())
         self.episodes.unready = ""
         return seen, infos
@@ -482,17 +457,14 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
                 infos["final_obs"][n] = deepcopy(_of_copy(final, n))
             infos["_final_obs"] = fresh.copy()
             infos["final_info"] = {}
-            _add(infos["final_info"], self._info(), fresh)
+            _add(infos["final_info"], self.episodes.told(), fresh)
             infos["_final_info"] = fresh.copy()
             begun = self._begin(fresh)
             self._ended = np.zeros(self.num_envs, bool)
-        _add(infos, self._info(), np.ones(self.num_envs, bool))
+        _add(infos, self.episodes.told(), np.ones(self.num_envs, bool))
         seen = episodes.shown(episodes.observe(seen, begun))
         episodes.unready = ""
         return seen, reward, terminated, truncated, infos
-
-    def _info(self) -> dict[str, Any]:
-        return self._always() | dict(zip(self.episodes.task.reported, self.episodes.out.T[:MET], strict=True))
 
     def _begin(self, fresh: np.ndarray) -> Begun:
         """Start new episodes in some copies (num_envs,) of bool."""

@@ -82,6 +82,9 @@ class Part(NamedTuple):
 STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
 """Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
 
+OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_least_gap", "pairs_missed", "too_fast")
+"""Names in ``info`` of `springgym.contacts.PairSums`."""
+
 CLEARED = ("goal", "memory", "elapsed", "time", "held", "balance", "action", "out", "diverged")
 """Those of them that `clear` sets where an episode begins."""
 
@@ -106,6 +109,7 @@ class Episodes:
         max_episode_steps: int | None,
         error: bool = False,
         wanted_step: float | None = None,
+        error_bound: float | None = None,
         arguments: Mapping[str, Any] | None = None,
     ) -> None:
         self.task = task
@@ -160,6 +164,8 @@ class Episodes:
         self.out = np.zeros((copies, len(task.outcome)))
         """what `Task.evaluate` set last, a column for each name in `Task.outcome`"""
         self.diverged = np.zeros(copies, bool)
+        self._succeeded, self._drift = np.zeros(copies, bool), np.zeros(copies)
+        self._bound_of_error = None if error_bound is None else np.full(copies, error_bound)
         self._names = np.dtype([(name, self.out.dtype) for name in task.outcome])
         self._first_memory = np.array(task.memory, float)
         particles = task.particles if self.goals is None else task.particles.without_goal()
@@ -314,13 +320,13 @@ class Episodes:
             memory = self.memory.copy()
             for part in parts:
                 self._remember(*part[:2], memory[part.copies])
-            take_rows(copies, memory, self.memory, 0, memory.shape[1])
+            self.memory[copies] = memory[copies]
         if self.task.metrics:
             fresh = np.zeros(self.out.shape)
             for part in parts:
                 self._evaluate(*part[:2], self._named(fresh[part.copies]))
-            # nothing has been earned yet
-            take_rows(copies, fresh, self.out, len(self.task.terms), len(self.task.reported))
+            metrics = slice(len(self.task.terms), len(self.task.reported))  # nothing has been earned yet
+            self.out[copies, metrics] = fresh[copies, metrics]
         return Begun(copies, parts)
 
     def _check_strain(self, positions: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
@@ -425,8 +431,35 @@ class Episodes:
             room = self._room(self.copies)
             for part in begun.parts:
                 self._look(part, room[part.copies])
-            take_rows(begun.copies, room, seen, 0, seen.shape[1])
+            seen[begun.copies] = room[begun.copies]
         return seen
+
+    def told(self) -> dict[str, Any]:
+        """Return arrays (n,) of what ``info`` reports, by name; the next step overwrites them."""
+        rows = self.simulator.readout.rows
+        self._tell(self.held, self.task.hold, rows, self.balance, self._succeeded, self._drift)
+        if self.task.scene.meetings:
+            self._told.update(zip(OF_PAIRS, self.simulator.pair_sums(), strict=True))
+        return self._told
+
+    def _views_told(self) -> dict[str, Any]:
+        """Return the arrays of `told`, as views but for those of pairs."""
+        views: dict[str, Any] = {
+            "is_success": self._succeeded,
+            "diverged": self.diverged,
+            "energy": self.measures.energy,
+            "energy_drift": self._drift,
+            "strain": self.measures.strain,
+        }
+        if self.error is not None:
+            views["step_error"] = self.error.last
+        if self._bound_of_error is not None:
+            views["error_bound"] = self._bound_of_error
+        if self.task.scene.meetings:
+            views |= dict.fromkeys(OF_PAIRS)
+        if self.ranges:
+            views["randomization"] = dict(zip(self.ranges, self.factors.T, strict=True))
+        return views | dict(zip(self.task.reported, self.out.T[:MET], strict=True))
 
     @property
     def observation_space(self) -> spaces.Box | spaces.Dict:
@@ -619,6 +652,8 @@ class Episodes:
 
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
+        self._told = self._views_told()
+        self._tell = SameTypes(tell)
         self._parts: dict[tuple[int, int], Part] = {}
         self._whole = self._part(0, self.copies)
         compact = self.task.observation != "particles"
@@ -643,7 +678,7 @@ class Episodes:
         return {
             name: value
             for name, value in vars(self).items()
-            if name not in ("measures", "_parts", "_whole") and not isinstance(value, SameTypes)
+            if name not in ("measures", "_told", "_parts", "_whole") and not isinstance(value, SameTypes)
         }  # views do not survive being copied
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -759,11 +794,18 @@ def clear(
 
 
 @kernel
-def take_rows(copies: np.ndarray, theirs: np.ndarray, own: np.ndarray, first: int, last: int) -> None:
-    """Copy columns ``first`` to ``last`` − 1 of the rows of some copies (k,)."""
-    for k in range(copies.size):
-        for n in range(first, last):
-            own[copies[k], n] = theirs[copies[k], n]
+def tell(
+    held: np.ndarray,
+    hold: int,
+    rows: np.ndarray,
+    balance: np.ndarray,
+    succeeded: np.ndarray,
+    drift: np.ndarray,
+) -> None:
+    """Write which copies have met the aim for long enough, and how far their energy balance is off [J]."""
+    for c in range(held.size):
+        succeeded[c] = held[c] >= hold
+        drift[c] = rows[c, measures.BALANCE] - balance[c]
 
 
 @kernel

@@ -318,6 +318,21 @@ def values_of(simulator: Simulator, name: str) -> np.ndarray:
     return rows if shape_of(name) else rows[:, 0]
 
 
+def test_copies_are_read_where_they_are_placed() -> None:
+    one, other = everything(), everything()
+    x = one.scene.positions + np.arange(3.0)[:, None, None]
+    before = one.readout.rows.copy()
+    one.place(x, one.scene.velocities, [4, 0, 7])
+    np.testing.assert_array_equal(one.readout.rows, before)
+    one.read([4, 0, 7])
+    other.place(x, one.scene.velocities, np.array([4, 0, 7]), read=True)
+    assert np.any(one.readout.rows[[0, 4, 7]] != before[[0, 4, 7]], axis=1).all()
+    for mine, its in zip(one.readout, other.readout, strict=True):
+        np.testing.assert_array_equal(mine, its)
+    with pytest.raises(TypeError, match="read is 1; it must be True or False"):
+        one.place(x, one.scene.velocities, [4, 0, 7], read=1)
+
+
 NAMED = [*VARYING, "positions"]
 
 

@@ -76,6 +76,8 @@ def test_apart_nothing_changes() -> None:
         assert np.abs(a - b).max() < 1e-12
     assert none.pairs().touching.shape == (2, 0)
     assert not some.pairs().touching.any()
+    assert some.pairs().least_gap.min() == np.inf
+    assert (some.pair_sums().least_gap == some.scene.meetings.reach.min()).all()
     with pytest.raises(ValueError, match="the scene has no bodies that collide, and so no pairs"):
         none.pair_sums()
 
