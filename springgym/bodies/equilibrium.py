@@ -93,7 +93,7 @@ def relative_equilibrium(
     return x
 
 
-POWERS = np.array([[8, 6, 4, 2, 0]])
+POWERS = np.array([[8.0, 6.0, 4.0, 2.0, 0.0]])
 
 
 @dataclass(frozen=True)
