@@ -54,12 +54,23 @@ def direction(rng: Generator) -> np.ndarray:
 
 def any_rotation(rng: Generator) -> np.ndarray:
     """Draw a rotation (3, 3), all equally likely, by Gram-Schmidt from three random directions."""
-    first, second, third = rng.normal(size=(3, 3)).T
-    first = _unit(first)
-    second = _unit(second - (first * second).sum() * first)
-    across = cross(first, second)
-    side = math.copysign(1.0, (across * third).sum())
-    return np.column_stack([side * first, side * second, across])
+    first, second, third = rng.normal(size=(3, 3)).T.tolist()
+    first = _along(first)
+    share = _dot(first, second)
+    second = _along([b - share * a for a, b in zip(first, second, strict=True)])
+    (i, j, k), (u, v, w) = first, second
+    across = [j * w - k * v, k * u - i * w, i * v - j * u]
+    side = math.copysign(1.0, _dot(across, third))
+    return np.array([[side * a, side * b, c] for a, b, c in zip(first, second, across, strict=True)])
+
+
+def _dot(u: list[float], w: list[float]) -> float:
+    return u[0] * w[0] + u[1] * w[1] + u[2] * w[2]
+
+
+def _along(vector: list[float]) -> list[float]:
+    length = math.sqrt(_dot(vector, vector))
+    return [component / length for component in vector]
 
 
 def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:

@@ -161,8 +161,8 @@ class Task:
         """
         each = [self.start(*own) for own in zip(generators, options, factors, strict=True)]
         return Start(
-            np.stack([start.positions for start in each]),
-            np.stack([start.velocities for start in each]),
+            np.array([start.positions for start in each]),
+            np.array([start.velocities for start in each]),
             [start.goal for start in each],
         )
 
