@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from springgym.collisions import as_met
 from springgym.contact.rows import FAR, ROWS
+from springgym.contact.totals import ENTRIES, FAST, GAP, IMPULSE, MISSES, TOUCHING, Collisions
 from springgym.core.blocks import numbers
+from springgym.core.compiling import kernel
 from springgym.core.kinds import Ragged
 from springgym.forces import Terms
 from springgym.forces.memory import PHASE
@@ -59,6 +62,54 @@ class Contacts(NamedTuple):
     """(copies, most, 3) impulse on the first body, normal and friction together [N·s]"""
     force: np.ndarray
     """(copies, most, 3) force on the first body [N]"""
+
+
+class PairSums(NamedTuple):
+    """What happened between colliding bodies, (copies,), over all pairs: see `PairReadings`."""
+
+    touching: np.ndarray
+    """number of pairs that touch"""
+    impulse: np.ndarray
+    """the sum of all impulses along normals [N·s]"""
+    least_gap: np.ndarray
+    """the least gap of any pair, or the reach of its contact if that is less [m]"""
+    misses: np.ndarray
+    """number of contacts that were found too late"""
+    too_fast: np.ndarray
+    """number of contacts that came too fast to be computed well"""
+
+
+def pair_sums(collisions: Collisions, copies: int) -> PairSums:
+    """Return the totals of some copies over all pairs."""
+    sums = np.empty((len(PairSums._fields), copies))
+    sum_pairs(numbers(collisions.totals), collisions.pairs.reach, sums)
+    return PairSums(*sums)
+
+
+@kernel
+def sum_pairs(totals: np.ndarray, reach: np.ndarray, sums: np.ndarray) -> None:
+    """Write `PairSums` (fields, copies) of totals (blocks, pairs × entries, copies of a block)."""
+    width = totals.shape[2]
+    for c in range(sums.shape[1]):
+        block, lane = c // width, c % width
+        touching, impulse, misses, too_fast, least = 0.0, 0.0, 0.0, 0.0, math.inf
+        for pair in range(reach.size):
+            first = pair * ENTRIES
+            touching += 1.0 if totals[block, first + TOUCHING, lane] > 0.0 else 0.0
+            impulse += totals[block, first + IMPULSE, lane]
+            misses += totals[block, first + MISSES, lane]
+            too_fast += totals[block, first + FAST, lane]
+            gap = totals[block, first + GAP, lane]
+            gap = reach[pair] if gap > reach[pair] else gap
+            if not math.isnan(least) and not gap >= least:  # one that is not a number is told
+                least = gap
+        sums[0, c], sums[1, c], sums[2, c], sums[3, c], sums[4, c] = (
+            touching,
+            impulse,
+            least,
+            misses,
+            too_fast,
+        )
 
 
 class Here(NamedTuple):

@@ -35,7 +35,7 @@ def guarded(method: Method) -> Method:
     @wraps(method)
     def alone(self: Any, /, *arguments: object, **options: object) -> object:
         guard = self._guard
-        if not guard.taken(blocking=False):
+        if not guard.taken(False):
             raise RuntimeError(
                 f"two threads use one {type(self).__name__} at once: {method.__name__} was called while "
                 "another thread is in a call; give each thread its own, or use a lock"

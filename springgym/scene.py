@@ -16,6 +16,7 @@ from springgym.bodies import Body, Round
 from springgym.checks import TINY, array, chosen, flag, indices, instance, number, shown, whole, whole_array
 from springgym.collisions import Collisions, Meetings, Shape, as_met, check_apart, meetings, shape
 from springgym.collisions.meeting import ALL, Meeting, Named
+from springgym.core.compiling import kernel
 from springgym.identity import digest
 from springgym.own_forces import checked_forces
 from springgym.records import ReadOnly
@@ -167,7 +168,7 @@ class Placed(ReadOnly):
                     what.format(n=n, of=f" of copy {copies[row[0]]}" if row and copies is not None else "")
                 )
 
-        if self.pinned:
+        if self.pinned and np.count_nonzero(velocities.take(self.pinned, axis=-2)):
             moves = ~self.free & velocities.any(axis=-1)
             if self.drive:
                 driven = np.abs(velocities[..., self.drive.particle, :]).max(axis=-1, keepdims=True)
@@ -175,8 +176,9 @@ class Placed(ReadOnly):
                 refuse(driven > self.drive.speed, fast % (self.drive.particle, self.drive.speed))
                 moves[..., self.drive.particle] = False
             refuse(moves, "pinned particle {n}{of} has a velocity; it must be zero")
-        short = too_short(self.body.springs, positions)
-        refuse(short, "spring {n}{of} starts with both ends at the same place; it has no direction")
+        if any_too_short(self.body.springs, self.body.lengths, positions):
+            short = too_short(self.body.springs, positions)
+            refuse(short, "spring {n}{of} starts with both ends at the same place; it has no direction")
 
     @cached_property
     def free(self) -> np.ndarray:
@@ -208,6 +210,33 @@ def too_short(springs: np.ndarray, positions: np.ndarray) -> np.ndarray:
     first, second = springs.T
     apart = positions.take(second, axis=-2) - positions.take(first, axis=-2)
     return np.asarray(np.einsum("...n,...n", apart, apart) < TINY**2)
+
+
+def any_too_short(springs: np.ndarray, lengths: np.ndarray, positions: np.ndarray) -> bool:
+    """Return whether any spring is `too_short`, in a fraction of the time; lengths (S,) are the springs'."""
+    placed = np.array(positions, order="C").reshape(-1, *positions.shape[-2:])
+    return not extremes(springs, lengths[None], placed)[0] >= TINY**2
+
+
+@kernel
+def extremes(springs: np.ndarray, lengths: np.ndarray, positions: np.ndarray) -> tuple[float, float]:
+    """Return the least square of a spring's length [m²] and the largest strain; NaN if one is not a number.
+
+    Springs are (S, 2), their lengths (k, S), or (1, S) for all copies, and positions (k, N, 3) [m].
+    """
+    least, most = math.inf, 0.0
+    for k in range(positions.shape[0]):
+        row = min(k, lengths.shape[0] - 1)
+        for n in range(springs.shape[0]):
+            square = 0.0
+            for axis in range(3):
+                apart = positions[k, springs[n, 1], axis] - positions[k, springs[n, 0], axis]
+                square += apart * apart
+            strain = abs(math.sqrt(square) / lengths[row, n] - 1.0)
+            if math.isnan(strain):
+                return strain, strain
+            least, most = min(least, square), max(most, strain)
+    return least, most
 
 
 def _numbered(bodies: tuple[Placed, ...]) -> tuple[Placed, ...]:
@@ -435,7 +464,11 @@ class Scene(ReadOnly):
         if any(body.rounds for body in self._different):
             return False
         positions, least = np.asarray(positions, float), self._least_heights
-        return all(bool((surface.height(positions) >= least).all()) for surface in self.surfaces)
+        for surface in self.surfaces:
+            well = surface.height(positions) >= least
+            if np.count_nonzero(well) < well.size:
+                return False
+        return True
 
     @cached_property
     def _least_heights(self) -> np.ndarray:
@@ -450,6 +483,8 @@ class Scene(ReadOnly):
             check_heights(self.surfaces, reach, positions[..., own, :], placed.free, placed.body, copies, of)
 
     def _check_apart(self, positions: np.ndarray, copies: np.ndarray | None = None) -> None:
+        if not self.meetings:
+            return
         names = [placed.name for placed in self.bodies]
         bodies = [placed.body for placed in self.bodies]
         met = as_met(self.shapes, bodies, self.starts, positions)
@@ -519,8 +554,10 @@ class Scene(ReadOnly):
         """
         doubtful = [0]
         if len(self.bodies) > 1:
-            short = too_short(self.springs, positions).any(axis=tuple(range(positions.ndim - 2)))
-            doubtful = sorted(set(self._springs_of[short].tolist()) | self._held)
+            doubtful = sorted(self._held)
+            if any_too_short(self.springs, self.lengths, positions):
+                short = too_short(self.springs, positions).any(axis=tuple(range(positions.ndim - 2)))
+                doubtful = sorted(set(self._springs_of[short].tolist()) | self._held)
         for n in doubtful:
             placed, own = self.bodies[n], self.slices[n]
             try:
@@ -632,6 +669,13 @@ class Scene(ReadOnly):
         springs = np.concatenate([placed.body.springs + own.start for placed, own in each])
         springs.setflags(write=False)
         return springs
+
+    @cached_property
+    def lengths(self) -> np.ndarray:
+        """Return the lengths of the springs of all bodies [m], (S,)."""
+        lengths = self.of_bodies("lengths")
+        lengths.setflags(write=False)
+        return lengths
 
     @property
     def pivot(self) -> int:

@@ -17,23 +17,25 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from springgym import checks, contacts, measures, packing, stability
-from springgym.checks import FLOAT, HUGE, MANY, TINY, sum_of_squares
+from springgym.checks import FLOAT, HUGE, INDEX, MANY, TINY
 from springgym.contact import totals
 from springgym.contact.overlap import tell_shown
 from springgym.contact.totals import RESOLVED, Collisions, PairReadings
-from springgym.contacts import Contacts
+from springgym.contacts import Contacts, PairSums
 from springgym.core.blocks import (
     WIDTH,
     aligned_zeros,
+    ascending,
     block_array,
     block_layout,
     by_copies,
     chosen_copies,
-    copy_views,
+    flat_numbers,
     get_copies,
     numbers,
-    set_all,
+    put,
     to_copies,
+    within,
 )
 from springgym.core.compiling import SameTypes
 from springgym.core.kinds import Nested, Ragged
@@ -248,8 +250,8 @@ class Simulator:
         self._check_distance(scene.positions)
         for array, start in ((self._x, scene.positions), (self._v, scene.velocities)):
             numbers(array)[:] = start[..., None]  # the padding of the last block, too
-        self._settle(np.arange(self.copies))
-        self._meet(np.arange(self.copies))
+        self._settle(self._all)
+        self._meet(self._all)
 
     @classmethod
     def paper(cls, scene: Scene, **options: Any) -> Self:
@@ -329,14 +331,20 @@ class Simulator:
 
     @cached_property
     def _moving(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return positions and velocities by copies, to be set."""
-        return by_copies(self._x), by_copies(self._v)
+        """Return `flat_numbers` of positions and velocities, to be set."""
+        return flat_numbers(self._x), flat_numbers(self._v)
 
     @cached_property
-    def _emptied(self) -> list[np.ndarray]:
-        """Return by copies what is zero where they start: the ledger, and what is left of steps before."""
+    def _emptied(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return what is zero where copies start, with a row of zeros: ledger, and what is left of steps."""
         ledger = [] if self._ledger is None else [self._ledger]
-        return [by_copies(array) for array in (*ledger, *packing.marks(self._terms))]
+        emptied = map(flat_numbers, (*ledger, *packing.marks(self._terms)))
+        return [(lanes, np.zeros((1, lanes.shape[1]))) for lanes in emptied]
+
+    @cached_property
+    def _all(self) -> np.ndarray:
+        """Return the indices of all copies."""
+        return np.arange(self.copies)
 
     @cached_property
     def _readings(self) -> list[Reading]:
@@ -348,13 +356,13 @@ class Simulator:
         """Return the scene as kernels take it."""
         return (*self._twin, self._terms) if self._twin else self._terms
 
-    def _actuated(self) -> dict[str, tuple[tuple[int, ...], list[tuple[np.ndarray, slice]]]]:
-        """Return what `actuate` sets, by name: the shape of its values, and where they are written."""
+    def _actuated(self) -> dict[str, tuple[tuple[int, ...], np.ndarray]]:
+        """Return what `actuate` sets, by name: the shape of its values, and `flat_numbers` to write to."""
         several = len(self._packed) > 1
         return {
             f"{placed.name}.{name}" if several else name: (
                 (self.copies, *array.shape[1:]),
-                copy_views(array, self.copies),
+                flat_numbers(array),
             )
             for placed, packed in zip(self.scene.bodies, self._packed, strict=True)
             for name, array in packing.actuators(packed).items()
@@ -380,7 +388,14 @@ class Simulator:
         return int(numbers(self._x).shape[-1])
 
     @guarded
-    def place(self, positions: ArrayLike, velocities: ArrayLike, copies: ArrayLike | None = None) -> None:
+    def place(
+        self,
+        positions: ArrayLike,
+        velocities: ArrayLike,
+        copies: ArrayLike | None = None,
+        *,
+        read: bool = False,
+    ) -> None:
         """Place some copies (default: all), with an empty ledger and at time 0.
 
         Parameters
@@ -389,6 +404,8 @@ class Simulator:
             [m], [m/s]
         copies : (k,), optional
             Which.
+        read
+            Whether to `read` them afterwards.
 
         Raises
         ------
@@ -398,7 +415,7 @@ class Simulator:
             If a shape is another, a number not finite, there is no such copy, or `Scene.check_start` refuses
             the start; nothing is changed.
         """
-        index = self._index(copies)
+        index, read = self._index(copies), checks.flag("read", read)
         shape = self.scene.positions.shape
         x, v = (
             self._rows("positions", positions, index, shape),
@@ -407,17 +424,18 @@ class Simulator:
         self.scene.check_start(x, v, index)
         self._check_settled(x, v, index)
         self._check_distance(x)
-        where = np.divmod(index, self.width)
         for lanes, values in zip(self._moving, (x, v), strict=True):
-            lanes[where] = values
+            put(lanes, index, np.array(values, order="C").reshape(len(index), lanes.shape[1]))
         self._settle(index)
-        for lanes in self._emptied:
-            lanes[where] = 0.0
+        for lanes, zeros in self._emptied:
+            put(lanes, index, zeros)
         if self._terms.collisions is not None:
             totals.empty_totals(self._terms.collisions, index)
             self.unresolved[index] = False
         self._meet(index)
         self.time[index] = 0.0
+        if read:
+            self._read(index)
 
     def _check_settled(self, x: np.ndarray, v: np.ndarray, index: np.ndarray) -> None:
         """Refuse starts that `_settle` would move to where nothing can start."""
@@ -430,11 +448,13 @@ class Simulator:
 
     def _index(self, copies: ArrayLike | None) -> np.ndarray:
         """Return indices (k,) of copies, checked."""
-        return (
-            np.arange(self.copies)
-            if copies is None
-            else checks.indices("copies", copies, self.copies, once=True)
-        )
+        if copies is None:
+            return self._all
+        # What environments give at every step passes at once.
+        plain = type(copies) is np.ndarray and copies.dtype is INDEX and copies.ndim == 1
+        if plain and ascending(index := np.array(copies), self.copies):
+            return index
+        return checks.indices("copies", copies, self.copies, once=True)
 
     def _rows(
         self,
@@ -540,22 +560,20 @@ class Simulator:
             If a shape is wrong, a number is not finite, or the scene has no such actuator; nothing is
             changed.
         """
-        actuators = self._actuators
+        actuators, given = self._actuators, []
         for name, value in values.items():
             if name not in actuators:
                 known = ", ".join(actuators) or "none"
                 raise ValueError(f"the scene has no actuator for {name!r}; it has {known}")
-            shape, _ = actuators[name]
-            # What environments give at every step passes at once.
-            if not (
-                value.__class__ is np.ndarray
-                and value.dtype is FLOAT
-                and value.shape == shape
-                and sum_of_squares(value) <= HUGE  # it bounds each number
-            ):
-                values[name] = np.broadcast_to(checks.array(name, value, shape, shape[1:]), shape)
-        for name, value in values.items():
-            set_all(actuators[name][1], value)
+            shape, lanes = actuators[name]
+            if value.__class__ is not np.ndarray or value.dtype is not FLOAT or value.shape != shape:
+                value = np.array(np.broadcast_to(checks.array(name, value, shape, shape[1:]), shape))
+            rows = np.ascontiguousarray(value).reshape(self.copies, lanes.shape[1])
+            if not within(rows, HUGE):
+                checks.array(name, value, shape)  # which says what is wrong
+            given.append((lanes, rows))
+        for lanes, rows in given:
+            put(lanes, self._all, rows)
 
     @guarded
     def state(self, copies: ArrayLike | None = None) -> dict[str, Any]:
@@ -687,8 +705,8 @@ class Simulator:
         own = {name: array for name, array in self._changing() if not name.startswith(OF_A_STEP)}
         _set(own.values(), (theirs[name] for name in own))
         self._recall()
-        packing.renew(self._terms, np.arange(self.copies))
-        self._meet(np.arange(self.copies))
+        packing.renew(self._terms, self._all)
+        self._meet(self._all)
 
     def _changing(self) -> Iterator[tuple[str, np.ndarray]]:
         """Return names and arrays of all that changes: what moves, what actuators do, and what was varied."""
@@ -931,6 +949,19 @@ class Simulator:
         return found
 
     @guarded
+    def pair_sums(self) -> PairSums:
+        """Return what `pairs` does, over all pairs of each copy.
+
+        Raises
+        ------
+        ValueError
+            If the scene has no bodies that collide.
+        """
+        if self._terms.collisions is None:
+            raise ValueError("the scene has no bodies that collide, and so no pairs")
+        return contacts.pair_sums(self._terms.collisions, self.copies)
+
+    @guarded
     def contacts(self) -> Contacts:
         """Return the contacts at the node where the state is read, with their impulses.
 
@@ -971,13 +1002,18 @@ class Simulator:
         if copies is None:
             self._share(0, settles=False, reads=True)
         else:
-            for first, last in self._block_ranges(self._index(copies)):
-                self._run(0, first, last, 0, settles=False, reads=True)
+            self._read(self._index(copies))
+
+    def _read(self, index: np.ndarray) -> None:
+        """Do the same as `read` for copies (k,) that have been checked."""
+        for first, last in self._block_ranges(index):
+            self._run(0, first, last, 0, settles=False, reads=True)
 
     def _block_ranges(self, copies: np.ndarray) -> list[tuple[int, int]]:
         """Return ranges of blocks that together hold the copies and no other block."""
         ranges: list[tuple[int, int]] = []
-        for block in sorted(set((copies // self.width).tolist())):
+        width = self.width
+        for block in sorted({copy // width for copy in copies.tolist()}):
             first = ranges.pop()[0] if ranges and ranges[-1][1] == block else block
             ranges.append((first, block + 1))
         return ranges
@@ -1054,6 +1090,7 @@ class Simulator:
             "_clock",
             "_moving",
             "_emptied",
+            "_all",
             "_readings",
             "_acting",
             "_packed",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from typing import Any
 
@@ -15,11 +16,12 @@ from springgym.bodies import start, top
 from springgym.core.blocks import (
     aligned_zeros,
     block_array,
-    copy_views,
+    flat_numbers,
     numbers,
-    set_all,
+    put,
     set_copies,
     to_copies,
+    within,
 )
 from springgym.core.compiling import kernel
 from springgym.core.lanes import (
@@ -201,13 +203,26 @@ def test_rows_of_a_batch(copies: int, dtype: Any) -> None:
     """What goes into blocks copy by copy comes out again, and only what was named is changed."""
     rows = np.arange(copies * 6).reshape(copies, 2, 3).astype(dtype)
     array = block_array(copies, (2, 3), dtype)
-    set_all(copy_views(array, copies), rows)
+    put(flat_numbers(array), np.arange(copies), rows.reshape(copies, 6).astype(float))
     np.testing.assert_array_equal(to_copies(array, copies), rows)
     chosen = np.unique([0, copies // 2, copies - 1])
-    set_copies(array, chosen, -1.0)
-    rows[chosen] = -1.0
-    np.testing.assert_array_equal(to_copies(array, copies), rows)
+    for value, set_chosen in (
+        (-1.0, lambda: set_copies(array, chosen, -1.0)),
+        (-2.0, lambda: put(flat_numbers(array), chosen, np.full((1, 6), -2.0))),
+    ):
+        set_chosen()
+        rows[chosen] = value
+        np.testing.assert_array_equal(to_copies(array, copies), rows)
     assert array.ctypes.data % 64 == 0
+
+
+def test_numbers_that_are_within_a_bound() -> None:
+    rows = np.linspace(-3.0, 3.0, 8).reshape(2, 4)
+    assert within(rows, 3.0)
+    assert not within(rows, 2.9)
+    for wrong in (math.nan, math.inf, -math.inf):
+        rows[1, 3] = wrong
+        assert not within(rows, 1e30)
 
 
 COPIES = 2 * 16 + 3

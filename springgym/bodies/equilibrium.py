@@ -93,7 +93,7 @@ def relative_equilibrium(
     return x
 
 
-POWERS = np.array([[8, 6, 4, 2, 0]])
+POWERS = np.array([[8.0, 6.0, 4.0, 2.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,10 @@ class StretchedShapes:
 
     def __call__(self, spin: float | np.ndarray) -> np.ndarray:
         """Return the shape (N, 3) at a spin [rad/s], or shapes (k, N, 3) at several (k,)."""
-        spins = array("spin", spin, (), (None,))
+        return self.at(array("spin", spin, (), (None,)))
+
+    def at(self, spins: np.ndarray) -> np.ndarray:
+        """Do the same for spins that have been checked."""
         powers = (spins / self.fastest)[..., None, None] ** POWERS
         shapes = powers @ self.coefficients.reshape(5, -1)
         return shapes.reshape(*spins.shape, *self.coefficients.shape[1:])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
+from springgym.core.compiling import kernel
 from springgym.core.lanes import at as at
 from springgym.core.lanes import block_dtype
 
@@ -86,15 +87,38 @@ def chosen_copies(array: np.ndarray, index: np.ndarray) -> np.ndarray:
     return chosen
 
 
-def copy_views(array: np.ndarray, copies: int) -> list[tuple[np.ndarray, slice]]:
-    """Return views of the copies in a block array with their numbers: full blocks, then the last one."""
-    lanes = by_copies(array)
-    full, rest = divmod(copies, lanes.shape[1])
-    views = [(lanes[:full], slice(copies - rest)), (lanes[full:, :rest], slice(copies - rest, copies))]
-    return [(view, own) for view, own in views if view.size]
+@kernel
+def put(lanes: np.ndarray, index: np.ndarray, rows: np.ndarray) -> None:
+    """Set some copies (k,) of `flat_numbers` (blocks, n, width) to ``rows`` (k, n), or to one for all."""
+    width = lanes.shape[2]
+    for k in range(index.size):
+        block, lane, row = index[k] // width, index[k] % width, min(k, rows.shape[0] - 1)
+        for n in range(rows.shape[1]):
+            lanes[block, n, lane] = rows[row, n]
 
 
-def set_all(views: list[tuple[np.ndarray, slice]], values: np.ndarray) -> None:
-    """Set `copy_views` of a block array to ``values`` (copies, *shape)."""
-    for view, own in views:
-        view[...] = values[own].reshape(view.shape)
+@kernel
+def within(rows: np.ndarray, bound: float) -> bool:
+    """Return whether all numbers (k, n) are finite and at most ``bound`` in size."""
+    for k in range(rows.shape[0]):
+        for n in range(rows.shape[1]):
+            if not abs(rows[k, n]) <= bound:
+                return False
+    return True
+
+
+@kernel
+def ascending(index: np.ndarray, count: int) -> bool:
+    """Return whether each index (k,) is larger than the one before, and all are from 0 to ``count`` − 1."""
+    last = -1
+    for k in range(index.size):
+        if not last < index[k] < count:
+            return False
+        last = index[k]
+    return True
+
+
+def flat_numbers(array: np.ndarray) -> np.ndarray:
+    """Return a view of a block array as plain numbers of shape (blocks, n, width)."""
+    lanes = numbers(array)
+    return lanes.reshape(lanes.shape[0], math.prod(lanes.shape[1:-1]), lanes.shape[-1])

@@ -20,7 +20,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -178,7 +178,7 @@ class SpringBalance(Task):
         return np.full(2, self.torque)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        return {"plate.torque": self.torque * np.pad(action, ((0, 0), (0, 1)))}
+        return {"plate.torque": self.torque * level(action)}
 
     def look(self) -> Look:
         return film.look(self.scene, colors={"ball": ORANGE})

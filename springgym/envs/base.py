@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from springgym.checks import chosen, flag, indices, instance, shown, whole
 from springgym.envs.episodes import NOT_BEGUN, Begun, Episodes
 from springgym.envs.options import arguments
-from springgym.envs.task import MET, Task
+from springgym.envs.task import Task
 from springgym.envs.tolerance import SAFETY, Choice, chosen_for
 from springgym.guard import Guard, guarded
 from springgym.rendering import Renderer
@@ -88,6 +88,7 @@ class _Common(Stateful):
                 raise ValueError("step and tolerance are both given; a tolerance chooses the step")
             self.chosen = chosen_for(task, copies, tolerance, integrator, damping_every=damping_every, **made)
             integrator, made["wanted_step"] = self.chosen.integrator, task.period / self.chosen.steps
+            made["error_bound"] = SAFETY * self.chosen.error
         self.episodes = Episodes(
             task,
             copies,
@@ -147,32 +148,6 @@ class _Common(Stateful):
         if given.shape != shape:
             raise ValueError(f"action has shape {given.shape}; it must be {shape}")
         return given
-
-    def _always(self, copies: int | slice | np.ndarray) -> dict[str, Any]:
-        """Return arrays (k,) of what ``info`` reports for some copies of whatever task."""
-        episodes, task, m = self.episodes, self.episodes.task, self.episodes.measures
-        always: dict[str, Any] = {
-            "is_success": episodes.held[copies] >= task.hold,
-            "diverged": episodes.diverged[copies],
-            "energy": m.energy[copies],
-            "energy_drift": m.balance[copies] - episodes.balance[copies],
-            "strain": m.strain[copies],
-        }
-        if episodes.error is not None:
-            always["step_error"] = episodes.error.last[copies]
-        if self.chosen is not None:
-            always["error_bound"] = np.full(episodes.copies, SAFETY * self.chosen.error)[copies]
-        if task.scene.meetings:
-            met, reach = episodes.simulator.pairs(), task.scene.meetings.reach
-            always["pairs_touching"] = met.touching[copies].sum(axis=-1, dtype=float)
-            always["pairs_impulse"] = met.impulse[copies].sum(axis=-1)
-            always["pairs_least_gap"] = np.minimum(met.least_gap[copies], reach).min(axis=-1)
-            always["pairs_missed"] = met.misses[copies].sum(axis=-1)
-            always["too_fast"] = met.too_fast[copies].sum(axis=-1)
-        if episodes.ranges:
-            drawn = episodes.factors[copies]
-            always["randomization"] = {name: drawn[..., n] for n, name in enumerate(episodes.ranges)}
-        return always
 
     def _picture(self, renderer: Renderer, copy: int) -> np.ndarray | None:
         episodes = self.episodes
@@ -314,8 +289,7 @@ class SpringEnv(_OneCopy, gym.Env[np.ndarray, np.ndarray]):
         return _of_copy(self.episodes.shown(seen), 0)
 
     def _info(self) -> dict[str, Any]:
-        stepped = zip(self.episodes.task.reported, self.episodes.out[0, :MET].tolist(), strict=True)
-        return _plain(self._always(0)) | dict(stepped)
+        return _plain(self.episodes.told())
 
     @guarded
     def render(self) -> np.ndarray | None:
@@ -450,7 +424,7 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         self._ended[mask] = False
         self._show_new(started)
         infos: dict[str, Any] = {}
-        _add(infos, self._info(), mask)
+        _add(infos, self.episodes.told(), mask)
         seen = self.episodes.shown(self.episodes.observe())
         self.episodes.unready = ""
         return seen, infos
@@ -470,12 +444,12 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
         begun = None
         for canvas, positions in zip(self._canvases, episodes.particles[0], strict=False):
             canvas.follow(positions)
-        if mode is AutoresetMode.NEXT_STEP and self._ended.any():
+        if mode is AutoresetMode.NEXT_STEP and np.count_nonzero(self._ended):
             begun = self._begin(self._ended)
             for values in result:
                 values[begun.copies] = 0
         self._ended = terminated | truncated
-        if mode is AutoresetMode.SAME_STEP and self._ended.any():
+        if mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
             fresh = self._ended
             final = episodes.shown(episodes.observe(seen))
             infos["final_obs"] = np.full(self.num_envs, None, dtype=object)
@@ -483,23 +457,18 @@ class SpringVectorEnv(_Common, gym.vector.VectorEnv[np.ndarray, np.ndarray, np.n
                 infos["final_obs"][n] = deepcopy(_of_copy(final, n))
             infos["_final_obs"] = fresh.copy()
             infos["final_info"] = {}
-            _add(infos["final_info"], self._info(), fresh)
+            _add(infos["final_info"], self.episodes.told(), fresh)
             infos["_final_info"] = fresh.copy()
             begun = self._begin(fresh)
             self._ended = np.zeros(self.num_envs, bool)
-        _add(infos, self._info(), np.ones(self.num_envs, bool))
+        _add(infos, self.episodes.told(), np.ones(self.num_envs, bool))
         seen = episodes.shown(episodes.observe(seen, begun))
         episodes.unready = ""
         return seen, reward, terminated, truncated, infos
 
-    def _info(self) -> dict[str, Any]:
-        return self._always(slice(None)) | dict(
-            zip(self.episodes.task.reported, self.episodes.out.T[:MET], strict=True)
-        )
-
     def _begin(self, fresh: np.ndarray) -> Begun:
         """Start new episodes in some copies (num_envs,) of bool."""
-        copies = np.flatnonzero(fresh)
+        copies = fresh.nonzero()[0]
         begun = self.episodes.begin(copies, [self._generators[n] for n in copies], None)
         self._show_new(copies)
         return begun
@@ -832,8 +801,9 @@ def _of_copy(seen: Any, copy: Any) -> Any:
 
 def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> None:
     """Add arrays to ``infos`` as Gymnasium does: zero where the mask is not, with the mask beside them."""
-    every = mask.all()
-    masks = np.repeat(mask[None], len(values), axis=0)
+    every = np.count_nonzero(mask) == len(mask)
+    masks = np.empty((len(values), len(mask)), bool)
+    masks[:] = mask
     for (name, value), own in zip(values.items(), masks, strict=True):
         if isinstance(value, dict):
             infos[name] = {}
@@ -844,7 +814,7 @@ def _add(infos: dict[str, Any], values: Mapping[str, Any], mask: np.ndarray) -> 
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the same with plain Python numbers."""
+    """Return the same of a single copy, as plain Python numbers."""
     return {k: _plain(v) if isinstance(v, dict) else v.item() for k, v in values.items()}
 
 

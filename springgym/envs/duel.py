@@ -21,7 +21,7 @@ from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situatio
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, thrift
 from springgym.envs.starts import above_bowl, standing, uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, RED, TEAL, together, two_tone
@@ -270,7 +270,7 @@ class SpringDuel(Task):
         return np.full(2, FORCE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        return {"first.thrust": FORCE * np.pad(action, ((0, 0), (0, 1)))[:, None]}
+        return {"first.thrust": FORCE * level(action)[:, None]}
 
     def seen_by_second(self, m: Measures, s: Situation) -> np.ndarray:
         """Return the second player's compact observations (n, D)."""
@@ -304,7 +304,7 @@ class SpringDuel(Task):
                 f"the opponent gave {shown(given)}; it must give finite actions of shape {(len(seen), 2)}"
             )
         push = -FORCE * np.clip(action, -1.0, 1.0)  # its axes are turned by half a turn
-        return {"second.thrust": np.pad(push, ((0, 0), (0, 1)))[:, None]}
+        return {"second.thrust": level(push)[:, None]}
 
     def look(self) -> Look:
         count = len(self.body.masses)

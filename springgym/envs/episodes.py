@@ -27,7 +27,7 @@ from springgym.envs.randomisation import RANDOMIZABLE
 from springgym.envs.task import FAILED, MET, Task
 from springgym.identity import check_same
 from springgym.measures import Measures
-from springgym.scene import Scene
+from springgym.scene import Scene, extremes
 from springgym.simulator import STRAIN_LIMIT, Simulator, copies_in
 from springgym.stability import steps_in
 
@@ -82,6 +82,12 @@ class Part(NamedTuple):
 STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "action", "out", "diverged")
 """Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
 
+OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_least_gap", "pairs_missed", "too_fast")
+"""Names in ``info`` of `springgym.contacts.PairSums`."""
+
+CLEARED = ("goal", "memory", "elapsed", "time", "held", "balance", "action", "out", "diverged")
+"""Those of them that `clear` sets where an episode begins."""
+
 
 class Episodes:
     """Copies of a task, each in its own episode, which are stepped together."""
@@ -103,6 +109,7 @@ class Episodes:
         max_episode_steps: int | None,
         error: bool = False,
         wanted_step: float | None = None,
+        error_bound: float | None = None,
         arguments: Mapping[str, Any] | None = None,
     ) -> None:
         self.task = task
@@ -157,8 +164,10 @@ class Episodes:
         self.out = np.zeros((copies, len(task.outcome)))
         """what `Task.evaluate` set last, a column for each name in `Task.outcome`"""
         self.diverged = np.zeros(copies, bool)
+        self._succeeded, self._drift = np.zeros(copies, bool), np.zeros(copies)
+        self._bound_of_error = None if error_bound is None else np.full(copies, error_bound)
         self._names = np.dtype([(name, self.out.dtype) for name in task.outcome])
-        self._ends, self._lengths = scene.springs.T, scene.of_bodies("lengths")
+        self._first_memory = np.array(task.memory, float)
         particles = task.particles if self.goals is None else task.particles.without_goal()
         self._columns = observation.columns(particles)
         self._seen_size = task.observation_size if self.goals is None else particles.size(0)
@@ -295,23 +304,17 @@ class Episodes:
         was, self.unready = self.unready, BROKEN_OFF
         try:
             self._vary(copies, drawn)
-            self.simulator.place(positions, velocities, copies)
+            self.simulator.place(positions, velocities, copies, read=True)
         except (TypeError, ValueError):  # it is refused
             self._vary(copies, before)
             self.unready = was
             raise
-        self.goal[copies] = goals
-        self.memory[copies] = self.task.memory
-        self.elapsed[copies] = 0
-        self.time[copies] = 0.0
-        self.held[copies] = 0
-        self.action[copies] = 0.0
-        self.out[copies] = 0.0
-        self.diverged[copies] = False
         if self.error is not None:
             self.error.last[copies] = 0.0
-        self.simulator.read(copies)
-        self.balance[copies] = self.measures.balance[copies]
+        goal = np.array(goals, float).reshape(len(copies), self.goal.shape[1])
+        self._clear(
+            copies, goal, self._first_memory, self._whole.rows, *(getattr(self, name) for name in CLEARED)
+        )
         parts = self._parts_with(copies)
         if self._remember is not None:
             memory = self.memory.copy()
@@ -330,19 +333,21 @@ class Episodes:
         """Refuse starts (k, N, 3) in a shape that has diverged already."""
         if self.simulator.dynamics == "rigid":
             return
-        first, second = self._ends
-        scales = np.array([[factors["scale"]] for factors in drawn])
-        scale = randomisation.stretched(self.simulator.scene, scales)
-        apart = positions.take(second, axis=1) - positions.take(first, axis=1)
-        length = np.sqrt((apart * apart).sum(axis=-1))
-        strain = np.abs(length / (scale * self._lengths) - 1).max(axis=1, initial=0.0)
-        if not (strain <= STRAIN_LIMIT).all():
-            n = int(np.argmax(~(strain <= STRAIN_LIMIT)))
-            factors = ", ".join(f"{name} × {drawn[n][name]:g}" for name in self.ranges)
-            raise ValueError(
-                f"{type(self.task).__name__} would start with a strain of {strain[n]:.3g}"
-                f"{f' ({factors})' if factors else ''}; it must be at most {STRAIN_LIMIT}"
-            )
+        scene = self.simulator.scene
+        lengths = scene.lengths[None]
+        if "scale" in self.ranges:
+            scales = np.array([[factors["scale"]] for factors in drawn])
+            lengths = randomisation.stretched(scene, scales) * lengths
+            lengths.setflags(write=False)
+        placed = np.array(positions, order="C")
+        for n in range(len(placed)):
+            _, strain = extremes(scene.springs, lengths[n % len(lengths) :][:1], placed[n : n + 1])
+            if not strain <= STRAIN_LIMIT:
+                factors = ", ".join(f"{name} × {drawn[n][name]:g}" for name in self.ranges)
+                raise ValueError(
+                    f"{type(self.task).__name__} would start with a strain of {strain:.3g}"
+                    f"{f' ({factors})' if factors else ''}; it must be at most {STRAIN_LIMIT}"
+                )
 
     def step(self, action: np.ndarray) -> tuple[Step, np.ndarray | None]:
         """Step all copies by one control period; `observe` returns their observations then.
@@ -382,11 +387,10 @@ class Episodes:
 
         The actions are scaled by `strength` already. Those of others are scaled here.
         """
-        others = {
-            name: values * self.strength.reshape(-1, *(1,) * (values.ndim - 1))
-            for name, values in self.task.respond(*self._whole[:2]).items()
-        }
-        return self.task.actuate(actions) | others
+        acting = self.task.actuate(actions)
+        for name, values in self.task.respond(*self._whole[:2]).items():
+            acting[name] = values * self.strength.reshape(-1, *(1,) * (values.ndim - 1))
+        return acting
 
     def _judge(self, first: int, last: int, result: Step, seen: np.ndarray | None) -> None:
         """Return the outcome, end and observation of the copies from ``first`` to the one before ``last``."""
@@ -430,6 +434,33 @@ class Episodes:
             seen[begun.copies] = room[begun.copies]
         return seen
 
+    def told(self) -> dict[str, Any]:
+        """Return arrays (n,) of what ``info`` reports, by name; the next step overwrites them."""
+        rows = self.simulator.readout.rows
+        self._tell(self.held, self.task.hold, rows, self.balance, self._succeeded, self._drift)
+        if self.task.scene.meetings:
+            self._told.update(zip(OF_PAIRS, self.simulator.pair_sums(), strict=True))
+        return self._told
+
+    def _views_told(self) -> dict[str, Any]:
+        """Return the arrays of `told`, as views but for those of pairs."""
+        views: dict[str, Any] = {
+            "is_success": self._succeeded,
+            "diverged": self.diverged,
+            "energy": self.measures.energy,
+            "energy_drift": self._drift,
+            "strain": self.measures.strain,
+        }
+        if self.error is not None:
+            views["step_error"] = self.error.last
+        if self._bound_of_error is not None:
+            views["error_bound"] = self._bound_of_error
+        if self.task.scene.meetings:
+            views |= dict.fromkeys(OF_PAIRS)
+        if self.ranges:
+            views["randomization"] = dict(zip(self.ranges, self.factors.T, strict=True))
+        return views | dict(zip(self.task.reported, self.out.T[:MET], strict=True))
+
     @property
     def observation_space(self) -> spaces.Box | spaces.Dict:
         """The space of what one copy observes."""
@@ -472,7 +503,7 @@ class Episodes:
         """
         width = self.simulator.width
         last = max(self.copies - 2, 0) // width
-        blocks = set(np.minimum(copies // width, last).tolist())
+        blocks = {min(copy // width, last) for copy in copies.tolist()}
         if not self._sees_parts or 2 * len(blocks) > last:
             return [self._whole]
         ends = [self.copies if n == last else (n + 1) * width for n in blocks]
@@ -621,6 +652,8 @@ class Episodes:
 
     def _use_kernels(self) -> None:
         self.measures = measures.view(self.simulator.readout.rows)
+        self._told = self._views_told()
+        self._tell = SameTypes(tell)
         self._parts: dict[tuple[int, int], Part] = {}
         self._whole = self._part(0, self.copies)
         compact = self.task.observation != "particles"
@@ -629,6 +662,7 @@ class Episodes:
         width = self.simulator.width
         self._judges_parts = self._sees_parts and self.copies % width != 1  # see `_seen_alone`
         self._take = SameTypes(take)
+        self._clear = SameTypes(clear)
         self._tick = SameTypes(tick)
         self._evaluate = SameTypes(self.task.evaluate)
         self._finish = SameTypes(finish)
@@ -644,7 +678,7 @@ class Episodes:
         return {
             name: value
             for name, value in vars(self).items()
-            if name not in ("measures", "_parts", "_whole") and not isinstance(value, SameTypes)
+            if name not in ("measures", "_told", "_parts", "_whole") and not isinstance(value, SameTypes)
         }  # views do not survive being copied
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -726,6 +760,52 @@ def _checked_limit(steps: int | None) -> int:
 
 
 # --- Compiled -------------------------------------------------------------------------------------
+
+
+@kernel
+def clear(
+    copies: np.ndarray,
+    goals: np.ndarray,
+    first_memory: np.ndarray,
+    rows: np.ndarray,
+    goal: np.ndarray,
+    memory: np.ndarray,
+    elapsed: np.ndarray,
+    time: np.ndarray,
+    held: np.ndarray,
+    balance: np.ndarray,
+    action: np.ndarray,
+    out: np.ndarray,
+    diverged: np.ndarray,
+) -> None:
+    """Begin the counts of some copies (k,) anew, with goals (k, G), by the rows of what was measured."""
+    for k in range(copies.size):
+        c = copies[k]
+        for n in range(goal.shape[1]):
+            goal[c, n] = goals[k, n]
+        for n in range(memory.shape[1]):
+            memory[c, n] = first_memory[n]
+        elapsed[c], held[c] = 0, 0
+        time[c] = 0.0
+        balance[c] = rows[c, measures.BALANCE]
+        action[c, :] = 0.0
+        out[c, :] = 0.0
+        diverged[c] = False
+
+
+@kernel
+def tell(
+    held: np.ndarray,
+    hold: int,
+    rows: np.ndarray,
+    balance: np.ndarray,
+    succeeded: np.ndarray,
+    drift: np.ndarray,
+) -> None:
+    """Write which copies have met the aim for long enough, and how far their energy balance is off [J]."""
+    for c in range(held.size):
+        succeeded[c] = held[c] >= hold
+        drift[c] = rows[c, measures.BALANCE] - balance[c]
 
 
 @kernel

@@ -159,7 +159,7 @@ class SpringFreeTop(Task):
             heights.append(height)
         arms, velocities = standing(self._shape, self._tip, np.array(poses), factors)
         positions = np.array(feet)[:, None] + arms
-        positions[:, :, 2] += self._lift(positions.take(self._others, axis=1), np.array(heights)[:, None])
+        positions[:, :, 2] += self._lift(positions, np.array(heights)[:, None])
         return Start(positions, velocities)
 
     def _foot(self, away: float, bearing: float, height: float) -> tuple[float, float, float]:
@@ -172,8 +172,9 @@ class SpringFreeTop(Task):
         """Find how far to lift tops whose rings are in the surface, so that they lie on them [m], (k, 1)."""
         ground = height
         if self.surface == "bowl":
-            ground = BOWL - np.sqrt((BOWL - height) ** 2 - (positions[:, :, :2] ** 2).sum(axis=2))
-        return np.maximum((ground - positions[:, :, 2]).max(axis=1, keepdims=True), 0.0)
+            across = positions[:, self._others, :2]
+            ground = BOWL - np.sqrt((BOWL - height) ** 2 - (across**2).sum(axis=2))
+        return np.maximum((ground - positions[:, self._others, 2]).max(axis=1, keepdims=True), 0.0)
 
     @property
     def limits(self) -> np.ndarray:

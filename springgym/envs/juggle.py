@@ -20,7 +20,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -215,7 +215,7 @@ class SpringJuggle(Task):
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
         driven = self.limits * action
-        force, torque = driven[:, :3].copy(), np.pad(driven[:, 3:], ((0, 0), (0, 1)))
+        force, torque = driven[:, :3].copy(), level(driven[:, 3:])
         force[:, 2] += PADDLE_MASS * FALL
         return {"paddle.force": force, "paddle.torque": torque}
 

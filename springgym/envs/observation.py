@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -59,11 +61,18 @@ class Entry(NamedTuple):
 
 def values(entries: Sequence[Entry], observations: np.ndarray) -> dict[str, np.ndarray]:
     """Return the values that compact observations (n, D) encode, by entry, (n, size) in SI units."""
-    observations, found, first = np.asarray(observations, np.float64), {}, 0
-    for entry in entries:
-        found[entry.name] = entry.about + entry.unit * observations[:, first : first + entry.size]
-        first += entry.size
-    return found
+    unit, about, slices = _scales(tuple(entries))
+    told = about + unit * np.asarray(observations, np.float64)[:, : len(unit)]
+    return {name: told[:, own] for name, own in slices.items()}
+
+
+@cache
+def _scales(entries: tuple[Entry, ...]) -> tuple[np.ndarray, np.ndarray, dict[str, slice]]:
+    """Return units and zeros of all numbers of an observation (D,), and where each entry is."""
+    ends = np.cumsum([0, *(entry.size for entry in entries)]).tolist()
+    sizes = [entry.size for entry in entries]
+    unit, about = (np.repeat([entry[n] for entry in entries], sizes).astype(float) for n in (2, 3))
+    return unit, about, {entry.name: slice(*own) for entry, own in zip(entries, pairwise(ends), strict=True)}
 
 
 @dataclass(frozen=True)

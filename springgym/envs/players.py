@@ -267,7 +267,7 @@ class ParallelDuel(_OneCopy, ParallelEnv):
         return out
 
     def _infos(self, out: np.ndarray) -> dict[str, dict[str, Any]]:
-        always = _plain(self._always(0))
+        always = _plain(self.episodes.told())
         return {
             name: always
             | {"is_success": bool(out[n, MET] > 0)}

@@ -77,7 +77,7 @@ def drawn(ranges: Ranges, rng: Generator, options: dict[str, Any]) -> dict[str, 
     TypeError, ValueError
         If a fixed factor has no range, or lies outside of its range; the message names it.
     """
-    given = mapping("reset option 'randomize'", options.pop("randomize", {}))
+    given = mapping("reset option 'randomize'", options.pop("randomize")) if "randomize" in options else {}
     for name in given:
         if name not in ranges:
             raise ValueError(

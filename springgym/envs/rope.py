@@ -21,7 +21,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import tilted, uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import BLUE, GREEN, INK, RED
@@ -144,7 +144,7 @@ class SpringRope(Task):
         return np.full(2, ACCELERATION)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        return {"acceleration": ACCELERATION * np.pad(action, ((0, 0), (0, 1)))}
+        return {"acceleration": ACCELERATION * level(action)}
 
     def look(self) -> Look:
         count = len(self.body.masses)

@@ -126,8 +126,10 @@ class SB3VecEnv(Stateful, VecEnv):
         observations, rewards, terminated, truncated, infos = self.vector_env.step(self._actions)
         dones = terminated | truncated
         sb3_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        new_episode = {k: v for k, v in infos.items() if not k.endswith(("final_obs", "final_info"))}
-        for i in np.flatnonzero(dones).tolist():
+        ended = np.flatnonzero(dones).tolist()
+        if ended:
+            new_episode = {k: v for k, v in infos.items() if not k.endswith(("final_obs", "final_info"))}
+        for i in ended:
             info = _info_of(infos.get("final_info", {}), i)
             info["terminal_observation"] = deepcopy(infos["final_obs"][i])
             info["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])

@@ -20,7 +20,7 @@ from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
@@ -213,7 +213,7 @@ class SpringShove(Task):
         return np.full(2, FORCE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        return {"pusher.force": FORCE * np.pad(action, ((0, 0), (0, 1)))}
+        return {"pusher.force": FORCE * level(action)}
 
     def look(self) -> Look:
         return film.look(self.scene, colors={"pusher": ORANGE})

@@ -38,7 +38,7 @@ from springgym.envs.shove import (
     see_pusher,
 )
 from springgym.envs.starts import uniform
-from springgym.envs.task import Start, Task
+from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED, STEEL, TEAL
@@ -185,7 +185,7 @@ class SpringStack(Task):
         return np.full(2, FORCE)
 
     def actuate(self, action: np.ndarray) -> dict[str, np.ndarray]:
-        return {"pusher.force": FORCE * np.pad(action, ((0, 0), (0, 1)))}
+        return {"pusher.force": FORCE * level(action)}
 
     def look(self) -> Look:
         shown = film.look(self.scene, colors={"pusher": ORANGE, "block": TEAL})

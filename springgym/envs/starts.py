@@ -16,6 +16,8 @@ from springgym.bodies import Body
 from springgym.bodies.equilibrium import StretchedShapes
 from springgym.bodies.rotations import cross
 from springgym.checks import whole
+from springgym.core.compiling import compiled, kernel
+from springgym.core.lanes import multiply_add
 
 EQUAL = 1e-9
 """Moments that differ by a smaller share count as equal, and their axes are not determined."""
@@ -52,12 +54,23 @@ def direction(rng: Generator) -> np.ndarray:
 
 def any_rotation(rng: Generator) -> np.ndarray:
     """Draw a rotation (3, 3), all equally likely, by Gram-Schmidt from three random directions."""
-    first, second, third = rng.normal(size=(3, 3)).T
-    first = _unit(first)
-    second = _unit(second - (first * second).sum() * first)
-    across = cross(first, second)
-    side = math.copysign(1.0, (across * third).sum())
-    return np.column_stack([side * first, side * second, across])
+    first, second, third = rng.normal(size=(3, 3)).T.tolist()
+    first = _along(first)
+    share = _dot(first, second)
+    second = _along([b - share * a for a, b in zip(first, second, strict=True)])
+    (i, j, k), (u, v, w) = first, second
+    across = [j * w - k * v, k * u - i * w, i * v - j * u]
+    side = math.copysign(1.0, _dot(across, third))
+    return np.array([[side * a, side * b, c] for a, b, c in zip(first, second, across, strict=True)])
+
+
+def _dot(u: list[float], w: list[float]) -> float:
+    return u[0] * w[0] + u[1] * w[1] + u[2] * w[2]
+
+
+def _along(vector: list[float]) -> list[float]:
+    length = math.sqrt(_dot(vector, vector))
+    return [component / length for component in vector]
 
 
 def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
@@ -67,15 +80,17 @@ def tilted(azimuth: float | np.ndarray, tilt: float | np.ndarray) -> np.ndarray:
     It equals the product of two `springgym.bodies.rotation` to the bit, where a cosine c is 1 − (1 − c).
     """
     angles = np.array((azimuth, tilt))
-    sines, cosines = np.sin(angles).tolist(), (1 - (1 - np.cos(angles))).tolist()
+    sines, cosines = np.sin(angles).tolist(), np.cos(angles).tolist()
     if angles.ndim == 1:
-        return np.array(_turn(*sines, *cosines))
-    return np.array([_turn(*own) for own in zip(*sines, *cosines, strict=True)])
+        return np.array(turn_of.py_func(*sines, *cosines))
+    return np.array([turn_of.py_func(*own) for own in zip(*sines, *cosines, strict=True)])
 
 
-def _turn(s: float, sine: float, c: float, cosine: float) -> list[list[float]]:
+@compiled
+def turn_of(s: float, sine: float, cos: float, cosine: float) -> tuple[tuple[float, float, float], ...]:
     """Return a rotation about y, then z, from the sines of the angles about z and y, and their cosines."""
-    return [[c * cosine, -s, c * sine], [s * cosine, c, s * sine], [-sine, 0 * c, cosine]]
+    c, cosine = 1.0 - (1.0 - cos), 1.0 - (1.0 - cosine)
+    return (c * cosine, -s, c * sine), (s * cosine, c, s * sine), (-sine, 0.0 * c, cosine)
 
 
 def standing(
@@ -96,12 +111,40 @@ def standing(
     -------
     positions from the tip (k, N, 3) [m], velocities (k, N, 3) [m/s] if that is at rest
     """
-    azimuth, tilt, spin = poses.T
-    softer = np.sqrt([own["masses"] / own["stiffness"] for own in factors])
-    shapes = np.array([[[own["scale"]]] for own in factors]) * shape(spin * softer)
-    turn = tilted(azimuth, tilt)
-    arms = (shapes - shapes[:, tip, None]) @ turn.transpose(0, 2, 1)
-    return arms, cross((spin[:, None] * turn[:, :, 2])[:, None], arms)
+    varied = np.array([(own["scale"], own["masses"] / own["stiffness"]) for own in factors])
+    shapes = shape.at(poses[:, 2] * np.sqrt(varied[:, 1]))
+    positions, velocities = np.empty((2, *shapes.shape))
+    lean(shapes, tip, poses, varied, positions, velocities)
+    return positions, velocities
+
+
+@kernel
+def lean(
+    shapes: np.ndarray,
+    tip: int,
+    poses: np.ndarray,
+    varied: np.ndarray,
+    positions: np.ndarray,
+    velocities: np.ndarray,
+) -> None:
+    """Scale upright shapes (k, N, 3), turn them about the tip, and let them spin; see `standing`."""
+    for k in range(shapes.shape[0]):
+        azimuth, tilt, spin = poses[k, 0], poses[k, 1], poses[k, 2]
+        scale, (i, j, m) = varied[k, 0], (shapes[k, tip, 0], shapes[k, tip, 1], shapes[k, tip, 2])
+        turn = turn_of(math.sin(azimuth), math.sin(tilt), math.cos(azimuth), math.cos(tilt))
+        u, v, w = spin * turn[0][2], spin * turn[1][2], spin * turn[2][2]
+        for n in range(shapes.shape[1]):
+            x = scale * shapes[k, n, 0] - scale * i
+            y = scale * shapes[k, n, 1] - scale * j
+            z = scale * shapes[k, n, 2] - scale * m
+            for axis in range(3):
+                total = multiply_add(turn[axis][0], x, 0.0)
+                total = multiply_add(turn[axis][1], y, total)
+                positions[k, n, axis] = multiply_add(turn[axis][2], z, total)
+            x, y, z = positions[k, n, 0], positions[k, n, 1], positions[k, n, 2]
+            velocities[k, n, 0] = v * z - w * y
+            velocities[k, n, 1] = w * x - u * z
+            velocities[k, n, 2] = u * y - v * x
 
 
 def above_bowl(radius: float, away: float, height: float) -> tuple[float, float]:

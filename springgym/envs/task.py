@@ -29,6 +29,13 @@ MET, FAILED = -2, -1
 failed."""
 
 
+def level(vectors: np.ndarray) -> np.ndarray:
+    """Return vectors (n, 2) as level ones (n, 3): their third component is 0."""
+    found = np.zeros((len(vectors), 3))
+    found[:, :2] = vectors
+    return found
+
+
 class Start(NamedTuple):
     """The start of an episode, or of k episodes, with arrays of shape (k, …)."""
 
@@ -154,8 +161,8 @@ class Task:
         """
         each = [self.start(*own) for own in zip(generators, options, factors, strict=True)]
         return Start(
-            np.stack([start.positions for start in each]),
-            np.stack([start.velocities for start in each]),
+            np.array([start.positions for start in each]),
+            np.array([start.velocities for start in each]),
             [start.goal for start in each],
         )
 

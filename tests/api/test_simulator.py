@@ -300,10 +300,9 @@ def simulator() -> Simulator:
 
 def actuated(simulator: Simulator, name: str) -> np.ndarray:
     """Return what an actuator of the copies is set to, (copies, …)."""
-    held = np.full((simulator.copies, *shape_of(name)), np.nan)
-    for view, own in simulator._actuators[name][1]:
-        held[own] = view.reshape(held[own].shape)
-    return held
+    lanes = simulator._actuators[name][1]
+    rows = lanes.transpose(0, 2, 1).reshape(-1, lanes.shape[1])[: simulator.copies]
+    return rows.reshape(simulator.copies, *shape_of(name))
 
 
 def values_of(simulator: Simulator, name: str) -> np.ndarray:
@@ -317,6 +316,21 @@ def values_of(simulator: Simulator, name: str) -> np.ndarray:
     if shape_of(name) == (28,):
         rows[:, packed.order] = rows.copy()
     return rows if shape_of(name) else rows[:, 0]
+
+
+def test_copies_are_read_where_they_are_placed() -> None:
+    one, other = everything(), everything()
+    x = one.scene.positions + np.arange(3.0)[:, None, None]
+    before = one.readout.rows.copy()
+    one.place(x, one.scene.velocities, [4, 0, 7])
+    np.testing.assert_array_equal(one.readout.rows, before)
+    one.read([4, 0, 7])
+    other.place(x, one.scene.velocities, np.array([4, 0, 7]), read=True)
+    assert np.any(one.readout.rows[[0, 4, 7]] != before[[0, 4, 7]], axis=1).all()
+    for mine, its in zip(one.readout, other.readout, strict=True):
+        np.testing.assert_array_equal(mine, its)
+    with pytest.raises(TypeError, match="read is 1; it must be True or False"):
+        one.place(x, one.scene.velocities, [4, 0, 7], read=1)
 
 
 NAMED = [*VARYING, "positions"]

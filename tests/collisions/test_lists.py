@@ -14,7 +14,7 @@ from springgym.bodies import ball, cube, rope
 from springgym.contact import lists
 from springgym.contact.lists import WATCHED
 from springgym.contact.rows import FAR, ROWS
-from springgym.core.blocks import block_array, copy_views, numbers, set_all
+from springgym.core.blocks import block_array, numbers, set_copies
 from springgym.packing import search_workspace
 from springgym.scene import Placed, Scene
 from springgym.surfaces import Contact
@@ -52,7 +52,7 @@ class Blocks:
     def search(self, x: np.ndarray, v: np.ndarray, workspace: Any) -> list[Any]:
         """All contacts of each copy."""
         for array, values in ((self.x, x), (self.v, v)):
-            set_all(copy_views(array, COPIES), values)
+            set_copies(array, np.arange(COPIES), values)
         contacts = workspace[1]
         rows = found(self.x, self.v, self.pairs, *workspace)
         there = numbers(contacts.gap)[:rows] < 0.5 * FAR

@@ -10,7 +10,7 @@ import pytest
 from springgym.bodies import ball, top
 from springgym.contact.law import Span
 from springgym.contact.search import SPARE, find
-from springgym.core.blocks import at, block_array, copy_views, numbers, set_all
+from springgym.core.blocks import at, block_array, numbers, set_copies
 from springgym.core.compiling import kernel
 from springgym.packing import search_workspace
 from springgym.scene import Placed, Scene
@@ -37,7 +37,7 @@ def contacts(places: np.ndarray) -> tuple[int, Any]:
     x, v = (block_array(COPIES, (len(scene.positions), 3), float) for _ in range(2))
     positions = np.repeat(scene.positions[None], COPIES, axis=0)
     positions[:, -1] = places
-    set_all(copy_views(x, COPIES), positions)
+    set_copies(x, np.arange(COPIES), positions)
     lists, found_contacts = search_workspace(scene, collisions.pairs, x.dtype)
     return found(x, v, collisions.pairs, lists, found_contacts), found_contacts
 

@@ -76,6 +76,10 @@ def test_apart_nothing_changes() -> None:
         assert np.abs(a - b).max() < 1e-12
     assert none.pairs().touching.shape == (2, 0)
     assert not some.pairs().touching.any()
+    assert some.pairs().least_gap.min() == np.inf
+    assert (some.pair_sums().least_gap == some.scene.meetings.reach.min()).all()
+    with pytest.raises(ValueError, match="the scene has no bodies that collide, and so no pairs"):
+        none.pair_sums()
 
 
 def test_stack_on_a_floor() -> None:
@@ -92,8 +96,13 @@ def test_stack_on_a_floor() -> None:
     for name in ("damping_loss", "contact_loss", "friction_loss"):
         assert getattr(measured, name)[0] - getattr(lost, name)[0] < 1e-9
     assert measured.balance[0] == pytest.approx(start, abs=2e-5)
-    told = simulator.pairs()
+    told, summed = simulator.pairs(), simulator.pair_sums()
     assert told.touching.tolist() == [[True, False, True]] * 2
+    nearest = np.minimum(told.least_gap, simulator.scene.meetings.reach).min(axis=1)
+    np.testing.assert_array_equal(summed.least_gap, nearest)
+    assert (nearest < simulator.scene.meetings.reach.min()).all()
+    for name in ("touching", "impulse", "misses", "too_fast"):
+        np.testing.assert_array_equal(getattr(summed, name), getattr(told, name).sum(axis=1, dtype=float))
     assert not np.any([told.misses, told.overflow, told.too_fast])
     weight = told.impulse[0, [0, 2]] / (9.81 * simulator.time[0])
     assert weight == pytest.approx([2.0, 1.0], rel=0.02)

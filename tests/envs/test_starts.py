@@ -10,10 +10,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from springgym.bodies import box, cube, rotation, top
+from springgym.bodies import box, cube, rotation, stretched_shapes, top
 from springgym.envs.duel import SPINS, STEEPEST, SpringDuel
 from springgym.envs.randomisation import RANDOMIZABLE
-from springgym.envs.starts import any_rotation, direction, principal_axes, spawned, tilted, uniform
+from springgym.envs.starts import any_rotation, direction, principal_axes, spawned, standing, tilted, uniform
 from tests import fuzz
 from tests.envs.cases import IDS, make, task_type
 
@@ -231,3 +231,26 @@ def test_tilted_is_the_product_of_two_rotations_to_the_bit() -> None:
     for azimuth, tilt in np.random.default_rng(0).uniform(-7, 7, (50, 2)):
         expected = rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
         np.testing.assert_array_equal(tilted(azimuth, tilt), expected)
+
+
+def test_tops_stand_on_their_tips_as_the_equations_say() -> None:
+    """Each in its own shape: scaled, turned about the tip, and with the velocities ω × r."""
+    body, rng = top(), np.random.default_rng(0)
+    shape, tip = stretched_shapes(body, (0, 0, 1), 100.0), body.particle("tip")
+    poses = rng.uniform((-3.0, 0.0, -50.0), (3.0, 0.6, 50.0), (5, 3))
+    factors = [
+        dict.fromkeys(RANDOMIZABLE, 1.0) | {"scale": 1 + 0.1 * k, "masses": 1.2, "stiffness": 1 + 0.2 * k}
+        for k in range(5)
+    ]
+    positions, velocities = standing(shape, tip, poses, factors)
+    for k, (azimuth, tilt, spin) in enumerate(poses):
+        turn = rotation((0, 0, 1), azimuth) @ rotation((0, 1, 0), tilt)
+        upright = factors[k]["scale"] * shape(spin * np.sqrt(1.2 / factors[k]["stiffness"]))
+        arms = (upright - upright[tip]) @ turn.T
+        size = np.abs(arms).max()
+        assert (
+            np.abs(positions[k] - arms).max() < 8 * np.finfo(float).eps * size
+        )  # three products, and a turn
+        turning = np.cross(spin * turn[:, 2], arms)
+        assert np.abs(velocities[k] - turning).max() < 32 * np.finfo(float).eps * abs(spin) * size
+    assert not positions[:, tip].any()

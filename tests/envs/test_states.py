@@ -249,8 +249,8 @@ def test_values_that_no_state_has_are_refused(env_id: str, name: str, values: tu
 
 # --- Calls that break off -----------------------------------------------------------------------------
 
-STEPS = ["driven_by", "actuate", "advance", "_advance", "_evaluate", "_finish", "observe", "_info", "_always"]
-RESETS = ["place", "read", "_evaluate", "observe", "_info"]
+STEPS = ["driven_by", "actuate", "advance", "_advance", "_evaluate", "_finish", "observe", "told"]
+RESETS = ["place", "_read", "_clear", "_evaluate", "observe", "told"]
 
 
 def broken_off(patch: pytest.MonkeyPatch, env: Any, where: str, call: Callable[[], Any]) -> None:
