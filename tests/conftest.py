@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Iterator
 from functools import cache
@@ -29,7 +30,11 @@ def colliding() -> tuple[str, ...]:
     from tests.envs.cases import COLLIDING
 
     tasks = (env_id.partition("-v")[0] for env_id in COLLIDING)
-    return ("tests/collisions/", "self_play", "test_duel", "test_juggle", *tasks)
+    return ("tests/collisions/", "test_juggle", *tasks)
+
+
+DUELS = ("SpringDuel", "self_play", "test_duel")
+"""Parts of names by which tests of a duel are known, whose bowl takes a kernel of its own."""
 
 
 @pytest.fixture
@@ -78,19 +83,30 @@ def _few_kernels_for_most_environments(request: pytest.FixtureRequest) -> None:
 
 LONGEST = (
     "colliding",
+    "tests/forces/test_round.py",
+    "duels",
     "tests/test_rigid_collisions.py",
     "tests/envs/test_contract.py",
-    "tests/forces/test_round.py",
 )
 """What runs first, so that no process is left with it at the end."""
 
 
 def scope(nodeid: str) -> str:
-    """Tell which tests run in one process: those of a file, and all of bodies that collide.
+    """Tell which tests run in one process: those of a file, all of duels, and all others of bodies that
+    collide.
 
-    These take the longest to compile, and have parts in common that a process compiles once.
+    These take the longest to compile, and share a kernel that a process compiles once.
     """
+    if any(word in nodeid for word in DUELS):
+        return "duels"
     return "colliding" if any(word in nodeid for word in colliding()) else nodeid.partition("::")[0]
+
+
+def pytest_collection_finish() -> None:
+    """Search for garbage seldom, and not among what is imported by now: that took a tenth of the time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

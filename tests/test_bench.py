@@ -142,6 +142,7 @@ def finer(task: Task, step: float, copies: int) -> tuple[Simulator, ...]:
     return (Simulator(task.scene, copies=copies, step=step / 16),)
 
 
+@pytest.mark.usefixtures("few_kernels")
 def test_error_of_a_step_where_others_act_too() -> None:
     """Of bodies that collide, an opponent among them; an estimate says the same."""
     found = step_errors("SpringDuel-v0", finer, episodes=2, periods=6, every=2)

@@ -1,9 +1,19 @@
 """Rigid bodies that collide: momenta, energy, restitution, friction, pins and balls, and the springs' limit.
 
-All scenes have all kinds of terms (`tests.collisions.stepped.full`), so that their kernels are compiled once.
+All scenes have all kinds of terms (`tests.collisions.stepped.full`), so that their kernels are compiled once:
+that takes a minute, in slow runs. Every run has an impact by plain Python, see `springgym.core.plain`:
+
+NUMBA_DISABLE_JIT=1 python -m tests.test_rigid_collisions    # print what Python computes
 """
 
 from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,6 +37,58 @@ BALL = ball(0.1, 0.5)
 
 def contact(friction: float = 0.0, restitution: float = 1.0) -> Contact:
     return Contact(friction, restitution, strength=STRENGTH, reach=REACH)
+
+
+# --- In every run ---------------------------------------------------------------------------------------
+
+
+def struck() -> dict[str, Any]:
+    """Let a cube strike another, off its middle and slipping, and tell what there is before and after."""
+    simulator = Simulator(pair(CUBE, contact(0.3, 0.5)), dynamics="rigid", step=1e-3)
+    x = simulator.scene.positions.copy()
+    v = np.zeros_like(x)
+    x[8:] = np.add(x[:8], (1.02, 0.2, 0.0))
+    v[:8] = (1.0, 0.5, 0.0)
+    simulator.place(x, v)
+    before = simulator.measure()
+    simulator.advance(40)
+    after, told = simulator.measure(), simulator.pairs()
+    return {
+        "momenta": [[*m.momentum[0], *m.angular_momentum[0]] for m in (before, after)],
+        "balance": [float(m.balance[0]) for m in (before, after)],
+        "losses": [float(after.friction_loss[0]), float(after.contact_loss[0])],
+        "told": [float(of[0, 0]) for of in (told.friction_loss, told.contact_loss)],
+        "impulse": float(told.impulse[0, 0]),
+        "velocity": simulator.measure("second").centre_velocity[0].tolist(),
+    }
+
+
+def test_an_impact_by_plain_python() -> None:
+    """Momenta are kept to rounding, and what friction and loss take is entered.
+
+    The impulse J is (1 + e) v m/2, by a restitution that is the law's to .04, as below, and to as much again
+    as friction turns the bodies meanwhile. What slips all the time is rubbed by no more than μ J.
+    """
+    command = [sys.executable, "-m", "tests.test_rigid_collisions"]
+    env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        command,
+        env=env,
+        cwd=Path(__file__).parents[1],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    found = json.loads(done.stdout)
+    np.testing.assert_allclose(*found["momenta"], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(*found["balance"], rtol=1e-6)
+    np.testing.assert_allclose(found["told"], found["losses"], rtol=1e-12)
+    assert min(found["losses"]) > 0.02
+    along, across, _ = found["velocity"]
+    assert CUBE.mass * along == pytest.approx(found["impulse"], rel=1e-3)
+    assert found["impulse"] == pytest.approx((1 + 0.5) * CUBE.mass / 2, abs=2 * 0.04 * CUBE.mass / 2)
+    assert 0.9 * 0.3 * found["impulse"] < CUBE.mass * across <= 0.3 * found["impulse"]
 
 
 # --- Free bodies ----------------------------------------------------------------------------------------
@@ -69,6 +131,7 @@ def energy_errors(step: float, body: Body) -> np.ndarray:
     return np.abs(after.energy / before.energy - 1)[simulator.pairs().impulse[:, 0] > 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [CUBE, top(damping=0.0)], ids=["cubes", "tops"])
 def test_elastic_impacts_keep_momenta_to_rounding_and_energy_to_second_order(body: Body) -> None:
     coarse, fine = (np.median(energy_errors(REACH / n, body)) for n in (15, 60))
@@ -76,6 +139,7 @@ def test_elastic_impacts_keep_momenta_to_rounding_and_energy_to_second_order(bod
     assert fine < coarse / 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restitution", [1.0, 0.5])
 def test_faces_rebound_with_the_restitution(restitution: float) -> None:
     """At every speed: what is in contact longer than a step has the law's."""
@@ -93,6 +157,7 @@ def test_faces_rebound_with_the_restitution(restitution: float) -> None:
     np.testing.assert_allclose(simulator.pairs().contact_loss[:, 0], m.contact_loss, rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_friction_and_loss_are_entered_and_nothing_gains() -> None:
     simulator = thrown(REACH / 30, contact(0.5, 0.6))
     first = simulator.measure()
@@ -110,6 +175,7 @@ def test_friction_and_loss_are_entered_and_nothing_gains() -> None:
     np.testing.assert_allclose(simulator.pairs().friction_loss[:, 0], lost, rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_calls_of_any_length_have_the_bits_of_one_and_a_state_restores_an_impact() -> None:
     whole, parts = (thrown(REACH / 30, contact(0.5, 0.6)) for _ in range(2))
     whole.advance(1500)
@@ -127,7 +193,8 @@ def test_calls_of_any_length_have_the_bits_of_one_and_a_state_restores_an_impact
     assert (whole.pairs().contact_loss > 0).any()
 
 
-@pytest.mark.parametrize("alone", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("alone", [False, True])
 def test_every_copy_has_the_bits_of_another_batch_and_of_a_single_one(alone: bool) -> None:
     """A single one has a block of one copy, and nothing but what its scene asks for."""
     batch = thrown(REACH / 30, contact(0.5, 0.6))
@@ -147,6 +214,7 @@ def test_every_copy_has_the_bits_of_another_batch_and_of_a_single_one(alone: boo
         np.testing.assert_array_equal(single.pairs().impulse[0], batch.pairs().impulse[copy])
 
 
+@pytest.mark.slow
 def test_contacts_are_told_as_those_of_springs() -> None:
     """From node to node a body's momentum changes by half of what both nodes give."""
     scene = pair(CUBE, contact(0.4, 0.6))
@@ -204,6 +272,7 @@ def on_slab(angle: float = 0.0, how: Contact | None = None) -> Scene:
     )
 
 
+@pytest.mark.slow
 def test_a_cube_and_a_ball_rest_on_a_pinned_slab() -> None:
     simulator = full(on_slab(), dynamics="rigid", step=1e-3, copies=2)
     slab = simulator.positions[:, :8]
@@ -221,6 +290,7 @@ def test_a_cube_and_a_ball_rest_on_a_pinned_slab() -> None:
     assert (simulator.pairs().least_gap[:, :2] > 0).all()
 
 
+@pytest.mark.slow
 def test_friction_holds_below_its_limit_and_slides_above() -> None:
     slides = []
     for angle in (25.5, 27.6):  # arctan 0.5 is 26.57°
@@ -236,6 +306,7 @@ def test_friction_holds_below_its_limit_and_slides_above() -> None:
     np.testing.assert_allclose(gained, down, rtol=0.02)
 
 
+@pytest.mark.slow
 def test_a_body_turns_about_its_pin_when_it_is_hit() -> None:
     """Angular momentum about the pin is kept, and so is energy."""
     pinned = CUBE.positions
@@ -261,6 +332,7 @@ def test_a_body_turns_about_its_pin_when_it_is_hit() -> None:
     np.testing.assert_array_equal(simulator.positions[:, 0], [pin] * 2)
 
 
+@pytest.mark.slow
 def test_cubes_stack_on_a_floor_and_one_is_pushed() -> None:
     """Surfaces and pairs are all else to each other: a stack rests, and weighs what it does on the floor."""
     body = CUBE.positions - CUBE.positions.min(axis=0)
@@ -292,3 +364,7 @@ def test_a_rod_that_collides_is_refused_with_the_reason() -> None:
     scene = Scene(bodies=(Placed(CUBE, name="a"), Placed(rod, away, name="b")), collisions="all")
     with pytest.raises(ValueError, match="one line"):
         Simulator(scene, dynamics="rigid")
+
+
+if __name__ == "__main__":
+    print(json.dumps(struck()))

@@ -119,6 +119,7 @@ def until(condition, seconds=400.0):
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_killed_benchmark_goes_on(done, configs, tmp_path):
     """Its runs end with it, and lose what came after their checkpoints only."""
     folder = tmp_path / "killed"

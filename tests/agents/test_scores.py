@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import scores
-from scipy.stats import trim_mean
 
 
 @pytest.mark.parametrize("n", [1, 3, 4, 10, 100])
@@ -14,9 +13,9 @@ def test_interquartile_mean_of_a_ramp_is_its_middle(n):
 
 def test_interquartile_mean_is_the_trimmed_one_and_blind_to_outliers():
     values = np.random.default_rng(0).normal(size=40)
-    assert scores.interquartile_mean(values) == pytest.approx(trim_mean(values, 0.25))
+    assert scores.interquartile_mean(values) == pytest.approx(np.sort(values)[10:30].mean())
     values[np.argmax(values)] = 1e9
-    assert scores.interquartile_mean(values) == pytest.approx(trim_mean(values, 0.25))
+    assert scores.interquartile_mean(values) == pytest.approx(np.sort(values)[10:30].mean())
 
 
 def test_values_at_the_borders_count_in_part():

@@ -9,6 +9,7 @@ import pickle
 import signal
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -196,12 +197,19 @@ MANY = 40
 
 
 def interrupted(simulator: Simulator, steps: int, calls: int) -> None:
-    """Take steps, Ctrl-C being served when so many compiled calls of this thread have returned."""
-    kernel, left = simulator._advance, iter(range(calls))
+    """Take steps, Ctrl-C being served when so many compiled calls of this thread have returned, and the
+    simulator's other thread, if it has one, is in its first."""
+    kernel, left, begun = simulator._advance, iter(range(calls)), threading.Event()
+    if simulator.threads == 1:
+        begun.set()
 
     def interrupting(*arguments: Any) -> None:
+        main = threading.current_thread() is threading.main_thread()
+        if not main:
+            begun.set()
         kernel(*arguments)
-        if threading.current_thread() is threading.main_thread() and next(left, None) is None:
+        if main and next(left, None) is None:
+            assert begun.wait(60)
             raise KeyboardInterrupt
 
     simulator._advance = interrupting  # type: ignore[assignment]
@@ -230,6 +238,35 @@ def test_the_clock_says_how_far_an_interrupted_call_got(
         assert np.array_equal(simulator.positions[of], fresh.positions[of])
         assert np.array_equal(simulator.velocities[of], fresh.velocities[of])
         assert simulator.time[of] == pytest.approx(fresh.time[of], rel=1e-13)
+
+
+def test_copies_of_a_thread_that_has_not_begun_are_left_where_they_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where all helpers are busy, Ctrl-C comes before one takes the other half of the copies, which it then
+    no longer does."""
+    simulator, fresh = (Simulator(SCENE, threads=n, copies=MANY, varying=VARYING) for n in (2, 1))
+    go_on = threading.Event()
+    with ThreadPoolExecutor(1) as pool:
+        monkeypatch.setattr(module, "_pool", lambda *_: pool)
+        busy = pool.submit(go_on.wait, 60)
+        kernel = simulator._advance
+
+        def interrupting(*arguments: Any) -> None:
+            kernel(*arguments)
+            raise KeyboardInterrupt
+
+        simulator._advance = interrupting  # type: ignore[assignment]
+        with pytest.raises(KeyboardInterrupt):
+            simulator.advance(1000)
+        go_on.set()
+        assert busy.result()
+    taken = np.rint(simulator.time / simulator.step).astype(int)
+    assert sorted(set(taken.tolist())) == [0, 1000]
+    assert np.array_equal(simulator.positions[taken == 0], fresh.positions[taken == 0])
+    simulator._advance = kernel
+    fresh.advance(1000)
+    assert np.array_equal(simulator.positions[taken == 1000], fresh.positions[taken == 1000])
 
 
 def test_many_compiled_calls_are_one_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:

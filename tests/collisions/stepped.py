@@ -11,12 +11,15 @@ import numpy as np
 
 from springgym import packing, simulator
 from springgym.contact.pairs import Pairs
+from springgym.contact.round import Rolling, packed_rounds
+from springgym.contact.spheres import Spheres
 from springgym.contact.totals import ENTRIES
 from springgym.core import ragged
-from springgym.core.blocks import to_copies
-from springgym.core.kinds import Each
+from springgym.core.blocks import aligned_zeros, to_copies
+from springgym.core.kinds import Each, Ragged
 from springgym.forces import Terms
 from springgym.forces.actuators import Thrust, Wrench
+from springgym.integrators.node import Space
 from springgym.scene import Scene
 from springgym.simulator import Simulator
 from springgym.surfaces import Contact, Plane
@@ -38,13 +41,26 @@ def with_all_terms(scene: Scene) -> Scene:
 
 @contextmanager
 def all_kinds_of_terms() -> Iterator[None]:
-    """Give scenes of bodies that collide all kinds of terms: those of any scene share code, but for surfaces.
+    """Give scenes of bodies that collide all kinds of terms: those of any scene share code, but for kinds of
+    surfaces.
 
-    What a scene does not have does nothing there: damping, friction, loss and a radius of zero, idle
-    actuators. Numbers that are the same in all bodies are of each body.
+    What a scene does not have does nothing there: damping, friction, loss and radii of zero, no round
+    features, idle actuators, and `FAR` where springs have no surface. Numbers that are the same in all bodies
+    are of each body.
     """
     pack, share, pack_pairs = packing._packed, packing._shared, packing.pack_pairs
+    make_space, make_spheres = packing.node_workspace, packing.new_spheres
+    whole_pack, make_workspaces = packing.pack, packing.workspaces
     actuators, stack = packing._actuators, ragged.stacked
+
+    def pack_whole(scene: Scene, twin: bool, options: packing.Options) -> Any:
+        asks = options.varying & {"friction", "restitution"}  # which is refused where there is no surface
+        alone = twin or asks or not scene.meetings
+        return whole_pack(scene if alone else with_all_terms(scene), twin, options)
+
+    def workspaces(scene: Scene, method: Any, collisions: Any, twin: bool, *others: Any) -> list[Any]:
+        full = scene if twin or not scene.meetings else with_all_terms(scene)
+        return make_workspaces(full, method, collisions, twin, *others)
 
     def varied(whole: Scene, given: packing.Options, twin: bool) -> packing.Options:
         rubs = whole.surfaces or whole.meetings.by(whole.contact).any()
@@ -61,10 +77,24 @@ def all_kinds_of_terms() -> Iterator[None]:
         rigid = found.twin
         if twin and rigid[1] is None:
             rigid = (rigid[0], given.parameter({"masses"}, np.zeros(1)))
-        surfaces = found.terms.surfaces
+        surfaces, rounds = found.terms.surfaces, found.terms.rounds
         if surfaces is not None:
-            surfaces = surfaces._replace(radius=float(part.body.radius))
-        return found._replace(terms=found.terms._replace(surfaces=surfaces), twin=rigid)
+            surfaces, rounds = surfaces._replace(radius=float(part.body.radius)), packed_rounds(part.body)
+        return found._replace(terms=found.terms._replace(surfaces=surfaces, rounds=rounds), twin=rigid)
+
+    def spheres(start: np.ndarray, radii: Sequence[float], dtype: Any) -> Spheres:
+        found: Any = make_spheres(start, np.ones(len(radii)).tolist(), dtype)
+        return found._replace(radius=np.array(radii))
+
+    def space(scene: Scene, pairs: Pairs | None, dtype: Any) -> Space:
+        found = make_space(scene, pairs, dtype)
+        if pairs is None or not scene.surfaces or found.rolling is not None:
+            return found
+
+        def rows() -> Ragged:
+            return Ragged(aligned_zeros(found.a.values.shape, dtype), found.a.start)
+
+        return found._replace(rolling=Rolling(*(rows() for _ in Rolling._fields)))
 
     def actuated(part: Scene, whole: Scene, blocks: Callable[..., np.ndarray]) -> dict[str, Any]:
         if not whole.meetings:
@@ -91,9 +121,10 @@ def all_kinds_of_terms() -> Iterator[None]:
         return stack(terms)
 
     changed = {"_shared": shared, "_packed": packed, "_actuators": actuated, "pack_pairs": paired}
+    changed |= {"new_spheres": spheres, "node_workspace": space, "workspaces": workspaces}
     with (
         mock.patch.multiple(packing, **changed, stacked=stacked),
-        mock.patch.object(simulator, "stacked", stacked),
+        mock.patch.multiple(simulator, pack=pack_whole, stacked=stacked),
     ):
         yield
 

@@ -10,8 +10,6 @@ import pytest
 from springgym.scenes import load, names
 from springgym.simulator import Simulator
 
-COLLIDING = [name for name in names() if load(name).scene.meetings]
-
 
 def scattered(name: str, copies: int) -> tuple[np.ndarray, np.ndarray]:
     """Starts with speeds that differ by up to 5 %, and a little heave."""
@@ -22,15 +20,18 @@ def scattered(name: str, copies: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_what_collides() -> None:
-    assert {"newtons-cradle", "stack", "dominoes", "draped-rope", "two-tops", "slab-holds"} <= set(COLLIDING)
+    for name in ("newtons-cradle", "stack", "dominoes", "draped-rope", "two-tops", "slab-holds"):
+        assert load(name).scene.meetings
 
 
 @pytest.mark.parametrize("dtype", [pytest.param(np.float64, id="64"), pytest.param(np.float32, id="32")])
 @pytest.mark.slow
-@pytest.mark.parametrize("name", COLLIDING)
+@pytest.mark.parametrize("name", names())
 def test_batch_threads_and_single(name: str, dtype: Any) -> None:
     """Restored from halfway, too; and nothing is missed, left out or too fast."""
     plan = load(name)
+    if not plan.scene.meetings:
+        pytest.skip("nothing collides in it")
     copies = 20 if dtype is np.float64 else 36  # two blocks
     x, v = scattered(name, copies)
     options = {"step": plan.step, "dtype": dtype}

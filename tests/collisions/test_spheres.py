@@ -15,13 +15,12 @@ from springgym.simulator import Simulator, UnresolvedContactError
 from springgym.surfaces import Contact, floor
 from springgym.theory import rolling
 from springgym.theory.contact import rest_height
+from tests.collisions.stepped import full
 
 G = 9.81
 BALL = rolling_ball(0.1, 1.0, damping=0.0)
 BLOCK = cube(0.5, damping=0.0)
 CONTACT = Contact(friction=0.3, restitution=0.8)
-VARYING = ("friction", "restitution", "gravity")
-"""So that one kernel does for all scenes without surfaces."""
 
 
 def body_at(body: Body, position: Any, pinned: bool = False, **begins: Any) -> Placed:
@@ -33,11 +32,11 @@ def body_at(body: Body, position: Any, pinned: bool = False, **begins: Any) -> P
 
 def scene(*bodies: Placed, contact: Contact = CONTACT, gravity: Any = (0.0, 0.0, 0.0)) -> Scene:
     """Return a scene of bodies that collide, and a block far away that gives it all kinds of features."""
-    return Scene(bodies=(*bodies, body_at(BLOCK, (0, 0, -100.0))), contact=contact, gravity=gravity)
+    return Scene(bodies=(*bodies, body_at(BLOCK, (0, 100.0, 0))), contact=contact, gravity=gravity)
 
 
 def run(of: Scene, duration: float, **options: Any) -> Simulator:
-    simulator = Simulator(of, varying=VARYING, **options)
+    simulator = full(of, copies=2, **options)
     simulator.advance(round(duration / simulator.step))
     return simulator
 
@@ -118,7 +117,7 @@ def test_ball_rolls_down_a_tilted_block(angle: float, friction: float) -> None:
     gap = rest_height(G * math.cos(angle), 2e-4, 2e-3)
     block = body_at(BLOCK, (0, 0, 0), pinned=True, turn=(0, angle, 0))
     ball = body_at(BALL, (0.35 + gap) * up - 0.2 * down + (0, 0.03, 0))
-    simulator = Simulator(scene(ball, block, contact=contact, gravity=(0, 0, -G)), varying=VARYING, step=2e-4)
+    simulator = full(scene(ball, block, contact=contact, gravity=(0, 0, -G)), copies=2, step=2e-4)
     times, speeds = [], []
     for _ in range(20):
         simulator.advance(100)
@@ -160,7 +159,7 @@ def thrown(of: str) -> Scene:
 
 @pytest.mark.parametrize("of", ["ball", "block"])
 def test_momenta_and_energy_are_kept(of: str) -> None:
-    simulator = Simulator(thrown(of), varying=VARYING, step=1e-4)
+    simulator = full(thrown(of), copies=2, step=1e-4)
     before, energy = momenta(simulator), simulator.measure().balance[0]
     simulator.advance(2000)
     pairs = simulator.pairs()
@@ -170,18 +169,19 @@ def test_momenta_and_energy_are_kept(of: str) -> None:
     assert simulator.measure().balance[0] == pytest.approx(energy, rel=3e-3)  # Verlet's, of what rings
 
 
-def test_copies_are_those_of_their_own() -> None:
-    """To the bit, whatever others in the block meet."""
+@pytest.mark.parametrize("alone", [2, pytest.param(1, marks=pytest.mark.slow)])
+def test_copies_are_those_of_their_own(alone: int) -> None:
+    """To the bit, whatever others in the block meet; in a block of one copy, too."""
     of = thrown("block")
     shift = np.linspace(-0.1, 0.5, 7)
     places = np.repeat(of.positions[None], 7, axis=0)
     places[:, of.slices[0], 1] += shift[:, None]
-    batch = Simulator(of, copies=7, varying=VARYING, step=2e-4)
+    batch = full(of, copies=7, step=2e-4)
     batch.place(places, np.repeat(of.velocities[None], 7, axis=0))
     batch.advance(400)
     batch.advance(600)
     for copy in (0, 3, 6):
-        one = Simulator(of, varying=VARYING, step=2e-4)
+        one = full(of, copies=alone, step=2e-4)
         one.place(places[copy], of.velocities)
         one.advance(1000)
         assert one.positions[0].tobytes() == batch.positions[copy].tobytes()
@@ -207,7 +207,7 @@ def test_struck_ball_rolls_with_5_7_and_the_other_with_2_7() -> None:
     table = Scene(
         bodies=bodies, surfaces=(floor(),), contact=Contact(friction=0.2), collisions=Contact(friction=0.0)
     )
-    simulator = Simulator(table, step=2e-4)
+    simulator = full(table, copies=2, step=2e-4)
     simulator.advance(5000)
     v, w = motion(simulator)
     np.testing.assert_allclose(v[:, 0], [2 / 7 * speed, 5 / 7 * speed], rtol=0.01)

@@ -6,7 +6,6 @@ Drift h/2, all impulses, drift h/2: for tests that fail without that part. With 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -163,8 +162,11 @@ class World:
             Dampers(damping, half, half, True) if damping.any() or not lean else None,
             gravity=None if scene.gravity is None and lean else np.array(scene.gravity or (0, 0, 0), float),
         )
-        blocks = partial(block_array, copies, dtype=dtype)
-        self.pairs = pack_pairs(scene, Options(_verlet(), self.step, frozenset(), blocks))
+
+        def blocks(*shape: int) -> np.ndarray:
+            return block_array(copies, shape, dtype)
+
+        self.pairs = pack_pairs(scene, Options(_verlet(), self.step, 1, frozenset(), blocks))
         if not lean:
             self.pairs = with_all_features(self.pairs, blocks)
         self._found = search_workspace(scene, self.pairs, self._x.dtype)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -47,29 +46,60 @@ CASES = [
 QUICK = ("SpringTop-v0", "SpringTumble-v0")
 """Of these, on a pin and among surfaces, what takes kernels of its own is tested always."""
 
+KINDS = (*QUICK, "SpringShove-v0")
+"""One on a pin, one among surfaces, one of bodies that collide: what every environment owes by the same lines
+of code is always tested of these, and of all others in slow runs."""
 
-def quick_ids(ids: Sequence[str] = IDS) -> list[Any]:
-    """Parameters of a test: environments, those that are not quick left to slow runs."""
-    return [pytest.param(env_id, marks=() if env_id in QUICK else pytest.mark.slow) for env_id in ids]
+
+def _slow_unless(usual: bool) -> Any:
+    return () if usual else pytest.mark.slow
 
 
-def each_case(quick: bool = False) -> pytest.MarkDecorator:
-    """Run a test on every case.
+def few_ids(usual: Sequence[str], ids: Sequence[str] = IDS) -> list[Any]:
+    """Return parameters of a test: environments, all but the ``usual`` ones left to slow runs."""
+    return [pytest.param(env_id, marks=_slow_unless(env_id in usual)) for env_id in ids]
 
-    Compiling takes long for rigid twins: they are left to slow runs but, if ``quick``, for the first of each
-    of `QUICK`.
-    """
-    params, twins = [], Counter[str]()
-    for env_id, options in CASES:
-        marks = ()
-        if options["dynamics"] == "rigid":
-            marks = () if quick and env_id in QUICK and not twins[env_id] else (pytest.mark.slow,)
-            twins[env_id] += 1
-        params.append(pytest.param(env_id, options, marks=marks, id="-".join((env_id, *options.values()))))
+
+def few_cases(usual: Callable[[str, dict[str, str]], bool]) -> pytest.MarkDecorator:
+    """Run a test on every case, all but the ``usual`` ones left to slow runs."""
+    params = [
+        pytest.param(
+            env_id,
+            options,
+            marks=_slow_unless(usual(env_id, options)),
+            id="-".join((env_id, *options.values())),
+        )
+        for env_id, options in CASES
+    ]
     return pytest.mark.parametrize(("env_id", "options"), params)
 
 
+def _first_of(dynamics: str, env_id: str) -> dict[str, str] | None:
+    """Return the first case of an environment with these dynamics."""
+    return next((own for of, own in CASES if of == env_id and own["dynamics"] == dynamics), None)
+
+
+each_case = few_cases(
+    lambda env_id, options: (
+        env_id in KINDS
+        and options["dynamics"] == "springs"
+        and (env_id == KINDS[0] or options["action"] == next(iter(task_type(env_id).actions)))
+    )
+)
+"""Always of `KINDS` with springs and, but for the first, with their first action: others take kernels too."""
+
+first_case = few_cases(
+    lambda env_id, options: (
+        options in ([_first_of("springs", env_id)] + [_first_of("rigid", env_id)] * (env_id in QUICK))
+    )
+)
+"""Always of each environment's first observation and action, of rigid twins those of `QUICK`."""
+
 each_id = pytest.mark.parametrize("env_id", IDS)
+"""Always of all, for what is an environment's own, and takes no time."""
+
+each_kind = pytest.mark.parametrize("env_id", few_ids(KINDS))
+"""Always of `KINDS`."""
 
 
 def make(env_id: str, **options: Any) -> gym.Env:

@@ -18,7 +18,7 @@ import springgym
 from springgym.envs.base import frame_rate
 from springgym.envs.task import Task
 from springgym.extras import install
-from tests.envs.cases import IDS, QUICK, each_id, make, make_vec, task_type
+from tests.envs.cases import IDS, QUICK, each_id, each_kind, make, make_vec, task_type
 from tests.envs.test_contract import answered
 
 
@@ -52,7 +52,7 @@ def test_frame_rates() -> None:
     assert type(frame_rate(task_type(IDS[0]))) is int
 
 
-@each_id
+@each_kind
 @pytest.mark.parametrize("suffix", ["Env", "VectorEnv"])
 def test_gymnasiums_class_is_a_direct_base(env_id: str, suffix: str) -> None:
     """Some libraries look no further than the bases of a class to tell whose environment it is."""
@@ -62,12 +62,12 @@ def test_gymnasiums_class_is_a_direct_base(env_id: str, suffix: str) -> None:
     assert {"Env": gym.Env, "VectorEnv": gym.vector.VectorEnv}[suffix] in kind.__bases__
 
 
-@each_id
+@each_kind
 def test_info_has_the_same_keys_after_a_reset_and_a_step(env_id: str) -> None:
     same_keys(env_id, None)
 
 
-@each_id
+@each_kind
 def test_info_has_the_same_keys_of_a_randomised_episode(env_id: str) -> None:
     same_keys(env_id, ranges(env_id))
 
@@ -124,13 +124,13 @@ def through_json(env_id: str) -> Iterator[tuple[Any, Any]]:
         yield made, again
 
 
-@each_id
+@each_kind
 def test_specs_survive_json(env_id: str) -> None:
     """Whatever types the arguments were of."""
     assert len(list(through_json(env_id))) == 2
 
 
-@each_id
+@each_kind
 def test_what_is_made_of_a_spec_lives_the_same_life(env_id: str) -> None:
     for made, again in through_json(env_id):
         action = made.action_space.sample()

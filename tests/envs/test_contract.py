@@ -29,18 +29,21 @@ from tests.envs.cases import (
     COLLIDING,
     FLOPPY,
     IDS,
+    QUICK,
     ROLLING,
     TWINLESS,
     each_case,
     each_id,
+    each_kind,
+    few_ids,
+    first_case,
     make,
     make_vec,
-    quick_ids,
     task_type,
 )
 
 
-@each_case(quick=True)
+@first_case
 def test_checkers(env_id: str, options: dict[str, Any]) -> None:
     """Gymnasium's and SB3's checkers find nothing; pytest turns warnings into errors."""
     check_env(make(env_id, render_mode="rgb_array", **options).unwrapped)
@@ -65,7 +68,7 @@ RARE = {"SpringTower-v0": sliding, "SpringBilliards-v0": before_the_pocket}
 """What brings about that which actions at random do not reach in 150 steps."""
 
 
-@each_case()
+@each_case
 @pytest.mark.parametrize("policy", ["random", "bang-bang"])
 def test_values_stay_in_bounds(env_id: str, options: dict[str, Any], policy: str) -> None:
     envs = make_vec(env_id, 16, "native", "SameStep", **options)
@@ -128,7 +131,7 @@ def leaves(value: Any) -> list[np.ndarray]:
     return [value] if isinstance(value, np.ndarray) else []
 
 
-@each_id
+@each_kind
 @pytest.mark.parametrize("autoreset", [mode.value for mode in AutoresetMode])
 def test_results_share_no_memory(env_id: str, autoreset: str) -> None:
     envs = make_vec(env_id, 3, "native", autoreset)
@@ -189,7 +192,7 @@ def compare_with_sync(env_id: str, autoreset: str, steps: int, copies: int, **op
     return ended
 
 
-@each_case()
+@each_case
 @pytest.mark.parametrize("autoreset", [mode.value for mode in AutoresetMode])
 def test_native_equals_sync(env_id: str, options: dict[str, Any], autoreset: str) -> None:
     """Observations, rewards, ends and infos are those of as many single environments, to the bit."""
@@ -203,7 +206,7 @@ def test_native_equals_sync_for_10000_steps(env_id: str, autoreset: str) -> None
     assert compare_with_sync(env_id, autoreset, 10_000, 3) > 0
 
 
-@each_id
+@each_kind
 @pytest.mark.parametrize(
     "variant", [{"threads": 2}, {"threads": 1}, pytest.param({"dtype": "float32"}, marks=pytest.mark.slow)]
 )
@@ -223,7 +226,7 @@ def test_copies_do_not_depend_on_each_other(env_id: str, variant: dict[str, int]
             assert reward == other
 
 
-@each_id
+@each_kind
 def test_seeding(env_id: str) -> None:
     env = make(env_id)
     first, _ = env.reset(seed=7)
@@ -238,7 +241,7 @@ def test_seeding(env_id: str) -> None:
     np.testing.assert_array_equal(batch, [other, first])
 
 
-@each_id
+@each_kind
 @pytest.mark.parametrize("copies", [None, 3])
 def test_state_returns(env_id: str, copies: int | None) -> None:
     """get_state/set_state, pickle and deepcopy in mid-episode: what follows is the same, to the bit."""
@@ -258,7 +261,7 @@ def test_state_returns(env_id: str, copies: int | None) -> None:
                 same(a, b)
 
 
-@each_id
+@each_kind
 def test_wrong_actions(env_id: str) -> None:
     env = make(env_id).unwrapped
     env.reset(seed=0)
@@ -277,7 +280,7 @@ def test_wrong_actions(env_id: str) -> None:
         envs.step(good)
 
 
-@each_id
+@each_kind
 def test_wrong_arguments(env_id: str) -> None:
     with pytest.raises(TypeError, match="colour"):
         make(env_id, colour="red")
@@ -388,7 +391,7 @@ def answered(env_id: str) -> dict[str, tuple[float, float]]:
     return {name: (0.9, 1.2) for name in RANDOMIZABLE if not absent.get(name)}
 
 
-@pytest.mark.parametrize("env_id", quick_ids())
+@pytest.mark.parametrize("env_id", few_ids(QUICK))
 def test_randomisation(env_id: str) -> None:
     """Factors are drawn per copy and episode from its seed, reported, and settable."""
     ranges = answered(env_id)
@@ -411,12 +414,12 @@ def test_randomisation(env_id: str) -> None:
         make(env_id).reset(options={"randomize": {"masses": 1.0}})
 
 
-@pytest.mark.parametrize("env_id", [IDS[0], *(pytest.param(i, marks=pytest.mark.slow) for i in IDS[1:])])
+@pytest.mark.parametrize("env_id", few_ids(IDS[:1]))
 def test_randomised_native_equals_sync(env_id: str) -> None:
     assert compare_with_sync(env_id, "SameStep", 60, 2, randomize=answered(env_id)) > 0
 
 
-@pytest.mark.parametrize("env_id", quick_ids())
+@pytest.mark.parametrize("env_id", few_ids(QUICK))
 def test_randomised_copy_is_another_scene(env_id: str) -> None:
     """A copy with one factor off 1 moves, to the bit, as the scene with that parameter; one with all at 1,
     as if nothing could vary."""
@@ -478,7 +481,7 @@ def driven_off(simulator: Simulator, copy: int, speed: float) -> None:
     simulator.place(x, v)
 
 
-@each_id
+@each_kind
 def test_divergence_is_an_end(env_id: str) -> None:
     """A copy driven out of what the model means ends with finite values; its neighbours go on."""
     envs = make_vec(env_id, 3, "native", "Disabled")
@@ -496,7 +499,7 @@ def test_divergence_is_an_end(env_id: str) -> None:
     np.testing.assert_array_equal(observation[[0, 2]], expected[0][[0, 2]])
 
 
-@each_id
+@each_kind
 @pytest.mark.parametrize("speed", [1e25, pytest.param(1e4, marks=pytest.mark.slow)])
 def test_what_has_diverged_is_drawn_all_the_same(env_id: str, speed: float) -> None:
     """As far as there is anything to be seen, and without a warning."""
@@ -509,7 +512,7 @@ def test_what_has_diverged_is_drawn_all_the_same(env_id: str, speed: float) -> N
     assert env.render().shape == empty.shape
 
 
-@each_id
+@each_kind
 def test_rendering(env_id: str) -> None:
     env = make(env_id, render_mode="rgb_array")
     env.reset(seed=0)

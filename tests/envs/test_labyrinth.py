@@ -12,6 +12,8 @@ from tests.envs.cases import make, make_vec, task_type
 from tests.envs.playing import play
 from tests.envs.test_cheats import classical
 
+pytestmark = pytest.mark.usefixtures("few_kernels")
+
 COPIES = 8
 ENV = "SpringLabyrinth-v0"
 IDLE = np.zeros(2, np.float32)

@@ -21,7 +21,7 @@ from springgym.scene import Scene, ThrustActuator
 from springgym.simulator import STRAIN_LIMIT
 from springgym.surfaces import floor
 from tests import fuzz
-from tests.envs.cases import IDS, QUICK, each_id, make, make_vec, task_type
+from tests.envs.cases import IDS, QUICK, each_kind, make, make_vec, task_type
 from tests.envs.test_contract import answered, same
 from tests.envs.test_states import frozen
 
@@ -73,7 +73,7 @@ def tried(call: Callable[[], Any], name: str) -> Iterator[Any]:
 FREE_OF_LOSS = {"friction": 0, "restitution": 1}
 
 
-@each_id
+@each_kind
 @pytest.mark.parametrize("suffix", ["Env", "VectorEnv"])
 def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
     kind = type((make(env_id) if suffix == "Env" else make_vec(env_id, 2, "native", "NextStep")).unwrapped)
@@ -96,7 +96,7 @@ def test_every_argument_of_every_environment(env_id: str, suffix: str) -> None:
     assert made >= len(names) - 3  # what is right is taken
 
 
-@each_id
+@each_kind
 def test_every_argument_of_every_body(env_id: str) -> None:
     """``body`` takes those of the body's maker, whichever it is."""
     if "body" not in inspect.signature(task_type(env_id).__init__).parameters:
@@ -119,7 +119,7 @@ def options(env_id: str) -> list[str]:
     return [part.split('"')[1] for part in given.split(",")]
 
 
-@each_id
+@each_kind
 @pytest.mark.parametrize("copies", [None, 3])
 def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> None:
     """What is refused changes nothing, nor consumes random numbers; what is taken starts soundly."""
@@ -156,7 +156,7 @@ def test_every_option_and_seed_of_a_reset(env_id: str, copies: int | None) -> No
     assert taken >= 6
 
 
-@each_id
+@each_kind
 @pytest.mark.parametrize("copies", [None, 2])
 def test_every_action(env_id: str, copies: int | None) -> None:
     env = make(env_id).unwrapped if copies is None else make_vec(env_id, copies, "native", "SameStep")
@@ -182,7 +182,7 @@ def test_first_reset_takes_all_copies() -> None:
     envs.reset(options={"reset_mask": np.array([True, False, True])})
 
 
-@each_id
+@each_kind
 def test_nothing_is_stepped_or_drawn_before_a_reset(env_id: str) -> None:
     env = make(env_id, render_mode="rgb_array").unwrapped
     with pytest.raises(gym.error.ResetNeeded, match="step"):

@@ -207,7 +207,7 @@ SAME_STARTS = {"sparse", "momentum", "randomize"}
 """Arguments that change no start."""
 
 VARIED = [
-    (env_id, variant)
+    pytest.param(env_id, variant, marks=pytest.mark.slow if variant else ())
     for env_id in IDS
     for variant in ({}, *fuzz.varied(env_id))
     if SAME_STARTS.isdisjoint(variant)

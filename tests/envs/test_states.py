@@ -19,7 +19,7 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.players import ParallelDuel
 from springgym.scene import Scene
 from springgym.simulator import Simulator
-from tests.envs.cases import IDS, each_id, make, make_vec
+from tests.envs.cases import IDS, each_kind, make, make_vec
 from tests.envs.test_contract import answered, same
 
 LIMIT = 10
@@ -38,7 +38,7 @@ def lives(env: Any, steps: np.ndarray) -> list[Any]:
     return [env.step(action) for action in steps]
 
 
-@each_id
+@each_kind
 def test_state_returns_with_the_time_limit(env_id: str) -> None:
     """Of gym.make, also to an environment that has never been reset: it is cut where it was."""
     env = make(env_id, max_episode_steps=LIMIT)

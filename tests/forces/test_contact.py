@@ -585,6 +585,7 @@ def bits(simulator: Simulator) -> bytes:
     return (simulator.positions + 0.0).tobytes() + (simulator.velocities + 0.0).tobytes()
 
 
+@pytest.mark.slow
 def test_off_equals_on_at_zero_strength() -> None:
     """To the bit: no friction and μ = 0, no loss and restitution 1, no surface and one out of reach."""
     plain = thrown_cube(Contact(), 2.5e-4, varying=())
@@ -608,7 +609,12 @@ def test_off_equals_on_at_zero_strength() -> None:
 @pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "surfaces",
-    ["floor", "room", "ramp", pytest.param("bowl", marks=pytest.mark.slow), "uneven pipe"],
+    [
+        "floor",
+        "room",
+        "ramp",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("bowl", "uneven pipe")),
+    ],
 )
 def test_batch_equals_single_to_the_bit(surfaces: str, dtype: Any) -> None:
     """Copies that touch at different times, or never, do not feel each other."""

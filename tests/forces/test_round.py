@@ -223,6 +223,7 @@ def test_ball_rolls_to_and_fro(surface: Surface, across: float) -> None:
     assert np.ptp(m.balance) < 1e-4
 
 
+@pytest.mark.slow
 def test_ellipsoid_tumbles_over_waves_and_keeps_its_energy() -> None:
     egg = ellipsoid((0.06, 0.04, 0.03), 0.5)
     begun = start(egg, position=(0.1, 0.0, 0.15), omega=(3, -4, 2), velocity=(0.4, 0.2, 0))
@@ -397,12 +398,12 @@ def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
     draw = np.random.default_rng(3)
     x = scene.positions + draw.uniform(0.0, 0.02, (18, 1, 1)) * np.array(scene.surfaces[0].normal)  # type: ignore[attr-defined]
     v = scene.velocities + draw.normal(size=(18, 1, 3))
-    many = Simulator(scene, copies=18)
+    many = Simulator(scene, copies=18, varying=VARYING)
     many.place(x, v)
     many.advance(300)
     many.advance(301)
     for n in (0, 7, 16, 17):
-        one = Simulator(scene)
+        one = Simulator(scene, varying=VARYING)
         one.place(x[n], v[n])
         one.advance(601)
         assert (one.positions[0] == many.positions[n]).all()

@@ -216,8 +216,10 @@ REASONS = {
 
 
 @pytest.mark.parametrize("name", REASONS)
-def test_where_all_acts_at_every_step(name: str) -> None:
+def test_where_all_acts_at_every_step(name: str, request: pytest.FixtureRequest) -> None:
     scene, options = REASONS[name]
+    if scene.meetings:
+        request.getfixturevalue("few_kernels")
     assert Simulator(scene, **options).damping_every == 1
     assert Simulator(scene, damping_every=1, **options).damping_every == 1
     with pytest.raises(ValueError, match="damping_every is 2; it must be 1: "):
