@@ -7,13 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from springgym.collisions import as_met
+from springgym.contact.round import Rolling
 from springgym.contact.rows import FAR, ROWS
 from springgym.core.blocks import numbers
 from springgym.core.kinds import Ragged
+from springgym.core.ragged import share
 from springgym.forces import Terms
 from springgym.forces.memory import PHASE
 from springgym.scene import Scene
-from springgym.surfaces import Surface, scales
+from springgym.surfaces import Surface, by_kind, scales
 
 NONE = -1
 """In place of a number: no body, no surface, no contact."""
@@ -30,9 +32,9 @@ class Contacts(NamedTuple):
 
     ``most`` is the largest number of contacts in a copy. In a copy with fewer contacts, ``there`` is False
     for the other entries, their indices are −1, and all else is 0. Contacts between bodies come first, by
-    pair, then those with surfaces, by particle. Two features have a contact if they are nearer than Δ or push
-    each other, so two cubes that lie face on face have several. Contacts of round features with surfaces are
-    not reported; those of a sphere with other bodies are.
+    pair, then those of particles with surfaces, by particle, then those of round features with surfaces, by
+    body. Two features have a contact if they are nearer than Δ or push each other, so two cubes that lie face
+    on face have several. A round feature touches a surface in one point.
 
     ``impulse`` acts on the first body in the step h around the node. The second body, or the surface, gets
     the opposite impulse. ``force`` is the mean over that time. At rest, the impulses of a body's contacts sum
@@ -48,7 +50,8 @@ class Contacts(NamedTuple):
     surface: np.ndarray
     """(copies, most) index of the surface; −1 where two bodies touch"""
     particle: np.ndarray
-    """(copies, most) index, among all, of the particle that touches a surface; −1 where two bodies touch"""
+    """(copies, most) index, among all, of the particle that touches a surface; −1 where two bodies, or a round
+    feature and a surface, touch"""
     point: np.ndarray
     """(copies, most, 3) position of the contact, halfway between the two sides [m]"""
     normal: np.ndarray
@@ -112,6 +115,7 @@ def of_block(scene: Scene, here: Here) -> Contacts:
         found.append(_of_bodies(scene, here))
     if scene.surfaces:
         found.append(_with_surfaces(scene, here))
+        found += [_of_rounds(scene, n, here) for n, of in enumerate(scene.bodies) if of.body.rounds]
     return Contacts(*(np.concatenate(of) for of in zip(*found, strict=True)))
 
 
@@ -186,7 +190,8 @@ def _with_surfaces(scene: Scene, here: Here) -> Contacts:
     ).T
     places, shape = np.concatenate([begin, x, end]), (3, *x.shape[:2])
     heights = np.stack([surface.height(places).reshape(shape) - radius for surface in scene.surfaces])
-    near = (heights.min(axis=1) < reach) & scene.free
+    meets = scene.of_particles([(not placed.body.rounds,) for placed in scene.bodies])[:, 0]
+    near = (heights.min(axis=1) < reach) & scene.free & meets
     surface, lane, particle = np.nonzero(near)
     at = x[lane, particle]
     normal = np.empty((len(surface), 3))
@@ -203,6 +208,45 @@ def _with_surfaces(scene: Scene, here: Here) -> Contacts:
     force = impulse / here.span[lane][:, None]
     found = Contacts(copy, body, none, surface, particle, point, normal, gap, impulse, force)
     return Contacts(*(of[order] for of in found))
+
+
+def _of_rounds(scene: Scene, body: int, here: Here) -> Contacts:
+    """Read contacts of a body's round features with surfaces off the rows that the node solved."""
+    rolling, rounds = _rolling(body, here.workspace.rolling), share(here.terms.rounds, body)
+    order = np.array([n for same in by_kind(scene.surfaces).values() for n in same])
+    rows = len(rounds.first) * len(order)
+    point, n, size, push, friction = (
+        np.moveaxis(numbers(of)[:rows].astype(float), -1, 1)
+        for of in (rolling.point, rolling.normal, rolling.size, rolling.push, rolling.friction)
+    )
+    x = np.moveaxis(here.places.astype(float), -1, 0)[:, scene.slices[body]]
+    place, gap = np.zeros_like(point), np.zeros(point.shape[:2])
+    for row in range(rows):
+        feature, k = divmod(row, len(order))
+        for c in range(rounds.first[feature], rounds.behind[feature]):
+            weight = rounds.base[c] + (point[row] * rounds.slope[c]).sum(axis=-1)
+            place[row] += weight[:, None] * x[:, rounds.particle[c]]
+        gap[row] = scene.surfaces[order[k]].height(place[row])
+    _, reach = scales(scene.contact, scene.bodies[body].body)
+    near = (np.minimum(gap, size[..., 0]) < reach) | (push[..., 0] > 0.0)
+    lane, row = np.nonzero(near.T)
+    gap, normal = gap[row, lane], n[row, lane]
+    impulse = push[row, lane, :1] * normal + friction[row, lane]
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    point = place[row, lane] - 0.5 * gap[:, None] * normal
+    none, first = np.full(len(row), NONE), np.full(len(row), body)
+    copy, surface = here.block * len(x) + lane, order[row % len(order)]
+    force = impulse / here.span[lane][:, None]
+    return Contacts(copy, first, none, surface, none, point, normal, gap, impulse, force)
+
+
+def _rolling(body: int, rolling: Rolling) -> Rolling:
+    """Return the rows of a body's round features at the node."""
+
+    def own(rows: Any) -> Any:
+        return rows.values[rows.start[body] : rows.start[body + 1]] if isinstance(rows, Ragged) else rows
+
+    return Rolling(*map(own, rolling))
 
 
 def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:

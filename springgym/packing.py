@@ -37,7 +37,7 @@ from springgym.own_forces import OfBody, to_compiled
 from springgym.rigid.node import ROWS, Company
 from springgym.rigid.surfaces import ARRAYS
 from springgym.scene import DriveActuator, Scene
-from springgym.surfaces import Contact, PaperContact, Surface, coupled, loss_of, scales
+from springgym.surfaces import Contact, PaperContact, Surface, by_kind, coupled, loss_of, scales
 
 
 class Parameter(NamedTuple):
@@ -167,10 +167,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
 
 def surfaces_of(surfaces: tuple[Surface, ...]) -> Surfaces:
     """Return surfaces in the form for compiled functions, without the values for each body."""
-    each: dict[type[Surface], list[Surface]] = {}
-    for surface in surfaces:
-        each.setdefault(type(surface), []).append(surface)
-    kinds = tuple(kind.packed(of_kind) for kind, of_kind in each.items())
+    kinds = tuple(kind.packed([surfaces[n] for n in same]) for kind, same in by_kind(surfaces).items())
     return Surfaces(kinds, np.zeros(1), 1.0, None, coupled(surfaces) or None)
 
 
