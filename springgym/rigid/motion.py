@@ -108,7 +108,7 @@ def take_among_surfaces(
         node = reach_node(begin, state, span, b, solid)
         end, near, given = pass_alone(node, near, ledger, workspace, solid)
         if n == steps:
-            read = read_node(node, end, given, 0.0 * node.before[0], ledger, solid)
+            read = read_node(node, end, given, 0.0 * node.before[0], ledger, workspace, solid)
         span = span_of(1.0 + 0.0 * phase, h)
         begin, state = end, fly(end, span.out, solid.rigid, solid.asymmetry)
     return read
