@@ -29,8 +29,9 @@ its centre of mass, or its pin, moves them as one body (`Carrier`),
 
     δv = p/M,    δω = I⁻¹ (r × p),    δvᵢ = δv + δω × rᵢ,
 
-so that W and K along a unit vector n are 1/M + (r′ × n) · I⁻¹ (r × n). Its way is that of its flights, curved
-as they are.
+so that W along n is 1/M + (r × n) · I⁻¹ (r × n). Its ways are flights, curved as they are. As it turns, ω does
+not stay what it is at the node: the slip at the end of the way is that of the point which touches there, with
+the arm r′ and the inertia I′ that the body has by then, and K is 1/M + (r′ × n) · I′⁻¹ (r × n).
 
 On a curved surface n is found in turns from the point and the point from n: they agree where the feature is
 less curved outwards than the surface is inwards.
@@ -144,18 +145,27 @@ class Way(NamedTuple):
 
 
 class Carrier(NamedTuple):
-    """A rigid body that carries round features, as impulses move it."""
+    """A rigid body that carries round features, as impulses move it.
+
+    Its point is the centre of mass or, of a pinned body, the pin. I⁻¹ about it is xx, yy, zz; xy, xz, yz.
+    """
 
     begin: Rows
     """(N, 3) positions of its particles where the step begins [m]"""
     end: Rows
     """(N, 3) positions where the step would end without contact [m]"""
-    point: Vector
-    """its centre of mass or, of a pinned body, the pin, at the node [m]"""
+    leaving: Rows
+    """(N, 3) velocities there with as much of contact as is known [m/s]"""
     lightness: Number
     """1/M [1/kg]; 0 of a pinned body"""
+    point: Vector
+    """the point at the node [m]"""
     turn: tuple[Vector, Vector]
-    """I⁻¹ about that point: xx, yy, zz; xy, xz, yz [1/(kg·m²)]"""
+    """I⁻¹ at the node [1/(kg·m²)]"""
+    end_point: Vector
+    """the point where the step would end without contact [m]"""
+    end_turn: tuple[Vector, Vector]
+    """I⁻¹ there [1/(kg·m²)]"""
 
 
 class RoundProblem(NamedTuple):
@@ -273,23 +283,39 @@ def ends_of_step(problem: RoundProblem, carrier: Carrier | None) -> tuple[Way, W
 def inverse_mass(
     e: int, first: Vector, second: Vector, along: Vector, problem: RoundProblem, carrier: Carrier | None
 ) -> Number:
-    """Return how much faster the ``second`` point of feature ``e`` gets along a vector, per impulse along it at
-    the ``first`` [1/kg]: of particles that move by themselves Σ w w′/m, along any."""
+    """Return how much faster the ``second`` point of feature ``e`` gets at the end of a way, per impulse at the
+    ``first`` at the node, along a vector [1/kg]: of particles that move by themselves Σ w w′/m, along any."""
     rounds, total = problem.rounds, 0.0 * first[0]
     if carrier is None:
         for c in range(rounds.first[e], rounds.behind[e]):
             both = weight(c, first, rounds) * weight(c, second, rounds)
             total = total + both * load(problem.terms.particles.inverse_mass, rounds.particle[c])
         return total
-    here, there = arm(e, first, problem, carrier), arm(e, second, problem, carrier)
-    diagonal, across = carrier.turn
-    twist = dot(cross(there, along), multiplied(diagonal, across, cross(here, along)))
-    return carrier.lightness + twist / (dot(along, along) + TINY)
+    there = at(e, second, Way(carrier.end, None, None), rounds) - carrier.end_point
+    spun = turned(carrier.end_turn, cross(arm(e, first, problem, carrier), along))
+    return carrier.lightness + dot(cross(there, along), spun) / (dot(along, along) + TINY)
+
+
+@compiled
+def inverse_mass_at_node(
+    e: int, point: Vector, along: Vector, problem: RoundProblem, carrier: Carrier | None
+) -> Number:
+    """Return W of a point of feature ``e`` along a vector [1/kg]."""
+    if carrier is None:
+        return inverse_mass(e, point, point, along, problem, None)
+    moment = cross(arm(e, point, problem, carrier), along)
+    return carrier.lightness + dot(moment, turned(carrier.turn, moment)) / (dot(along, along) + TINY)
+
+
+@compiled
+def turned(turn: tuple[Vector, Vector], moment: Vector) -> Vector:
+    """Return I⁻¹ times a vector."""
+    return multiplied(turn[0], turn[1], moment)
 
 
 @compiled
 def arm(e: int, point: Vector, problem: RoundProblem, carrier: Carrier) -> Vector:
-    """Return the arm of a point of feature ``e`` from a rigid body's own [m]."""
+    """Return the arm of a point of feature ``e`` from a rigid body's own at the node [m]."""
     return at(e, point, Way(problem.x, None, None), problem.rounds) - carrier.point
 
 
@@ -304,11 +330,27 @@ def give(
             i = rounds.particle[c]
             add_scaled(v, i, weight(c, point, rounds) * load(particles.inverse_mass, i), impulse)
     else:
-        diagonal, across = carrier.turn
-        spun = multiplied(diagonal, across, cross(arm(e, point, problem, carrier), impulse))
+        faster, moment = carrier.lightness * impulse, cross(arm(e, point, problem, carrier), impulse)
+        spun, later = turned(carrier.turn, moment), turned(carrier.end_turn, moment)
         for i in range(particles.mass.size):
-            along = carrier.lightness * impulse + cross(spun, row(problem.x, i) - carrier.point)
-            set_row(v, i, row(v, i) + along)
+            set_row(v, i, row(v, i) + (faster + cross(spun, row(problem.x, i) - carrier.point)))
+            there = row(carrier.end, i) - carrier.end_point
+            set_row(carrier.leaving, i, row(carrier.leaving, i) + (faster + cross(later, there)))
+
+
+@compiled
+def slip_at_end(
+    e: int, k: int, v: Rows, problem: RoundProblem, carrier: Carrier | None
+) -> tuple[Vector, Vector]:
+    """Return the point, ξ − ξc, of feature ``e`` that touches surface ``k`` at the end of the way, and how it
+    moves there [m/s]."""
+    rounds, none = problem.rounds, 0.0 * row(problem.x, 0)
+    if carrier is None:
+        way = Way(problem.x, v, problem.span.out)
+        there, _, _, _ = nearest(e, k, way, none, rounds, problem.terms.surfaces)
+        return there, at(e, there, Way(v, None, None), rounds)
+    there, _, _, _ = nearest(e, k, Way(carrier.end, None, None), none, rounds, problem.terms.surfaces)
+    return there, at(e, there, Way(carrier.leaving, None, None), rounds)
 
 
 # --- The node ---------------------------------------------------------------------------------------------
@@ -341,7 +383,7 @@ def roll(problem: RoundProblem) -> bool:
             _, _, _, ahead = nearest(e, k, after, none, rounds, surfaces)
             set_row(space.point, r, point)
             set_row(space.normal, r, n)
-            inverse = square * inverse_mass(e, point, point, n, problem, carrier)
+            inverse = square * inverse_mass_at_node(e, point, n, problem, carrier)
             base = ahead - span.out * dot(n, at(e, point, Way(space.velocity, None, None), rounds))
             taken = select(start < LOW * surfaces.reach, TAKEN * surfaces.reach, start)
             set_row(space.size, r, vec(taken, base + (taken - start), inverse))
@@ -416,13 +458,10 @@ def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, fricti
         space, rounds = problem.space, problem.rounds
         point, n, old = row(space.point, r), row(space.normal, r), row(space.friction, r)
         v, push = space.velocity, row(space.push, r)[0]
-        there, _, _, _ = nearest(
-            e, k, Way(problem.x, v, problem.span.out), 0.0 * n, rounds, problem.terms.surfaces
-        )
+        there, slip = slip_at_end(e, k, v, problem, problem.carrier)
         square = dot(n, n)
-        slip = at(e, there, Way(v, None, None), rounds)
         slip = slip - dot(slip, n) / square * n
-        least = AWAY * inverse_mass(e, point, point, slip, problem, problem.carrier)
+        least = AWAY * inverse_mass_at_node(e, point, slip, problem, problem.carrier)
         inverse = maximum(inverse_mass(e, point, there, slip, problem, problem.carrier), least) + TINY
         wanted = old - 1.0 / inverse * slip
         limit = load(friction, 0) * sqrt(square) * push

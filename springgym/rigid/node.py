@@ -295,7 +295,7 @@ def losses_of_features(
 ) -> tuple[Number, Number, Number, Number]:
     """Return the `losses` of a body that meets surfaces with its round features."""
     span = node.span
-    change, rub, force = given_by_rows(node, problem_of(node, workspace, solid, rounds), solid)
+    change, rub, force = given_by_rows(node, problem_of(node, node.state, workspace, solid, rounds), solid)
     after = sum_of(node.free, 1.0, given)
     way = span.lead * product_of(force, node.before, solid) + span.out * product_of(force, after, solid)
     lost = way / span.whole - product_of(change, middle, solid)
@@ -318,7 +318,7 @@ def shown_at(
     if rounds is None:
         return shown_by_particles(node, end, shift, solid, solid.terms.surfaces)
     if rolls(rounds):
-        problem = problem_of(node, workspace, solid, rounds)
+        problem = problem_of(node, node.state, workspace, solid, rounds)
         stored, lift = lifted_feature(shift, problem.space.velocity, problem)
         moves = solid.lightness + 0.0 * lift[0] > 0.0
         return stored, 0.0 * stored, node.state.position + choose(moves, lift, shift)

@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 FEATURES = len(Rolling._fields)
 """Arrays of the workspace that a `Rolling` is made of. Those behind them are rows of particles (N, 3):"""
 
-PLACES, BEFORE, BEGIN, END = range(FEATURES, FEATURES + 4)
+PLACES, BEFORE, BEGIN, END, LEAVING = range(FEATURES, FEATURES + 5)
 """positions [m] and velocities [m/s] with which the node is reached; positions where the step begins, and where
-it would end without contact."""
+it would end without contact; and the velocities there, with as much of contact as is known."""
 
-ROOM = FEATURES + 4
+ROOM = FEATURES + 5
 """How many arrays that are."""
 
 
@@ -74,10 +74,10 @@ def set_places(rows: Rows, state: State, solid: Solid) -> None:
 
 
 @compiled
-def set_velocities(rows: Rows, motion: Motion, axes: Block, solid: Solid) -> None:
-    """Set rows to the velocities of the particles, in world coordinates."""
-    velocity = combine(axes, motion[0])
-    omega = combine(axes, angular_velocity(motion[1], solid.rigid))
+def set_velocities(rows: Rows, velocity: Vector, spin: Vector, axes: Block, solid: Solid) -> None:
+    """Set rows to the velocities of the particles, from that of the body's point and the angular momentum in
+    body coordinates."""
+    omega = combine(axes, angular_velocity(spin, solid.rigid))
     for i in range(solid.terms.particles.mass.size):
         set_row(rows, i, velocity + cross(omega, combine(axes, row(solid.rigid.shape, i))))
 
@@ -97,14 +97,20 @@ def inverse_inertia(axes: Block, rigid: Rigid) -> tuple[Vector, Vector]:
 
 
 @compiled
-def problem_of(node: RigidNode, workspace: np.ndarray, solid: Solid, rounds: Rounds) -> RoundProblem:
-    """Return what the impulses of a body's round features follow from."""
+def problem_of(
+    node: RigidNode, end: State, workspace: np.ndarray, solid: Solid, rounds: Rounds
+) -> RoundProblem:
+    """Return what the impulses of a body's round features follow from; without contact the step would ``end``
+    like that."""
     carrier = Carrier(
         workspace[BEGIN],
         workspace[END],
-        node.state.position,
+        workspace[LEAVING],
         solid.lightness,
+        node.state.position,
         inverse_inertia(node.axes, solid.rigid),
+        end.position,
+        inverse_inertia(turned(solid.axes, end.q), solid.rigid),
     )
     rolling = rolling_of(workspace)
     return RoundProblem(
@@ -118,12 +124,15 @@ def roll_on_surfaces(node: RigidNode, workspace: np.ndarray, solid: Solid, round
     nothing = 0.0 * node.before[0]
     if rounds is None:
         return nothing, nothing
-    problem = problem_of(node, workspace, solid, rounds)
+    end = leave(node, (nothing, nothing), solid)
+    problem = problem_of(node, end, workspace, solid, rounds)
     set_places(problem.x, node.state, solid)
-    set_velocities(problem.before, node.before, node.axes, solid)
     set_places(workspace[BEGIN], node.begin, solid)
-    set_places(workspace[END], leave(node, (nothing, nothing), solid), solid)
-    set_velocities(problem.space.velocity, node.free, node.axes, solid)
+    set_places(workspace[END], end, solid)
+    before, free = combine(node.axes, node.before[0]), combine(node.axes, node.free[0])
+    set_velocities(problem.before, before, node.before[1], node.axes, solid)
+    set_velocities(problem.space.velocity, free, node.free[1], node.axes, solid)
+    set_velocities(workspace[LEAVING], end.velocity, end.spin, turned(solid.axes, end.q), solid)
     roll(problem)
     given = given_by_rows(node, problem, solid)
     return given.change[0] + given.rub[0], given.change[1] + given.rub[1]
