@@ -552,8 +552,6 @@ def test_errors_say_what_is_wrong(make: Any, error: type[Exception], told: str) 
 
 def test_what_round_features_cannot_do_is_refused() -> None:
     scene = placed(BALL)
-    with pytest.raises(ValueError, match="round features, which rigid dynamics does not know"):
-        Simulator(scene, dynamics="rigid")
     with pytest.raises(ValueError, match="no round features; use Contact"):
         Simulator(scene.with_(contact=PaperContact(strength=1e-4, reach=1e-3)), integrator="rk4")
     block = Placed(cube(0.1), cube(0.1).positions + np.array([1, 0, 0.06]))
