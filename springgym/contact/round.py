@@ -24,14 +24,14 @@ w′ = w friction that sticks is of first order in h: a disk precesses 1.6 % too
 the point of contact over its skin; for the rigid bodies that are the limit of stiff springs see Kane &
 Levinson, Int. J. Non-Linear Mech. 17 (1982) 175, doi:10.1016/0020-7462(82)90017-8.)
 
-A rigid body is carried as its particles are, which keep their shape. An impulse p at a point at the arm r from
-its centre of mass, or its pin, moves them as one body (`Carrier`),
+A rigid body is told by its particles, which keep their shape. An impulse p at the arm r from its centre of
+mass, or its pin, moves them as one body (`Carrier`),
 
     δv = p/M,    δω = I⁻¹ (r × p),    δvᵢ = δv + δω × rᵢ,
 
-so that W along n is 1/M + (r × n) · I⁻¹ (r × n). Its ways are flights, curved as they are. As it turns, ω does
-not stay what it is at the node: the slip at the end of the way is that of the point which touches there, with
-the arm r′ and the inertia I′ that the body has by then, and K is 1/M + (r′ × n) · I′⁻¹ (r × n).
+so that W along n is 1/M + (r × n) · I⁻¹ (r × n). Its ways are flights, curved as they are. As it turns, ω
+does not stay what it is at the node: the slip at the end of the way is that of the point which touches there,
+with the arm r′ and the inertia I′ that the body has by then, and K is 1/M + (r′ × n) · I′⁻¹ (r × n).
 
 On a curved surface n is found in turns from the point and the point from n: they agree where the feature is
 less curved outwards than the surface is inwards.
@@ -283,8 +283,9 @@ def ends_of_step(problem: RoundProblem, carrier: Carrier | None) -> tuple[Way, W
 def inverse_mass(
     e: int, first: Vector, second: Vector, along: Vector, problem: RoundProblem, carrier: Carrier | None
 ) -> Number:
-    """Return how much faster the ``second`` point of feature ``e`` gets at the end of a way, per impulse at the
-    ``first`` at the node, along a vector [1/kg]: of particles that move by themselves Σ w w′/m, along any."""
+    """Return how much faster the ``second`` point of feature ``e`` gets at the end of a way, per impulse at
+    the ``first`` at the node, along a vector [1/kg]: of particles that move by themselves Σ w w′/m.
+    """
     rounds, total = problem.rounds, 0.0 * first[0]
     if carrier is None:
         for c in range(rounds.first[e], rounds.behind[e]):

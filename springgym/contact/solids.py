@@ -11,8 +11,8 @@ So momentum and angular momentum are kept to rounding. Along a unit vector s the
 W j, W = Σ 1/M + (r × s) · I⁻¹ (r × s). Of a body that cannot move, or not turn, 1/M or I⁻¹ is 0.
 
 The place is halfway between the two points of the contact. Of a ball, which has no inertia and is not turned,
-it is the centre: that is on the same normal. Of a sphere that turns it is where springs' spheres are rubbed, at
-the arm −ρ n from its centre (`springgym.contact.spheres`).
+it is the centre: that is on the same normal. Of a sphere that turns it is where friction acts on springs'
+spheres, too: at the arm −ρ n from its centre (`springgym.contact.spheres`).
 
 Impulses are found in turns until a copy's own agree, whatever other copies of its block need.
 """

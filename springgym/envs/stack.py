@@ -294,7 +294,8 @@ class SpringStackEnv(SpringEnv, gym.Env):
     ## Arguments
     - `observation`: see above.
     - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
-      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it is.
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it
+      is.
 
     ## Version History
     - v0: first.

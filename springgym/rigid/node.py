@@ -246,8 +246,8 @@ def losses(
     solid: Solid,
     rounds: Rounds | None,
 ) -> tuple[Number, Number, Number, Number]:
-    """Return what surfaces took by their pushes and by friction [J]; and the products of these pushes with the
-    motion by gravity in a second [J/s], and with ``given`` [J]."""
+    """Return what surfaces took by their pushes and by friction [J]; and the products of these pushes with
+    the motion by gravity in a second [J/s], and with ``given`` [J]."""
     if rounds is None:
         return losses_of_particles(node, given, middle, workspace, solid)
     if rolls(rounds):

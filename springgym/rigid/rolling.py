@@ -1,7 +1,7 @@
-"""Rigid bodies that roll: the impulses that surfaces give them by round features, see `springgym.contact.round`.
+"""Rigid bodies that roll: what surfaces give them by round features, see `springgym.contact.round`.
 
-The body takes part as its particles do, which keep their shape: at the node, and where its flights begin and
-end. What it is given is summed up as a change of its motion,
+A body is told by its particles, which keep their shape: at the node, and where its flights begin and end.
+What it is given is summed up as a change of its motion,
 
     δv = Σ p/M,    δL = Σ r × p,
 
@@ -31,8 +31,8 @@ FEATURES = len(Rolling._fields)
 """Arrays of the workspace that a `Rolling` is made of. Those behind them are rows of particles (N, 3):"""
 
 PLACES, BEFORE, BEGIN, END, LEAVING = range(FEATURES, FEATURES + 5)
-"""positions [m] and velocities [m/s] with which the node is reached; positions where the step begins, and where
-it would end without contact; and the velocities there, with as much of contact as is known."""
+"""positions [m] and velocities [m/s] with which the node is reached; positions where the step begins, and
+where it would end without contact; and the velocities there, with as much of contact as is known."""
 
 ROOM = FEATURES + 5
 """How many arrays that are."""
@@ -84,8 +84,10 @@ def set_velocities(rows: Rows, velocity: Vector, spin: Vector, axes: Block, soli
 
 @compiled
 def inverse_inertia(axes: Block, rigid: Rigid) -> tuple[Vector, Vector]:
-    """Return I⁻¹ in world coordinates, given the principal axes: xx, yy, zz; xy, xz, yz. It is 0 of what cannot
-    turn."""
+    """Return I⁻¹ in world coordinates, given the principal axes: xx, yy, zz; xy, xz, yz.
+
+    It is 0 of what cannot turn.
+    """
     zero = 0.0 * axes[0][0]
     diagonal, across = vec(zero, zero, zero), vec(zero, zero, zero)
     if rigid.turns:

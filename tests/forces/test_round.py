@@ -446,7 +446,9 @@ def test_contact_of_a_ball_on_a_slope_has_the_friction_of_theory(friction: float
 def test_contacts_of_a_feature_are_what_changes_its_momentum() -> None:
     """From node to node by half of what both give, and by gravity, while it hops, spins and slips."""
     body = ellipsoid((0.12, 0.1, 0.08), 0.7)
-    scene = placed(body, contact=replace(GRIP, friction=0.2), up=0.01, velocity=(0.5, 0, -1.0), omega=(3, 4, 20))
+    scene = placed(
+        body, contact=replace(GRIP, friction=0.2), up=0.01, velocity=(0.5, 0, -1.0), omega=(3, 4, 20)
+    )
     simulator = Simulator(scene, varying=VARYING, step=1e-4)
     momenta, impulses = [], []
     for _ in range(400):
