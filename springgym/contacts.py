@@ -235,12 +235,12 @@ def _of_rounds(scene: Scene, body: int, here: Here) -> Contacts:
     )
     x = np.moveaxis(here.places.astype(float), -1, 0)[:, scene.slices[body]]
     place, gap = np.zeros_like(point), np.zeros(point.shape[:2])
-    for row in range(rows):
-        feature, k = divmod(row, len(order))
+    for r in range(rows):
+        feature, k = divmod(r, len(order))
         for c in range(rounds.first[feature], rounds.behind[feature]):
-            weight = rounds.base[c] + (point[row] * rounds.slope[c]).sum(axis=-1)
-            place[row] += weight[:, None] * x[:, rounds.particle[c]]
-        gap[row] = scene.surfaces[order[k]].height(place[row])
+            weight = rounds.base[c] + (point[r] * rounds.slope[c]).sum(axis=-1)
+            place[r] += weight[:, None] * x[:, rounds.particle[c]]
+        gap[r] = scene.surfaces[order[k]].height(place[r])
     _, reach = scales(scene.contact, scene.bodies[body].body)
     near = (np.minimum(gap, size[..., 0]) < reach) | (push[..., 0] > 0.0)
     lane, row = np.nonzero(near.T)
