@@ -7,16 +7,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from springgym.bodies.rotations import axes
 from springgym.collisions import as_met
+from springgym.contact.round import Rolling
 from springgym.contact.rows import FAR, ROWS
 from springgym.contact.totals import ENTRIES, FAST, GAP, IMPULSE, MISSES, TOUCHING, Collisions
 from springgym.core.blocks import numbers
 from springgym.core.compiling import kernel
 from springgym.core.kinds import Ragged
+from springgym.core.ragged import share
 from springgym.forces import Terms
 from springgym.forces.memory import PHASE
+from springgym.rigid import Rigid
+from springgym.rigid.node import Company
+from springgym.rigid.rolling import FEATURES
+from springgym.rigid.surfaces import ARRAYS, NORMAL, PUSH, RUB
 from springgym.scene import Scene
-from springgym.surfaces import Surface, scales
+from springgym.surfaces import Surface, by_kind, scales
 
 NONE = -1
 """In place of a number: no body, no surface, no contact."""
@@ -33,9 +40,9 @@ class Contacts(NamedTuple):
 
     ``most`` is the largest number of contacts in a copy. In a copy with fewer contacts, ``there`` is False
     for the other entries, their indices are −1, and all else is 0. Contacts between bodies come first, by
-    pair, then those with surfaces, by particle. Two features have a contact if they are nearer than Δ or push
-    each other, so two cubes that lie face on face have several. Contacts of round features with surfaces are
-    not reported; those of a sphere with other bodies are.
+    pair, then those of particles with surfaces, by particle, then those of round features with surfaces, by
+    body. Two features have a contact if they are nearer than Δ or push each other, so two cubes that lie face
+    on face have several. A round feature touches a surface in one point.
 
     ``impulse`` acts on the first body in the step h around the node. The second body, or the surface, gets
     the opposite impulse. ``force`` is the mean over that time. At rest, the impulses of a body's contacts sum
@@ -51,7 +58,8 @@ class Contacts(NamedTuple):
     surface: np.ndarray
     """(copies, most) index of the surface; −1 where two bodies touch"""
     particle: np.ndarray
-    """(copies, most) index, among all, of the particle that touches a surface; −1 where two bodies touch"""
+    """(copies, most) index, among all, of the particle that touches a surface; −1 where two bodies touch, or
+    a round feature and a surface"""
     point: np.ndarray
     """(copies, most, 3) position of the contact, halfway between the two sides [m]"""
     normal: np.ndarray
@@ -123,6 +131,8 @@ class Here(NamedTuple):
     workspace: Any
     """what the node was computed in"""
     terms: Any
+    twin: tuple[Any, ...]
+    """the rigid bodies, in rigid dynamics"""
     step: float
     """h [s]"""
 
@@ -143,14 +153,18 @@ def any_possible(scene: Scene) -> bool:
     return bool(scene.surfaces or len(scene.meetings))
 
 
-def refusal(scene: Scene, rigid: bool, terms: Terms) -> str:
+def clear(workspace: Any, rigid: bool) -> None:
+    """Clear what earlier nodes have left in the workspace of rigid bodies: a node writes where they touch."""
+    if rigid:
+        numbers(workspace.surfaces if isinstance(workspace, Company) else workspace)[:] = 0.0
+
+
+def refusal(scene: Scene, terms: Terms) -> str:
     """Return the reason why the contacts of a scene cannot be reported; empty if they can."""
     if not any_possible(scene):
         return ""
     if terms.memory is None:
         return "contacts need a method with nodes: use verlet, and Contact in place of PaperContact"
-    if scene.surfaces and rigid:
-        return "contacts of rigid bodies with surfaces are not available; use dynamics='springs'"
     if scene.surfaces and len(scene.bodies) > 1 and terms.collisions is None:
         return "contacts of several bodies with surfaces need bodies that collide; give the scene collisions"
     return ""
@@ -162,7 +176,11 @@ def of_block(scene: Scene, here: Here) -> Contacts:
     if len(scene.meetings):
         found.append(_of_bodies(scene, here))
     if scene.surfaces:
-        found.append(_with_surfaces(scene, here))
+        if here.twin:
+            found += [_of_rigid(scene, n, here) for n, of in enumerate(scene.bodies) if not of.body.rounds]
+        else:
+            found.append(_with_surfaces(scene, here))
+        found += [_of_rounds(scene, n, here) for n, of in enumerate(scene.bodies) if of.body.rounds]
     return Contacts(*(np.concatenate(of) for of in zip(*found, strict=True)))
 
 
@@ -237,7 +255,8 @@ def _with_surfaces(scene: Scene, here: Here) -> Contacts:
     ).T
     places, shape = np.concatenate([begin, x, end]), (3, *x.shape[:2])
     heights = np.stack([surface.height(places).reshape(shape) - radius for surface in scene.surfaces])
-    near = (heights.min(axis=1) < reach) & scene.free
+    meets = scene.of_particles([(not placed.body.rounds,) for placed in scene.bodies])[:, 0]
+    near = (heights.min(axis=1) < reach) & scene.free & meets
     surface, lane, particle = np.nonzero(near)
     at = x[lane, particle]
     normal = np.empty((len(surface), 3))
@@ -254,6 +273,92 @@ def _with_surfaces(scene: Scene, here: Here) -> Contacts:
     force = impulse / here.span[lane][:, None]
     found = Contacts(copy, body, none, surface, particle, point, normal, gap, impulse, force)
     return Contacts(*(of[order] for of in found))
+
+
+def _of_rounds(scene: Scene, body: int, here: Here) -> Contacts:
+    """Read contacts of a body's round features with surfaces off the rows that the node solved."""
+    rolling, rounds = _rolling(body, here), share(here.terms.rounds, body)
+    order = np.array([n for same in by_kind(scene.surfaces).values() for n in same])
+    rows = len(rounds.first) * len(order)
+    point, n, size, push, friction = (
+        np.moveaxis(numbers(of)[:rows].astype(float), -1, 1)
+        for of in (rolling.point, rolling.normal, rolling.size, rolling.push, rolling.friction)
+    )
+    x = np.moveaxis(here.places.astype(float), -1, 0)[:, scene.slices[body]]
+    place, gap = np.zeros_like(point), np.zeros(point.shape[:2])
+    for r in range(rows):
+        feature, k = divmod(r, len(order))
+        for c in range(rounds.first[feature], rounds.behind[feature]):
+            weight = rounds.base[c] + (point[r] * rounds.slope[c]).sum(axis=-1)
+            place[r] += weight[:, None] * x[:, rounds.particle[c]]
+        gap[r] = scene.surfaces[order[k]].height(place[r])
+    _, reach = scales(scene.contact, scene.bodies[body].body)
+    near = (np.minimum(gap, size[..., 0]) < reach) | (push[..., 0] > 0.0)
+    lane, row = np.nonzero(near.T)
+    gap, normal = gap[row, lane], n[row, lane]
+    impulse = push[row, lane, :1] * normal + friction[row, lane]
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    point = place[row, lane] - 0.5 * gap[:, None] * normal
+    none, first = np.full(len(row), NONE), np.full(len(row), body)
+    copy, surface = here.block * len(x) + lane, order[row % len(order)]
+    force = impulse / here.span[lane][:, None]
+    return Contacts(copy, first, none, surface, none, point, normal, gap, impulse, force)
+
+
+def _rolling(body: int, here: Here) -> Rolling:
+    """Return the rows of a body's round features at the node."""
+    if here.twin:
+        return Rolling(*_of_surfaces(body, here)[:FEATURES])
+
+    def own(rows: Any) -> Any:
+        return rows.values[rows.start[body] : rows.start[body + 1]] if isinstance(rows, Ragged) else rows
+
+    return Rolling(*map(own, here.workspace.rolling))
+
+
+def _of_surfaces(body: int, here: Here) -> np.ndarray:
+    """Return the arrays in which surfaces push a rigid body."""
+    work = here.workspace
+    found: np.ndarray = work.surfaces[body] if isinstance(work, Company) else work
+    return found
+
+
+def _of_rigid(scene: Scene, body: int, here: Here) -> Contacts:
+    """Read contacts of a rigid body's particles with surfaces off what the node found for each."""
+    placed, own = scene.bodies[body], scene.slices[body]
+    x = np.moveaxis(here.places.astype(float), -1, 0)[:, own]
+    _, reach = scales(scene.contact, placed.body)
+    space, attitude = numbers(_of_surfaces(body, here)).astype(float), _attitude(scene, body, x, here)
+    found = []
+    for k, n in enumerate(n for same in by_kind(scene.surfaces).values() for n in same):
+        push, rub, normal = (
+            np.moveaxis(space[ARRAYS * k + part, : x.shape[1]], -1, 0) for part in (PUSH, RUB, NORMAL)
+        )
+        gap = scene.surfaces[n].height(x.reshape(-1, 3)).reshape(x.shape[:2]) - placed.body.radius
+        lane, i = np.nonzero(((gap < reach) | (push[..., 0] > 0.0)) & scene.free[own])
+        given = push[lane, i, :1] * normal[lane, i] + rub[lane, i]
+        impulse = np.einsum("nij,nj->ni", attitude[lane], given)
+        at, gap = x[lane, i], gap[lane, i]
+        upwards = _gradient(scene.surfaces[n], at, np.full(len(i), DIFFERENCE * reach))
+        point = at - (0.5 * gap + placed.body.radius)[:, None] * upwards
+        none, first, surface = (np.full(len(i), value) for value in (NONE, body, n))
+        copy, force = here.block * len(x) + lane, impulse / here.span[lane][:, None]
+        particle = own.start + i
+        found.append(Contacts(copy, first, none, surface, particle, point, upwards, gap, impulse, force))
+    told = Contacts(*(np.concatenate(of) for of in zip(*found, strict=True)))
+    order = np.lexsort((told.surface, told.particle, told.there))
+    return Contacts(*(of[order] for of in told))
+
+
+def _attitude(scene: Scene, body: int, x: np.ndarray, here: Here) -> np.ndarray:
+    """Return the principal axes of a rigid body in its places (width, N, 3), as columns (width, 3, 3)."""
+    twin: Rigid = share(here.twin, body)[0]
+    if not twin.turns:
+        return np.broadcast_to(np.eye(3), (len(x), 3, 3))
+    triad = numbers(twin.triad)[here.block] if twin.triad.dtype.names else twin.triad[..., None]
+    triad = np.broadcast_to(triad, (3, 3, len(x))).astype(float)
+    world = np.stack([axes(places, scene.bodies[body].body.markers) for places in x])
+    return np.einsum("wij,jkw->wik", world, triad)
 
 
 def _ways(scene: Scene, here: Here) -> tuple[np.ndarray, ...]:

@@ -35,9 +35,10 @@ from springgym.integrators.node import Exchange, Space
 from springgym.integrators.record import Integrator, workspace
 from springgym.own_forces import OfBody, to_compiled
 from springgym.rigid.node import ROWS, Company
+from springgym.rigid.rolling import ROOM
 from springgym.rigid.surfaces import ARRAYS
 from springgym.scene import DriveActuator, Scene
-from springgym.surfaces import Contact, PaperContact, Surface, coupled, loss_of, scales
+from springgym.surfaces import Contact, PaperContact, Surface, by_kind, coupled, loss_of, scales
 
 
 class Parameter(NamedTuple):
@@ -167,10 +168,7 @@ def _shared(scene: Scene, options: Options) -> Terms:
 
 def surfaces_of(surfaces: tuple[Surface, ...]) -> Surfaces:
     """Return surfaces in the form for compiled functions, without the values for each body."""
-    each: dict[type[Surface], list[Surface]] = {}
-    for surface in surfaces:
-        each.setdefault(type(surface), []).append(surface)
-    kinds = tuple(kind.packed(of_kind) for kind, of_kind in each.items())
+    kinds = tuple(kind.packed([surfaces[n] for n in same]) for kind, same in by_kind(surfaces).items())
     return Surfaces(kinds, np.zeros(1), 1.0, None, coupled(surfaces) or None)
 
 
@@ -291,7 +289,9 @@ def workspaces(
 def search_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> tuple[Lists, ContactRows]:
     """Return what a thread finds contacts in, and the list of those that it finds."""
     most = most_contacts(scene.meetings, scene.shapes)[1]
-    return new_lists(pairs, len(scene.positions), dtype), new_contacts(pairs, most, dtype)
+    spheres = new_spheres(scene.starts, [of.radius if of.turns else 0.0 for of in scene.shapes], dtype)
+    contacts = new_contacts(pairs, most, dtype)._replace(spheres=spheres)
+    return new_lists(pairs, len(scene.positions), dtype), contacts
 
 
 def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space:
@@ -316,7 +316,6 @@ def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space
     exchange = None
     if pairs is not None:
         lists, contacts = search_workspace(scene, pairs, dtype)
-        spheres = new_spheres(scene.starts, [of.radius if of.turns else 0.0 for of in scene.shapes], dtype)
         exchange = Exchange(
             in_contact=rows(),
             touched=rows(kind=bool),
@@ -330,7 +329,7 @@ def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space
             shift=rows(3),
             any_busy=np.zeros(len(bodies), bool),
             lists=lists,
-            contacts=contacts._replace(spheres=spheres),
+            contacts=contacts,
         )
     return Space(
         a=rows(3),
@@ -347,16 +346,19 @@ def node_workspace(scene: Scene, pairs: Pairs | None, dtype: DTypeLike) -> Space
 
 def solids_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
     """Return the workspace of a thread for rigid bodies that collide."""
-    count = len(scene.bodies)
+    bodies = [placed.body for placed in scene.bodies]
+    count, arrays = len(bodies), ARRAYS * len(scene.surfaces)
     lists, contacts = search_workspace(scene, pairs, dtype)
-    most = max(len(placed.body.masses) for placed in scene.bodies)
+    most = max(len(body.masses) for body in bodies)
+    if scene.surfaces and any(body.rounds for body in bodies):
+        arrays, most = max(arrays, ROOM), max(most, *(len(of.rounds) * len(scene.surfaces) for of in bodies))
 
     def lanes(*shape: int) -> np.ndarray:
         return aligned_zeros(shape, dtype)
 
     solids = Solids(
         start=np.array([0, *(own.stop for own in scene.slices)]),
-        balls=np.array([len(placed.body.masses) == 1 for placed in scene.bodies]),
+        balls=np.array([len(body.masses) == 1 for body in bodies]),
         lightness=lanes(count),
         turn=lanes(2 * count, 3),
         point=lanes(count, 3),
@@ -366,7 +368,7 @@ def solids_workspace(scene: Scene, pairs: Pairs, dtype: DTypeLike) -> Company:
     return Company(
         bodies=lanes(count, ROWS, 3),
         loads=lanes(count, most, 3),
-        surfaces=lanes(count, ARRAYS * len(scene.surfaces), most, 3),
+        surfaces=lanes(count, arrays, most, 3),
         pushed=np.zeros(count, bool),
         before=lanes(2 * count, 3),
         free=lanes(2 * count, 3),

@@ -973,16 +973,19 @@ class Simulator:
         ------
         ValueError
             If the method has no nodes, see `springgym.integrators`; or if the scene has surfaces, and its
-            bodies are rigid, or are several that do not collide.
+            bodies are several that do not collide.
         """
-        if reason := contacts.refusal(self.scene, self._kind.rigid, self._terms):
+        if reason := contacts.refusal(self.scene, self._terms):
             raise ValueError(reason)
         blocks = [array for _, array in self._changing() if array.dtype.names]
         before, found = [array.copy() for array in blocks], []
         try:
             for block in range(self._x.shape[0]) if contacts.any_possible(self.scene) else ():
+                contacts.clear(self._workspace[0], self._kind.rigid)
                 self._run(0, block, block + 1, LOOK, settles=False, reads=False)
-                here = contacts.Here(block, self._x, self._v, self._workspace[0], self._terms, self.step)
+                here = contacts.Here(
+                    block, self._x, self._v, self._workspace[0], self._terms, self._twin, self.step
+                )
                 found.append(contacts.of_block(self.scene, here))
         finally:
             _set(blocks, before)

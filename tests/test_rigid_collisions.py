@@ -219,7 +219,6 @@ def test_contacts_are_told_as_those_of_springs() -> None:
     """From node to node a body's momentum changes by half of what both nodes give."""
     scene = pair(CUBE, contact(0.4, 0.6))
     simulator = full(scene, dynamics="rigid", step=1e-4, copies=2)
-    vars(simulator)["scene"] = scene  # without the floor: of rigid bodies, contacts with one are not told
     simulator.place(*approach("crossed edges", 2.0))
     momenta, impulses = [], []
     for _ in range(300):

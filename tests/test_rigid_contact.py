@@ -149,6 +149,29 @@ def test_energy_is_kept_on_curved_surfaces_at_either_step(surfaces: tuple) -> No
     assert fine.max() < 1e-6
 
 
+def test_contacts_are_what_changes_momenta() -> None:
+    """From node to node by half of what both give, and by gravity; looking changes nothing, to the bit."""
+    began = thrown(8, 4.0, 1.0, height=0.4)
+    looked_at, other = (throw(began, contact(0.6, 0.5), 1e-3) for _ in range(2))
+    momenta, impulses = [], []
+    for _ in range(200):
+        for simulator in (looked_at, other):
+            simulator.advance(1, check=False)
+        found = looked_at.contacts()
+        impulses.append(found.impulse.sum(axis=1))
+        momenta.append(looked_at.measure().momentum)
+        np.testing.assert_array_equal(looked_at.positions, other.positions)
+        np.testing.assert_array_equal(looked_at.velocities, other.velocities)
+    given, mass = np.array(impulses), stone().mass
+    assert (given[:, :, 2].sum(axis=0) > 1.0).sum() > 3
+    assert np.abs(given[:, :, :2]).max() > 0.1
+    changed = np.diff(momenta, axis=0) + mass * np.array((0, 0, G)) * 1e-3
+    # a call makes its first node anew, with sweeps that agree to 1e-9 Δ in a step
+    np.testing.assert_allclose(
+        changed, 0.5 * (given[1:] + given[:-1]), atol=stone().mass * 1e-9 * REACH / 1e-3
+    )
+
+
 # --- Restitution and friction -------------------------------------------------------------------------
 
 
@@ -191,6 +214,13 @@ def test_a_cube_at_rest_stays_at_rest() -> None:
     simulator = on_floor(positions, (0, 0, 0), contact(0.5, 0.5), 0.0, 1e-3)
     simulator.advance(5000, check=False)
     np.testing.assert_allclose(simulator.positions[0], positions, atol=1e-10)
+    found = simulator.contacts()
+    corners = np.flatnonzero(positions[:, 2] < REACH)
+    np.testing.assert_array_equal(found.particle, [corners])
+    np.testing.assert_allclose(found.force[0, :, 2], CUBE.mass * G / 4, rtol=1e-5)
+    np.testing.assert_allclose(found.force[0, :, :2].sum(axis=0), 0.0, atol=1e-5)  # corners strain each other
+    np.testing.assert_allclose(found.gap[0], positions[corners, 2], rtol=1e-6)
+    np.testing.assert_allclose(found.point[0], positions[corners] * (1, 1, 0.5), atol=1e-9)
     np.testing.assert_allclose(simulator.velocities[0], 0.0, atol=1e-2 * G * simulator.step)
 
 

@@ -1,4 +1,4 @@
-"""Round features of bodies of springs at surfaces: what rolls.
+"""Round features of bodies at surfaces: what rolls.
 
 A feature is an ellipsoid in the rest shape, with the centre ξc and the matrix A; its carriers say where each
 of its material points is by constant weights, affine in ξ (`springgym.bodies.round`):
@@ -24,6 +24,15 @@ w′ = w friction that sticks is of first order in h: a disk precesses 1.6 % too
 the point of contact over its skin; for the rigid bodies that are the limit of stiff springs see Kane &
 Levinson, Int. J. Non-Linear Mech. 17 (1982) 175, doi:10.1016/0020-7462(82)90017-8.)
 
+A rigid body is told by its particles, which keep their shape. An impulse p at the arm r from its centre of
+mass, or its pin, moves them as one body (`Carrier`),
+
+    δv = p/M,    δω = I⁻¹ (r × p),    δvᵢ = δv + δω × rᵢ,
+
+so that W along n is 1/M + (r × n) · I⁻¹ (r × n). Its ways are flights, curved as they are. As it turns, ω
+does not stay what it is at the node: the slip at the end of the way is that of the point which touches there,
+with the arm r′ and the inertia I′ that the body has by then, and K is 1/M + (r′ × n) · I′⁻¹ (r × n).
+
 On a curved surface n is found in turns from the point and the point from n: they agree where the feature is
 less curved outwards than the surface is inwards.
 """
@@ -42,7 +51,18 @@ from springgym.contact.surfaces import Surfaces, coefficient, count, standing, s
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Numbers, Rows, Vector
 from springgym.core.lanes import any_lane, epsilon, load, maximum, minimum, select, sqrt
-from springgym.core.vectors import TINY, add_scaled, choose, dot, plus_scaled, row, set_row, vec
+from springgym.core.vectors import (
+    TINY,
+    add_scaled,
+    choose,
+    cross,
+    dot,
+    multiplied,
+    plus_scaled,
+    row,
+    set_row,
+    vec,
+)
 
 if TYPE_CHECKING:
     from springgym.forces import Terms
@@ -124,6 +144,30 @@ class Way(NamedTuple):
     """for how long they move on [s]"""
 
 
+class Carrier(NamedTuple):
+    """A rigid body that carries round features, as impulses move it.
+
+    Its point is the centre of mass or, of a pinned body, the pin. I⁻¹ about it is xx, yy, zz; xy, xz, yz.
+    """
+
+    begin: Rows
+    """(N, 3) positions of its particles where the step begins [m]"""
+    end: Rows
+    """(N, 3) positions where the step would end without contact [m]"""
+    leaving: Rows
+    """(N, 3) velocities there with as much of contact as is known [m/s]"""
+    lightness: Number
+    """1/M [1/kg]; 0 of a pinned body"""
+    point: Vector
+    """the point at the node [m]"""
+    turn: tuple[Vector, Vector]
+    """I⁻¹ at the node [1/(kg·m²)]"""
+    end_point: Vector
+    """the point where the step would end without contact [m]"""
+    end_turn: tuple[Vector, Vector]
+    """I⁻¹ there [1/(kg·m²)]"""
+
+
 class RoundProblem(NamedTuple):
     """All that the impulses of surfaces on the round features of a body at a node follow from."""
 
@@ -137,6 +181,8 @@ class RoundProblem(NamedTuple):
     """None without round features, where this is not asked for"""
     rounds: Rounds
     terms: Terms
+    carrier: Carrier | None
+    """the rigid body that carries the features; None where particles move by themselves"""
 
 
 def packed_rounds(body: Body) -> Rounds:
@@ -224,22 +270,88 @@ def nearest(
 
 
 @compiled
-def inverse_mass(e: int, first: Vector, second: Vector, problem: RoundProblem) -> Number:
-    """Return Σ w w′/m [1/kg] of two points of feature ``e``."""
-    rounds, total = problem.rounds, 0.0 * first[0]
-    for c in range(rounds.first[e], rounds.behind[e]):
-        both = weight(c, first, rounds) * weight(c, second, rounds)
-        total = total + both * load(problem.terms.particles.inverse_mass, rounds.particle[c])
-    return total
+def ends_of_step(problem: RoundProblem, carrier: Carrier | None) -> tuple[Way, Way]:
+    """Return the ways to where the step begins, and to where it would end without contact."""
+    span, before, after = problem.span, problem.before, problem.space.velocity
+    if carrier is None:
+        return Way(problem.x, before, -1.0 * span.lead), Way(problem.x, after, span.out)
+    none = 0.0 * span.out
+    return Way(carrier.begin, before, none), Way(carrier.end, after, none)
 
 
 @compiled
-def give(e: int, point: Vector, impulse: Vector, v: Rows, problem: RoundProblem) -> None:
+def inverse_mass(
+    e: int, first: Vector, second: Vector, along: Vector, problem: RoundProblem, carrier: Carrier | None
+) -> Number:
+    """Return how much faster the ``second`` point of feature ``e`` gets at the end of a way, per impulse at
+    the ``first`` at the node, along a vector [1/kg]: of particles that move by themselves Σ w w′/m.
+    """
+    rounds, total = problem.rounds, 0.0 * first[0]
+    if carrier is None:
+        for c in range(rounds.first[e], rounds.behind[e]):
+            both = weight(c, first, rounds) * weight(c, second, rounds)
+            total = total + both * load(problem.terms.particles.inverse_mass, rounds.particle[c])
+        return total
+    there = at(e, second, Way(carrier.end, None, None), rounds) - carrier.end_point
+    spun = turned(carrier.end_turn, cross(arm(e, first, problem, carrier), along))
+    return carrier.lightness + dot(cross(there, along), spun) / (dot(along, along) + TINY)
+
+
+@compiled
+def inverse_mass_at_node(
+    e: int, point: Vector, along: Vector, problem: RoundProblem, carrier: Carrier | None
+) -> Number:
+    """Return W of a point of feature ``e`` along a vector [1/kg]."""
+    if carrier is None:
+        return inverse_mass(e, point, point, along, problem, None)
+    moment = cross(arm(e, point, problem, carrier), along)
+    return carrier.lightness + dot(moment, turned(carrier.turn, moment)) / (dot(along, along) + TINY)
+
+
+@compiled
+def turned(turn: tuple[Vector, Vector], moment: Vector) -> Vector:
+    """Return I⁻¹ times a vector."""
+    return multiplied(turn[0], turn[1], moment)
+
+
+@compiled
+def arm(e: int, point: Vector, problem: RoundProblem, carrier: Carrier) -> Vector:
+    """Return the arm of a point of feature ``e`` from a rigid body's own at the node [m]."""
+    return at(e, point, Way(problem.x, None, None), problem.rounds) - carrier.point
+
+
+@compiled
+def give(
+    e: int, point: Vector, impulse: Vector, v: Rows, problem: RoundProblem, carrier: Carrier | None
+) -> None:
     """Give a point of feature ``e`` an impulse [N·s]."""
-    rounds = problem.rounds
-    for c in range(rounds.first[e], rounds.behind[e]):
-        i = rounds.particle[c]
-        add_scaled(v, i, weight(c, point, rounds) * load(problem.terms.particles.inverse_mass, i), impulse)
+    rounds, particles = problem.rounds, problem.terms.particles
+    if carrier is None:
+        for c in range(rounds.first[e], rounds.behind[e]):
+            i = rounds.particle[c]
+            add_scaled(v, i, weight(c, point, rounds) * load(particles.inverse_mass, i), impulse)
+    else:
+        faster, moment = carrier.lightness * impulse, cross(arm(e, point, problem, carrier), impulse)
+        spun, later = turned(carrier.turn, moment), turned(carrier.end_turn, moment)
+        for i in range(particles.mass.size):
+            set_row(v, i, row(v, i) + (faster + cross(spun, row(problem.x, i) - carrier.point)))
+            there = row(carrier.end, i) - carrier.end_point
+            set_row(carrier.leaving, i, row(carrier.leaving, i) + (faster + cross(later, there)))
+
+
+@compiled
+def slip_at_end(
+    e: int, k: int, v: Rows, problem: RoundProblem, carrier: Carrier | None
+) -> tuple[Vector, Vector]:
+    """Return the point, ξ − ξc, of feature ``e`` that touches surface ``k`` at the end of the way, and how it
+    moves there [m/s]."""
+    rounds, none = problem.rounds, 0.0 * row(problem.x, 0)
+    if carrier is None:
+        way = Way(problem.x, v, problem.span.out)
+        there, _, _, _ = nearest(e, k, way, none, rounds, problem.terms.surfaces)
+        return there, at(e, there, Way(v, None, None), rounds)
+    there, _, _, _ = nearest(e, k, Way(carrier.end, None, None), none, rounds, problem.terms.surfaces)
+    return there, at(e, there, Way(carrier.leaving, None, None), rounds)
 
 
 # --- The node ---------------------------------------------------------------------------------------------
@@ -262,11 +374,8 @@ def roll(problem: RoundProblem) -> bool:
         for rows in (space.change, space.rub, space.force):
             set_row(rows, i, vec(0.0, 0.0, 0.0))
     found, none = False, 0.0 * row(x, 0)
-    now, before, after = (
-        Way(x, None, None),
-        Way(x, problem.before, -1.0 * span.lead),
-        Way(x, space.velocity, span.out),
-    )
+    now, carrier = Way(x, None, None), problem.carrier
+    before, after = ends_of_step(problem, carrier)
     for e in range(rounds.first.size):
         for k in range(count(surfaces.kinds)):
             r = e * count(surfaces.kinds) + k
@@ -275,7 +384,7 @@ def roll(problem: RoundProblem) -> bool:
             _, _, _, ahead = nearest(e, k, after, none, rounds, surfaces)
             set_row(space.point, r, point)
             set_row(space.normal, r, n)
-            inverse = square * inverse_mass(e, point, point, problem)
+            inverse = square * inverse_mass_at_node(e, point, n, problem, carrier)
             base = ahead - span.out * dot(n, at(e, point, Way(space.velocity, None, None), rounds))
             taken = select(start < LOW * surfaces.reach, TAKEN * surfaces.reach, start)
             set_row(space.size, r, vec(taken, base + (taken - start), inverse))
@@ -285,7 +394,8 @@ def roll(problem: RoundProblem) -> bool:
                 found = True
     if found:
         solve(problem)
-        sum_up(problem)
+        if carrier is None:
+            sum_up(problem)
     return found
 
 
@@ -325,11 +435,13 @@ def solve(problem: RoundProblem) -> None:
                 new = choose(going, vec(share * gain, share * ideal, 0.0), old)
                 set_row(space.push, r, new)
                 change = new[0] - old[0]
-                give(e, point, change * n, space.velocity, problem)
-                hold_back(r, e, k, going, problem, problem.terms.friction)
+                give(e, point, change * n, space.velocity, problem, problem.carrier)
+                rubbed = hold_back(r, e, k, going, problem, problem.terms.friction)
                 moved = span.whole * inverse * change
                 farthest = maximum(farthest, maximum(moved, -moved))
-        if rounds.first.size * kinds == 1:
+                if problem.carrier is not None:
+                    farthest = maximum(farthest, rubbed)
+        if problem.carrier is None and rounds.first.size * kinds == 1:
             break
         active = select(farthest > enough, active, 0.0)
         if not any_lane(active > 0.5):
@@ -337,40 +449,43 @@ def solve(problem: RoundProblem) -> None:
 
 
 @compiled
-def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, friction: Numbers) -> None:
-    """Let friction stop what slips at row ``r``, or give as much as the push there allows."""
+def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, friction: Numbers) -> Number:
+    """Let friction stop what slips at row ``r``, or give as much as the push there allows.
+
+    Returns how far that moves the point in the step [m].
+    """
+    changed = 0.0 * problem.span.out
     if friction is not None:
         space, rounds = problem.space, problem.rounds
         point, n, old = row(space.point, r), row(space.normal, r), row(space.friction, r)
         v, push = space.velocity, row(space.push, r)[0]
-        there, _, _, _ = nearest(
-            e, k, Way(problem.x, v, problem.span.out), 0.0 * n, rounds, problem.terms.surfaces
-        )
+        there, slip = slip_at_end(e, k, v, problem, problem.carrier)
         square = dot(n, n)
-        slip = at(e, there, Way(v, None, None), rounds)
         slip = slip - dot(slip, n) / square * n
-        least = AWAY * inverse_mass(e, point, point, problem)
-        inverse = maximum(inverse_mass(e, point, there, problem), least) + TINY
+        least = AWAY * inverse_mass_at_node(e, point, slip, problem, problem.carrier)
+        inverse = maximum(inverse_mass(e, point, there, slip, problem, problem.carrier), least) + TINY
         wanted = old - 1.0 / inverse * slip
         limit = load(friction, 0) * sqrt(square) * push
         before = at(e, point, Way(problem.before, None, None), rounds)
         new = within_cone(wanted, limit, inverse, before, problem.terms.friction_law, 0)
         new = choose(going, new, old)
         set_row(space.friction, r, new)
-        give(e, point, new - old, v, problem)
+        give(e, point, new - old, v, problem, problem.carrier)
+        changed = problem.span.whole * inverse * sqrt(dot(new - old, new - old))
+    return changed
 
 
 @compiled
 def sum_up(problem: RoundProblem) -> None:
-    """Find what each particle was given by all rows."""
+    """Find what each particle that moves by itself was given by all rows."""
     space, kinds = problem.space, count(problem.terms.surfaces.kinds)
     for e in range(problem.rounds.first.size):
         for k in range(kinds):
             r = e * kinds + k
             point, n, push = row(space.point, r), row(space.normal, r), row(space.push, r)
-            give(e, point, push[0] * n, space.change, problem)
-            give(e, point, push[1] * n, space.force, problem)
-            give(e, point, row(space.friction, r), space.rub, problem)
+            give(e, point, push[0] * n, space.change, problem, None)
+            give(e, point, push[1] * n, space.force, problem, None)
+            give(e, point, row(space.friction, r), space.rub, problem, None)
 
 
 # --- Energy -------------------------------------------------------------------------------------------------

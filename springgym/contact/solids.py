@@ -11,7 +11,8 @@ So momentum and angular momentum are kept to rounding. Along a unit vector s the
 W j, W = Σ 1/M + (r × s) · I⁻¹ (r × s). Of a body that cannot move, or not turn, 1/M or I⁻¹ is 0.
 
 The place is halfway between the two points of the contact. Of a ball, which has no inertia and is not turned,
-it is the centre: that is on the same normal.
+it is the centre: that is on the same normal. Of a sphere that turns it is where friction acts on springs'
+spheres, too: at the arm −ρ n from its centre (`springgym.contact.spheres`).
 
 Impulses are found in turns until a copy's own agree, whatever other copies of its block need.
 """
@@ -22,6 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
+from springgym.contact.spheres import body_of, lever
 from springgym.core.compiling import compiled
 from springgym.core.kinds import Mask, Number, Rows, Vector
 from springgym.core.lanes import load, maximum, select, sqrt, store
@@ -30,6 +32,7 @@ from springgym.core.vectors import choose, cross, dot, multiplied, plus_scaled, 
 if TYPE_CHECKING:
     from springgym.contact.law import Span
     from springgym.contact.rows import Problem
+    from springgym.contact.spheres import Spheres
 
 GOING, CHANGE = range(2)
 """Of a copy: 1 while its impulses are to change, else 0; and the largest change of a contact's speed since it
@@ -79,9 +82,24 @@ def set_arms(k: int, problem: Problem, solids: Solids) -> Number:
     first = load(contacts.particle, 4 * k) < 1.0 * solids.start[b]  # whose weights are positive
     n = choose(first, n, -1.0 * n)
     set_row(contacts.normal, k, n)
+    if not (solids.balls[a] or solids.balls[b]):
+        place = on_sphere(place, n, k, problem, contacts.spheres)
     set_row(solids.arm, 2 * k, place - row(solids.point, a))
     set_row(solids.arm, 2 * k + 1, place - row(solids.point, b))
     return inverse_mass_of_both(n, k, problem, solids)
+
+
+@compiled
+def on_sphere(place: Vector, n: Vector, k: int, problem: Problem, spheres: Spheres | None) -> Vector:
+    """Return where contact k touches one of its bodies, if that is a sphere; else a place."""
+    if spheres is not None:
+        for side in range(2):
+            body = body_of(1 - side, k, problem)
+            if spheres.radius[body] > 0.0:
+                along = lever(body, k, problem, spheres) * n
+                centre = row(problem.x, spheres.start[body])
+                place = centre + along if side == 0 else centre - along
+    return place
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""How contacts move spheres that turn: bodies of springs whose only feature is a sphere about their middle.
+"""How contacts move spheres that turn: bodies whose only feature is a sphere about their middle.
 
 A contact sees such a body from its centre of mass c, as a ball that turns, with v and ω and the inertia I of
 its particles as they lie at the node,
@@ -17,8 +17,9 @@ At a face or a rod ρ is the sphere's radius: what is left of the gap is up to t
 `springgym.contact.friction`. Between two spheres each takes its share of the gap, so that both touch in one
 point.
 
-While impulses between bodies are found, a sphere's first particle stands for all of it, with the mass M at c;
-in arrays of velocities, the row behind has ω.
+Of rigid bodies, `springgym.contact.solids` takes the arm alone from here. Of springs, while impulses between
+bodies are found, a sphere's first particle stands for all of it, with the mass M at c; in arrays of
+velocities, the row behind has ω.
 """
 
 from __future__ import annotations

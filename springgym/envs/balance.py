@@ -272,9 +272,9 @@ class SpringBalanceEnv(SpringEnv, gym.Env):
     - `observation`: see above.
     - `restitution=0.8`: a ball that bounces more than the usual one (0.3).
     - `hard=True`: torques up to 1.5 N·m, and a place that moves at U(1.2, 2) rad/s.
-    - `integrator` ("verlet"), `step` (1.67e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it is. A ball that rolls has no
-      rigid twin.
+    - `integrator` ("verlet"), `step` (1.67e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it
+      is.
 
     ## Version History
     - v0: first.

@@ -330,9 +330,9 @@ class SpringJuggleEnv(SpringEnv, gym.Env):
       home, and the text above holds for each. `error` and `aside` are the larger ones. The second ball starts
       on its way up to the wanted height.
     - `hard=True`: wanted heights of U(0.4, 1) m.
-    - `integrator` ("verlet"), `step` (3.13e-4 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it is. A ball that rolls has no
-      rigid twin.
+    - `integrator` ("verlet"), `step` (3.13e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it
+      is.
 
     ## Version History
     - v0: first.

@@ -443,9 +443,9 @@ class SpringLabyrinthEnv(SpringEnv, gym.Env):
     ## Arguments
     - `observation`: see above.
     - `hard=True`: a board that turns at up to 0.24 rad/s, and holes of 6 cm.
-    - `integrator` ("verlet"), `step` (5e-4 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`. The factor `actuator` multiplies the force along the board. A ball that
-      rolls has no rigid twin.
+    - `integrator` ("verlet"), `step` (5e-4 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `actuator` multiplies the force
+      along the board.
 
     ## Version History
     - v0: first.

@@ -322,9 +322,9 @@ class SpringShoveEnv(SpringEnv, gym.Env):
     - `hard=True`: a box up to 1.2 m away, and turned any way.
     - `goals=True`, with `sparse=True`: observations [tell the goal apart](../features.md#goals).
       Goals hold x, y of the box [m], cosine and sine of its heading, and its speed [m/s].
-    - `integrator` ("verlet"), `step` (1.25e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it is. A ball that rolls has no
-      rigid twin.
+    - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it
+      is.
 
     ## Version History
     - v0: first.

@@ -293,9 +293,9 @@ class SpringStackEnv(SpringEnv, gym.Env):
 
     ## Arguments
     - `observation`: see above.
-    - `integrator` ("verlet"), `step` (1.25e-3 s), `dtype`, `randomize`, `sparse`, `render_mode`: see
-      `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it is. A ball that rolls has no
-      rigid twin.
+    - `integrator` ("verlet"), `step` (1.25e-3 s), `dynamics` ("springs" or "rigid"), `dtype`, `randomize`,
+      `sparse`, `render_mode`: see `springgym.envs.base.SpringEnv`. The factor `scale` leaves the ball as it
+      is.
 
     ## Version History
     - v0: first.

@@ -514,7 +514,7 @@ def begin_to_roll(own: Bodies, span: Span, rounds: Rounds | None, exchange: Exch
     if rolls(rounds):
         for i in range(own.x.shape[0]):
             set_row(own.space.rolling.velocity, i, free_velocity(i, span, own))
-        return roll(RoundProblem(own.x, own.v, span, own.space.rolling, rounds, own.terms))
+        return roll(RoundProblem(own.x, own.v, span, own.space.rolling, rounds, own.terms, None))
     return False
 
 
@@ -709,7 +709,7 @@ def roll_by_surfaces(own: Bodies, span: Span, exchange: Exchange, rounds: Rounds
             more = row(exchange.velocity, i) - row(exchange.known, i)
             set_row(exchange.by_bodies, i, row(exchange.by_bodies, i) + more)
             set_row(rolling.velocity, i, row(exchange.free, i) + row(exchange.by_bodies, i))
-        roll(RoundProblem(own.x, own.v, span, rolling, rounds, own.terms))
+        roll(RoundProblem(own.x, own.v, span, rolling, rounds, own.terms, None))
         for i in range(own.x.shape[0]):
             change, rubbed = row(rolling.change, i), row(rolling.rub, i)
             now = (row(exchange.free, i) + row(exchange.by_bodies, i)) + (change + rubbed)
@@ -859,7 +859,7 @@ def stored_by_features(
     none = 0.0 * row(own.x, 0)
     if rounds is None:
         return 0.0 * span.out, none
-    problem = RoundProblem(own.x, own.v, span, own.space.rolling, rounds, own.terms)
+    problem = RoundProblem(own.x, own.v, span, own.space.rolling, rounds, own.terms, None)
     return lifted_feature(shift_of(0, none, exchange), own.v, problem)
 
 

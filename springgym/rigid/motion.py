@@ -41,7 +41,8 @@ if TYPE_CHECKING:
 
 @compiled
 def move(phase: Phase, workspace: np.ndarray, h: Number, steps: int, twin: Twin) -> None:
-    """Take the particles of one block through ``steps`` steps; none only makes them rigid."""
+    """Take the particles of one block through ``steps`` steps; none only makes them rigid, and as many as
+    `springgym.integrators.node.LOOK` make the last node anew."""
     x, v, ledger = phase
     rigid, asymmetry, terms = twin
     if rigid.moves:
@@ -54,7 +55,7 @@ def move(phase: Phase, workspace: np.ndarray, h: Number, steps: int, twin: Twin)
 @compiled
 def go_back(x: Rows, v: Rows, ledger: Ledger, steps: int, memory: Memory | None) -> None:
     """Go back to where the last node was reached, if there are surfaces and steps to take."""
-    if memory is not None and steps > 0:
+    if memory is not None and steps != 0:
         resume(x, v, ledger, memory)
 
 
@@ -71,8 +72,8 @@ def take(
     """Take ``steps`` steps, through nodes where there are surfaces; returns the state that is to be read."""
     wrench, thrust = solid.terms.wrench, solid.terms.thrust
     if memory is not None:
-        if steps > 0:
-            state = take_among_surfaces(phase, state, workspace, h, steps, solid)
+        if steps != 0:
+            state = take_among_surfaces(phase, state, workspace, h, max(steps, 0), solid)
     else:
         rigid, asymmetry = solid.rigid, solid.asymmetry
         last = steps * rigid.stages.size
@@ -108,7 +109,7 @@ def take_among_surfaces(
         node = reach_node(begin, state, span, b, solid)
         end, near, given = pass_alone(node, near, ledger, workspace, solid)
         if n == steps:
-            read = read_node(node, end, given, 0.0 * node.before[0], ledger, solid)
+            read = read_node(node, end, given, 0.0 * node.before[0], ledger, workspace, solid)
         span = span_of(1.0 + 0.0 * phase, h)
         begin, state = end, fly(end, span.out, solid.rigid, solid.asymmetry)
     return read
@@ -116,8 +117,8 @@ def take_among_surfaces(
 
 @compiled
 def move_each(phase: Phase, workspace: np.ndarray, h: Number, steps: int, settles: bool, twins: Twin) -> None:
-    """Take each body through all steps, by itself, if it ``settles``."""
-    if settles:
+    """Take each body through all steps, by itself; none makes it rigid, if it ``settles``."""
+    if settles or steps != 0:
         for body in range(bodies_of(phase.x)):
             move(of_body(phase, body), workspace, h, steps, of_body(twins, body))
 

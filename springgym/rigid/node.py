@@ -24,10 +24,12 @@ import numpy as np
 from springgym.contact.friction import SWEEPS, rub
 from springgym.contact.lists import Lists
 from springgym.contact.points import lifted
+from springgym.contact.round import Rounds, lifted_feature, rolls
 from springgym.contact.rows import ContactRows, Problem
 from springgym.contact.search import find_contacts
 from springgym.contact.solids import CHANGE, GOING
 from springgym.contact.solver import add_totals, lift_apart, prepare, sweep, taper
+from springgym.contact.spheres import as_seen
 from springgym.contact.surfaces import coefficient, count
 from springgym.contact.totals import list_changing, remember_totals
 from springgym.core.compiling import compiled
@@ -48,6 +50,7 @@ from springgym.integrators.record import Phase
 from springgym.rigid.body import Solid, Twin, read_state, set_particles
 from springgym.rigid.flight import Motion, State, combine, components, fly, turned
 from springgym.rigid.kick import load_of_actuators, weight
+from springgym.rigid.rolling import given_by_rows, inverse_inertia, problem_of, roll_on_surfaces
 from springgym.rigid.surfaces import (
     AGREED,
     ARM,
@@ -95,7 +98,8 @@ class Company(NamedTuple):
     loads: np.ndarray
     """(bodies, N, 3) what actuators give particles, see `set_loads`"""
     surfaces: np.ndarray
-    """(bodies, arrays, N, 3) what surfaces give, as `springgym.rigid.surfaces` keeps it"""
+    """(bodies, arrays, N, 3) what surfaces give, as `springgym.rigid.surfaces` keeps it, or
+    `springgym.rigid.rolling`"""
     pushed: np.ndarray
     """(bodies,) whether surfaces gave a body anything at this node"""
     before: np.ndarray
@@ -163,6 +167,10 @@ def pass_alone(
     """
     nothing = 0.0 * node.before[0]
     given = (nothing, nothing)
+    if rolls(solid.terms.rounds):
+        given = roll_on_surfaces(node, workspace, solid, solid.terms.rounds)
+        enter(node, given, None, True, ledger, workspace, solid)
+        return leave(node, given, solid), near, given
     end = leave(node, given, solid)
     ahead = clearance(end, solid)
     active = select(minimum(near[0], ahead) < 0.0, 1.0 + nothing[0], 0.0)
@@ -219,13 +227,52 @@ def record_surface_losses(
     """Enter what surfaces, if there are any, took; ``middle`` is the mean motion at the node."""
     if surfaces is None:
         return
+    late = 0.5 * (node.span.out - node.span.lead)
+    lost, rubbed, fallen, met = losses(node, given, middle, workspace, solid, solid.terms.rounds)
+    # `springgym.integrators.node.begun_in_touch`
+    whole = product_of(node.rate, node.rate, solid)
+    rests = select(met > 0.0, minimum(fallen * fallen / (maximum(met, 0.0) + TINY), whole), 0.0)
+    lost = lost + 2.0 * late * late * rests
+    record(ledger, CONTACT, lost)
+    record(ledger, FRICTION, rubbed)
+
+
+@compiled
+def losses(
+    node: RigidNode,
+    given: Motion,
+    middle: Motion,
+    workspace: np.ndarray,
+    solid: Solid,
+    rounds: Rounds | None,
+) -> tuple[Number, Number, Number, Number]:
+    """Return what surfaces took by their pushes and by friction [J]; and the products of these pushes with
+    the motion by gravity in a second [J/s], and with ``given`` [J]."""
+    if rounds is None:
+        return losses_of_particles(node, given, middle, workspace, solid)
+    if rolls(rounds):
+        return losses_of_features(node, given, middle, workspace, solid, rounds)
+    return losses_of_particles(node, given, middle, workspace, solid)
+
+
+@compiled
+def is_lossy(span: Span, solid: Solid) -> Mask:
+    """Tell where losses are entered. A whole node without loss keeps the energy; what rounding leaves of that
+    is not."""
+    return select(span.lead > 0.0, coefficient(solid.terms.loss, 0.0 * span.lead), 1.0) > 0.0
+
+
+@compiled
+def losses_of_particles(
+    node: RigidNode, given: Motion, middle: Motion, workspace: np.ndarray, solid: Solid
+) -> tuple[Number, Number, Number, Number]:
+    """Return the `losses` of a body that meets surfaces with its particles."""
     span, none = node.span, 0.0 * node.before[0][0]
     after = sum_of(node.free, 1.0, given)
     lost, rubbed, fallen, met = none, none, none, none
     late = 0.5 * (span.out - span.lead)
-    # A whole node without loss keeps the energy; what rounding leaves of that is not entered.
-    lossy = select(span.lead > 0.0, coefficient(solid.terms.loss, none), 1.0) > 0.0
-    for k in range(count(surfaces.kinds)):
+    lossy = is_lossy(span, solid)
+    for k in range(count(solid.terms.surfaces.kinds)):
         for i in range(solid.terms.particles.mass.size):
             push = row(workspace[ARRAYS * k + PUSH], i)
             impulse, force = push[0], push[1]
@@ -239,17 +286,50 @@ def record_surface_losses(
                 met = met + impulse * dot(n, velocity_of(arm, given, solid))
                 rub = row(workspace[ARRAYS * k + RUB], i)
                 rubbed = rubbed - dot(rub, plus_scaled(mean, late, falling))
-    # `springgym.integrators.node.begun_in_touch`
-    whole = product_of(node.rate, node.rate, solid)
-    rests = select(met > 0.0, minimum(fallen * fallen / (maximum(met, 0.0) + TINY), whole), 0.0)
-    lost = lost + 2.0 * late * late * rests
-    record(ledger, CONTACT, lost)
-    record(ledger, FRICTION, rubbed)
+    return lost, rubbed, fallen, met
 
 
 @compiled
-def shown_at(node: RigidNode, end: State, shift: Vector, solid: Solid, surfaces: Surfaces | None) -> Vector:
-    """Return where the body's point is shown: shifted off bodies and, unless pinned, lifted off surfaces."""
+def losses_of_features(
+    node: RigidNode, given: Motion, middle: Motion, workspace: np.ndarray, solid: Solid, rounds: Rounds
+) -> tuple[Number, Number, Number, Number]:
+    """Return the `losses` of a body that meets surfaces with its round features."""
+    span = node.span
+    change, rub, force = given_by_rows(node, problem_of(node, node.state, workspace, solid, rounds), solid)
+    after = sum_of(node.free, 1.0, given)
+    way = span.lead * product_of(force, node.before, solid) + span.out * product_of(force, after, solid)
+    lost = way / span.whole - product_of(change, middle, solid)
+    late = sum_of(middle, 0.5 * (span.out - span.lead), node.rate)
+    return (
+        select(is_lossy(span, solid), lost, 0.0),
+        -1.0 * product_of(rub, late, solid),
+        product_of(change, node.rate, solid),
+        product_of(change, given, solid),
+    )
+
+
+@compiled
+def shown_at(
+    node: RigidNode, end: State, shift: Vector, workspace: np.ndarray, solid: Solid, rounds: Rounds | None
+) -> tuple[Number, Number, Vector]:
+    """Return what barriers of surfaces store around a node, less what they store where it is read [J], in two
+    numbers; and where the body's point is shown then: shifted off bodies and, unless pinned, lifted off
+    surfaces."""
+    if rounds is None:
+        return shown_by_particles(node, end, shift, solid, solid.terms.surfaces)
+    if rolls(rounds):
+        problem = problem_of(node, node.state, workspace, solid, rounds)
+        stored, lift = lifted_feature(shift, problem.space.velocity, problem)
+        moves = solid.lightness + 0.0 * lift[0] > 0.0
+        return stored, 0.0 * stored, node.state.position + choose(moves, lift, shift)
+    return shown_by_particles(node, end, shift, solid, solid.terms.surfaces)
+
+
+@compiled
+def shown_by_particles(
+    node: RigidNode, end: State, shift: Vector, solid: Solid, surfaces: Surfaces | None
+) -> tuple[Number, Number, Vector]:
+    """Return what `shown_at` does, of a body that meets surfaces with its particles."""
     shown, terms = node.state.position + shift, solid.terms
     if surfaces is not None:
         begun, ended = turned(solid.axes, node.begin.q), turned(solid.axes, end.q)
@@ -259,25 +339,33 @@ def shown_at(node: RigidNode, end: State, shift: Vector, solid: Solid, surfaces:
                 first, final = place_of(i, node.begin, begun, solid), place_of(i, end, ended, solid)
                 lift = lifted(place, first, final, terms)
                 shown = choose(solid.lightness + 0.0 * shown[0] > 0.0, shown + lift, shown)
-    return shown
+    around = 0.5 * (energy_in_barriers(node.begin, solid) + energy_in_barriers(end, solid))
+    read = State(node.state.q, node.state.spin, shown, node.state.velocity)
+    return around, energy_in_barriers(read, solid), shown
 
 
 @compiled
 def read_node(
-    node: RigidNode, end: State, given: Motion, shift: Vector, ledger: Ledger, solid: Solid
+    node: RigidNode,
+    end: State,
+    given: Motion,
+    shift: Vector,
+    ledger: Ledger,
+    workspace: np.ndarray,
+    solid: Solid,
 ) -> State:
     """Return the state amid a node, where it is read; half of the node's entries are left in the ledger."""
     memory, terms = solid.terms.memory, solid.terms
     halve(ledger, memory)
     record(ledger, WORK, -0.125 * product_of(node.thrown, node.thrown, solid))
     stored = 0.125 * product_of(given, sum_of(given, 2.0, node.thrown), solid)
-    state, shown = node.state, shown_at(node, end, shift, solid, terms.surfaces)
+    state = node.state
+    around, there, shown = shown_at(node, end, shift, workspace, solid, terms.rounds)
     _, push = weight(state.q, 1.0, terms.gravity, solid)
     stored = stored + dot(push, shown - state.position)
     spin = 0.5 * (state.spin + (node.free[1] + given[1]))
     read = State(state.q, spin, shown, 0.5 * (state.velocity + end.velocity))
-    stored = stored + 0.5 * (energy_in_barriers(node.begin, solid) + energy_in_barriers(end, solid))
-    store(memory.marks, STORED, stored - energy_in_barriers(read, solid))
+    store(memory.marks, STORED, (stored + around) - there)
     return read
 
 
@@ -339,8 +427,8 @@ def pushed_by_pairs(node: RigidNode, body: int, space: Company) -> tuple[RigidNo
 
 @compiled
 def near_surfaces(state: State, solid: Solid, surfaces: Surfaces | None) -> Number:
-    """Return the `clearance` of a body, or 1 without surfaces."""
-    if surfaces is not None:
+    """Return the `clearance` of a body's particles, or 1 if it does not meet surfaces with them."""
+    if surfaces is not None and not rolls(solid.terms.rounds):
         return clearance(state, solid)
     return 1.0 + 0.0 * state.q[0]
 
@@ -370,7 +458,7 @@ def reach(body: int, all_bodies: Phase, node: Node, first: bool, space: Company,
     reached, solid = node_of(body, node.span, space, twin)
     set_row(solids.point, body, state.position)
     store(solids.lightness, body, solid.lightness)
-    turn = inverse_inertia(solid)
+    turn = inverse_inertia(solid.axes, rigid)
     set_row(solids.turn, 2 * body, turn[0])
     set_row(solids.turn, 2 * body + 1, turn[1])
     set_row(space.before, 2 * body, state.velocity)
@@ -386,19 +474,6 @@ def reach(body: int, all_bodies: Phase, node: Node, first: bool, space: Company,
         set_row(rows, GIVEN + part, nothing)
     ahead = near_surfaces(reached.begin, solid, terms.surfaces)
     set_row(rows, NEAR, vec(ahead, zero, zero))
-
-
-@compiled
-def inverse_inertia(solid: Solid) -> tuple[Vector, Vector]:
-    """Return I⁻¹ of a body, in world coordinates: xx, yy, zz; xy, xz, yz. It is 0 of what cannot turn."""
-    zero = 0.0 * solid.total
-    diagonal, across = vec(zero, zero, zero), vec(zero, zero, zero)
-    if solid.rigid.turns:
-        for n in range(3):
-            e, inverse = solid.axes[n], 1.0 / load(solid.rigid.moments, n)
-            diagonal = plus_scaled(diagonal, inverse, vec(e[0] * e[0], e[1] * e[1], e[2] * e[2]))
-            across = plus_scaled(across, inverse, vec(e[0] * e[1], e[0] * e[2], e[1] * e[2]))
-    return diagonal, across
 
 
 @compiled
@@ -428,6 +503,9 @@ def ask_surfaces(
         node, _ = pushed_by_pairs(free, body, space)
         rows, none = space.bodies[body], 0.0 * span.out
         nothing = 0.0 * node.before[0]
+        if rolls(solid.terms.rounds):
+            given = roll_on_surfaces(node, space.surfaces[body], solid, solid.terms.rounds)
+            keep_given(body, given, going, space)
         ahead = near_surfaces(leave(node, (nothing, nothing), solid), solid, surfaces)
         near = row(rows, NEAR)
         close = select(minimum(near[0], ahead) < 0.0, 1.0 + none, near[1])
@@ -436,15 +514,21 @@ def ask_surfaces(
         if any_lane(active > 0.5):
             known = active > (-1.0 if space.pushed[body] else 2.0)
             given = meet_surfaces(node, known, active, space.surfaces[body], solid)
-            space.pushed[body] = True
-            for part in range(2):
-                new, old = given[part], row(rows, GIVEN + part)
-                set_row(rows, GIVEN + part, choose(going, new, old))
+            keep_given(body, given, going, space)
         for part in range(2):
             n = 2 * body + part
             by_surfaces = combine(node.axes, row(rows, GIVEN + part))
             now = (row(space.free, n) + row(space.by_bodies, n)) + by_surfaces
             set_row(space.velocity, n, choose(going, now, row(space.velocity, n)))
+
+
+@compiled
+def keep_given(body: int, given: Motion, going: Mask, space: Company) -> None:
+    """Keep what surfaces give a body in the copies that are ``going``."""
+    rows = space.bodies[body]
+    space.pushed[body] = True
+    for part in range(2):
+        set_row(rows, GIVEN + part, choose(going, given[part], row(rows, GIVEN + part)))
 
 
 @compiled
@@ -513,7 +597,8 @@ def leave_together(body: int, all_bodies: Phase, node: Node, space: Company, twi
         for i in range(x.shape[0]):
             set_row(terms.memory.arrived, i, row(v, i))
         shift = row(space.shift, 2 * body)
-        read = read_node(free, end, sum_of(by_bodies, 1.0, given), shift, ledger, solid)
+        given = sum_of(by_bodies, 1.0, given)
+        read = read_node(free, end, given, shift, ledger, space.surfaces[body], solid)
         set_particles(x, v, read, solid)
     else:
         state = fly(end, span.out, solid.rigid, solid.asymmetry)
@@ -543,8 +628,11 @@ def pass_together(phase: Phase, node: Node, first: bool, space: Company, twins: 
     x, v, ledger = phase
     terms, last = twins[2], node.stage == READS
     collisions, contacts = terms.collisions, space.contacts
-    found_in, inverse_mass = (space.lists, contacts), terms.particles.inverse_mass.values
-    problem = find_contacts(x.values, v.values, space.before, inverse_mass, node.span, collisions, found_in)
+    particles, found_in = terms.particles, (space.lists, contacts)
+    places, reached, inverse_mass = as_seen(
+        x.values, v.values, particles.mass.values, particles.inverse_mass.values, contacts.spheres
+    )
+    problem = find_contacts(places, reached, space.before, inverse_mass, node.span, collisions, found_in)
     if node.stage == STARTS:
         start_together(collisions, terms.memory, node.phase, problem)
         return

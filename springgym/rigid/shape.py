@@ -142,12 +142,6 @@ def check_rigid(scene: Scene, method: Integrator) -> None:
             f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
             "node of that kind; use verlet, or say collisions=None to let bodies pass through each other"
         )
-    met = {n for of in (scene.meetings.first, scene.meetings.second) for n in of.tolist()}
-    if turns_among := [scene.bodies[n].name for n in sorted(met) if scene.shapes[n].turns]:
-        raise ValueError(
-            f"body {turns_among[0]!r} meets others as a sphere that turns, which rigid dynamics does not "
-            "know; use springs"
-        )
     for part in scene.parts:
         _check_body(part)
         _check_rest(part, method)
@@ -156,11 +150,6 @@ def check_rigid(scene: Scene, method: Integrator) -> None:
 def _check_body(scene: Scene) -> None:
     """Refuse a body that moves and would not hold its shape, or has no inertia or orientation."""
     body = scene.body
-    if body.rounds and scene.surfaces:
-        raise ValueError(
-            f"body {body.name!r} meets surfaces with round features, which rigid dynamics does not know; use "
-            "springs"
-        )
     if not scene.free.any():
         return
     if body.floppy:

@@ -91,7 +91,7 @@ def record(
         The plan. If it has a step, its interval is rounded to a whole number of steps; otherwise a whole
         number of steps is fitted into the interval. The interval is at most the duration.
     dynamics
-        "springs", or "rigid" for the rigid twin, which has its own method and step.
+        "springs", or "rigid" for the rigid twin, which has its own method and, unless it rolls, its own step.
     contacts
         Whether to record the contacts, too, even if no check needs them. Those of a scene or method that
         cannot tell them are left out.
@@ -207,6 +207,8 @@ def _simulator(plan: Plan, dynamics: str) -> Simulator:
     options: dict[str, Any] = {"dynamics": dynamics, "damping_every": 1}
     if dynamics == "springs":
         options |= {"integrator": plan.integrator, "step": plan.step}
+    elif any(placed.body.rounds for placed in plan.scene.bodies):
+        options["step"] = plan.step
     simulator = Simulator(plan.scene, **options)
     if options.get("step") is not None:
         return simulator
@@ -215,7 +217,7 @@ def _simulator(plan: Plan, dynamics: str) -> Simulator:
 
 
 def rigid_twin(recording: Recording) -> Recording | None:
-    """Simulate the same plan with a rigid body, at the same times.
+    """Simulate the same plan with a rigid body, at the same times; of what rolls, with the same step.
 
     Return None if a body or the scene has no rigid twin, or if bodies collide: after some impacts, springs
     and twin follow different paths.
@@ -223,7 +225,8 @@ def rigid_twin(recording: Recording) -> Recording | None:
     if recording.plan.scene.meetings:
         return None
     interval = float(recording.times[1]) if len(recording.times) > 1 else recording.plan.interval
-    plan = replace(recording.plan, interval=interval, duration=float(recording.times[-1]))
+    duration = float(recording.times[-1])
+    plan = replace(recording.plan, interval=interval, duration=duration, step=recording.step)
     try:
         return record(plan, dynamics="rigid")
     except ValueError:

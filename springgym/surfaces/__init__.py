@@ -29,6 +29,7 @@ from springgym.surfaces.plane import floor as floor
 from springgym.surfaces.plane import incline as incline
 from springgym.surfaces.round import heights as heights
 from springgym.surfaces.surface import Surface as Surface
+from springgym.surfaces.surface import by_kind as by_kind
 
 SURFACES: dict[str, Callable[..., Surface]] = {
     "floor": floor,

@@ -57,6 +57,14 @@ class Surface(ABC):
         return None
 
 
+def by_kind(surfaces: Sequence[Surface]) -> dict[type[Surface], list[int]]:
+    """Return the numbers of some surfaces by their kinds, in the order in which compiled code takes them."""
+    kinds: dict[type[Surface], list[int]] = {}
+    for n, surface in enumerate(surfaces):
+        kinds.setdefault(type(surface), []).append(n)
+    return kinds
+
+
 def points(positions: ArrayLike) -> np.ndarray:
     """Return positions as an array (…, 3), after checking them.
 

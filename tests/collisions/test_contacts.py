@@ -152,7 +152,6 @@ def test_who_has_none_to_tell() -> None:
     paper = lifted.with_(contact=PaperContact())
     for simulator, text in (
         (Simulator(paper, integrator="rk4", step=1e-4), "need a method with nodes"),
-        (Simulator(lifted, dynamics="rigid"), "contacts of rigid bodies with surfaces"),
         (Simulator(tower(collisions=None)), "give the scene collisions"),
     ):
         with pytest.raises(ValueError, match=text):

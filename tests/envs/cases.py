@@ -24,13 +24,10 @@ def task_type(env_id: str) -> type[Task]:
 FLOPPY = [env_id for env_id in IDS if any(p.body.floppy for p in task_type(env_id)().scene.bodies)]
 """Those whose body is meant to change shape."""
 
-ROLLING = [env_id for env_id in IDS if any(p.body.rounds for p in task_type(env_id)().scene.bodies)]
-"""Those with round features, which rigid dynamics does not know."""
-
 COLLIDING = [env_id for env_id in IDS if task_type(env_id)().scene.meetings]
 """Those whose bodies collide."""
 
-TWINLESS = [*FLOPPY, *ROLLING, *COLLIDING]
+TWINLESS = [*FLOPPY, *COLLIDING]
 """They have no rigid twin, or one whose kernel takes a minute to compile: a slow test plays it."""
 
 CASES = [

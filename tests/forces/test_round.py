@@ -255,6 +255,12 @@ def test_ball_comes_to_rest_in_a_notch() -> None:
     ball = rolling_ball()
     begun = start(ball, position=(0.0, 0.0, 0.17), velocity=(0.1, 0.0, 0.0))
     scene = Scene(ball, begun.positions, begun.velocities, surfaces=walls, contact=GRIP)
+    simulator = Simulator(scene, varying=VARYING)
+    simulator.advance(round(3.0 / simulator.step))
+    found = simulator.contacts()
+    assert found.surface.tolist() == [[0, 1]]
+    np.testing.assert_allclose(found.normal[0], [wall.normal for wall in walls], atol=1e-12)
+    np.testing.assert_allclose(found.force[0].sum(axis=0), (0, 0, G), atol=1e-3)
     _, m = run(scene, 3.0)
     gaps = m.centre[-1, [2, 2]] + m.centre[-1, 0] * np.array([1, -1])
     pushes = force(gaps / math.sqrt(2) - 0.1, *scales(GRIP, ball))
@@ -388,6 +394,75 @@ def test_disk_rolls_round_as_the_rigid_one(angle: float) -> None:
     assert np.abs(m.centre[:, :2] - m.centre[0, :2]).max() < 1e-3 * 0.1
 
 
+# --- What contacts are told ---------------------------------------------------------------------------------
+
+
+def test_contact_of_a_ball_at_rest_bears_its_weight_below_its_centre() -> None:
+    scene = placed(BALL)
+    simulator = Simulator(scene, varying=VARYING)
+    simulator.advance(3000)
+    found, centre = simulator.contacts(), simulator.measure().centre[0]
+    strength, reach = scales(GRIP, BALL)
+    gap = rest_height(G, strength, reach)
+    assert found.there.tolist() == [[True]]
+    assert [of[0, 0] for of in found[1:5]] == [0, -1, 0, -1]
+    np.testing.assert_allclose(found.force[0, 0], (0, 0, G), atol=1e-8)
+    np.testing.assert_allclose(found.normal[0, 0], (0, 0, 1), atol=1e-15)
+    assert found.gap[0, 0] == pytest.approx(gap, rel=1e-6)
+    # the point is half of the gap below the skin, and the springs give way by m g/k at the most
+    np.testing.assert_allclose(found.point[0, 0], centre - (0, 0, 0.1 + gap / 2), atol=G / 1e5)
+    simulator.place(scene.positions + np.array((0, 0, 1.0)), scene.velocities)
+    assert simulator.contacts().there.shape == (1, 0)
+
+
+@pytest.mark.parametrize("friction", [0.5, 0.05])
+def test_contact_of_a_ball_on_a_slope_has_the_friction_of_theory(friction: float) -> None:
+    """Rolling takes m g sin α I/(I + m r²), and what slides μ N, against the slip; N is m g cos α."""
+    angle = 0.3
+    scene = placed(BALL, (incline(angle),), Contact(friction, 0.5))
+    up = np.array(scene.surfaces[0].normal)  # type: ignore[attr-defined]
+    down = np.array((0, 0, -1.0)) - -up[2] * up
+    down /= np.linalg.norm(down)
+    simulator = Simulator(scene, varying=VARYING)
+    simulator.advance(1000)
+    forces, arms = [], []
+    for _ in range(200):  # what vibrates has its mean
+        simulator.advance(5)
+        found, m = simulator.contacts(), simulator.measure()
+        assert found.there.tolist() == [[True]]
+        forces.append(found.force[0, 0])
+        arms.append(found.point[0, 0] - m.centre[0])
+    force, arm = np.mean(forces, axis=0), np.mean(arms, axis=0)
+    push = G * math.cos(angle)
+    rolls = friction > rolling.needed_friction(angle, 0.4)
+    assert force @ up == pytest.approx(push, rel=1e-3)
+    rubbed = G * math.sin(angle) * 0.4 / 1.4 if rolls else friction * push
+    assert -force @ down == pytest.approx(rubbed, rel=2e-3)
+    assert rolls == (friction == 0.5)
+    np.testing.assert_allclose(arm, -(0.1 + 0.5 * found.gap[0, 0]) * up, atol=3e-4)
+    slip = m.centre_velocity[0] + np.cross(m.angular_velocity[0], arm)
+    assert (slip @ down > 0.1) == (not rolls)
+
+
+def test_contacts_of_a_feature_are_what_changes_its_momentum() -> None:
+    """From node to node by half of what both give, and by gravity, while it hops, spins and slips."""
+    body = ellipsoid((0.12, 0.1, 0.08), 0.7)
+    scene = placed(
+        body, contact=replace(GRIP, friction=0.2), up=0.01, velocity=(0.5, 0, -1.0), omega=(3, 4, 20)
+    )
+    simulator = Simulator(scene, varying=VARYING, step=1e-4)
+    momenta, impulses = [], []
+    for _ in range(400):
+        simulator.advance(1)
+        momenta.append(simulator.measure().momentum[0])
+        impulses.append(simulator.contacts().impulse[0].sum(axis=0))
+    given = np.array(impulses)
+    assert given[:, 2].sum() > 0.5
+    assert np.abs(given[:, :2]).sum() > 0.05
+    changed = np.diff(momenta, axis=0) - 0.7 * np.array(scene.gravity) * 1e-4
+    np.testing.assert_allclose(changed, 0.5 * (given[1:] + given[:-1]), atol=1e-12)
+
+
 # --- Copies, calls, bodies --------------------------------------------------------------------------------
 
 
@@ -402,10 +477,15 @@ def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
     many.place(x, v)
     many.advance(300)
     many.advance(301)
+    told = many.contacts()
+    assert told.there.any()
+    assert not told.there.all()
     for n in (0, 7, 16, 17):
         one = Simulator(scene, varying=VARYING)
         one.place(x[n], v[n])
         one.advance(601)
+        for own, others in zip(one.contacts(), told, strict=True):
+            np.testing.assert_allclose(own[0][one.contacts().there[0]], others[n][told.there[n]], rtol=1e-12)
         assert (one.positions[0] == many.positions[n]).all()
         assert (one.velocities[0] == many.velocities[n]).all()
         for field, fields in zip(one.measure(), many.measure(), strict=True):
@@ -475,8 +555,6 @@ def test_errors_say_what_is_wrong(make: Any, error: type[Exception], told: str) 
 
 def test_what_round_features_cannot_do_is_refused() -> None:
     scene = placed(BALL)
-    with pytest.raises(ValueError, match="round features, which rigid dynamics does not know"):
-        Simulator(scene, dynamics="rigid")
     with pytest.raises(ValueError, match="no round features; use Contact"):
         Simulator(scene.with_(contact=PaperContact(strength=1e-4, reach=1e-3)), integrator="rk4")
     block = Placed(cube(0.1), cube(0.1).positions + np.array([1, 0, 0.06]))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from springgym.core.blocks import copy_views, set_all
+from springgym.core.blocks import flat_numbers, put
 from springgym.integrators import METHODS, integrator
 from springgym.simulator import SimulationDivergedError
 from tests.integrators.problems import simulator, tetrahedron
@@ -30,7 +30,7 @@ def batch(name: str, copies: Any, threads: int = 1, spoilt: int | None = None, *
     made.place(positions, velocities)
     if spoilt is not None:  # which no call would
         positions[spoilt, 2] = np.nan
-        set_all(copy_views(made._x, made.copies), positions)
+        put(flat_numbers(made._x), np.arange(made.copies), positions.reshape(made.copies, -1))
     made.actuate(torque=np.multiply.outer(0.1 * np.asarray(copies), [1.0, 2.0, -1.0]))
     made.advance(STEPS, check=False)
     measures = made.measure()
