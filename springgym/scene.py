@@ -292,7 +292,7 @@ class Scene(ReadOnly):
                 self.keep(name, np.concatenate([getattr(placed, name) for placed in bodies]))
         if isinstance(self.gravity, Real):
             raise ValueError(
-                f"gravity is {self.gravity}; it must be a vector, such as (0, 0, -9.81), or None for no gravity"
+                f"gravity is {self.gravity}; it must be a vector, such as (0, 0, -9.81), or None"
             )
         if self.gravity is not None:
             object.__setattr__(self, "gravity", tuple(array("gravity", self.gravity, (3,)).tolist()))

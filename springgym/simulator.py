@@ -10,8 +10,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, lru_cache
 from itertools import repeat
-from threading import Lock
 from numbers import Real
+from threading import Lock
 from typing import Any, Self
 
 import numpy as np
@@ -1086,8 +1086,8 @@ class Simulator:
         if step > self.largest_step and self.integrator.controlled:
             raise ValueError(
                 f"a step of {step:g} s is unstable: {self.integrator.name} chooses its own steps of at most "
-                f"that length, which must be at most {self.largest_step:.4g} s on this body. To go farther in "
-                "one call, advance by more steps"
+                f"that length, which must be at most {self.largest_step:.4g} s on this body. To go farther "
+                "in one call, advance by more steps"
             )
         if step > self.largest_step:
             raise ValueError(
