@@ -254,7 +254,7 @@ def answers(task: str) -> float:
     import numpy as np
 
     total, count = 0.0, 0
-    for env, seen, _ in wandering(task, **controller_env_kwargs("classical", {})):
+    for env, seen, _ in wandering(task, **controller_env_kwargs("classical", task, {})):
         actions = make_controller("classical", task, {}, env.action_space)(seen).ravel()
         total += float(np.cos(count + np.arange(actions.size)) @ actions.astype(float))
         count += actions.size

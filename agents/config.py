@@ -240,7 +240,8 @@ def load_config(
                 import_module(module)
             gym.spec(name)
         except (gym.error.Error, ImportError) as error:
-            raise ConfigError(f"{path}: there is no entry for {env_id!r}: {error}") from error
+            hint = "" if module else f" If a module of yours registers it, write MODULE:{name}"
+            raise ConfigError(f"{path}: there is no entry for {env_id!r}: {error}{hint}") from error
         tree = _with_copy(tree, env_id, DEFAULT)
     if env_id not in tree.value:
         raise ConfigError(f"{path}: no entry for {env_id!r}; it has {', '.join(tree.value)}")

@@ -642,7 +642,8 @@ def own_controller(name: str, action_space: spaces.Space[Any]) -> Policy:
     return act
 
 
-def controller_env_kwargs(name: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
+def controller_env_kwargs(name: str, env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
     """Return keyword arguments of a baseline's environment: classical control needs the frame, no goals."""
     kwargs = {key: value for key, value in env_kwargs.items() if key != "goals"}
-    return {**kwargs, **({"observation": "frame"} if name == "classical" else {})}
+    framed = name == "classical" and controllers_of(env_id)
+    return {**kwargs, **({"observation": "frame"} if framed else {})}

@@ -97,7 +97,7 @@ def recorded(
     """Play an episode from each seed; return them, and the spec of a single environment for them."""
     own = named(agent)
     run = trained_on(own, env_id)
-    kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_kwargs)
+    kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_id, env_kwargs)
     kwargs = kwargs if agent != "planner" else dict(env_kwargs)
     made: dict[str, Any] = {"vectorization_mode": "vector_entry_point"}
     made["autoreset_mode"] = AutoresetMode.NEXT_STEP

@@ -103,7 +103,7 @@ def evaluate(
 ) -> Evaluation:
     """Run one episode from each of ``episodes`` seeds, all at once, with one agent."""
     run = trained_on(agent, env_id)
-    kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_kwargs)
+    kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_id, env_kwargs)
     with making(env_id):
         env = make_sb3(env_id, episodes, env_kwargs=kwargs)
     try:

@@ -40,7 +40,7 @@ NAMES = {"zero": "no action", "random": "random actions", "classical": "classica
 def watched(agent: str, env_id: str, env_kwargs: Mapping[str, Any]) -> Agent:
     """Return a trained agent or a baseline, with the keyword arguments of the environment it acts in."""
     run = trained_on(agent, env_id)
-    kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_kwargs)
+    kwargs = trained_kwargs(run, env_kwargs) if run else controller_env_kwargs(agent, env_id, env_kwargs)
 
     def policy(env: gym.Env) -> Policy:
         if run:

@@ -511,7 +511,7 @@ GOALS = """## Goals
 SpringGyroscope, SpringRope, SpringTumble and SpringShove have a goal that can be told apart, for agents
 that learn from goals which they reached by chance. `goals=True` does so in the form of
 [Gymnasium-Robotics](https://robotics.farama.org/content/multi-goal_api/), for single environments and
-for batches. It needs `sparse=True`:
+for batches. It needs `sparse=True`. Scenes of your own show their goals in observations only, and refuse it:
 
 ```python
 import gymnasium as gym

@@ -89,8 +89,8 @@ def _checked(name: str, force: object, count: int) -> Force:
         form, given = f"{function}({', '.join(takes)})", getattr(kind, function, None)
         if not is_inner(given):
             raise TypeError(
-                f"{name} is a {kind.__name__}, which has no function {form}; it must be a staticmethod, "
-                "decorated with springgym.core.compiling.compiled"
+                f"{name} is a {kind.__name__}, which has no compiled function {form}; it must be a "
+                "staticmethod, decorated with springgym.core.compiled"
             )
         signature = inspect.signature(given.py_func)
         try:
@@ -164,6 +164,8 @@ def _reason(error: NumbaError) -> str:
     reason = told[0] if told else type(error).__name__
     if reason.endswith(":") and len(told) > 1:
         reason = f"{reason} {told[1].removeprefix('>>> ')}"
+    if "bool(Mask(" in reason:
+        reason = "`if`, `and`, `or` or `not` tests a number that differs between copies; use select"
     where = getattr(error, "loc", None)
     return reason if where is None else f"{reason} ({where.filename}, line {where.line})"
 

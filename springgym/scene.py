@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
+from numbers import Real
 from typing import Any, Self
 
 import numpy as np
@@ -318,6 +319,10 @@ class Scene(ReadOnly):
         else:
             for name in ("positions", "velocities"):
                 self.keep(name, np.concatenate([getattr(placed, name) for placed in bodies]))
+        if isinstance(self.gravity, Real):
+            raise ValueError(
+                f"gravity is {self.gravity}; it must be a vector, such as (0, 0, -9.81), or None"
+            )
         if self.gravity is not None:
             object.__setattr__(self, "gravity", tuple(array("gravity", self.gravity, (3,)).tolist()))
         self._check_surfaces()

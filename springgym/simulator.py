@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, lru_cache
 from itertools import repeat
+from numbers import Real
 from threading import Lock
 from typing import Any, Self
 
@@ -306,6 +307,8 @@ class Simulator:
                     "has no tolerance: leave it out"
                 )
             return self.step
+        if isinstance(tolerance, Real):
+            raise ValueError(f"tolerance is {tolerance}; it must be a pair, (relative, absolute)")
         relative, absolute = (
             (1e-6, 1e-9) if tolerance is None else checks.array("tolerance", tolerance, (2,), low=0.0)
         )
@@ -403,7 +406,7 @@ class Simulator:
         positions, velocities : (k, N, 3) or (N, 3)
             [m], [m/s]
         copies : (k,), optional
-            Which.
+            Which copies; all by default.
         read
             Whether to `read` them afterwards.
 
@@ -498,7 +501,7 @@ class Simulator:
         Parameters
         ----------
         copies : (k,)
-            Which.
+            Which copies; all if None.
         values
             ``masses`` (k, N), ``stiffness``, ``damping``, ``lengths`` (k, S), ``gravity`` (k, 3),
             ``friction``, ``restitution`` (k,) and ``strength`` (k,), or
@@ -1120,6 +1123,12 @@ class Simulator:
         if step is None:
             return self._kind.automatic_step(self.scene, self.integrator)
         step = checks.number("step", step, low=TINY)
+        if step > self.largest_step and self.integrator.controlled:
+            raise ValueError(
+                f"a step of {step:g} s is unstable: {self.integrator.name} chooses its own steps of at most "
+                f"that length, which must be at most {self.largest_step:.4g} s on this body. To go farther "
+                "in one call, advance by more steps"
+            )
         if step > self.largest_step:
             raise ValueError(
                 f"a step of {step:g} s is unstable: {self.integrator.name} on this body allows at most "

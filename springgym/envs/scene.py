@@ -31,6 +31,7 @@ from springgym.rendering.look import RED
 from springgym.scene import Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.simulator import STRAIN_LIMIT
+from springgym.strict_yaml import suggestion
 
 WRENCH = ("force", "torque", "body_torque")
 LOUD = nullcontext()
@@ -46,6 +47,15 @@ Most = float | Sequence[float]
 RESERVED = ("is_success", "diverged", "energy", "energy_drift", "strain", "randomization", "met", "failed")
 """Names that ``info`` and outcomes use already, besides names that begin as below."""
 RESERVED_BEGINNINGS = ("reward_", "pairs_", "step_error", "_")
+
+
+POINTS = {
+    "rings": ("centre",),
+    "balls": ("centre",),
+    "lines": ("start", "end"),
+    "arrows": ("origin", "vector"),
+}
+"""The points and vectors (3,) of each kind of marks, which come first in a mark."""
 
 
 class SceneOptions(RewardedOptions, total=False):
@@ -108,7 +118,8 @@ def make_scene_env(
 
     `gymnasium.make` and `gymnasium.make_vec` make the environment again from its ``spec``. It can be pickled
     if your functions belong to a module, but it cannot be written as JSON. This call calls ``start``,
-    ``reward``, ``observe`` and ``metrics`` once, to find out which names and how many numbers they return.
+    ``reward``, ``observe``, ``metrics``, ``succeeded`` and ``failed`` once, to find out which names and how
+    many numbers they return.
 
     Parameters
     ----------
@@ -139,9 +150,13 @@ def make_scene_env(
     Raises
     ------
     TypeError, ValueError
-        If an actuator is unknown or not in the scene, or a function is not callable or takes other
-        arguments; the message names it.
+        If an actuator is unknown or not in the scene, a function is not callable, takes other arguments or
+        returns something else, or there is no such option; the message names it.
     """
+    known = {*SceneOptions.__annotations__, "goals", *(() if num_envs is None else ("autoreset_mode",))}
+    for name in options:
+        if name not in known:
+            raise TypeError(f"make_scene_env has no option {name!r}{suggestion(name, sorted(known))}")
     options |= {"scene": scene, "reward": reward, "actuators": actuators}
     spec = EnvSpec(
         id="SpringScene-v0",
@@ -359,6 +374,7 @@ class SceneTask(Task):
         with _hearing(m):
             self.terms = tuple(self._rewards(m, s))  # type: ignore[misc]
             self.metrics = tuple(self._told(m, s))  # type: ignore[misc]
+            self._judged(m, s)
             if self._observe is not None:
                 self.entries = (Entry("own", self._seen(m, s, (copies, None)).shape[1]),)
 
@@ -368,9 +384,8 @@ class SceneTask(Task):
                 out[f"reward_{name}"] = numbers
             for name, numbers in self._told(m, s, self.metrics).items():
                 out[name] = numbers
-            for field, name, judge in self._judges:
-                given = np.zeros(len(out), bool) if judge is None else judge(self._named(m), s)
-                out[field] = _of_shape(name, given, (len(out),), "b", "bools")
+            for field, bools in self._judged(m, s).items():
+                out[field] = bools
 
     def _rewards(
         self, m: Measures, s: Situation, names: tuple[str, ...] | None = None
@@ -390,6 +405,16 @@ class SceneTask(Task):
                     f"metrics gave {name!r}, but info has an entry of that name already; choose another name"
                 )
         return _by_name("metrics", given, m, names)
+
+    def _judged(self, m: Measures, s: Situation) -> dict[str, np.ndarray]:
+        """Return whether each copy meets the aim, and whether it fails."""
+        copies = len(s.x)
+        return {
+            field: np.zeros(copies, bool)
+            if judge is None
+            else _of_shape(name, judge(self._named(m), s), (copies,), "b", "bools")
+            for field, name, judge in self._judges
+        }
 
     def _moved(self, m: Measures, s: Situation, goal: np.ndarray) -> None:
         assert self._move is not None
@@ -429,7 +454,12 @@ class SceneTask(Task):
     def marks(self, m: Measures, s: Situation) -> Marks:
         if self._marks is None:
             return Marks(arrows=self._acting(self._named(m), s), key=((RED, ", ".join(self._actuators)),))
-        return instance("what marks gave", self._marks(self._named(m), s), Marks)
+        given: Marks = instance("what marks gave", self._marks(self._named(m), s), Marks)
+        for kind, names in POINTS.items():
+            for n, mark in enumerate(getattr(given, kind)):
+                for name, point in zip(names, mark, strict=False):
+                    checks.array(f"{name} of {kind}[{n}] that marks gave", point, (3,))
+        return given
 
     def _acting(self, m: MeasuresOfBodies, s: Situation) -> list[Arrow]:
         """Return arrows of what actions drive: at 1, forces are half as long as the largest body."""

@@ -148,7 +148,7 @@ def refusal(method: Integrator, scene: Scene, varying: Collection[str] = ()) -> 
     if scene.meetings and not method.meets_bodies:
         return (
             f"bodies collide at the node of a step, where all impulses act at once, and {method.name} has no "
-            "node of that kind; say collisions=None to let bodies pass through each other"
+            "node of that kind; use verlet, or say collisions=None to let bodies pass through each other"
         )
     rolls = scene.surfaces and any(placed.body.rounds for placed in scene.bodies)
     both = [placed.name for placed in scene.bodies if placed.body.rounds and len(placed.body.triangles)]

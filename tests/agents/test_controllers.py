@@ -153,3 +153,9 @@ def test_unknown_controller():
     space = gym.spaces.Box(-1, 1, (3,))
     with pytest.raises(config.ConfigError, match=r"SpringTop-v0 with action='force'; there is one"):
         controllers.make_controller("classical", "SpringTop-v0", {"action": "force"}, space)
+
+
+def test_only_classical_control_asks_for_the_frame():
+    assert controllers.controller_env_kwargs("classical", "SpringTop-v0", {}) == {"observation": "frame"}
+    assert controllers.controller_env_kwargs("classical", "Another-v0", {"size": 2}) == {"size": 2}
+    assert controllers.controller_env_kwargs("zero", "SpringTop-v0", {"goals": True}) == {}

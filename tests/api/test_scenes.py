@@ -150,3 +150,9 @@ def test_what_starts_is_checked_where_scenes_and_simulators_do() -> None:
     assert Scene(CUBE, PLACE, moving, pinned=(3,), drive=DriveActuator(3, 2.0)).pinned == (3,)
     with pytest.raises(ValueError, match="spring 0 starts with both ends at the same place"):
         Scene(CUBE, np.ones((8, 3)))
+
+
+@pytest.mark.parametrize("gravity", [9.81, 0])
+def test_gravity_that_is_a_number_is_told_to_be_a_vector(gravity: Any) -> None:
+    with pytest.raises(ValueError, match=rf"gravity is {gravity}; it must be a vector, such as .* or None"):
+        Scene(cube(), gravity=gravity)

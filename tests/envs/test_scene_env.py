@@ -16,6 +16,7 @@ from springgym.bodies import box, cube
 from springgym.envs.observation import Situation
 from springgym.envs.sb3 import make_sb3
 from springgym.measures import Measures, MeasuresOfBodies
+from springgym.rendering import Arrow, Marks
 from springgym.scene import Placed, Scene, ThrustActuator
 
 
@@ -99,6 +100,44 @@ def test_scaled_scene_starts_unstrained() -> None:
 
 def seen(m: MeasuresOfBodies, s: Situation) -> np.ndarray:
     return np.concatenate([m.centre, m.axis, 100 * m.angular_velocity], axis=1)
+
+
+@pytest.mark.parametrize("copies", [None, 2])
+def test_an_unknown_option_is_told_with_a_similar_one(copies: int | None) -> None:
+    with pytest.raises(TypeError, match=r"no option 'observation'; did you mean 'observe'\?"):
+        make(num_envs=copies, observation="frame")
+    with pytest.raises(TypeError, match="no option 'zzz'"):
+        make(num_envs=copies, zzz=1)
+
+
+@pytest.mark.parametrize("name", ["succeeded", "failed"])
+@pytest.mark.parametrize(
+    ("judge", "error"),
+    [
+        (lambda m, s: m.centre[:, 0], TypeError),
+        (lambda m, s: True, ValueError),
+        (lambda m, s: m.centre > 0, ValueError),
+    ],
+)
+def test_what_judges_give_is_checked_when_it_is_made(name: str, judge: Any, error: type[Exception]) -> None:
+    with pytest.raises(error, match=f"{name} gave "):
+        make(**{name: judge})
+
+
+@pytest.mark.parametrize(
+    ("marks", "says"),
+    [
+        (Marks(balls=[((0.0, 0.0), 0.1)]), r"centre of balls\[0\] that marks gave is .*shape \(3,\)"),
+        (Marks(arrows=[Arrow((0, 0, 0), (1, 0))]), r"vector of arrows\[0\] that marks gave"),
+        (Marks(lines=[((0, 0, 0), (0, 0, np.nan))]), r"end of lines\[0\] that marks gave\[2\] is nan"),
+        (Marks(rings=[(1.0, 0.1)]), r"centre of rings\[0\] that marks gave is 1\.0"),
+    ],
+)
+def test_marks_are_in_space(marks: Marks, says: str) -> None:
+    env = make(render_mode="rgb_array", marks=lambda m, s: marks)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=says):
+        env.render()
 
 
 def test_observation_of_ones_own() -> None:

@@ -60,6 +60,8 @@ def test_tolerance_goes_to_methods_that_have_one(name: str) -> None:
             Simulator(scene, integrator=name).counts()
         return
     assert Simulator(scene, integrator=name, copies=3).counts().shape == (3, 3)
+    with pytest.raises(ValueError, match=r"tolerance is 1e-06; it must be a pair, \(relative, absolute\)"):
+        Simulator(scene, integrator=name, tolerance=1e-6)  # type: ignore[arg-type]
     for wrong in ((0.0, 0.0), (-1e-6, 1e-3), (math.nan, 1e-3)):
         with pytest.raises(ValueError, match=r"tolerance(\[\d\])? is"):
             Simulator(scene, integrator=name, tolerance=wrong)
@@ -87,3 +89,8 @@ def test_newton_converges_in_float32() -> None:
         made.advance(50)
         ends.append(made.positions[0])
     np.testing.assert_allclose(ends[0], ends[1], atol=2e-4)
+
+
+def test_a_method_that_chooses_its_steps_says_what_the_step_is() -> None:
+    with pytest.raises(ValueError, match="dopri5 chooses its own steps of at most that length"):
+        Simulator(tetrahedron("dopri5", 0.0), integrator="dopri5", step=1.0)
