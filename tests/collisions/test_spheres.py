@@ -213,7 +213,7 @@ def test_struck_ball_rolls_with_5_7_and_the_other_with_2_7() -> None:
     np.testing.assert_allclose(v[:, 0], [2 / 7 * speed, 5 / 7 * speed], rtol=0.01)
     np.testing.assert_allclose(v[:, 0], 0.1 * w[:, 1], rtol=1e-2)
     found, begun = simulator.contacts(), v  # each is told to be on the table, below its centre
-    assert found.first.tolist() == [[0, 1]]
+    assert found.first.tolist() == [[0, 1]] * 2
     assert (found.second == -1).all()
     assert (found.surface == 0).all()
     centres = [simulator.measure(n).centre[0] for n in range(2)]
