@@ -244,7 +244,7 @@ def adds_a_number(x: Any, force: Any, own: Any) -> None:
     add_row(force, own.particle, 3.0)
 
 
-def tests_what_differs(x: Any, force: Any, own: Any) -> None:
+def asks_what_differs(x: Any, force: Any, own: Any) -> None:
     if row(x, own.particle)[2] < 0.0:
         add_row(force, own.particle, row(x, own.particle))
 
@@ -266,7 +266,7 @@ def asks_for_what_is_not(x: Any, own: Any) -> Any:
     [
         ("add", returns, r"returns a vector; it must return nothing: it adds to force$"),
         ("add", adds_a_number, r"does not compile: .*getitem\(float64, .*test_own\.py, line \d+\)$"),
-        ("add", tests_what_differs, r"does not compile: .*differs between copies; use select .*line \d+\)$"),
+        ("add", asks_what_differs, r"does not compile: .*differs between copies; use select .*line \d+\)$"),
         ("energy", returns_nothing, r"returns nothing; it must return a number, the energy \[J\]$"),
         ("energy", returns_a_vector, r"returns a vector; it must return a number, the energy \[J\]$"),
         ("energy", asks_for_what_is_not, r"does not compile: .*partikel.*test_own\.py, line \d+\)$"),
