@@ -14,9 +14,10 @@ messages name the argument, its value, and what it must be.
 
 from __future__ import annotations
 
+import difflib
 import math
 import operator
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from numbers import Real
 from typing import Any
 
@@ -189,6 +190,13 @@ def sum_of_squares(values: np.ndarray) -> float:
         return float(np.vdot(values, values))
     with np.errstate(over="ignore"):
         return float(np.square(values).sum())
+
+
+def suggestion(key: str, known: Iterable[str]) -> str:
+    """Return the end of a message about an unknown name: a similar name, or all names."""
+    names = list(known)
+    close = difflib.get_close_matches(key, names, n=1)
+    return f"; did you mean {close[0]!r}?" if close else f"; known keys: {', '.join(names)}"
 
 
 def shown(value: object) -> str:

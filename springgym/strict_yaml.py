@@ -7,11 +7,10 @@ of it, checked against the annotations of its parameters.
 from __future__ import annotations
 
 import copy
-import difflib
 import inspect
 import re
 import types
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
@@ -23,7 +22,7 @@ try:
 except ImportError as error:
     raise ImportError(missing("reading YAML", "pyyaml", "scenes")) from error
 
-from springgym.checks import HUGE, shown
+from springgym.checks import HUGE, shown, suggestion
 
 
 class YamlError(ValueError):
@@ -327,10 +326,3 @@ def _described(kind: object) -> str:
     if origin in (list, tuple, Sequence):
         return "a list"
     return "a mapping"
-
-
-def suggestion(key: str, known: Iterable[str]) -> str:
-    """Return the end of a message about an unknown key: a similar name, or all names."""
-    names = list(known)
-    close = difflib.get_close_matches(key, names, n=1)
-    return f"; did you mean {close[0]!r}?" if close else f"; known keys: {', '.join(names)}"

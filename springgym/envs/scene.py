@@ -18,7 +18,7 @@ from gymnasium.wrappers import OrderEnforcing, TimeLimit
 from numpy.random import Generator
 
 from springgym import checks
-from springgym.checks import TINY, chosen, instance
+from springgym.checks import TINY, chosen, instance, suggestion
 from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation
@@ -31,7 +31,6 @@ from springgym.rendering.look import RED
 from springgym.scene import Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.simulator import STRAIN_LIMIT
-from springgym.strict_yaml import suggestion
 
 WRENCH = ("force", "torque", "body_torque")
 LOUD = nullcontext()

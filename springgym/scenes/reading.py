@@ -35,7 +35,7 @@ from springgym.bodies import (
 )
 from springgym.bodies.motion import InitialState
 from springgym.bodies.precession import heavy_top
-from springgym.checks import shown
+from springgym.checks import shown, suggestion
 from springgym.collisions import Collisions, Pair
 from springgym.collisions.meeting import ALL
 from springgym.integrators import METHODS
@@ -43,7 +43,7 @@ from springgym.materials import Material
 from springgym.scene import GRAVITY, Placed, Scene
 from springgym.scenes.checks import CHECKS, TOUCHING, of_all
 from springgym.scenes.plan import LEAST, SPEEDS, Plan, Plot, Vector, View
-from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml, suggestion
+from springgym.strict_yaml import Tree, YamlError, build, changed, read_yaml
 from springgym.surfaces import SURFACES, Contact, PaperContact, Plane, Surface, floor, heights, scales
 from springgym.theory.contact import rest_height
 from springgym.theory.rope import catenary
