@@ -557,13 +557,11 @@ class Scene(ReadOnly):
             If `Placed.check_start` refuses the start of a body, a particle is behind a surface, or bodies
             that collide overlap.
         """
-        doubtful = [0]
-        if len(self.bodies) > 1:
-            doubtful = sorted(self._held)
-            if any_too_short(self.springs, self.lengths, positions):
-                short = too_short(self.springs, positions).any(axis=tuple(range(positions.ndim - 2)))
-                doubtful = sorted(set(self._springs_of[short].tolist()) | self._held)
-        for n in doubtful:
+        doubtful = {0} if len(self.bodies) == 1 else set(self._held)
+        if len(self.bodies) > 1 and any_too_short(self.springs, self.lengths, positions):
+            short = too_short(self.springs, positions).any(axis=tuple(range(positions.ndim - 2)))
+            doubtful |= set(self._springs_of[short].tolist())
+        for n in sorted(doubtful):
             placed, own = self.bodies[n], self.slices[n]
             try:
                 placed.check_start(positions[..., own, :], velocities[..., own, :], copies)

@@ -15,17 +15,26 @@ import pytest
 from springgym import Simulator
 from springgym.bodies import disk, ellipsoid, rolling_ball, start
 from springgym.measures import Measures
-from springgym.scene import Placed, Scene
-from springgym.surfaces import Bowl, Contact, Plane, floor, incline
+from springgym.scene import Scene
+from springgym.surfaces import Bowl, Contact, floor, incline
 from springgym.theory import rolling
 from springgym.theory.contact import rest_height
 from tests.collisions.stepped import full
 from tests.collisions.test_spheres import BALL as FREE_BALL
-from tests.collisions.test_spheres import BLOCK, body_at, momenta
+from tests.collisions.test_spheres import BLOCK, body_at, momenta, on_a_tilted_block, scene
 from tests.collisions.test_spheres import CONTACT as BETWEEN
 from tests.collisions.test_spheres import motion as motions
 from tests.forces.rigid_rolling import motion
-from tests.forces.test_round import BALL, GRIP, STONE, G, on_hard_ground, placed, rigid
+from tests.forces.test_round import (
+    BALL,
+    GRIP,
+    STONE,
+    G,
+    on_hard_ground,
+    placed,
+    rigid,
+    thrown_into_a_corner,
+)
 from tests.forces.test_round import VARYING as OF_SPRINGS
 
 VARYING = ("friction", "restitution")
@@ -51,7 +60,7 @@ def run(of: Scene, duration: float, step: float = 1e-3, every: int = 10) -> tupl
 
 @pytest.mark.parametrize("friction", [0.5, 0.05])
 def test_ball_rolls_or_slides_down_a_slope(friction: float) -> None:
-    """At g sin a/(1 + I/(m r²)), or at g (sin a − μ cos a)."""
+    """A ball rolls with the acceleration g sin a/(1 + I/(m r²)), or slides with g (sin a − μ cos a)."""
     angle = 0.3
     times, m = run(placed(BALL, (incline(angle),), Contact(friction, 0.5)), 1.0)
     speed = np.linalg.norm(m.centre_velocity, axis=1)
@@ -166,12 +175,7 @@ def test_ball_swings_about_its_pin_and_hits_the_floor() -> None:
 
 @pytest.mark.slow
 def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
-    of = placed(
-        rolling_ball(), (incline(0.3), Plane((-0.5, 0, 0), (math.cos(0.3), 0, math.sin(0.3)))), GRIP, up=0.01
-    )
-    draw = np.random.default_rng(3)
-    x = of.positions + draw.uniform(0.0, 0.02, (18, 1, 1)) * np.array(of.surfaces[0].normal)  # type: ignore[attr-defined]
-    v = of.velocities + draw.normal(size=(18, 1, 3))
+    of, x, v = thrown_into_a_corner()
     many = Simulator(of, copies=18, dynamics="rigid", step=1e-3)
     many.place(x, v)
     many.advance(100)
@@ -186,7 +190,7 @@ def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
 
 @pytest.mark.slow
 def test_ball_rolls_to_and_fro_in_a_bowl() -> None:
-    """ω² = g/((R − r)(1 + I/m r²)), for small swings."""
+    """A ball swings in a bowl with ω² = g/((R − r)(1 + I/m r²)), if its swings are small."""
     swing, how = 0.1, Contact(friction=0.8, restitution=0.5, strength=1e-4, reach=1e-3)
     arm = 0.9 - rest_height(G, 1e-4, 1e-3)
     begun = start(BALL, position=(arm * math.sin(swing), 0.0, 1.0 - arm * math.cos(swing)))
@@ -201,11 +205,6 @@ def test_ball_rolls_to_and_fro_in_a_bowl() -> None:
 
 
 # --- Among others ---------------------------------------------------------------------------------------
-
-
-def scene(*bodies: Placed, contact: Contact = BETWEEN, gravity: Any = (0.0, 0.0, 0.0)) -> Scene:
-    """Return a scene of bodies that collide, and a block far away that gives it all kinds of features."""
-    return Scene(bodies=(*bodies, body_at(BLOCK, (50.0, 0, 0))), contact=contact, gravity=gravity)
 
 
 def twins(of: Scene, step: float, **options: Any) -> Simulator:
@@ -254,13 +253,8 @@ def test_friction_on_a_free_block_is_coulombs(radius: float) -> None:
 @pytest.mark.parametrize("friction", [0.5, 0.05])
 def test_ball_rolls_or_slides_down_a_tilted_block(friction: float) -> None:
     angle = 0.4
-    how = Contact(friction=friction, restitution=0.5, strength=2e-4, reach=2e-3)
-    up = np.array([math.sin(angle), 0, math.cos(angle)])
-    down = np.array([math.cos(angle), 0, -math.sin(angle)])
-    gap = rest_height(G * math.cos(angle), 2e-4, 2e-3)
-    block = body_at(BLOCK, (0, 0, 0), pinned=True, turn=(0, angle, 0))
-    ball = body_at(FREE_BALL, (0.35 + gap) * up - 0.2 * down + (0, 0.03, 0))
-    simulator = twins(scene(ball, block, contact=how, gravity=(0, 0, -G)), 2e-4)
+    of, down = on_a_tilted_block(FREE_BALL, angle, friction)
+    simulator = twins(of, 2e-4)
     speeds = []
     for _ in range(20):
         simulator.advance(100)

@@ -107,7 +107,7 @@ class Company(NamedTuple):
     free: np.ndarray
     """the motion after the node, but for contact"""
     velocity: np.ndarray
-    """the motion after the node, with as much of contact as is known"""
+    """the motion after the node, with the impulses found so far"""
     known: np.ndarray
     """this motion when surfaces had their last turn"""
     by_bodies: np.ndarray
@@ -248,9 +248,7 @@ def losses(
 ) -> tuple[Number, Number, Number, Number]:
     """Return what surfaces took by their pushes and by friction [J]; and the products of these pushes with
     the motion by gravity in a second [J/s], and with ``given`` [J]."""
-    if rounds is None:
-        return losses_of_particles(node, given, middle, workspace, solid)
-    if rolls(rounds):
+    if rounds is not None and rolls(rounds):
         return losses_of_features(node, given, middle, workspace, solid, rounds)
     return losses_of_particles(node, given, middle, workspace, solid)
 
@@ -315,9 +313,7 @@ def shown_at(
     """Return what barriers of surfaces store around a node, less what they store where it is read [J], in two
     numbers; and where the body's point is shown then: shifted off bodies and, unless pinned, lifted off
     surfaces."""
-    if rounds is None:
-        return shown_by_particles(node, end, shift, solid, solid.terms.surfaces)
-    if rolls(rounds):
+    if rounds is not None and rolls(rounds):
         problem = problem_of(node, node.state, workspace, solid, rounds)
         stored, lift = lifted_feature(shift, problem.space.velocity, problem)
         moves = solid.lightness + 0.0 * lift[0] > 0.0

@@ -108,16 +108,22 @@ def test_friction_on_a_free_block_is_coulombs(radius: float) -> None:
     assert -given[0] / (0.3 * given[2]) == pytest.approx(1.0, abs=0.005)
 
 
-@pytest.mark.parametrize(("angle", "friction"), [(0.2, 0.5), (0.4, 0.5), (0.4, 0.05)])
-def test_ball_rolls_down_a_tilted_block(angle: float, friction: float) -> None:
-    """At g sin a/(1 + I/(m r²)), or slides at g (sin a − μ cos a)."""
+def on_a_tilted_block(ball: Body, angle: float, friction: float) -> tuple[Scene, np.ndarray]:
+    """Return a ball (0.1 m, 1 kg) that lies on a tilted block, and the direction down the slope."""
     contact = Contact(friction=friction, restitution=0.5, strength=2e-4, reach=2e-3)
     up = np.array([math.sin(angle), 0, math.cos(angle)])
     down = np.array([math.cos(angle), 0, -math.sin(angle)])
     gap = rest_height(G * math.cos(angle), 2e-4, 2e-3)
     block = body_at(BLOCK, (0, 0, 0), pinned=True, turn=(0, angle, 0))
-    ball = body_at(BALL, (0.35 + gap) * up - 0.2 * down + (0, 0.03, 0))
-    simulator = full(scene(ball, block, contact=contact, gravity=(0, 0, -G)), copies=2, step=2e-4)
+    lies = body_at(ball, (0.35 + gap) * up - 0.2 * down + (0, 0.03, 0))
+    return scene(lies, block, contact=contact, gravity=(0, 0, -G)), down
+
+
+@pytest.mark.parametrize(("angle", "friction"), [(0.2, 0.5), (0.4, 0.5), (0.4, 0.05)])
+def test_ball_rolls_down_a_tilted_block(angle: float, friction: float) -> None:
+    """A ball rolls with the acceleration g sin a/(1 + I/(m r²)), or slides with g (sin a − μ cos a)."""
+    of, down = on_a_tilted_block(BALL, angle, friction)
+    simulator = full(of, copies=2, step=2e-4)
     times, speeds = [], []
     for _ in range(20):
         simulator.advance(100)

@@ -466,13 +466,18 @@ def test_contacts_of_a_feature_are_what_changes_its_momentum() -> None:
 # --- Copies, calls, bodies --------------------------------------------------------------------------------
 
 
-def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
+def thrown_into_a_corner() -> tuple[Scene, np.ndarray, np.ndarray]:
+    """Return a ball between two slopes, with positions and velocities of 18 copies (18, N, 3)."""
     scene = placed(
         rolling_ball(), (incline(0.3), Plane((-0.5, 0, 0), (math.cos(0.3), 0, math.sin(0.3)))), GRIP, up=0.01
     )
     draw = np.random.default_rng(3)
     x = scene.positions + draw.uniform(0.0, 0.02, (18, 1, 1)) * np.array(scene.surfaces[0].normal)  # type: ignore[attr-defined]
-    v = scene.velocities + draw.normal(size=(18, 1, 3))
+    return scene, x, scene.velocities + draw.normal(size=(18, 1, 3))
+
+
+def test_copies_of_a_batch_are_single_ones_to_the_bit() -> None:
+    scene, x, v = thrown_into_a_corner()
     many = Simulator(scene, copies=18, varying=VARYING)
     many.place(x, v)
     many.advance(300)
