@@ -88,7 +88,7 @@ class PairSums(NamedTuple):
 
 
 def pair_sums(collisions: Collisions, copies: int) -> PairSums:
-    """Return the totals of some copies over all pairs."""
+    """Return the totals of each copy, summed over all pairs."""
     sums = np.empty((len(PairSums._fields), copies))
     sum_pairs(numbers(collisions.totals), collisions.pairs.reach, sums)
     return PairSums(*sums)
@@ -154,7 +154,8 @@ def any_possible(scene: Scene) -> bool:
 
 
 def clear(workspace: Any, rigid: bool) -> None:
-    """Clear what earlier nodes have left in the workspace of rigid bodies: a node writes where they touch."""
+    """Set to zero what earlier nodes left in the workspace of rigid bodies: a node writes only where they
+    touch."""
     if rigid:
         numbers(workspace.surfaces if isinstance(workspace, Company) else workspace)[:] = 0.0
 
@@ -276,7 +277,7 @@ def _with_surfaces(scene: Scene, here: Here) -> Contacts:
 
 
 def _of_rounds(scene: Scene, body: int, here: Here) -> Contacts:
-    """Read contacts of a body's round features with surfaces off the rows that the node solved."""
+    """Return the contacts of a body's round features with surfaces, from the rows that the node solved."""
     rolling, rounds = _rolling(body, here), share(here.terms.rounds, body)
     order = np.array([n for same in by_kind(scene.surfaces).values() for n in same])
     rows = len(rounds.first) * len(order)
@@ -324,7 +325,7 @@ def _of_surfaces(body: int, here: Here) -> np.ndarray:
 
 
 def _of_rigid(scene: Scene, body: int, here: Here) -> Contacts:
-    """Read contacts of a rigid body's particles with surfaces off what the node found for each."""
+    """Return the contacts of a rigid body's particles with surfaces, from what the node found for each."""
     placed, own = scene.bodies[body], scene.slices[body]
     x = np.moveaxis(here.places.astype(float), -1, 0)[:, own]
     _, reach = scales(scene.contact, placed.body)

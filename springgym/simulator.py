@@ -953,7 +953,7 @@ class Simulator:
 
     @guarded
     def pair_sums(self) -> PairSums:
-        """Return what `pairs` does, over all pairs of each copy.
+        """Return the readings of `pairs`, summed over all pairs of each copy.
 
         Raises
         ------
@@ -1011,7 +1011,7 @@ class Simulator:
             self._read(self._index(copies))
 
     def _read(self, index: np.ndarray) -> None:
-        """Do the same as `read` for copies (k,) that have been checked."""
+        """Read copies (k,) whose indices have been checked."""
         for first, last in self._block_ranges(index):
             self._run(0, first, last, 0, settles=False, reads=True)
 

@@ -43,7 +43,7 @@ def contact(friction: float = 0.0, restitution: float = 1.0) -> Contact:
 
 
 def struck() -> dict[str, Any]:
-    """Let a cube strike another, off its middle and slipping, and tell what there is before and after."""
+    """Simulate a cube that strikes and rubs another off its middle; return what is kept and lost."""
     simulator = Simulator(pair(CUBE, contact(0.3, 0.5)), dynamics="rigid", step=1e-3)
     x = simulator.scene.positions.copy()
     v = np.zeros_like(x)

@@ -110,7 +110,7 @@ class StretchedShapes:
         return self.at(array("spin", spin, (), (None,)))
 
     def at(self, spins: np.ndarray) -> np.ndarray:
-        """Do the same for spins that have been checked."""
+        """Return the shapes at spins that have been checked."""
         powers = (spins / self.fastest)[..., None, None] ** POWERS
         shapes = powers @ self.coefficients.reshape(5, -1)
         return shapes.reshape(*spins.shape, *self.coefficients.shape[1:])

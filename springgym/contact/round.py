@@ -114,7 +114,7 @@ class Rolling(NamedTuple):
     """
 
     velocity: Rows
-    """velocities after the node with as much of contact as is known [m/s]"""
+    """velocities after the node, with the impulses found so far [m/s]"""
     change: Rows
     """change of velocity by pushes [m/s]; this and the next two as `springgym.contact.points.Given`"""
     rub: Rows
@@ -155,17 +155,17 @@ class Carrier(NamedTuple):
     end: Rows
     """(N, 3) positions where the step would end without contact [m]"""
     leaving: Rows
-    """(N, 3) velocities there with as much of contact as is known [m/s]"""
+    """(N, 3) velocities there, with the impulses found so far [m/s]"""
     lightness: Number
     """1/M [1/kg]; 0 of a pinned body"""
     point: Vector
-    """the point at the node [m]"""
+    """position of the body's point at the node [m]"""
     turn: tuple[Vector, Vector]
-    """I⁻¹ at the node [1/(kg·m²)]"""
+    """inverse inertia I⁻¹ at the node [1/(kg·m²)]"""
     end_point: Vector
-    """the point where the step would end without contact [m]"""
+    """position of the body's point where the step would end without contact [m]"""
     end_turn: tuple[Vector, Vector]
-    """I⁻¹ there [1/(kg·m²)]"""
+    """inverse inertia I⁻¹ there [1/(kg·m²)]"""
 
 
 class RoundProblem(NamedTuple):
@@ -283,8 +283,10 @@ def ends_of_step(problem: RoundProblem, carrier: Carrier | None) -> tuple[Way, W
 def inverse_mass(
     e: int, first: Vector, second: Vector, along: Vector, problem: RoundProblem, carrier: Carrier | None
 ) -> Number:
-    """Return how much faster the ``second`` point of feature ``e`` gets at the end of a way, per impulse at
-    the ``first`` at the node, along a vector [1/kg]: of particles that move by themselves Σ w w′/m.
+    """Return the inverse mass between two points of feature ``e`` along a vector [1/kg].
+
+    An impulse of 1 N·s at the ``first`` point at the node changes the velocity of the ``second`` at the end
+    of the way by this. Where particles move by themselves it is Σ w w′/m.
     """
     rounds, total = problem.rounds, 0.0 * first[0]
     if carrier is None:
@@ -301,7 +303,7 @@ def inverse_mass(
 def inverse_mass_at_node(
     e: int, point: Vector, along: Vector, problem: RoundProblem, carrier: Carrier | None
 ) -> Number:
-    """Return W of a point of feature ``e`` along a vector [1/kg]."""
+    """Return the inverse W of the effective mass of a point of feature ``e`` along a vector [1/kg]."""
     if carrier is None:
         return inverse_mass(e, point, point, along, problem, None)
     moment = cross(arm(e, point, problem, carrier), along)
@@ -310,7 +312,7 @@ def inverse_mass_at_node(
 
 @compiled
 def turned(turn: tuple[Vector, Vector], moment: Vector) -> Vector:
-    """Return I⁻¹ times a vector."""
+    """Return the angular velocity that the moment of an impulse gives a body: I⁻¹ times it."""
     return multiplied(turn[0], turn[1], moment)
 
 
@@ -477,7 +479,7 @@ def hold_back(r: int, e: int, k: int, going: Mask, problem: RoundProblem, fricti
 
 @compiled
 def sum_up(problem: RoundProblem) -> None:
-    """Find what each particle that moves by itself was given by all rows."""
+    """Sum up what all rows give each particle, where particles move by themselves."""
     space, kinds = problem.space, count(problem.terms.surfaces.kinds)
     for e in range(problem.rounds.first.size):
         for k in range(kinds):

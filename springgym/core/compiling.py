@@ -266,14 +266,17 @@ class Inner(type(SAMPLE)):  # type: ignore[misc]
 
 
 COLLECTED = 20_000
-"""Number of new objects after which Python looks for cycles while a kernel is compiled."""
+"""Number of new objects after which Python searches for reference cycles while a kernel is compiled."""
 
 
 class Kept(type(SAMPLE)):  # type: ignore[misc]
     """A compiled function that Python calls, whose code is kept."""
 
     def compile(self, sig: Asked) -> Callable[..., Any]:
-        """Compile for a signature. Python looks for cycles less often meanwhile: that takes a twentieth."""
+        """Compile the kernel for a signature.
+
+        Meanwhile Python searches for reference cycles less often: that takes a twentieth of the time.
+        """
         usual = gc.get_threshold()
         gc.set_threshold(COLLECTED, *usual[1:])
         try:
@@ -308,11 +311,11 @@ def _inlined() -> dict[str, object]:
         """LLVM's code of a function, as it is linked into what calls it: there it is optimised."""
 
         def _optimize_functions(self, ll_module: binding.ModuleRef) -> None:
-            """Leave that to the kernel."""
+            """Set the layout of data alone: the kernel optimises."""
             ll_module.data_layout = self._codegen._data_layout
 
         def _optimize_final_module(self) -> None:
-            """Leave that to the kernel, too."""
+            """Optimise nothing: the kernel does."""
 
         def _finalize_final_module(self) -> None:
             """End without machine code."""

@@ -83,10 +83,10 @@ STATE = ("goal", "memory", "time", "factors", "elapsed", "held", "balance", "act
 """Arrays of `Episodes` that change; the strength of the actuators follows from the factors."""
 
 OF_PAIRS = ("pairs_touching", "pairs_impulse", "pairs_least_gap", "pairs_missed", "too_fast")
-"""Names in ``info`` of `springgym.contacts.PairSums`."""
+"""Names in ``info`` of the fields of `springgym.contacts.PairSums`, in their order."""
 
 CLEARED = ("goal", "memory", "elapsed", "time", "held", "balance", "action", "out", "diverged")
-"""Those of them that `clear` sets where an episode begins."""
+"""Arrays of `STATE` that `clear` sets where an episode begins, in the order of its parameters."""
 
 
 class Episodes:
@@ -778,7 +778,7 @@ def clear(
     out: np.ndarray,
     diverged: np.ndarray,
 ) -> None:
-    """Begin the counts of some copies (k,) anew, with goals (k, G), by the rows of what was measured."""
+    """Reset the arrays of some copies (k,), whose episodes begin with goals (k, G) and measured ``rows``."""
     for k in range(copies.size):
         c = copies[k]
         for n in range(goal.shape[1]):

@@ -96,7 +96,7 @@ class Exchange(NamedTuple):
     free: Rows
     """velocities of busy particles after the node, but for contact [m/s]"""
     velocity: Rows
-    """velocities after the node, with as much of contact as is known [m/s]"""
+    """velocities after the node, with the impulses of contact found so far [m/s]"""
     known: Rows
     """these velocities when surfaces had their last turn [m/s]"""
     by_bodies: Rows

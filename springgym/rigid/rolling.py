@@ -28,14 +28,15 @@ if TYPE_CHECKING:
     from springgym.rigid.body import Rigid, Solid
 
 FEATURES = len(Rolling._fields)
-"""Arrays of the workspace that a `Rolling` is made of. Those behind them are rows of particles (N, 3):"""
+"""Number of the arrays of the workspace that a `Rolling` is made of."""
 
 PLACES, BEFORE, BEGIN, END, LEAVING = range(FEATURES, FEATURES + 5)
-"""positions [m] and velocities [m/s] with which the node is reached; positions where the step begins, and
-where it would end without contact; and the velocities there, with as much of contact as is known."""
+"""Indices of the arrays behind them, of rows of particles (N, 3): positions [m] and velocities [m/s] with
+which the node is reached; positions where the step begins, and where it would end without contact; and the
+velocities there, with the impulses found so far."""
 
 ROOM = FEATURES + 5
-"""How many arrays that are."""
+"""Number of all these arrays."""
 
 
 class GivenByRows(NamedTuple):

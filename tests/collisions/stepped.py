@@ -41,8 +41,9 @@ def with_all_terms(scene: Scene) -> Scene:
 
 @contextmanager
 def all_kinds_of_terms() -> Iterator[None]:
-    """Give scenes of bodies that collide all kinds of terms: those of any scene share code, but for kinds of
-    surfaces.
+    """Give scenes of bodies that collide every kind of term, so that they share compiled code.
+
+    Scenes share it if their surfaces are of the same kinds.
 
     What a scene does not have does nothing there: damping, friction, loss and radii of zero, no round
     features, idle actuators, and `FAR` where springs have no surface. Numbers that are the same in all bodies

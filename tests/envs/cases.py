@@ -83,20 +83,22 @@ each_case = few_cases(
         and (env_id == KINDS[0] or options["action"] == next(iter(task_type(env_id).actions)))
     )
 )
-"""Always of `KINDS` with springs and, but for the first, with their first action: others take kernels too."""
+"""Run a test always on the cases of `KINDS` with springs and, but for the first of `KINDS`, with their first
+action; on all other cases, which take kernels of their own, in slow runs."""
 
 first_case = few_cases(
     lambda env_id, options: (
         options in ([_first_of("springs", env_id)] + [_first_of("rigid", env_id)] * (env_id in QUICK))
     )
 )
-"""Always of each environment's first observation and action, of rigid twins those of `QUICK`."""
+"""Run a test always on each environment's first observation and action, and on the rigid twins of `QUICK`; on
+all other cases in slow runs."""
 
 each_id = pytest.mark.parametrize("env_id", IDS)
-"""Always of all, for what is an environment's own, and takes no time."""
+"""Run a test always on every environment: for what is an environment's own, and takes no time."""
 
 each_kind = pytest.mark.parametrize("env_id", few_ids(KINDS))
-"""Always of `KINDS`."""
+"""Run a test always on `KINDS`, and on all other environments in slow runs."""
 
 
 def make(env_id: str, **options: Any) -> gym.Env:

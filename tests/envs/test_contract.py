@@ -307,7 +307,7 @@ def test_wrong_arguments(env_id: str) -> None:
 
 
 def test_no_rigid_twin() -> None:
-    """A body that is meant to change shape says so; all others have their twin."""
+    """Rigid dynamics refuses bodies that are meant to change shape; all other tasks have a twin."""
     assert FLOPPY == ["SpringRope-v0"]
     with pytest.raises(ValueError, match="is meant to change shape: it has no rigid twin"):
         make(FLOPPY[0], dynamics="rigid")

@@ -234,7 +234,7 @@ def test_tilted_is_the_product_of_two_rotations_to_the_bit() -> None:
 
 
 def test_tops_stand_on_their_tips_as_the_equations_say() -> None:
-    """Each in its own shape: scaled, turned about the tip, and with the velocities ω × r."""
+    """Tops in shapes of their own are scaled, turned about their tips, and have the velocities ω × r."""
     body, rng = top(), np.random.default_rng(0)
     shape, tip = stretched_shapes(body, (0, 0, 1), 100.0), body.particle("tip")
     poses = rng.uniform((-3.0, 0.0, -50.0), (3.0, 0.6, 50.0), (5, 3))

@@ -82,7 +82,7 @@ def test_balls_meet_surfaces_with_their_skin() -> None:
 
 
 def test_a_bead_in_a_level_pipe_swings_as_a_pendulum_and_glides_along() -> None:
-    """On ice: period 2π √((R − h)/g) for small swings; along the axis nothing acts."""
+    """A bead swings on ice with the period 2π √((R − h)/g); along the axis nothing acts on it."""
     length, swing = PIPE.radius - at_rest_height(G), 0.01
     middle = np.array(PIPE.point)
     start = middle + length * np.array([math.sin(swing), 0, -math.cos(swing)])
@@ -141,7 +141,7 @@ def test_friction_holds_a_bead_below_its_angle(surface: Surface) -> None:
 
 
 def test_a_bead_swings_in_a_trough_with_the_period_of_its_bend() -> None:
-    """ω² = g κ (1 + κ h) for small swings at a height h over ground of curvature κ = a (2π/λ)².
+    """A bead at a height h over ground of curvature κ = a (2π/λ)² swings a little with ω² = g κ (1 + κ h).
 
     That is the bend of z = f + h √(1 + f′²). Of a line at the distance h it would be κ/(1 − κ h): 0.6 % more.
     """
