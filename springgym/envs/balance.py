@@ -18,13 +18,14 @@ from springgym.envs.arrows import across, torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, height_above, long_tail, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, ORANGE, RED
-from springgym.scene import GRAVITY, Placed, Scene, WrenchActuator
+from springgym.scene import Placed, Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.surfaces import Contact
 from springgym.theory.contact import rest_height
@@ -134,7 +135,7 @@ class SpringBalance(Task):
     @cached_property
     def scene(self) -> Scene:
         tip = self.plate.particle("tip")
-        above = self.plate.positions[CROWN] + (0.0, 0.0, BALL_RADIUS + self._height({}))
+        above = self.plate.positions[CROWN] + (0.0, 0.0, BALL_RADIUS + self._height(NOMINAL))
         return Scene(
             bodies=(
                 Placed(self.plate, pinned=(tip,), wrench=WrenchActuator(axial=False), name="plate"),
@@ -145,8 +146,7 @@ class SpringBalance(Task):
 
     def _height(self, factors: Mapping[str, float]) -> float:
         """Return the height of the ball's lowest point above the plate that carries it [m]."""
-        weight = -GRAVITY[2] * factors.get("gravity", 1.0) * factors.get("masses", 1.0) * BALL_MASS
-        return rest_height(weight, STRENGTH, REACH)
+        return rest_height(weight_of(BALL_MASS, factors), STRENGTH, REACH)
 
     @cached_property
     def particles(self) -> ObservedParticles:

@@ -17,13 +17,14 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import GREEN, ORANGE, RED
-from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
+from springgym.scene import Placed, Scene, ThrustActuator
 from springgym.scenes import film
 from springgym.surfaces import Contact, floor
 from springgym.theory.contact import rest_height
@@ -127,7 +128,7 @@ class SpringBilliards(Task):
 
     @cached_property
     def scene(self) -> Scene:
-        cue, other = self._placed((-0.6, 0.0), (0.0, 0.0), {"masses": 1.0, "gravity": 1.0})
+        cue, other = self._placed((-0.6, 0.0), (0.0, 0.0), NOMINAL)
         contact = Contact(friction=FRICTION, restitution=RESTITUTION, strength=STRENGTH, reach=REACH)
         return Scene(
             bodies=(
@@ -142,9 +143,8 @@ class SpringBilliards(Task):
     def _placed(
         self, cue: tuple[float, float], other: tuple[float, float], factors: Mapping[str, float]
     ) -> np.ndarray:
-        """Positions (2, 3) of balls that lie on the table [m]."""
-        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
-        height = RADIUS + rest_height(weight, STRENGTH, REACH)
+        """Return positions (2, 3) of balls that lie on the table [m]."""
+        height = RADIUS + rest_height(weight_of(MASS, factors), STRENGTH, REACH)
         return np.array([(*cue, height), (*other, height)])
 
     @cached_property
@@ -185,9 +185,6 @@ class SpringBilliards(Task):
 
     def camera(self) -> Camera:
         return Camera.framing((0.0, 0.0, 0.0), 1.5, elevation=0.9)
-
-    def scenery(self) -> Scenery:
-        return Scenery(floor=0.0)
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         stroke = np.append(0.3 * s.action, 0.0)

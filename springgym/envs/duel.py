@@ -19,13 +19,14 @@ from springgym.envs import observation as observing
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situation, values
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, thrift
 from springgym.envs.starts import above_bowl, standing, uniform
 from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import AMBER, BLUE, GREEN, INK, IVORY, RED, TEAL, together, two_tone
-from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
+from springgym.scene import Placed, Scene, ThrustActuator
 from springgym.surfaces import Bowl, Contact
 from springgym.theory.contact import rest_height
 
@@ -214,11 +215,10 @@ class SpringDuel(Task):
 
     @cached_property
     def scene(self) -> Scene:
-        factors = {"masses": 1.0, "gravity": 1.0, "scale": 1.0, "stiffness": 1.0}
         contact = Contact(friction=0.02, restitution=0.5, strength=STRENGTH, reach=REACH)
         bodies = []
         for name, bearing in (("first", math.pi), ("second", 0.0)):
-            x, v = self._standing(bearing, 0.0, 0.0, SPINS[0], factors)
+            x, v = self._standing(bearing, 0.0, 0.0, SPINS[0], NOMINAL)
             thrust = ThrustActuator(self.body.parts["crown"])
             bodies.append(Placed(self.body, x, v, thrust=thrust, name=name))
         return Scene(
@@ -232,8 +232,7 @@ class SpringDuel(Task):
         self, bearing: float, tilt: float, azimuth: float, spin: float, factors: Mapping[str, float]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return positions and velocities of a top that stands on its tip in the bowl."""
-        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
-        height = rest_height(weight, STRENGTH, REACH)
+        height = rest_height(weight_of(MASS, factors), STRENGTH, REACH)
         away, height = above_bowl(BOWL, factors["scale"] * APART, height)
         foot = np.array([away * math.cos(bearing), away * math.sin(bearing), height])
         arms, velocities = standing(self._shape, self._tip, np.array([(azimuth, tilt, spin)]), [factors])
@@ -323,9 +322,6 @@ class SpringDuel(Task):
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.25), 3.0, elevation=0.6)
-
-    def scenery(self) -> Scenery:
-        return Scenery(surfaces=(Bowl((0.0, 0.0, BOWL), BOWL),))
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         crown = s.x[self.body.particle("crown")]

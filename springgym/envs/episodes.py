@@ -23,7 +23,7 @@ from springgym.envs.goals import Goals, reach
 from springgym.envs.goals import bound as bound_goals
 from springgym.envs.observation import Situation
 from springgym.envs.options import mapping
-from springgym.envs.randomisation import RANDOMIZABLE
+from springgym.envs.randomisation import NOMINAL, RANDOMIZABLE
 from springgym.envs.task import FAILED, MET, Task
 from springgym.identity import check_same
 from springgym.measures import Measures
@@ -543,7 +543,7 @@ class Episodes:
 
     def _drawn(self, copy: int) -> dict[str, float]:
         """Return the factors of a copy's episode."""
-        return dict.fromkeys(RANDOMIZABLE, 1.0) | dict(zip(self.ranges, self.factors[copy], strict=True))
+        return {**NOMINAL, **dict(zip(self.ranges, self.factors[copy], strict=True))}
 
     def _vary(self, copies: np.ndarray, drawn: Sequence[Mapping[str, float]]) -> None:
         """Give some copies (k,) their factors."""

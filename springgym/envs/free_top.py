@@ -18,14 +18,15 @@ from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
+from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import angle_of, gaussian, spinning, thrift
 from springgym.envs.starts import above_bowl, standing, uniform
 from springgym.envs.task import Start, Task
 from springgym.envs.top import tilt_of
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import GREEN, RED
-from springgym.scene import GRAVITY, Scene, ThrustActuator, WrenchActuator
+from springgym.scene import Scene, ThrustActuator, WrenchActuator
 from springgym.scenes import film
 from springgym.surfaces import Bowl, Contact, floor, scales
 from springgym.theory.contact import rest_height
@@ -117,7 +118,7 @@ class SpringFreeTop(Task):
     @cached_property
     def scene(self) -> Scene:
         tip, shape = self._tip, self._shape(WANTED)
-        positions = shape - shape[tip] + np.array([0.0, 0.0, self._height({"masses": 1.0, "gravity": 1.0})])
+        positions = shape - shape[tip] + np.array([0.0, 0.0, self._height(NOMINAL)])
         return Scene(
             self.body,
             positions,
@@ -130,8 +131,7 @@ class SpringFreeTop(Task):
 
     def _height(self, factors: Mapping[str, float]) -> float:
         """Return the height of the tip above the surface when it carries the weight [m]."""
-        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * self.body.mass
-        return rest_height(weight, self._strength, self._reach)
+        return rest_height(weight_of(self.body.mass, factors), self._strength, self._reach)
 
     @cached_property
     def particles(self) -> ObservedParticles:
@@ -191,11 +191,6 @@ class SpringFreeTop(Task):
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.25), 1.7, elevation=0.45)
-
-    def scenery(self) -> Scenery:
-        if self.surface == "bowl":
-            return Scenery(surfaces=(Bowl((0.0, 0.0, BOWL), BOWL),))
-        return Scenery(floor=0.0)
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         tilt, spin = angle_of.py_func(m.axis[2]), float(m.angular_velocity @ m.axis)

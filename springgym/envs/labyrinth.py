@@ -18,13 +18,14 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation
+from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import GREEN, INK, RED, Color, together
-from springgym.scene import GRAVITY, Scene, WrenchActuator
+from springgym.scene import Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.surfaces import Contact, floor
 from springgym.theory.contact import rest_height
@@ -241,7 +242,7 @@ class SpringLabyrinth(Task):
     def scene(self) -> Scene:
         return Scene(
             self.ball,
-            self._resting((0.0, 0.0), {"scale": 1.0, "gravity": 1.0, "masses": 1.0}),
+            self._resting((0.0, 0.0), NOMINAL),
             wrench=WrenchActuator(),
             surfaces=(floor(),),
             contact=Contact(friction=0.5, restitution=0.3, strength=STRENGTH, reach=REACH),
@@ -249,8 +250,7 @@ class SpringLabyrinth(Task):
 
     def _resting(self, place: tuple[float, float], factors: Mapping[str, float]) -> np.ndarray:
         """Return the positions (6, 3) of a ball that lies at a place of a level board [m]."""
-        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
-        height = factors["scale"] * RADIUS + rest_height(weight, STRENGTH, REACH)
+        height = factors["scale"] * RADIUS + rest_height(weight_of(MASS, factors), STRENGTH, REACH)
         return factors["scale"] * self.ball.positions + np.array([*place, height])
 
     @cached_property

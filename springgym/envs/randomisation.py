@@ -11,11 +11,14 @@ from numpy.random import Generator
 from springgym import checks
 from springgym.checks import TINY
 from springgym.envs.options import mapping
-from springgym.scene import Scene
+from springgym.scene import GRAVITY, Scene
 from springgym.surfaces import Contact
 
 RANDOMIZABLE = ("masses", "stiffness", "damping", "scale", "gravity", "friction", "restitution", "actuator")
 """Names for which `randomize` accepts a range of factors, if the scene has them."""
+
+NOMINAL: Mapping[str, float] = dict.fromkeys(RANDOMIZABLE, 1.0)
+"""Factors of an episode that is not randomised."""
 
 OF_SPRINGS = ("stiffness", "damping", "scale")
 """Names that a rigid body does not have; ``scale`` multiplies the lengths of springs, see `stretched`."""
@@ -84,12 +87,17 @@ def drawn(ranges: Ranges, rng: Generator, options: dict[str, Any]) -> dict[str, 
                 f"reset cannot set the factor of {name!r}: "
                 f"randomize was given {', '.join(ranges) or 'nothing'} when the environment was made"
             )
-    factors = dict.fromkeys(RANDOMIZABLE, 1.0)
+    factors = dict(NOMINAL)
     for name, (low, high) in ranges.items():
         factors[name] = rng.uniform(low, high)
         if name in given:
             factors[name] = checks.number(f"reset option 'randomize', {name!r},", given[name], low, high)
     return factors
+
+
+def weight_of(mass: Any, factors: Mapping[str, float]) -> Any:
+    """Return the weight [N] of a mass, or of masses, [kg] in an episode of these factors."""
+    return -GRAVITY[2] * factors["gravity"] * factors["masses"] * mass
 
 
 def stretched(scene: Scene, scale: float | np.ndarray) -> np.ndarray:

@@ -19,13 +19,14 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, made, number
+from springgym.envs.randomisation import weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import tilted, uniform
 from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
 from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
 from springgym.rendering.look import BLUE, GREEN, INK, RED
-from springgym.scene import GRAVITY, DriveActuator, Scene
+from springgym.scene import DriveActuator, Scene
 
 ACCELERATION = 3.0  # of the trolley [m/s²]
 LOAD_RADIUS = 0.34  # as it is drawn [m]
@@ -130,8 +131,8 @@ class SpringRope(Task):
         sway = number(options, "sway", drawn_sway, 0.0, 1.0)
         distance = number(options, "distance", drawn_distance, 0.0, 8.0)
         below = self.body.mass - np.cumsum(self.body.masses)[:-1]
-        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * below * math.cos(sway)
-        lengths = factors["scale"] * self.body.lengths + weight / (factors["stiffness"] * self.body.stiffness)
+        pull = weight_of(below, factors) * math.cos(sway)
+        lengths = factors["scale"] * self.body.lengths + pull / (factors["stiffness"] * self.body.stiffness)
         positions = np.zeros_like(self.body.positions)
         positions[1:, 2] = -np.cumsum(lengths)
         positions = positions @ tilted(azimuth, sway).T

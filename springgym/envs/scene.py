@@ -448,7 +448,7 @@ class SceneTask(Task):
         return Camera.framing(centre, 2.5 * self._extent)
 
     def scenery(self) -> Scenery:
-        return film.surfaces(self._scene) if self._scenery is None else self._scenery
+        return super().scenery() if self._scenery is None else self._scenery
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         if self._marks is None:

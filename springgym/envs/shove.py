@@ -18,13 +18,14 @@ from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.goals import Aim
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import GREEN, ORANGE, RED
-from springgym.scene import GRAVITY, Placed, Scene, WrenchActuator
+from springgym.scene import Placed, Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.surfaces import Contact, floor
 from springgym.theory.contact import rest_height
@@ -167,7 +168,7 @@ class SpringShove(Task):
 
     @cached_property
     def scene(self) -> Scene:
-        started = self._placed((-0.5, 0.0), (0.0, 0.0), 0.0, {"masses": 1.0, "gravity": 1.0, "scale": 1.0})
+        started = self._placed((-0.5, 0.0), (0.0, 0.0), 0.0, NOMINAL)
         return Scene(
             bodies=(
                 Placed(self.pusher, started[:CORNERS], wrench=WrenchActuator(), name="pusher"),
@@ -182,7 +183,7 @@ class SpringShove(Task):
         self, pusher: Level, place: Level, heading: float, factors: Mapping[str, float]
     ) -> np.ndarray:
         """Return positions (14, 3) of pusher and box that lie on the floor [m]."""
-        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
+        weight = weight_of(MASS, factors)
         shape = factors["scale"] * self.box.positions @ rotation((0, 0, 1), heading).T
         shape[:, 2] += rest_height(weight / 4, STRENGTH, REACH) - shape[:, 2].min()
         shape[:, :2] += place
@@ -220,9 +221,6 @@ class SpringShove(Task):
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.1), 2.0, elevation=0.9)
-
-    def scenery(self) -> Scenery:
-        return Scenery(floor=0.0)
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         error = math.hypot(m.centre[BOX, 0], m.centre[BOX, 1])

@@ -17,6 +17,7 @@ from springgym.core.compiling import compiled, kernel
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation, number
+from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.shove import (
     BOX,
     CORNERS,
@@ -40,9 +41,9 @@ from springgym.envs.shove import (
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task, level
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import GREEN, ORANGE, RED, STEEL, TEAL
-from springgym.scene import GRAVITY, Placed, Scene, WrenchActuator
+from springgym.scene import Placed, Scene, WrenchActuator
 from springgym.scenes import film
 from springgym.surfaces import Contact, floor
 from springgym.theory.contact import rest_height
@@ -127,8 +128,7 @@ class SpringStack(Task):
 
     @cached_property
     def scene(self) -> Scene:
-        factors = {"masses": 1.0, "gravity": 1.0, "scale": 1.0}
-        started = self._placed((-0.7, 0.0), 0.0, (-1.1, 0.0), (0.2, 0.0), factors)
+        started = self._placed((-0.7, 0.0), 0.0, (-1.1, 0.0), (0.2, 0.0), NOMINAL)
         contact = Contact(friction=FRICTION, restitution=0.3, strength=STRENGTH, reach=REACH)
         return Scene(
             bodies=(
@@ -146,7 +146,7 @@ class SpringStack(Task):
         self, place: Level, heading: float, pusher: Level, block: Level, factors: Mapping[str, float]
     ) -> np.ndarray:
         """Return positions (30, 3) [m]: pusher and box lie on the shelf, the block on the floor."""
-        scale, weight = factors["scale"], -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
+        scale, weight = factors["scale"], weight_of(MASS, factors)
         lying, top = rest_height(weight / 4, STRENGTH, REACH), scale * TOP
         turned = scale * self.box.positions @ rotation((0, 0, 1), heading).T
         turned += (*place, top + lying + scale * SIDES[2] / 2)
@@ -195,9 +195,6 @@ class SpringStack(Task):
 
     def camera(self) -> Camera:
         return Camera.framing((-0.5, -0.1, 0.0), 2.1, azimuth=-1.7, elevation=0.55)
-
-    def scenery(self) -> Scenery:
-        return Scenery(floor=0.0)
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         way = m.centre[BOX] - m.centre[BLOCK]

@@ -23,6 +23,7 @@ from springgym.envs.observation import BOUND, Entry, ObservedParticles, Situatio
 from springgym.measures import Measures
 from springgym.rendering import Camera, Look, Marks, Scenery
 from springgym.scene import Scene
+from springgym.scenes import film
 
 MET, FAILED = -2, -1
 """Columns of an outcome that are not reported: whether the aim is met now, and whether the episode has
@@ -190,8 +191,8 @@ class Task:
         raise NotImplementedError
 
     def scenery(self) -> Scenery:
-        """Return the scenery around the body."""
-        return Scenery()
+        """Return the scenery around the bodies: the surfaces of the scene, unless a task says otherwise."""
+        return film.surfaces(self.scene)
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         """Return the marks to draw. The arguments belong to one copy."""

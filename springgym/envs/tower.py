@@ -19,11 +19,12 @@ from springgym.envs.arrows import torque_arrow
 from springgym.envs.base import SpringEnv, SpringVectorEnv
 from springgym.envs.observation import Entry, ObservedParticles, Situation
 from springgym.envs.options import Autoreset, EnvOptions, Observation
+from springgym.envs.randomisation import NOMINAL, weight_of
 from springgym.envs.rewards import gaussian, long_tail, thrift
 from springgym.envs.starts import uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import BLUE, GREEN, RED, STEEL, TEAL
 from springgym.scene import GRAVITY, Placed, Scene, ThrustActuator
 from springgym.scenes import film
@@ -170,9 +171,8 @@ class SpringTower(Task):
 
     @cached_property
     def scene(self) -> Scene:
-        factors = {"masses": 1.0, "gravity": 1.0, "scale": 1.0}
         places = [(0.6 * k, 0.0) for k in range(self.blocks)]
-        started = self._placed(places, [0.0] * self.blocks, factors).reshape(self.blocks, CORNERS, 3)
+        started = self._placed(places, [0.0] * self.blocks, NOMINAL).reshape(self.blocks, CORNERS, 3)
         contact = Contact(friction=FRICTION, restitution=0.3, strength=STRENGTH, reach=REACH)
         return Scene(
             bodies=tuple(
@@ -188,8 +188,8 @@ class SpringTower(Task):
         self, places: list[tuple[float, float]], headings: list[float], factors: Mapping[str, float]
     ) -> np.ndarray:
         """Positions (8 blocks, 3) of blocks that stand on the floor [m]."""
-        weight = -GRAVITY[2] * factors["gravity"] * factors["masses"] * MASS
-        height = factors["scale"] * SIDES[2] / 2 + rest_height(weight / 4, STRENGTH, REACH)
+        lying = rest_height(weight_of(MASS, factors) / 4, STRENGTH, REACH)
+        height = factors["scale"] * SIDES[2] / 2 + lying
         return np.vstack(
             [
                 factors["scale"] * self.block.positions @ rotation((0, 0, 1), heading).T
@@ -243,9 +243,6 @@ class SpringTower(Task):
 
     def camera(self) -> Camera:
         return Camera.framing((0.0, 0.0, 0.25), 1.9, elevation=0.45)
-
-    def scenery(self) -> Scenery:
-        return Scenery(floor=0.0)
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         held = int(s.goal[0])

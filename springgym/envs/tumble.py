@@ -24,7 +24,7 @@ from springgym.envs.rewards import angle_of, gaussian, long_tail, thrift
 from springgym.envs.starts import any_rotation, uniform
 from springgym.envs.task import Start, Task
 from springgym.measures import Measures
-from springgym.rendering import Arrow, Camera, Look, Marks, Scenery
+from springgym.rendering import Arrow, Camera, Look, Marks
 from springgym.rendering.look import AMBER, BLUE, GREEN, IVORY, ORANGE, RED
 from springgym.scene import Scene, ThrustActuator, WrenchActuator
 from springgym.surfaces import Contact, floor
@@ -216,9 +216,6 @@ class SpringTumble(Task):
 
     def camera(self) -> Camera:
         return Camera.framing((0, 0, 0.15), 2.0, elevation=0.6)
-
-    def scenery(self) -> Scenery:
-        return Scenery(floor=0.0)
 
     def marks(self, m: Measures, s: Situation) -> Marks:
         corner = int(s.goal[3])
